@@ -208,7 +208,7 @@ pub(super) fn energy(model: &Model, palette: Palette) -> Vec<Row> {
             format!("J {}", model.body_name(index))
         };
         let mut row = Row::new(name, palette.label());
-        for name in ["supplied", "stored", "dissipated", "credit"] {
+        for name in ["supplied", "stored", "raised", "credited"] {
             if let Some(value) = body.energy.get(name) {
                 row = row.value(format!("{name} {}", scaled(*value, "J")));
             }

@@ -61,7 +61,7 @@ export class Panel {
     for (const [i, { name, kind, vertices, elements }] of hello.bodies.entries()) {
       this.group(`${name}`, [
         [`state${i}`, "State"], [`model${i}`, "Model"], [`trust${i}`, "Trust"], [`withheld${i}`, "Withheld", "minor"],
-        [`supplied${i}`, "Supplied"], [`stored${i}`, "Stored"], [`dissipated${i}`, "Dissipated", "minor"], [`credit${i}`, "Credit", "minor"],
+        [`supplied${i}`, "Supplied"], [`stored${i}`, "Stored"], [`raised${i}`, "Raised", "minor"], [`credited${i}`, "Credited losses", "minor"],
         [`epoch${i}`, "Topology epoch", "minor"],
       ], `${kind === name ? "" : `${kind}, `}${count(vertices)} vertices, ${count(elements)} elements`);
     }
@@ -197,7 +197,7 @@ export class Panel {
       this.set(`trust${i}`, body.trust.toFixed(2), body.trust, body.trust < 1 ? "warn" : "plain");
       this.set(`withheld${i}`, `${digits(body.withheld)} N`, body.withheld);
       this.set(`epoch${i}`, count(body.epoch), body.epoch);
-      for (const name of ["supplied", "stored", "dissipated", "credit"]) {
+      for (const name of ["supplied", "stored", "raised", "credited"]) {
         const value = body.energy[name];
         this.set(`${name}${i}`, quantity(value, "J"), value);
       }
