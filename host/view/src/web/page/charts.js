@@ -213,8 +213,10 @@ export class Charts {
   }
 
   window() {
-    const end = (this.pieces.at(-1)?.to_ns ?? SPAN * 1e9) * 1e-9;
-    return [end - SPAN, end];
+    if (this.pieces.length === 0) return [0, SPAN];
+    // A run or a log that is shorter than the window fills the window, from its first second on.
+    const [begin, end] = [this.pieces[0].from_ns * 1e-9, this.pieces.at(-1).to_ns * 1e-9];
+    return [Math.max(end - SPAN, Math.min(begin, end - 1)), end];
   }
 
   /** Asks for a drawing. The charts are drawn at most ten times a second, or twice where less motion is asked for. */

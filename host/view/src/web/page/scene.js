@@ -460,7 +460,7 @@ export class View {
   }
 
   placeLabels() {
-    const place = (key, text, point, colour) => {
+    const place = (key, text, point, colour, above = false) => {
       let label = this.labelled.get(key);
       if (!label) {
         label = document.createElement("span");
@@ -473,16 +473,23 @@ export class View {
       label.hidden = depth > 1 || x < 0 || y < 0 || x > this.width || y > this.height;
       // At the right border the label is to the left of its point.
       const left = colour && x > this.width - 13 * parseFloat(this.rem ?? 13) ? " translateX(calc(-100% - 1.5rem))" : "";
-      label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)${left}`;
+      const rise = above ? " translateY(calc(-100% - 1.1rem))" : "";
+      label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)${left}${rise}`;
       if (colour && label.dataset.colour !== colour) {
         label.dataset.colour = colour;
         label.style.setProperty("--colour", colour);
       }
     };
-    this.hands.forEach(({ info, state }, device) => {
+    this.hands.forEach((hand, device) => {
+      const { info, state } = hand;
       if (!state) return;
+      // The label is below the hand, and above where the arrow points down, so that the arrow stays visible. Near the
+      // horizontal the label keeps its side.
+      const tip = state.position.map((x, axis) => x + state.force[axis] * this.newtons);
+      const down = this.project(tip)[1] - this.project(state.position)[1];
+      if (Math.abs(down) > 4) hand.labelAbove = down > 0;
       const force = Math.hypot(...state.force).toFixed(2);
-      place(`hand${device}`, `${SHAPES[device]} ${info.name} ${force} N`, state.position, handColour(device));
+      place(`hand${device}`, `${SHAPES[device]} ${info.name} ${force} N`, state.position, handColour(device), hand.labelAbove);
     });
     this.axisEnds?.forEach((point, axis) => place(`axis${axis}`, "xyz"[axis], point.toArray()));
   }
