@@ -83,7 +83,9 @@ impl Default for Options {
 #[derive(Debug, thiserror::Error)]
 pub enum FoxgloveError {
     /// The port cannot be opened.
-    #[error("cannot open port {port} of 127.0.0.1: {source}; choose another with --foxglove PORT")]
+    #[error(
+        "cannot open port {port} of 127.0.0.1: {source}; give another port with --foxglove=PORT"
+    )]
     Port {
         /// The port.
         port: u16,
