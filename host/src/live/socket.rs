@@ -7,7 +7,7 @@
 //! - [`address`]: where the sockets are, and who may connect;
 //! - [`listener`]: a socket that accepts viewers, and the file that belongs to it;
 //! - [`server`]: the thread;
-//! - [`viewer`]: what one viewer has received, and what it receives next.
+//! - `viewer`: the messages that one viewer has received, and the next message.
 
 pub mod address;
 pub mod listener;

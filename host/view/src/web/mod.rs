@@ -9,9 +9,9 @@
 //! [`serve`] binds a port of 127.0.0.1 and passes the address of the page, which contains a random token, to its
 //! caller. The page is complete inside the program (`page/`, embedded by [`assets`]): it loads nothing from a network,
 //! and its content policy forbids this. A request without the token, with the name of another host, or from another
-//! page is refused with one line ([`request`], [`server`]).
+//! page is refused with one line (`request`, `server`).
 //!
-//! The thread of the hub ([`hub`]) pulls the feed. A browser has a mailbox ([`mailbox`]) with at most one frame that
+//! The thread of the hub (`hub`) pulls the feed. A browser has a mailbox (`mailbox`) with at most one frame that
 //! waits. A later frame is merged into the waiting frame, so that a slow browser loses no spike and never slows the
 //! feed or another browser. The page confirms each frame after it has drawn the frame, and at most two frames are
 //! unconfirmed, so that no queue of old frames forms between the server and the page.
