@@ -83,7 +83,7 @@ pub(super) struct ViewArguments {
     /// Wait for a run, and for the next run after its end
     #[arg(long, conflicts_with = "log")]
     wait: bool,
-    /// Pages of this origin, such as <https://viewer.example>, may read the run through --foxglove. May be given several
+    /// Pages of this origin, such as `https://viewer.example`, may read the run through --foxglove. May be given several
     /// times. Default: desktop programs and pages of this machine
     #[arg(long, value_name = "ORIGIN", requires = "foxglove")]
     allow_origin: Vec<String>,
