@@ -131,7 +131,7 @@ fn q_closes_the_display_and_the_run_goes_on() {
         assert!(is_alive(terminal.process()));
         let screen = terminal.ends_with("0");
         assert!(
-            screen.contains("  ticks      4000 at"),
+            screen.contains("  ticks      6000 at"),
             "{clock}:\n{screen}"
         );
     }
