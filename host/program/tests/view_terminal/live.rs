@@ -120,7 +120,7 @@ fn ctrl_c_ends_the_run_in_order() {
 #[test]
 fn q_closes_the_display_and_the_run_goes_on() {
     for clock in CLOCKS {
-        let Some(terminal) = run(&format!("{clock} --duration 1000")) else {
+        let Some(terminal) = run(&format!("{clock} --duration 6")) else {
             return;
         };
         wait_for_movement(&terminal);
@@ -131,7 +131,7 @@ fn q_closes_the_display_and_the_run_goes_on() {
         assert!(is_alive(terminal.process()));
         let screen = terminal.ends_with("0");
         assert!(
-            screen.contains("  ticks      4000 at"),
+            screen.contains("  ticks      6000 at"),
             "{clock}:\n{screen}"
         );
     }
