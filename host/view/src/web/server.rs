@@ -215,7 +215,11 @@ fn is_loopback(authority: &str) -> bool {
         Some(port) => ("[::1]", port),
         None => authority.split_at(authority.find(':').unwrap_or(authority.len())),
     };
-    let port = port.strip_prefix(':').unwrap_or("80");
+    // Without a port, a name means port 80. Other characters after the name are no port.
+    let port = match port {
+        "" => "80",
+        port => port.strip_prefix(':').unwrap_or_default(),
+    };
     let port_is_valid = port.bytes().all(|b| b.is_ascii_digit()) && port.parse::<u16>().is_ok();
     let name_is_valid = ["127.0.0.1", "[::1]"].contains(&name)
         || (name.eq_ignore_ascii_case("localhost") && !name.is_empty());
