@@ -42,6 +42,9 @@ pub enum StudyError {
     /// A plate cannot be generated.
     #[error(transparent)]
     Plate(#[from] PlateError),
+    /// The vertices of a slit are not joined by edges: it is too near to another one or to a corner.
+    #[error("a slit of a specimen is not made of edges of its mesh")]
+    Slit,
     /// A mesh has no border.
     #[error(transparent)]
     Mesh(#[from] MeshError),
