@@ -67,11 +67,11 @@ pub mod topology;
 
 pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
-pub use body::{Body, BodyConfig, BodyMap, SheetLawName, SolidLaw};
+pub use body::{Body, BodyConfig, BodyEdit, BodyMap, SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
 pub use cost::Cost;
 pub use element::Elements;
-pub use error::{BodyError, CondenseError, StepError};
+pub use error::{BodyError, CondenseError, StepError, TearingError};
 pub use lanes::{Node, Real};
 pub use linear::block_matrix::BlockMatrix;
 pub use linear::pcg::{Budget, SolveReport};
