@@ -20,6 +20,7 @@
 use super::Body;
 use super::assembly::Assembly;
 use crate::Vec3;
+use crate::element::Torn;
 use crate::error::TearingError;
 use crate::topology::{Done, Edit, Growth, Origin, Reserve, Surface};
 
@@ -93,11 +94,8 @@ impl Body {
         if !set.reserve(reserve.triangles) {
             return kind("elements that cannot be edited");
         }
-        if let Some(bent) = &mut self.model.bent {
-            bent.reserve(reserve.triangles);
-        }
-        if let Some(bending) = &mut self.model.bending {
-            bending.reserve(reserve.triangles);
+        if self.model.bending.is_some() {
+            return kind("stiffness against bending");
         }
         self.reserve_nodes(reserve.vertices);
         self.sheet = Some(Box::new(Sheet {
@@ -141,10 +139,6 @@ impl Body {
         if let Some(sheet) = &self.sheet {
             // Every added vertex came out of the reserve.
             let left = sheet.surface.limits().vertices - sheet.surface.vertex_count();
-            let left_of_triangles = sheet.surface.limits().triangles - sheet.surface.triangle_count();
-            if let Some(bending) = &mut self.model.bending {
-                bending.reserve(left_of_triangles);
-            }
             self.reserve_nodes(left);
         }
     }
@@ -355,14 +349,13 @@ impl Body {
 
     /// Lets the elements follow the latest edit, and begins an epoch.
     fn follow_surface(&mut self, surface: &Surface) {
+        let torn = Torn {
+            surface,
+            place: None,
+            rest: &self.model.rest,
+        };
         for set in &mut self.model.elements {
-            set.follow(surface, None);
-        }
-        if let Some(bent) = &mut self.model.bent {
-            bent.follow(surface);
-        }
-        if let Some(bending) = &mut self.model.bending {
-            bending.follow(surface, self.assembly.places.of_nodes());
+            set.follow(&torn);
         }
         self.topology.epoch += 1;
         self.state.revision += 1;

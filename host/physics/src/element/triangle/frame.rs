@@ -63,3 +63,18 @@ pub(crate) fn degenerate(triangle: usize, x: [&Vec3; 3]) -> BodyError {
         edge: e1.norm().max(e2.norm()).max((e2 - e1).norm()),
     }
 }
+
+/// The gradients of the second and third hat function (1/m) of a triangle with this shape, and its area (m²).
+pub(crate) fn gradients_of([a, b, c]: Shape) -> ([[f64; 2]; 2], f64) {
+    let ([x1, y1], [x2, y2]) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+    let twice = x1 * y2 - y1 * x2;
+    (
+        [[y2 / twice, -x2 / twice], [-y1 / twice, x1 / twice]],
+        0.5 * twice.abs(),
+    )
+}
+
+/// The area (m²) of a triangle with these gradients (1/m) of its second and third hat function.
+pub(crate) fn area_of([g1, g2]: [[f64; 2]; 2]) -> f64 {
+    0.5 / (g1[0] * g2[1] - g1[1] * g2[0]).abs()
+}
