@@ -11,6 +11,7 @@ use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::stored::Stored;
+use super::tears::BodyTears;
 use super::virtual_coupling::{Link, VirtualCoupling};
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
@@ -64,6 +65,8 @@ pub struct HostBody {
     beside: Option<Beside<Box<Rebuild>>>,
     /// The hands that join with the change that is under way.
     joining: Option<Vec<Joining>>,
+    /// The tears of the body; `None` for a body that does not tear.
+    tears: Option<BodyTears>,
 }
 
 /// A hand that is to hold a handle when a change lands.
@@ -104,6 +107,8 @@ pub struct HostBodyParts {
     pub publishes_energy: bool,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
     pub coupling: Option<VirtualCoupling>,
+    /// The tears of the body; `None` for a body that does not tear.
+    pub tears: Option<BodyTears>,
 }
 
 impl HostBody {
@@ -154,6 +159,7 @@ impl HostBody {
             smoothing: parts.smoothing,
             beside: None,
             joining: None,
+            tears: parts.tears,
         }
     }
 
@@ -255,6 +261,7 @@ impl HostBody {
             return Ok(());
         }
         self.solver.finish(&mut self.body, watch, &mut self.tally)?;
+        self.tear(watch);
         let solved = watch.now_ns();
 
         // Before the first record the state has no time.
@@ -355,6 +362,25 @@ impl HostBody {
             self.targets.push(target);
         }
         behind
+    }
+
+    /// Lets the tears grow. A torn body begins an epoch.
+    fn tear(&mut self, watch: &impl Stopwatch) {
+        let Some(tears) = &mut self.tears else {
+            return;
+        };
+        let start = watch.now_ns();
+        let torn = self.solver.tear(&mut self.body, &mut tears.tearing, &mut self.tally);
+        if torn {
+            self.model.epoch = self.model.epoch.saturating_add(1);
+        }
+        self.tally.torn = torn;
+        self.tally.tear = Some(watch.now_ns().saturating_sub(start));
+    }
+
+    /// The tears of the body; `None` for a body that does not tear.
+    pub fn tears(&self) -> Option<&BodyTears> {
+        self.tears.as_ref()
     }
 
     fn condense(&mut self) -> Result<(), StepFault> {

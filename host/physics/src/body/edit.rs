@@ -143,6 +143,21 @@ impl Body {
         }
     }
 
+    /// A copy that has the same room for edits.
+    #[must_use]
+    pub fn copy_with_room(&self) -> Self {
+        let mut copy = self.clone();
+        if let Some(sheet) = &self.sheet {
+            copy.reserve_nodes(sheet.surface.limits().vertices - sheet.surface.vertex_count());
+        }
+        copy
+    }
+
+    /// The number of edits so far.
+    pub fn edit_count(&self) -> u64 {
+        self.sheet.as_ref().map_or(0, |sheet| sheet.edits)
+    }
+
     /// The surface of a sheet that can tear; `None` for any other body.
     pub fn surface(&self) -> Option<&Surface> {
         self.sheet.as_ref().map(|sheet| &sheet.surface)
