@@ -99,11 +99,12 @@ fn body(
     loaded: &LoadedScene,
     index: usize,
     how: How,
-    built: Built,
+    mut built: Built,
     borne: Borne,
 ) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
+    let tears = BodyTears::new(loaded, index, &mut built)?;
     let plan = BodyPlan::new(loaded, index, &built);
     let recipe = Recipe::new(scene, &plan, how);
     Stage::Factorizing.begin();
@@ -112,7 +113,6 @@ fn body(
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
     })?;
-    let tears = BodyTears::new(loaded, index, &built)?;
     if let Some(tears) = &tears {
         solver.begin_tears(&built.body, &tears.tearing);
     }

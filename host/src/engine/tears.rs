@@ -4,6 +4,7 @@ use crate::bodies::{Built, TearSpec};
 use crate::scene::spec::TearLawName;
 use crate::scene::{LoadedScene, SceneError};
 use physics::tear::{TearLaw, TearMaterial};
+use physics::topology::Reserve;
 use physics::{Starts, TearOptions, Tearing};
 
 /// The tears of a body.
@@ -20,12 +21,20 @@ impl BodyTears {
     pub(super) fn new(
         loaded: &LoadedScene,
         index: usize,
-        built: &Built,
+        built: &mut Built,
     ) -> Result<Option<Self>, SceneError> {
         let Some(spec) = &built.tear else {
             return Ok(None);
         };
-        let tearing = Tearing::new(&built.body, options(spec), &spec.tips).map_err(|error| {
+        // Every vertex that a cut adds comes with two triangles at most.
+        let reserve = Reserve {
+            vertices: spec.room,
+            triangles: 2 * spec.room,
+        };
+        let body = &mut built.body;
+        let made = body.make_tearable(reserve);
+        let tearing = made.and_then(|()| Tearing::new(body, options(spec), &spec.tips));
+        let tearing = tearing.map_err(|error| {
             let field = format!("body[{index}].tear");
             let allowed = "a sheet that can tear";
             loaded.source.error(&field, error.to_string(), allowed)
