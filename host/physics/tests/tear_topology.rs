@@ -762,3 +762,31 @@ fn darts_and_gathers_are_torn_but_not_snapped() {
     surface.edit(&edit).unwrap();
     surface.check().unwrap();
 }
+
+#[test]
+fn copies_of_a_surface_tear_alike_and_without_allocating() {
+    let (places, triangles) = square(8, 0.2, &mut Random(2));
+    let mut one = flat(&places, &triangles, AMPLE);
+    let mut copy = one.clone();
+    let mut pieces = Pieces::new(&one);
+    let mut tip = 36;
+    while tip != NONE {
+        let mut next = NONE;
+        let allocations = count_of(|| {
+            let direction = one.straight_ahead(tip) - 0.05;
+            if let Some(edit) = one.advance(tip, direction, SNAPPING, |_| true) {
+                next = one.edit(&edit).map_or(NONE, |done| done.tips[0]);
+                copy.edit(&edit).unwrap();
+            }
+            pieces.find(&one);
+        });
+        assert_eq!(allocations, 0);
+        assert!(all(&one) == all(&copy));
+        assert_eq!(one.touched(), copy.touched());
+        tip = next;
+    }
+    assert_eq!(pieces.count(), 2);
+    // The smaller numbers first: the piece with triangle 0 is piece 0.
+    assert_eq!(pieces.of_triangle(0), 0);
+    assert_eq!(pieces.of_triangle(99_999), NONE);
+}
