@@ -6,7 +6,7 @@
 //! neighbour by the angle that is left when the neighbour is unfolded about the shared edge. The mean over the patch is
 //! taken off. So a turn of the sheet in space, and a fold or a roll of it, add nothing to `H`.
 
-use super::law::TearMaterial;
+use super::law::{TearError, TearMaterial};
 use super::rings::{NONE, Patch};
 use super::strength::Symmetric;
 use super::unfold::multiply;
@@ -169,8 +169,19 @@ impl Field {
 
 impl Patch {
     /// Computes the states of the triangles of the patch at the positions `x` of the sheet's vertices (m).
-    pub fn measure(&mut self, x: &[Vec3], material: &TearMaterial) {
+    ///
+    /// # Errors
+    ///
+    /// [`TearError::Positions`] for fewer positions than the vertices of the patch need. The states are empty then.
+    pub fn measure(&mut self, x: &[Vec3], material: &TearMaterial) -> Result<(), TearError> {
         self.field.clear();
+        let needed = self.vertices().max().map_or(0, |last| last as usize + 1);
+        if x.len() < needed {
+            return Err(TearError::Positions {
+                needed,
+                found: x.len(),
+            });
+        }
         (self.field.young, self.field.poisson) = (material.young, material.poisson);
         let (mut spin, mut area) = (0.0, 0.0);
         for laid in &self.triangles {
@@ -189,6 +200,7 @@ impl Patch {
         }
         self.sum_nodes();
         self.count_angles();
+        Ok(())
     }
 
     fn sum_nodes(&mut self) {

@@ -40,6 +40,14 @@ pub enum TearError {
         /// Number in the sheet.
         found: usize,
     },
+    /// There are fewer positions than vertices.
+    #[error("{found} positions are given, but {needed} are needed")]
+    Positions {
+        /// Number of positions that are needed.
+        needed: usize,
+        /// Number of positions that were given.
+        found: usize,
+    },
     /// The given triangle has no corner at the tip.
     #[error("triangle {triangle} has no corner at vertex {vertex}")]
     NoCorner {
@@ -121,7 +129,7 @@ impl TearMaterial {
     }
 
     /// The energy density (J/m^3) below which no stress in the sheet reaches the strength: see
-    /// [`cannot_start`](crate::tear::strength::cannot_start).
+    /// [`cannot_start`](super::strength::cannot_start).
     pub fn safe_density(&self) -> f64 {
         0.5 * self.strength * self.strength * (1.0 - self.poisson * self.poisson) / self.young
     }

@@ -14,9 +14,8 @@
 //! the distance, along `(o_0 + o_1) / (|o_0| + |o_1|)`. It is a discrete gradient (Gonzalez, "Time integration and
 //! discrete Hamiltonian systems", 1996): its product with `o_1 - o_0` is the work of the law, exactly.
 
-use super::law::{TearLaw, TearMaterial, check_positive};
+use super::law::{TearError, TearLaw, TearMaterial, check_positive};
 use crate::Vec3;
-use crate::tear::TearError;
 
 /// The state of a pair of vertices that lets go.
 #[derive(Clone, Copy, Debug, PartialEq)]

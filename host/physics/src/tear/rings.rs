@@ -102,6 +102,8 @@ pub struct Patch {
     /// Number of vertices with `q = 1`. They come first.
     pub(super) inner: usize,
     rings: usize,
+    /// Number of vertices for which the patch would need room, 0 if it suffices.
+    lacking: usize,
     pub(super) along: [f64; 2],
     pub(super) field: Field,
 }
@@ -116,6 +118,7 @@ impl Patch {
             triangles: Vec::with_capacity(triangles),
             inner: 0,
             rings: 0,
+            lacking: 0,
             along: [1.0, 0.0],
             field: Field::with_capacity(vertices, triangles),
         }
@@ -157,8 +160,9 @@ impl Patch {
             shift: [-at[0], -at[1]],
         };
         self.lay(sheet, tip.triangle, NONE, first);
+        let mut end = 1;
         for ring in 0..=rings {
-            let (begin, end) = (self.inner, self.vertices.len());
+            let begin = self.inner;
             let blocked = |&[vertex, _]: &[u32; 2]| barred(vertex);
             if begin == end || self.vertices[begin..end].iter().any(blocked) {
                 break;
@@ -169,14 +173,27 @@ impl Patch {
                     self.reach(sheet, t, from);
                 });
             }
-            self.inner = end;
-            self.rings = ring;
+            (self.inner, self.rings) = (end, ring);
+            end = self.vertices.len();
         }
-        Ok(())
+        if self.lacking == 0 {
+            return Ok(());
+        }
+        let found = self.lacking;
+        self.clear();
+        Err(TearError::Room {
+            what: "vertices",
+            room: self.place_of_vertex.len(),
+            found,
+        })
     }
 
     fn check(&self, sheet: &Sheet, tip: &Tip) -> Result<(), TearError> {
-        let triangles = sheet.triangles.len();
+        let triangles = sheet
+            .triangles
+            .len()
+            .min(sheet.neighbours.len())
+            .min(sheet.shapes.len());
         if triangles > self.place_of_triangle.len() {
             return Err(TearError::Room {
                 what: "triangles",
@@ -215,11 +232,14 @@ impl Patch {
         self.vertices.clear();
         self.triangles.clear();
         self.field.clear();
-        (self.inner, self.rings) = (0, 0);
+        (self.inner, self.rings, self.lacking) = (0, 0, 0);
     }
 
     fn enter(&mut self, vertex: u32, triangle: u32) -> u32 {
-        let place = &mut self.place_of_vertex[vertex as usize];
+        let Some(place) = self.place_of_vertex.get_mut(vertex as usize) else {
+            self.lacking = self.lacking.max(vertex as usize + 1);
+            return 0;
+        };
         if *place == NONE {
             *place = self.vertices.len() as u32;
             self.vertices.push([vertex, triangle]);
