@@ -8,6 +8,7 @@ use super::triangle::membrane::Element;
 use super::{Torn, VectorForm};
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Tangent;
+use crate::topology::Shape;
 use crate::{Mat3, Vec3};
 use core::fmt;
 
@@ -68,6 +69,17 @@ pub trait Elements: fmt::Debug + Send + Sync {
     /// The elements as a kernel for vector instructions takes them, or `None` if they have no such kernel. The realtime
     /// step then multiplies by their assembled matrix.
     fn vector_form(&self) -> Option<VectorForm> {
+        None
+    }
+
+    /// Mass of an element (kg). Zero for elements that cannot be torn.
+    fn mass(&self, _element: usize) -> f64 {
+        0.0
+    }
+
+    /// The corners of a triangle at rest (m), in the frame in which the set has its deformation gradient; `None` for
+    /// elements that cannot be torn.
+    fn rest_shape(&self, _element: usize) -> Option<Shape> {
         None
     }
 

@@ -30,6 +30,17 @@ pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
     ))
 }
 
+/// The corners of a triangle at rest (m) in the frame of its `gradients` (1/m), with the first corner at the origin.
+pub(crate) fn shape_of([g1, g2]: [[f64; 2]; 2]) -> Shape {
+    // The gradients are the rows of the inverse of the matrix whose columns are the edges.
+    let determinant = g1[0] * g2[1] - g1[1] * g2[0];
+    [
+        [0.0, 0.0],
+        [g2[1] / determinant, -g2[0] / determinant],
+        [-g1[1] / determinant, g1[0] / determinant],
+    ]
+}
+
 /// The axes of the frame of [`rest_frame`] in world coordinates. The triangle must have such a frame.
 pub(crate) fn rest_axes(x: [&Vec3; 3]) -> [Vec3; 2] {
     let (e1, e2) = (x[1] - x[0], x[2] - x[0]);

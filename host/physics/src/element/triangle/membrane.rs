@@ -24,7 +24,7 @@
 //! [`Tangent::Clipped`] keeps the positive parts of 2 and 3, so that every element's tangent is positive
 //! semidefinite. Without part 3 a step of a sheet under tension is unstable.
 
-use super::frame::{degenerate, rest_axes, rest_corners, rest_frame};
+use super::frame::{degenerate, rest_axes, rest_corners, rest_frame, shape_of};
 use super::triangles::Triangle;
 use crate::element::elements::{Elements, Strained, renumber, slots};
 use crate::element::{Torn, VectorForm};
@@ -34,6 +34,7 @@ use crate::material::Material;
 use crate::material::Tangent;
 use crate::mesh::TriMesh;
 use crate::polar::surface::{Polar, STRETCH_FLOOR};
+use crate::topology::Shape;
 use crate::{Mat3, Vec3};
 
 /// Force and tangent of one triangle at its three vertices.
@@ -375,6 +376,14 @@ impl Elements for Membrane {
             + (r1 * r2.transpose() + r2 * r1.transpose()) * s[1]
             + r2 * r2.transpose() * s[2])
             * scale
+    }
+
+    fn mass(&self, element: usize) -> f64 {
+        self.density[element] * self.volume[element]
+    }
+
+    fn rest_shape(&self, element: usize) -> Option<Shape> {
+        Some(shape_of(self.gradients[element]))
     }
 
     fn vector_form(&self) -> Option<VectorForm> {

@@ -8,7 +8,7 @@
 //! the force `f_a = -A P g_a` and the stiffness `K_ab = A sum_jl g_a[j] g_b[l] dP_j / dF_l` (Bonet and Wood,
 //! "Nonlinear continuum mechanics for finite element analysis", chapter Discretization and solution).
 
-use super::frame::{degenerate, rest_corners, rest_frame};
+use super::frame::{degenerate, rest_corners, rest_frame, shape_of};
 use super::membrane::Element;
 use crate::element::Torn;
 use crate::element::elements::{Elements, Strained, renumber, slots};
@@ -19,6 +19,7 @@ use crate::material::sheet_law::{PlaneStiffness, SheetLaw};
 use crate::material::weave::{Weave, unit};
 use crate::mesh::TriMesh;
 use crate::polar::surface::Polar;
+use crate::topology::Shape;
 use crate::{Mat3, Vec3};
 
 /// The least sine of the angle between the warp and a triangle's normal. Below it, the projection of the warp onto the
@@ -330,6 +331,14 @@ impl<L: SheetLaw> Elements for Woven<L> {
         } else {
             Mat3::zeros()
         }
+    }
+
+    fn mass(&self, element: usize) -> f64 {
+        self.density[element] * self.thickness[element] * self.area[element]
+    }
+
+    fn rest_shape(&self, element: usize) -> Option<Shape> {
+        Some(shape_of(self.gradients[element]))
     }
 
     fn boxed(&self) -> Box<dyn Elements> {
