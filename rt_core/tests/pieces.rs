@@ -55,11 +55,7 @@ fn place(handle: usize) -> Vec3 {
 }
 
 /// One tick, after which the devices hold the wrenches. Returns the wrenches by device.
-fn held_tick(
-    coupling: &mut Coupling,
-    now: u64,
-    at: &[(Pose, Twist)],
-) -> [Wrench; MAX_DEVICES] {
+fn held_tick(coupling: &mut Coupling, now: u64, at: &[(Pose, Twist)]) -> [Wrench; MAX_DEVICES] {
     let wrenches = coupling.tick(now, at);
     let mut held = [Wrench::zero(); MAX_DEVICES];
     for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
@@ -107,8 +103,12 @@ fn hash_of_a_whole_body(scheme: Scheme) -> u64 {
         let wrenches = held_tick(&mut coupling, now, &at);
         let energy = coupling.energy();
         let account = [energy.supplied, energy.raised, energy.least, energy.stored];
-        let account = account.into_iter().chain([energy.credited, energy.available]);
-        let forces = wrenches[..2].iter().flat_map(|w| [w.force.x, w.force.y, w.force.z]);
+        let account = account
+            .into_iter()
+            .chain([energy.credited, energy.available]);
+        let forces = wrenches[..2]
+            .iter()
+            .flat_map(|w| [w.force.x, w.force.y, w.force.z]);
         for byte in forces.chain(account).flat_map(f64::to_le_bytes) {
             hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
