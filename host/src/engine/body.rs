@@ -17,7 +17,7 @@ use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
 use physics::{Body, BodyError, BodyMap, Condensed, HandlePose, HandleReport};
 use rt_core::{
-    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Vec6, Wrench,
+    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec6, Wrench,
 };
 
 /// Speed of a handle in excess of its hand's speed while it catches up (m/s).
@@ -289,8 +289,10 @@ impl HostBody {
         {
             if let Some(report) = self.body.handle_report(i) {
                 *reference = HandleReference {
+                    piece: reference.piece,
                     weight: reference.weight,
                     drift: reference.drift,
+                    tear_slope: reference.tear_slope,
                     ..reference_of(reference.device, report)
                 };
                 self.borne.wrench(reference);
@@ -299,6 +301,7 @@ impl HostBody {
         if let Some(stored) = &mut self.stored {
             let elastic = self.solver.elastic_energy(&self.body);
             stored.publish(&self.body, elastic, &mut self.model);
+            stored.publish_tear_area(&mut self.model);
         }
         if let Some(coupling) = &mut self.coupling {
             coupling.through(&self.model);
@@ -439,8 +442,6 @@ pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
             force: report.wrench_on_hand.force,
             moment: report.wrench_on_hand.moment,
         },
-        contact: Vec3::zeros(),
-        weight: Vec3::zeros(),
-        drift: Wrench::zero(),
+        ..HandleReference::zero()
     }
 }
