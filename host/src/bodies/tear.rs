@@ -20,8 +20,7 @@ pub struct TearSpec {
     pub law: TearLawName,
     /// The largest principal stress that the sheet bears (Pa).
     pub strength: f64,
-    /// The energy that a tear takes, per area of the cut through the thickness (J/m^2); 0 where a scene of the law
-    /// `thesis` gives none.
+    /// The energy that a tear takes, per area of the cut through the thickness (J/m^2).
     pub toughness: f64,
     /// The elastic material of each triangle of the mesh. A triangle that a tear adds has the material of its parent.
     pub materials: Vec<Material>,
@@ -68,7 +67,7 @@ pub(super) fn build(
     Ok(Some(TearSpec {
         law: tear.law,
         strength: tear.strength,
-        toughness: tear.toughness.unwrap_or(0.0),
+        toughness: tear.toughness,
         materials: materials.clone(),
         starts: tear.starts(),
         tips: notched.cuts.tips.clone(),
@@ -117,7 +116,7 @@ pub(super) fn coarse(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Option<
     if tear.starts() == Starts::Tips {
         return None;
     }
-    let irwin = body.material.young * tear.toughness? / (tear.strength * tear.strength);
+    let irwin = body.material.young * tear.toughness / (tear.strength * tear.strength);
     let triangles = sheet.triangles.len() as f64;
     // The edge of equilateral triangles of the same mean area.
     let edge = (sheet.area() / triangles * 4.0 / 3.0_f64.sqrt()).sqrt();

@@ -4,7 +4,7 @@ use super::drivers::drivers;
 use super::spec::body::BorderName;
 use super::spec::{
     Body, Device, Hand, Handle, Host, MeshSource, Notch, Realtime, Rotation, SIMULATED, Scene,
-    SolverName, Starts, TaskName, Tear, TearLawName,
+    SolverName, Starts, TaskName, Tear,
 };
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
@@ -270,12 +270,6 @@ fn check_tear(at: &str, body: &Body, host: &Host) -> Check {
             )?;
         }
     }
-    require(
-        tear.toughness.is_some() || tear.law == TearLawName::Thesis,
-        &field(""),
-        "no `toughness` for the law \"toughness\"",
-        "`toughness`, or the law \"thesis\"",
-    )?;
     require(
         tear.starts != Some(Starts::Tips) || !tear.notches.is_empty(),
         &field(".starts"),

@@ -471,7 +471,7 @@ impl Judge<'_> {
         let field = format!("{at}.tear.strength");
         self.see(&STRENGTH, &field, tear.strength)?;
         self.see(&STRENGTH_RATIO, &field, tear.strength / material.young)?;
-        self.given(&TOUGHNESS, &format!("{at}.tear.toughness"), tear.toughness)
+        self.see(&TOUGHNESS, &format!("{at}.tear.toughness"), tear.toughness)
     }
 
     fn device(

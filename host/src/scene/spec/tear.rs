@@ -19,9 +19,10 @@ pub struct Tear {
     /// drives the tear.
     #[serde(deserialize_with = "check::positive")]
     pub strength: f64,
-    /// `toughness` needs it: the energy that a tear takes, per area of the cut through the thickness (J/m^2).
-    #[serde(default, deserialize_with = "check::optional_positive")]
-    pub toughness: Option<f64>,
+    /// The energy that a tear takes, per area of the cut through the thickness (J/m^2). The law `thesis` makes no use of
+    /// it.
+    #[serde(deserialize_with = "check::positive")]
+    pub toughness: f64,
     /// Where tears start. Default: at the tips of notches if there are notches, otherwise anywhere.
     #[serde(default, deserialize_with = "check::optional_word")]
     pub starts: Option<Starts>,
