@@ -318,7 +318,7 @@ fn a_snapped_vertex_moves_onto_the_path_and_keeps_the_area() {
     let before = surface.clone();
     // The path is turned by 0.2 to the right of the edge from 10 to 11.
     let direction = surface.angle_of_edge(10, 11).unwrap() - 0.2;
-    let edit = surface.advance(10, direction, &SNAPPING, |_| true).unwrap();
+    let edit = surface.advance(10, direction, SNAPPING, |_| true).unwrap();
     let Growth::Snap { vertex: 11, .. } = edit.ahead else {
         panic!("{edit:?}")
     };
@@ -344,7 +344,7 @@ fn a_snapped_vertex_moves_onto_the_path_and_keeps_the_area() {
     assert!(moved.weights.iter().all(|weight| *weight > -1e-12));
     // A vertex that the caller holds stays.
     let held = before
-        .advance(10, direction, &SNAPPING, |vertex| vertex != 11)
+        .advance(10, direction, SNAPPING, |vertex| vertex != 11)
         .unwrap();
     assert!(!matches!(held.ahead, Growth::Snap { vertex: 11, .. }));
 }
@@ -371,9 +371,9 @@ fn shapes_in_their_own_frames_tear_like_shapes_in_one_frame() {
     let (mut tip, mut snaps) = (21, 0);
     while tip != NONE {
         let straight = one.straight_ahead(tip) + 0.1;
-        let edit = one.advance(tip, straight, &SNAPPING, |_| true).unwrap();
+        let edit = one.advance(tip, straight, SNAPPING, |_| true).unwrap();
         let straight = other.straight_ahead(tip) + 0.1;
-        let same = other.advance(tip, straight, &SNAPPING, |_| true).unwrap();
+        let same = other.advance(tip, straight, SNAPPING, |_| true).unwrap();
         snaps += usize::from(matches!(edit.ahead, Growth::Snap { .. }));
         let done = one.edit(&edit).unwrap();
         other.edit(&same).unwrap();
@@ -510,7 +510,7 @@ struct Tally {
 }
 
 /// Tears `count` times at random, and checks the surface after each edit.
-fn tear_at_random(count: usize, options: &AdvanceOptions, seed: u64) -> Tally {
+fn tear_at_random(count: usize, options: AdvanceOptions, seed: u64) -> Tally {
     let mut random = Random(seed);
     let mut tally = Tally {
         smallest: 180.0,
@@ -591,13 +591,13 @@ fn count_of(call: impl FnOnce()) -> usize {
 #[test]
 fn ten_thousand_random_tears_stay_manifold() {
     for (options, seed) in [(CUTTING, 3), (SNAPPING, 4)] {
-        let tally = tear_at_random(5000, &options, seed);
+        let tally = tear_at_random(5000, options, seed);
         println!("{options:?}: {tally:?}");
-        assert!(tally.opened > 500 && tally.cut > 500 && tally.ended > 100);
+        assert!(tally.opened > 400 && tally.cut > 500 && tally.ended > 100);
         assert_eq!(tally.snapped > 500, options.snapping > 0.0);
         assert_eq!(tally.allocations, 0);
-        // Edits refuse angles below one degree.
-        assert!(tally.smallest > 1.0);
+        // Cuts refuse angles below 3 degrees, and snapping makes none below 10.
+        assert!(tally.smallest > 2.999);
     }
     // The allocator counts.
     assert!(count_of(|| drop(std::hint::black_box(Box::new(7)))) > 0);
@@ -614,12 +614,16 @@ fn a_straight_tear_follows_its_path() {
             let before = surface.triangle_count();
             // From the middle of the left side, 11 degrees upwards.
             let (mut tip, slope) = (20 * (n + 1), 0.2);
-            let (mut farthest, mut steps) = (0.0_f64, 0);
+            let (mut farthest, mut aside, mut steps) = (0.0_f64, 0.0, 0);
             while tip != NONE {
-                // As a load would: the tear keeps its direction in the plane.
                 let at = place(&surface, tip);
-                let direction = towards(&surface, tip, [at[0] + 1.0, at[1] + slope]).unwrap();
-                let edit = surface.advance(tip, direction, &options, |_| true).unwrap();
+                let mut direction = towards(&surface, tip, [at[0] + 1.0, at[1] + slope]).unwrap();
+                // Cuts that keep clear of vertices leave the line. The tear turns back by its distance from the line.
+                direction -= (aside * f64::from(n)).atan();
+                let edit = surface.advance(tip, direction, options, |_| true).unwrap();
+                let (angle, length) = surface.edge_of(tip, &edit.ahead).unwrap();
+                let straight = towards(&surface, tip, [at[0] + 1.0, at[1] + slope]).unwrap();
+                aside += length * (angle - straight).sin();
                 tip = surface.edit(&edit).unwrap().tips[0];
                 farthest = farthest.max((at[1] - 0.5 - slope * at[0]).abs() * f64::from(n));
                 steps += 1;
@@ -636,4 +640,125 @@ fn a_straight_tear_follows_its_path() {
             assert!(farthest < 0.5);
         }
     }
+}
+
+#[test]
+fn the_edge_of_an_edit_is_the_edge_that_opens() {
+    let mut random = Random(9);
+    let (places, triangles) = square(8, 0.25, &mut random);
+    for options in [CUTTING, SNAPPING] {
+        for _ in 0..200 {
+            let mut surface = flat(&places, &triangles, AMPLE);
+            let tip = random.below(surface.vertex_count()) as u32;
+            if !surface.on_border(tip) {
+                continue;
+            }
+            let direction = random.unit() * surface.total_angle(tip);
+            let edit = surface.advance(tip, direction, options, |_| true).unwrap();
+            let (angle, size) = surface.edge_of(tip, &edit.ahead).unwrap();
+            if matches!(edit.ahead, Growth::Snap { .. }) {
+                assert!((angle - direction).abs() < 1e-12);
+            }
+            let (triangle, way) = surface.direction_at(tip, angle).unwrap();
+            let round = surface.fan_angle(tip, triangle, way).unwrap();
+            assert!((round - angle).abs() < 1e-12);
+            let from = place(&surface, tip);
+            let done = surface.edit(&edit).unwrap();
+            let opened = done.opened[0].unwrap();
+            assert!((opened.length - size).abs() < 1e-12);
+            let to = place(&surface, opened.right[1]);
+            for k in 0..2 {
+                assert!((from[k] + size * way[k] - to[k]).abs() < 1e-12);
+            }
+        }
+    }
+}
+
+#[test]
+fn notches_and_slits_end_where_they_should() {
+    let mut random = Random(11);
+    for jitter in [0.0, 0.2] {
+        let (places, triangles) = square(12, jitter, &mut random);
+        let mut surface = flat(&places, &triangles, AMPLE);
+        // A notch from the middle of a border edge, and a slit.
+        let notch = Notch {
+            from: [0.0, 0.54],
+            to: [0.37, 0.61],
+        };
+        let slit = Notch {
+            from: [0.55, 0.2],
+            to: [0.8, 0.35],
+        };
+        let mut edits = 0;
+        let [tip, none] = surface
+            .notch(&notch, SNAPPING, |_| true, |_, _| edits += 1)
+            .unwrap();
+        assert_eq!(none, NONE);
+        let tips = surface
+            .notch(&slit, SNAPPING, |_| true, |_, _| edits += 1)
+            .unwrap();
+        surface.check().unwrap();
+        assert!(edits > 8);
+        for (tip, end) in [(tip, notch.to), (tips[0], slit.to), (tips[1], slit.from)] {
+            let at = place(&surface, tip);
+            let far = (at[0] - end[0]).hypot(at[1] - end[1]);
+            println!("jitter {jitter}: {far:.1e} m from the end");
+            // Half an edge at most; diagonals are the longest edges.
+            assert!(far < 0.5 * 1.42 * (1.0 + 2.0 * jitter) / 12.0);
+        }
+        assert_eq!(Pieces::new(&surface).count(), 1);
+        // A slit is a hole, a notch is none.
+        assert_eq!(euler(&surface), 0);
+    }
+    let mut surface = regular(4);
+    let across = Notch {
+        from: [-1.0, 0.4],
+        to: [2.0, 0.4],
+    };
+    let tips = surface
+        .notch(&across, CUTTING, |_| true, |_, _| ())
+        .unwrap();
+    assert_eq!(tips, [NONE; 2]);
+    assert_eq!(Pieces::new(&surface).count(), 2);
+}
+
+#[test]
+fn snapping_adds_two_triangles_where_cutting_adds_eight() {
+    // The figures of the thesis (its figure 4.5), here on a grid of 5 x 5 cells that tears from the left side upwards.
+    let tear = |options: AdvanceOptions| {
+        let mut surface = regular(5);
+        let before = surface.triangle_count();
+        let mut tip = 18;
+        while tip != NONE {
+            let direction = towards(&surface, tip, [1.01, 0.6 + 0.5 * 1.01]).unwrap();
+            let edit = surface.advance(tip, direction, options, |_| true).unwrap();
+            tip = surface.edit(&edit).unwrap().tips[0];
+        }
+        surface.check().unwrap();
+        let added = surface.triangle_count() - before;
+        (added, surface.smallest_angle().to_degrees())
+    };
+    let (cut, snapped) = (tear(CUTTING), tear(AdvanceOptions { snapping: 0.45 }));
+    println!("triangles added and smallest angle: {cut:?} by cutting, {snapped:?} by snapping");
+    assert_eq!((cut.0, snapped.0), (8, 2));
+    assert!(snapped.1 > 18.0);
+}
+
+#[test]
+fn darts_and_gathers_are_torn_but_not_snapped() {
+    // A cone of seven triangles: the angles about its apex exceed a full turn.
+    let count = 7;
+    let triangles: Vec<[u32; 3]> = (0..count)
+        .map(|k| [0, 1 + k, 1 + (k + 1) % count])
+        .collect();
+    let equilateral = [[0.0, 0.0], [1.0, 0.0], [0.5, 0.75_f64.sqrt()]];
+    let mut surface = Surface::new(8, &triangles, &vec![equilateral; 7], AMPLE).unwrap();
+    assert!((surface.total_angle(0) - 7.0 * PI / 3.0).abs() < 1e-14);
+    let shift = [0.05, 0.0];
+    let refused = surface.edit(&Edit::grow(1, Growth::Snap { vertex: 0, shift }));
+    assert_eq!(refused, Err(EditError::Fixed { vertex: 0 }));
+    let direction = surface.angle_of_edge(1, 0).unwrap() + 0.1;
+    let edit = surface.advance(1, direction, SNAPPING, |_| true).unwrap();
+    surface.edit(&edit).unwrap();
+    surface.check().unwrap();
 }

@@ -3,7 +3,7 @@
 use super::NONE;
 use super::cut::THINNEST;
 use super::edit::{Edit, Growth};
-use super::surface::{Surface, length, minus};
+use super::surface::{Surface, angle, between, cross, dot, length, minus};
 
 /// An edge opens as it is where its far end is off the path by this fraction of its length or less (0.6 degrees).
 const NEGLIGIBLE: f64 = 0.01;
@@ -32,7 +32,7 @@ impl Surface {
         &self,
         tip: u32,
         direction: f64,
-        options: &AdvanceOptions,
+        options: AdvanceOptions,
         may_move: impl Fn(u32) -> bool,
     ) -> Option<Edit> {
         if !self.on_border(tip) {
@@ -48,7 +48,7 @@ impl Surface {
         &self,
         vertex: u32,
         direction: f64,
-        options: &AdvanceOptions,
+        options: AdvanceOptions,
         may_move: impl Fn(u32) -> bool,
     ) -> Option<Edit> {
         if self.on_border(vertex) {
@@ -64,6 +64,45 @@ impl Surface {
         })
     }
 
+    /// The edge along which a tear would grow: its fan angle at the tip (rad), and its length at rest (m). `None` if the
+    /// tip has no such edge.
+    ///
+    /// The edge may differ from the direction that [`Surface::advance`] was given. A tear that keeps to a line adds up
+    /// `length * sin(angle - direction)`, its distance from the line, and turns back by it.
+    pub fn edge_of(&self, tip: u32, growth: &Growth) -> Option<(f64, f64)> {
+        let (far, weight) = match *growth {
+            Growth::Open { to } => (to, None),
+            Growth::Snap { vertex, .. } => (vertex, None),
+            Growth::Cut { edge, at } => (edge[0], Some((edge[1], at))),
+        };
+        let mut begin = 0.0;
+        for corner in self.fan(tip) {
+            let (shape, k) = (self.shape(corner.triangle), corner.corner);
+            let sides = [1, 2].map(|far| minus(shape[(k + far) % 3], shape[k]));
+            let turn = |to: [f64; 2]| libm::atan2(cross(sides[0], to).abs(), dot(sides[0], to));
+            let ends = [corner.from, corner.to];
+            let side = ends.iter().position(|&end| end == far);
+            let reached = match (side, weight) {
+                (Some(side), None) => Some(sides[side]),
+                (Some(side), Some((other, at))) if ends[1 - side] == other => {
+                    Some(between(sides[side], sides[1 - side], at))
+                }
+                _ => None,
+            };
+            if let Some(reached) = reached {
+                let mut found = (begin + turn(reached), length(reached));
+                if let Growth::Snap { shift, .. } = *growth {
+                    // The shift is seen from the far end, with the tip ahead.
+                    found.0 -= libm::atan2(shift[1], found.1 - shift[0]);
+                    found.1 = libm::hypot(found.1 - shift[0], shift[1]);
+                }
+                return Some(found);
+            }
+            begin += angle(&shape, k);
+        }
+        None
+    }
+
     /// The growth from a tip in the direction of a fan angle (rad).
     ///
     /// In the plane of the triangle, the direction crosses the edge opposite to the tip between its ends `p` and `q`.
@@ -74,7 +113,7 @@ impl Surface {
         &self,
         tip: u32,
         direction: f64,
-        options: &AdvanceOptions,
+        options: AdvanceOptions,
         may_move: &impl Fn(u32) -> bool,
     ) -> Option<Growth> {
         let wedge = self.wedge(tip, direction)?;
@@ -129,7 +168,7 @@ impl Surface {
     }
 
     /// The length at rest of the shortest edge at a vertex (m).
-    fn shortest_edge(&self, vertex: u32) -> f64 {
+    pub(super) fn shortest_edge(&self, vertex: u32) -> f64 {
         let lengths = self.fan(vertex).map(|corner| {
             let (shape, k) = (self.shape(corner.triangle), corner.corner);
             let side = |far: usize| length(minus(shape[(k + far) % 3], shape[k]));
