@@ -14,6 +14,13 @@ use physics::topology::{self, AdvanceOptions, NONE, Origin, Reserve, Shape, Surf
 /// Mesh files give coordinates to seven digits at least.
 const FLAT: f64 = 1e-6;
 
+/// How far the end of a notch may be outside a triangle, as a fraction of the triangle's height. The border of a mesh file
+/// is not exactly where a scene says.
+const OUTSIDE: f64 = 0.1;
+
+/// The notches that can be cut.
+const INSIDE: &str = "a notch from the border into the sheet, or with both ends inside";
+
 /// What notches make of a mesh.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cuts {
@@ -21,6 +28,24 @@ pub(super) struct Cuts {
     pub(super) tips: Vec<u32>,
     /// The vertices along notches, tips included, each with the number of its notch in the scene; ascending.
     pub(super) along: Vec<(u32, usize)>,
+}
+
+impl Cuts {
+    /// Adds the notch of this number, whose vertices are those from `before`.
+    fn add(&mut self, number: usize, surface: &Surface, before: u32, tips: [u32; 2]) {
+        for vertex in before..surface.vertex_count() as u32 {
+            self.along.push((vertex, number));
+            if let Origin::Twin { of } = surface.origin(vertex) {
+                self.along.push((of, number));
+                // An earlier notch ended there: the new notch goes on from its tip.
+                self.tips.retain(|&tip| tip != of);
+            }
+        }
+        for tip in tips.into_iter().filter(|&tip| tip != NONE) {
+            self.tips.push(tip);
+            self.along.push((tip, number));
+        }
+    }
 }
 
 /// The plane of a flat sheet: two axes in it, its normal, and its distance from the origin.
@@ -128,49 +153,44 @@ pub(super) fn cut(
     let mut cuts = Cuts::default();
     for (number, notch) in tear.notches.iter().enumerate() {
         for (copy, ends) in notch.cuts().enumerate() {
-            let field = format!("tear.notch[{number}]");
-            let which = match notch.count {
-                1 => "a notch".to_owned(),
-                count => format!("cut {} of {count}", copy + 1),
-            };
             let ends = ends.map(Vec3::from);
-            let words = || {
+            let refuse = |found: &str, allowed: &str| {
+                let field = format!("tear.notch[{number}]");
+                let which = match notch.count {
+                    1 => "a notch".to_owned(),
+                    count => format!("cut {} of {count}", copy + 1),
+                };
                 let [from, to] = ends.map(|p| format!("[{}, {}, {}]", p.x, p.y, p.z));
-                format!("{which} from {from} to {to}")
+                refuse(
+                    &field,
+                    format!("{which} from {from} to {to}, {found}"),
+                    allowed,
+                )
             };
             if let Some(far) = ends
                 .iter()
                 .map(|p| plane.distance(p))
                 .find(|&d| d > tolerance(mesh))
             {
-                let found = format!("{}, {far:.2e} m off the plane of the sheet", words());
-                return refuse(&field, found, "a notch in the plane of the sheet");
+                let found = format!("{far:.2e} m off the plane of the sheet");
+                return refuse(&found, "a notch in the plane of the sheet");
             }
-            let [from, to] = ends.map(|p| plane.to_plane(&p));
+            let ends = ends.map(|p| plane.to_plane(&p));
+            let inside = |end| shapes.iter().any(|shape| contains(shape, end));
+            if !ends.iter().all(|&end| inside(end)) {
+                return refuse("out of the sheet", INSIDE);
+            }
             let before = surface.vertex_count() as u32;
-            let tips = match surface.notch(&topology::Notch { from, to }, &options, may_move) {
-                Ok(tips) => tips,
-                Err(fault) => {
-                    let allowed =
-                        "a notch from the border into the sheet, or with both ends inside";
-                    return refuse(&field, format!("{}: {fault}", words()), allowed);
+            let [from, to] = ends;
+            let line = topology::Notch { from, to };
+            let made = surface.notch(&line, options, may_move, |_, _| {});
+            match made {
+                Ok([NONE, NONE]) => {
+                    let allowed = "a notch that ends inside the sheet";
+                    return refuse("from border to border", allowed);
                 }
-            };
-            if tips == [NONE; 2] {
-                let found = format!("{}, which ends at borders only", words());
-                return refuse(&field, found, "a notch that ends inside the sheet");
-            }
-            for vertex in before..surface.vertex_count() as u32 {
-                cuts.along.push((vertex, number));
-                if let Origin::Twin { of } = surface.origin(vertex) {
-                    cuts.along.push((of, number));
-                    // An earlier notch ended there: the new notch goes on from its tip.
-                    cuts.tips.retain(|&tip| tip != of);
-                }
-            }
-            for tip in tips.into_iter().filter(|&tip| tip != NONE) {
-                cuts.tips.push(tip);
-                cuts.along.push((tip, number));
+                Ok(tips) => cuts.add(number, &surface, before, tips),
+                Err(fault) => return refuse(&fault.to_string(), INSIDE),
             }
         }
     }
@@ -179,6 +199,16 @@ pub(super) fn cut(
     cuts.along.sort_unstable();
     cuts.along.dedup();
     Ok((notched(mesh, &surface, plane), cuts))
+}
+
+/// Whether a point is in a triangle, or beside it.
+fn contains(&[a, b, c]: &Shape, p: [f64; 2]) -> bool {
+    let area = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    };
+    let whole = area(a, b, c);
+    let parts = [area(p, b, c), area(a, p, c), area(a, b, p)];
+    parts.iter().all(|part| part / whole >= -OUTSIDE)
 }
 
 /// The mesh of a surface that was made of `mesh` and cut.
