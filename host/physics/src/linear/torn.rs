@@ -74,7 +74,7 @@ struct Row {
 
 /// New nodes beside an old factor. Their places follow those of the factor.
 #[derive(Clone, Debug)]
-pub struct Torn {
+pub struct TornFactor {
     /// Number of places of the factor.
     old: usize,
     /// Number of new nodes with columns.
@@ -105,7 +105,7 @@ fn add_times(sum: &mut Node<f32>, factor: f32, node: &Node<f32>) {
     }
 }
 
-impl Torn {
+impl TornFactor {
     /// Room for `most` new nodes beside a factor of `old` places, `capacity` of them with columns.
     pub fn new(old: usize, most: usize, capacity: usize) -> Self {
         let capacity = capacity.min(most);
@@ -167,9 +167,10 @@ impl Torn {
         true
     }
 
-    /// Empties the row of a new node, counted from the first, so that it is given anew.
+    /// Empties the row of a new node, counted from the first, so that it is given anew. Other numbers are ignored.
     pub fn begin(&mut self, node: usize) {
-        if let Some(row) = self.rows.get_mut(node) {
+        let count = self.count();
+        if let Some(row) = self.rows[..count].get_mut(node) {
             row.blocks.clear();
             row.changed = true;
         }
