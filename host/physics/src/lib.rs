@@ -83,7 +83,7 @@ pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
     AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
-    IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, StepReport, Stepper,
+    IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Pair, Part, Refresher, StepReport, Stepper,
     StepperOptions, StepperReport, TimeScheme, complete_bytes,
 };
 pub use team::{Alone, Team};
