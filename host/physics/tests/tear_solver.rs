@@ -36,7 +36,10 @@ fn torn_mesh(whole: &TriMesh, copies: u32) -> TriMesh {
     let first = row * (NX + 1);
     let count = whole.positions.len() as u32;
     let above = |triangle: &[u32; 3]| {
-        let y: f64 = triangle.iter().map(|&v| whole.positions[v as usize].y).sum();
+        let y: f64 = triangle
+            .iter()
+            .map(|&v| whole.positions[v as usize].y)
+            .sum();
         y / 3.0 > whole.positions[first as usize].y
     };
     for triangle in &mut mesh.triangles {
@@ -49,7 +52,8 @@ fn torn_mesh(whole: &TriMesh, copies: u32) -> TriMesh {
         }
     }
     for copy in 0..copies {
-        mesh.positions.push(whole.positions[(first + copy) as usize]);
+        mesh.positions
+            .push(whole.positions[(first + copy) as usize]);
     }
     mesh
 }
@@ -75,7 +79,11 @@ fn body_of(mesh: &TriMesh, config: BodyConfig) -> Body {
 fn bent(x: &Vec3) -> Vec3 {
     let angle = 6.0 * x.x;
     let y = 1.05 * x.y;
-    Vec3::new(libm::sin(angle) / 6.0, y, (1.0 - libm::cos(angle)) / 6.0 + 0.3 * y)
+    Vec3::new(
+        libm::sin(angle) / 6.0,
+        y,
+        (1.0 - libm::cos(angle)) / 6.0 + 0.3 * y,
+    )
 }
 
 /// The matrix of the torn sheet, its factor when whole, and the nodes that it has gained.
@@ -361,7 +369,10 @@ fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
             targets[1].position.y += 2e-5;
             let report = stepper.step(&mut body, 1e-3, &targets, || false).unwrap();
             let ledger = *stepper.ledger().unwrap();
-            assert!(ledger.missing().abs() < 1e-9 * ledger.turnover(), "{ledger:?}");
+            assert!(
+                ledger.missing().abs() < 1e-9 * ledger.turnover(),
+                "{ledger:?}"
+            );
             taken += ledger.release;
             steps += 1;
             iterations = report.iterations.max(iterations);

@@ -117,6 +117,18 @@ pub(crate) struct Reduction {
 
 impl Reduction {
     pub(crate) fn new(body: &Body) -> Self {
+        Self::with_room(body, 0)
+    }
+
+    /// A reduction with room for the nodes that tears may add to `body`.
+    pub(crate) fn for_tears(body: &Body) -> Self {
+        let room = body
+            .surface()
+            .map_or(0, |s| s.limits().vertices - s.vertex_count());
+        Self::with_room(body, room)
+    }
+
+    fn with_room(body: &Body, room: usize) -> Self {
         let mut columns = Vec::new();
         let mut range = Vec::new();
         let mut holder = Vec::new();
@@ -136,7 +148,6 @@ impl Reduction {
         let places = body.constraints.places();
         let length = characteristic_length(squares, counted, &places.gather(&body.state.x));
         let zeros = || Square::zeros(size);
-        let room = body.surface().map_or(0, |s| s.limits().vertices - s.vertex_count());
         let stride = 3 * (places.free() + room);
         let mut places = places;
         let mut mass = places.gather(&body.model.mass);
@@ -182,6 +193,11 @@ impl Reduction {
     pub(crate) fn fits(&self, body: &Body) -> bool {
         self.holder.len() == body.constraints.held_nodes().count()
             && self.range.len() == body.constraints.handles.len()
+    }
+
+    /// The number of nodes for which there is room.
+    pub(crate) fn capacity(&self) -> usize {
+        self.stride / 3 + self.holder.len()
     }
 
     /// Follows the edits of `body` that added the nodes from `first` on. A new node takes the shapes of the nodes on
