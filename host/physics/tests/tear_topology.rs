@@ -505,13 +505,14 @@ struct Tally {
     triangles: usize,
     ended: usize,
     resting: usize,
+    refused: usize,
     allocations: usize,
     /// Degrees.
     smallest: f64,
 }
 
 /// Tears `count` times at random, and checks the surface after each edit.
-fn tear_at_random(count: usize, options: AdvanceOptions, seed: u64) -> Tally {
+fn tear_at_random(count: usize, options: AdvanceOptions, reserve: Reserve, seed: u64) -> Tally {
     let mut random = Random(seed);
     let mut tally = Tally {
         smallest: 180.0,
@@ -521,7 +522,7 @@ fn tear_at_random(count: usize, options: AdvanceOptions, seed: u64) -> Tally {
         let n = 5 + random.below(6) as u32;
         let jitter = [0.0, 0.15, 0.25][random.below(3)];
         let (places, triangles) = square(n, jitter, &mut random);
-        let mut surface = flat(&places, &triangles, AMPLE);
+        let mut surface = flat(&places, &triangles, reserve);
         // The tips, and by how much each tear winds.
         let mut tips: Vec<(u32, f64)> = Vec::new();
         for _ in 0..3 * n {
@@ -544,14 +545,17 @@ fn tear_at_random(count: usize, options: AdvanceOptions, seed: u64) -> Tally {
                 tips.retain(|&(other, _)| other != tip);
                 continue;
             };
-            let whole = area(&surface);
+            let (whole, before) = (area(&surface), all(&surface));
             let mut result = None;
             tally.allocations += count_of(|| result = Some(surface.edit(&edit)));
             let done = match result.unwrap() {
                 Ok(done) => done,
-                // The two growths of a slit may exclude each other.
                 Err(error) => {
-                    assert!(edit.behind.is_some(), "{edit:?}: {error}");
+                    // The two growths of a slit may exclude each other.
+                    let full = matches!(error, EditError::Full { .. });
+                    assert!(full || edit.behind.is_some(), "{edit:?}: {error}");
+                    assert!(all(&surface) == before);
+                    tally.refused += 1;
                     continue;
                 }
             };
@@ -592,7 +596,7 @@ fn count_of(call: impl FnOnce()) -> usize {
 #[test]
 fn ten_thousand_random_tears_stay_manifold() {
     for (options, seed) in [(CUTTING, 3), (SNAPPING, 4)] {
-        let tally = tear_at_random(5000, options, seed);
+        let tally = tear_at_random(5000, options, AMPLE, seed);
         println!("{options:?}: {tally:?}");
         assert!(tally.opened > 400 && tally.cut > 500 && tally.ended > 100);
         assert_eq!(tally.snapped > 500, options.snapping > 0.0);
@@ -600,6 +604,14 @@ fn ten_thousand_random_tears_stay_manifold() {
         // Cuts refuse angles below 3 degrees, and snapping makes none below 10.
         assert!(tally.smallest > 2.999);
     }
+    // With a reserve that is used up again and again, each refused edit leaves the surface as it was.
+    let scarce = Reserve {
+        vertices: 12,
+        triangles: 12,
+    };
+    let tally = tear_at_random(500, SNAPPING, scarce, 5);
+    println!("{scarce:?}: {tally:?}");
+    assert!(tally.refused > 100 && tally.allocations == 0);
     // The allocator counts.
     assert!(count_of(|| drop(std::hint::black_box(Box::new(7)))) > 0);
 }
