@@ -46,6 +46,24 @@ impl Constraints {
         self.supports.lay_out(count);
     }
 
+    /// Makes room for `nodes` more nodes, which [`push`](Self::push) adds.
+    pub(super) fn reserve(&mut self, nodes: usize) {
+        self.is_held.reserve(nodes);
+        self.supports.reserve(nodes);
+    }
+
+    /// Adds a node that no handle holds, and that supports guide as both `ends` between which it lies: see
+    /// [`Supports::push`].
+    pub(super) fn push(&mut self, ends: [u32; 2], at: f64) {
+        self.is_held.push(false);
+        self.supports.push(ends, at);
+    }
+
+    /// Whether a handle holds a node.
+    pub(crate) fn holds(&self, node: u32) -> bool {
+        self.is_held.get(node as usize).is_some_and(|held| *held)
+    }
+
     /// Whether the motion of all `nodes` is prescribed: by one handle, or by supports along all axes.
     pub(crate) fn prescribe_all(&self, nodes: &[u32]) -> bool {
         if nodes.iter().all(|&node| self.is_held[node as usize]) {

@@ -142,6 +142,70 @@ impl Supports {
         self.rest = guided.collect();
     }
 
+    /// Makes room for `nodes` more nodes, which [`push`](Self::push) adds.
+    pub(crate) fn reserve(&mut self, nodes: usize) {
+        for support in &mut self.list {
+            support.nodes.reserve(nodes);
+            support.base.reserve(nodes);
+        }
+        self.mask.reserve(nodes);
+        self.owner.reserve(nodes);
+        self.guided.reserve(nodes);
+        self.rest.reserve(nodes);
+    }
+
+    /// Adds a node that lies between two `ends`, the fraction `at` of the way from the first to the second; a copy of a
+    /// node has this node as both ends. A support guides the node along the axes along which it guides both ends. This
+    /// does not allocate within the room that was reserved.
+    pub(crate) fn push(&mut self, ends: [u32; 2], at: f64) {
+        if self.list.is_empty() {
+            return;
+        }
+        let node = self.mask.len() as u32;
+        let [a, b] = ends.map(|end| end as usize);
+        let (mut mask, mut owner, mut base) = (Vec3::repeat(1.0), [0; 3], Vec3::zeros());
+        let of = |node: usize| self.guided.binary_search(&(node as u32));
+        if let (Ok(first), Ok(second)) = (of(a), of(b)) {
+            let between = self.rest[first] + (self.rest[second] - self.rest[first]) * at;
+            for axis in 0..3 {
+                let guide = self.owner[a][axis];
+                if guide > 0 && guide == self.owner[b][axis] {
+                    (mask[axis], owner[axis], base[axis]) = (0.0, guide, between[axis]);
+                }
+            }
+        }
+        self.mask.push(mask);
+        self.owner.push(owner);
+        if owner == [0; 3] {
+            return;
+        }
+        // New nodes have the largest numbers, so the list stays ascending.
+        self.guided.push(node);
+        self.rest.push(base);
+        for (number, support) in self.list.iter_mut().enumerate() {
+            if owner.contains(&(number as u16 + 1)) {
+                support.nodes.push(node);
+                support.base.push(base);
+            }
+        }
+    }
+
+    /// Moves the guided place of a node that moved at rest to the same point between the guided places of three other
+    /// nodes. An axis along which the support does not guide all of them keeps its place.
+    pub(crate) fn shift(&mut self, node: u32, corners: [u32; 3], weights: [f64; 3]) {
+        let of = |node: u32| self.guided.binary_search(&node).ok();
+        let (Some(at), [Some(a), Some(b), Some(c)]) = (of(node), corners.map(of)) else {
+            return;
+        };
+        let place = self.rest[a] * weights[0] + self.rest[b] * weights[1] + self.rest[c] * weights[2];
+        for axis in 0..3 {
+            let guide = self.owner[node as usize][axis];
+            if corners.iter().all(|&corner| self.owner[corner as usize][axis] == guide) {
+                self.rest[at][axis] = place[axis];
+            }
+        }
+    }
+
     /// By node and axis: 0 where a support guides the axis, 1 elsewhere; `None` without supports.
     pub(crate) fn mask(&self) -> Option<&[Vec3]> {
         (!self.mask.is_empty()).then_some(&self.mask)

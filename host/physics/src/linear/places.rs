@@ -77,6 +77,20 @@ impl Places {
         nodes.map(|&node| values[node as usize]).collect()
     }
 
+    /// Makes room for `nodes` more nodes, which [`push`](Self::push) adds.
+    pub(crate) fn reserve(&mut self, nodes: usize) {
+        self.place_of_node.reserve(nodes);
+        self.node_of_place.reserve(nodes);
+    }
+
+    /// Adds a node at a place after all others. The node is free, but it is not among the [free](Self::free) places: a
+    /// matrix of the old places has no row for it.
+    pub(crate) fn push(&mut self) {
+        let last = self.place_of_node.len() as u32;
+        self.place_of_node.push(last);
+        self.node_of_place.push(last);
+    }
+
     /// Memory of the two lists (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.place_of_node.as_slice()) + size_of_val(self.node_of_place.as_slice())
