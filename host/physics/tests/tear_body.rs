@@ -54,7 +54,7 @@ fn tear(body: &mut Body, snapping: f64, mut look: impl FnMut(&Body, &Body, &Edit
         let surface = body.surface().expect("a surface");
         let angle = surface.straight_ahead(tip) + 0.6 * libm::sin(f64::from(count));
         let options = AdvanceOptions { snapping };
-        let Some(edit) = surface.advance(tip, angle, &options, |_| true) else {
+        let Some(edit) = surface.advance(tip, angle, options, |_| true) else {
             break;
         };
         let before = body.clone();
@@ -150,7 +150,7 @@ fn a_tear_does_not_part_a_handle() {
     let tip = held[held.len() / 2];
     assert!(surface.on_border(tip));
     let edit = surface
-        .advance(tip, surface.straight_ahead(tip), &AdvanceOptions { snapping: 0.0 }, |_| true)
+        .advance(tip, surface.straight_ahead(tip), AdvanceOptions { snapping: 0.0 }, |_| true)
         .expect("an edit");
     let before = body.clone();
     assert_eq!(body.edit(&edit).unwrap_err(), TearingError::Held { vertex: tip });
@@ -171,7 +171,7 @@ fn a_reserve_that_is_used_up_is_an_error_and_nothing_changes() {
     let error = loop {
         let surface = body.surface().expect("a surface");
         let edit = surface
-            .advance(tip, surface.straight_ahead(tip), &AdvanceOptions { snapping: 0.0 }, |_| true)
+            .advance(tip, surface.straight_ahead(tip), AdvanceOptions { snapping: 0.0 }, |_| true)
             .expect("an edit");
         let before = (body.epoch(), body.node_positions().len(), body.total_mass());
         match body.edit(&edit) {
