@@ -21,6 +21,7 @@ use super::Body;
 use super::assembly::Assembly;
 use crate::Vec3;
 use crate::element::Torn;
+use crate::element::torn::with_room;
 use crate::error::TearingError;
 use crate::topology::{Done, Edit, Growth, Origin, Reserve, Surface};
 
@@ -34,6 +35,8 @@ pub(crate) struct Sheet {
     pub(crate) surface: Surface,
     /// Mass per area at rest, by original triangle (kg/m²).
     areal: Vec<f64>,
+    /// Positions at rest (m) by place, for bending, which numbers its nodes by places.
+    rest: Vec<Vec3>,
     /// The number of edits so far.
     pub(crate) edits: u64,
     /// Nodes whose mass the present edit may change, ascending.
@@ -45,6 +48,7 @@ impl Clone for Sheet {
         Self {
             surface: self.surface.clone(),
             areal: self.areal.clone(),
+            rest: with_room(&self.rest, self.surface.limits().vertices),
             edits: self.edits,
             nodes: Vec::with_capacity(MOST_NODES),
         }
@@ -94,11 +98,13 @@ impl Body {
         if !set.reserve(reserve.triangles) {
             return kind("elements that cannot be edited");
         }
-        if self.model.bending.is_some() {
-            return kind("stiffness against bending");
+        if let Some(bent) = &mut self.model.bent {
+            bent.reserve(&surface, reserve.triangles);
+            self.assembly = Assembly::new(&mut self.model, &self.constraints);
         }
         self.reserve_nodes(reserve.vertices);
         self.sheet = Some(Box::new(Sheet {
+            rest: with_room(&self.assembly.places.gather(&self.model.rest), surface.limits().vertices),
             surface,
             areal,
             edits: 0,
@@ -136,7 +142,10 @@ impl Body {
             return;
         }
         self.assembly = Assembly::new(&mut self.model, &self.constraints);
-        if let Some(sheet) = &self.sheet {
+        if let Some(sheet) = &mut self.sheet {
+            let rest = self.assembly.places.nodes().iter().map(|&node| self.model.rest[node as usize]);
+            sheet.rest.clear();
+            sheet.rest.extend(rest);
             // Every added vertex came out of the reserve.
             let left = sheet.surface.limits().vertices - sheet.surface.vertex_count();
             self.reserve_nodes(left);
@@ -225,9 +234,9 @@ impl Body {
         if done.moved.iter().any(Option::is_some) {
             self.keep_momentum(&sheet.nodes, before.momentum);
         }
-        self.follow_surface(&sheet.surface);
-        let after = self.sums(&sheet.nodes);
+        self.follow_surface(sheet);
         sheet.edits += 1;
+        let after = self.sums(&sheet.nodes);
         Ok(BodyEdit {
             kinetic: after.kinetic - before.kinetic,
             potential: after.potential - before.potential,
@@ -363,7 +372,17 @@ impl Body {
     }
 
     /// Lets the elements follow the latest edit, and begins an epoch.
-    fn follow_surface(&mut self, surface: &Surface) {
+    fn follow_surface(&mut self, sheet: &mut Sheet) {
+        let places = &self.assembly.places;
+        for &node in &sheet.nodes {
+            let (place, at) = (places.of(node as usize), self.model.rest[node as usize]);
+            match sheet.rest.get_mut(place) {
+                Some(rest) => *rest = at,
+                // The new nodes are the last ones, in their order.
+                None => sheet.rest.push(at),
+            }
+        }
+        let surface = &sheet.surface;
         let torn = Torn {
             surface,
             place: None,
@@ -371,6 +390,16 @@ impl Body {
         };
         for set in &mut self.model.elements {
             set.follow(&torn);
+        }
+        if let Some(bent) = &mut self.model.bent {
+            bent.follow(surface);
+        }
+        if let Some(bending) = &mut self.model.bending {
+            bending.follow(&Torn {
+                place: Some(places.of_nodes()),
+                rest: &sheet.rest,
+                ..torn
+            });
         }
         self.topology.epoch += 1;
         self.state.revision += 1;

@@ -152,8 +152,8 @@ impl<T: Real> Stepper<T> {
         let h = step.length;
         let drag = body.model.config.mass_damping;
         let stiffness_factor = 1.0 + body.model.config.stiffness_damping / h;
-        for (place, &node) in self.node.iter().enumerate() {
-            let node = node as usize;
+        for place in self.taken_places() {
+            let node = self.node[place] as usize;
             let (old, new) = (to_vec(&self.history[place][0]), body.state.v[node]);
             let inertia = (old - new) / h - new * drag;
             let external = body.model.external[node] * body.model.load_factor;
@@ -218,7 +218,7 @@ impl<T: Real> Stepper<T> {
         let free = self.free;
         let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
         let motion = reduction.columns[column];
-        for place in 0..self.u.len() {
+        for place in self.taken_places() {
             let node = self.node[place] as usize;
             let row = reduction.places.of(node);
             let u = if row < free {
@@ -249,7 +249,7 @@ impl<T: Real> Stepper<T> {
             ..
         } = &mut shapes.reduction;
         let shape = &mut all[3 * free * column..3 * free * (column + 1)];
-        for place in 0..self.u.len() {
+        for place in self.taken_places() {
             let row = places.of(self.node[place] as usize);
             let u = to_vec(&self.u[place]);
             if row < free {
