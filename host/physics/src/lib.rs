@@ -15,6 +15,7 @@
 //! - [`linear`]: systems of linear equations.
 //! - [`lanes`]: numbers laid out for vector instructions. [`cost`]: the cost of a pass over arrays.
 //! - [`mesh`]: line, triangle and tetrahedral meshes, their checks and generators.
+//! - [`topology`]: a triangle surface that can be torn.
 //! - [`error`]: the errors of a body, a step and a condensation.
 //!
 //! The main types are exported here under their own names.
@@ -64,6 +65,7 @@ pub mod motion;
 pub mod polar;
 pub mod team;
 pub mod tear;
+pub mod topology;
 
 pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};

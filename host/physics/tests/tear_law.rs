@@ -8,11 +8,11 @@ use alloc_count::calls::{Counting, count};
 use common::{Random, Split, grid, on_border, tight};
 use physics::mesh::TriMesh;
 use physics::tear::fields::stretch;
-use physics::tear::rings::NONE;
 use physics::tear::strength::{cannot_start, highest, onwards, principal, stresses};
 use physics::tear::{
     Candidate, Patch, RINGS, Release, Sheet, TearError, TearLaw, TearMaterial, Tip,
 };
+use physics::topology::{NONE, Reserve, Surface};
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, Vec3};
 use proptest::prelude::*;
 
@@ -531,6 +531,29 @@ fn shapes_in_frames_of_their_own_give_the_same_results() {
     let expected = turned(second.triangle, first.along);
     let found = onwards(second.along, expected);
     assert!((found[0] - expected[0]).abs() + (found[1] - expected[1]).abs() < 1e-8);
+}
+
+#[test]
+fn a_surface_gives_the_sheet_and_the_tip() {
+    let (flat, tip, x) = strip(8, 0.0, 0.02, Vec3::zeros());
+    let count = flat.mesh.positions.len();
+    let surface = Surface::new(
+        count,
+        &flat.mesh.triangles,
+        &flat.shapes,
+        Reserve::default(),
+    )
+    .unwrap();
+    assert_eq!(surface.neighbours(), flat.neighbours);
+    let at = Tip::at(&surface, tip.vertex, surface.straight_ahead(tip.vertex)).unwrap();
+    assert!((at.along[0] - 1.0).abs() < 1e-12 && at.along[1].abs() < 1e-12);
+    let mut patch = flat.patch();
+    patch
+        .find(&Sheet::from(&surface), &at, RINGS, |_| false)
+        .unwrap();
+    patch.measure(&x, &RUBBER).unwrap();
+    let expected = rate(&flat, &tip, &x, RINGS).rate();
+    assert!((patch.driving().rate() - expected).abs() < 1e-10 * expected);
 }
 
 #[test]

@@ -13,9 +13,7 @@ use super::fields::Field;
 use super::law::TearError;
 use super::unfold::{Placement, place};
 use crate::Vec3;
-
-/// No triangle, or no vertex.
-pub const NONE: u32 = u32::MAX;
+use crate::topology::{NONE, Surface};
 
 /// A surface of triangles: corners, neighbours and shapes, one of each for a triangle.
 ///
@@ -31,6 +29,16 @@ pub struct Sheet<'a> {
     pub shapes: &'a [[[f64; 2]; 3]],
 }
 
+impl<'a> From<&'a Surface> for Sheet<'a> {
+    fn from(surface: &'a Surface) -> Self {
+        Self {
+            triangles: surface.triangles(),
+            neighbours: surface.neighbours(),
+            shapes: surface.shapes(),
+        }
+    }
+}
+
 /// The tip of a tear.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tip {
@@ -40,6 +48,20 @@ pub struct Tip {
     pub triangle: u32,
     /// The unit direction of the tear at rest, away from its faces, in the frame of the triangle's shape.
     pub along: [f64; 2],
+}
+
+impl Tip {
+    /// The tip at `vertex` of a tear in the direction of a fan angle (rad), for instance
+    /// [`Surface::straight_ahead`]. The tear goes on at this angle plus that of
+    /// [`Intensity::kink`](super::Intensity::kink). `None` for an angle outside of the fan.
+    pub fn at(surface: &Surface, vertex: u32, angle: f64) -> Option<Self> {
+        let (triangle, along) = surface.direction_at(vertex, angle)?;
+        Some(Self {
+            vertex,
+            triangle,
+            along,
+        })
+    }
 }
 
 /// Visits the triangles of the fan of `vertex`, beginning with `triangle`. The second argument is the triangle from
