@@ -15,7 +15,7 @@
 //! known field is that of straight faces. Within the rings behind a kink it is continued past the angle pi.
 //!
 //! Triangles of constant strain act like a tip that lies about half an edge behind its vertex. Both intensities err by this
-//! shift (in a clamped strip of 8 to 16 triangles across by several percent), their ratio much less: use the ratio for the path and
+//! shift (in a clamped strip of 6 to 16 cells across by 11 to 4 %), their ratio much less: use the ratio for the path and
 //! [`Driving`](super::Driving) for the energy.
 //!
 //! The tear turns to where the stress about the tip is largest and free of shear: the angle `a` with

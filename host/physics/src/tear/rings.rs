@@ -5,9 +5,9 @@
 //! in triangles.
 //!
 //! **In the way.** `q` must be 0 where forces enter that the integrals do not know, and about other tips. If a held
-//! vertex or another tip lies in ring `k`, the last ring with `q = 1` is `k - 1`, down to the tip alone. `G` of ring 2
-//! errs by about 1 % more than that of ring 3, that of ring 1 by up to 6 %, that of the tip alone by up to 17 %; all
-//! underestimate. A border without forces is not in the way: the integrals have terms for it.
+//! vertex or another tip lies in ring `k`, the last ring with `q = 1` is `k - 1`, down to the tip alone. On clamped strips of
+//! 300 to 2,000 triangles `G` errs by -15 to +1 % for the tip alone, by -6 to +4 % for ring 1, by -1.7 to +0.5 % for ring
+//! 2 and by -0.5 to +0.5 % for ring 3. A border without forces is not in the way: the integrals have terms for it.
 
 use super::fields::Field;
 use super::law::TearError;
