@@ -83,8 +83,9 @@ pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
     AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
-    IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, Starts, StepReport, Stepper,
-    StepperOptions, StepperReport, TearOptions, TearReport, Tearing, TimeScheme, complete_bytes,
+    IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Pair, Part, Refresher, Starts,
+    StepReport, Stepper, StepperOptions, StepperReport, TearOptions, TearReport, Tearing,
+    TimeScheme, complete_bytes,
 };
 pub use team::{Alone, Team};
 

@@ -21,6 +21,7 @@ use super::Body;
 use super::assembly::Assembly;
 use crate::Vec3;
 use crate::element::Torn;
+use crate::element::torn::with_room;
 use crate::error::TearingError;
 use crate::topology::{Done, Edit, Growth, Origin, Reserve, Surface};
 
@@ -34,6 +35,8 @@ pub(crate) struct Sheet {
     pub(crate) surface: Surface,
     /// Mass per area at rest, by original triangle (kg/m²).
     areal: Vec<f64>,
+    /// Positions at rest (m) by place, for bending, which numbers its nodes by places.
+    rest: Vec<Vec3>,
     /// The number of edits so far.
     pub(crate) edits: u64,
     /// Nodes whose mass the present edit may change, ascending.
@@ -45,6 +48,7 @@ impl Clone for Sheet {
         Self {
             surface: self.surface.clone(),
             areal: self.areal.clone(),
+            rest: with_room(&self.rest, self.surface.limits().vertices),
             edits: self.edits,
             nodes: Vec::with_capacity(MOST_NODES),
         }
@@ -89,16 +93,22 @@ impl Body {
             return kind("elements that are not triangles of a sheet");
         };
         let surface = Surface::new(count, &triangles, &shapes, reserve)?;
-        let areal = (0..set.count()).map(|element| set.mass(element) / surface.area(element as u32));
+        let areal =
+            (0..set.count()).map(|element| set.mass(element) / surface.area(element as u32));
         let areal = areal.collect();
         if !set.reserve(reserve.triangles) {
             return kind("elements that cannot be edited");
         }
-        if self.model.bending.is_some() {
-            return kind("stiffness against bending");
+        if let Some(bent) = &mut self.model.bent {
+            bent.reserve(&surface, reserve.triangles);
+            self.assembly = Assembly::new(&mut self.model, &self.constraints);
         }
         self.reserve_nodes(reserve.vertices);
         self.sheet = Some(Box::new(Sheet {
+            rest: with_room(
+                &self.assembly.places.gather(&self.model.rest),
+                surface.limits().vertices,
+            ),
             surface,
             areal,
             edits: 0,
@@ -136,7 +146,15 @@ impl Body {
             return;
         }
         self.assembly = Assembly::new(&mut self.model, &self.constraints);
-        if let Some(sheet) = &self.sheet {
+        if let Some(sheet) = &mut self.sheet {
+            let rest = self
+                .assembly
+                .places
+                .nodes()
+                .iter()
+                .map(|&node| self.model.rest[node as usize]);
+            sheet.rest.clear();
+            sheet.rest.extend(rest);
             // Every added vertex came out of the reserve.
             let left = sheet.surface.limits().vertices - sheet.surface.vertex_count();
             self.reserve_nodes(left);
@@ -178,8 +196,14 @@ impl Body {
 
     /// The mass per area at rest of the sheet at a vertex (kg/m²); 0 for a body that cannot tear.
     pub fn mass_per_area(&self, vertex: u32) -> f64 {
-        let area = self.surface().map_or(0.0, |surface| surface.area_of_vertex(vertex));
-        if area > 0.0 { self.model.mass[vertex as usize] / area } else { 0.0 }
+        let area = self
+            .surface()
+            .map_or(0.0, |surface| surface.area_of_vertex(vertex));
+        if area > 0.0 {
+            self.model.mass[vertex as usize] / area
+        } else {
+            0.0
+        }
     }
 
     /// Positions at rest (m) by node. In a sheet with a flat pattern they are the positions at the start.
@@ -225,9 +249,9 @@ impl Body {
         if done.moved.iter().any(Option::is_some) {
             self.keep_momentum(&sheet.nodes, before.momentum);
         }
-        self.follow_surface(&sheet.surface);
-        let after = self.sums(&sheet.nodes);
+        self.follow_surface(sheet);
         sheet.edits += 1;
+        let after = self.sums(&sheet.nodes);
         Ok(BodyEdit {
             kinetic: after.kinetic - before.kinetic,
             potential: after.potential - before.potential,
@@ -241,12 +265,17 @@ impl Body {
             return Some(edit.tip);
         }
         let growths = [Some(edit.ahead), edit.behind];
-        growths.into_iter().flatten().find_map(|growth| match growth {
-            // A tear may end at a handle inside the sheet. A border vertex would be doubled.
-            Growth::Open { to } => (self.is_held(to) && surface.on_border(to)).then_some(to),
-            Growth::Snap { vertex, .. } => self.is_held(vertex).then_some(vertex),
-            Growth::Cut { edge: [a, b], .. } => (self.is_held(a) && self.is_held(b)).then_some(a),
-        })
+        growths
+            .into_iter()
+            .flatten()
+            .find_map(|growth| match growth {
+                // A tear may end at a handle inside the sheet. A border vertex would be doubled.
+                Growth::Open { to } => (self.is_held(to) && surface.on_border(to)).then_some(to),
+                Growth::Snap { vertex, .. } => self.is_held(vertex).then_some(vertex),
+                Growth::Cut { edge: [a, b], .. } => {
+                    (self.is_held(a) && self.is_held(b)).then_some(a)
+                }
+            })
     }
 
     /// Kinetic energy, potential energy and momentum of those of `nodes` that the body has.
@@ -257,7 +286,8 @@ impl Body {
             if let Some(v) = self.state.v.get(node) {
                 let mass = self.model.mass[node];
                 sums.kinetic += 0.5 * mass * v.norm_squared();
-                sums.potential -= self.model.load_factor * self.model.external[node].dot(&self.state.x[node]);
+                sums.potential -=
+                    self.model.load_factor * self.model.external[node].dot(&self.state.x[node]);
                 sums.momentum += v * mass;
             }
         }
@@ -276,9 +306,13 @@ impl Body {
                 &mut self.state.displacement,
             ] {
                 let corners = moved.corners.iter().zip(moved.weights);
-                values[node] = corners.map(|(&corner, weight)| values[corner as usize] * weight).sum();
+                values[node] = corners
+                    .map(|(&corner, weight)| values[corner as usize] * weight)
+                    .sum();
             }
-            self.constraints.supports.shift(moved.vertex, moved.corners, moved.weights);
+            self.constraints
+                .supports
+                .shift(moved.vertex, moved.corners, moved.weights);
         }
     }
 
@@ -299,7 +333,11 @@ impl Body {
             &mut state.displacement,
         ] {
             // A twin is equal to the last bit.
-            let between = if a == b { values[a] } else { values[a] + (values[b] - values[a]) * at };
+            let between = if a == b {
+                values[a]
+            } else {
+                values[a] + (values[b] - values[a]) * at
+            };
             values.push(between);
         }
         for values in [
@@ -356,14 +394,27 @@ impl Body {
         };
         let mass = |&node: &u32| free(node) * self.model.mass[node as usize];
         let mass: Vec3 = nodes.iter().map(mass).sum();
-        let velocity = missing.zip_map(&mass, |missing, mass| if mass > 0.0 { missing / mass } else { 0.0 });
+        let velocity = missing.zip_map(
+            &mass,
+            |missing, mass| if mass > 0.0 { missing / mass } else { 0.0 },
+        );
         for &node in nodes {
             self.state.v[node as usize] += velocity.component_mul(&free(node));
         }
     }
 
     /// Lets the elements follow the latest edit, and begins an epoch.
-    fn follow_surface(&mut self, surface: &Surface) {
+    fn follow_surface(&mut self, sheet: &mut Sheet) {
+        let places = &self.assembly.places;
+        for &node in &sheet.nodes {
+            let (place, at) = (places.of(node as usize), self.model.rest[node as usize]);
+            match sheet.rest.get_mut(place) {
+                Some(rest) => *rest = at,
+                // The new nodes are the last ones, in their order.
+                None => sheet.rest.push(at),
+            }
+        }
+        let surface = &sheet.surface;
         let torn = Torn {
             surface,
             place: None,
@@ -371,6 +422,16 @@ impl Body {
         };
         for set in &mut self.model.elements {
             set.follow(&torn);
+        }
+        if let Some(bent) = &mut self.model.bent {
+            bent.follow(surface);
+        }
+        if let Some(bending) = &mut self.model.bending {
+            bending.follow(&Torn {
+                place: Some(places.of_nodes()),
+                rest: &sheet.rest,
+                ..torn
+            });
         }
         self.topology.epoch += 1;
         self.state.revision += 1;

@@ -53,8 +53,9 @@ pub struct Shapes {
 /// The shapes of a body that one stepper moves.
 #[derive(Debug)]
 struct Kept {
-    /// The epoch of the body.
+    /// The epoch of the body, and the number of its edits.
     epoch: u64,
+    edits: u64,
     reduction: Reduction,
     /// Factors of mass and stiffness in the matrix of the shapes.
     factors: (f64, f64),
@@ -74,6 +75,13 @@ struct Kept {
 const LEAST_TURN: f64 = 1e-3;
 
 impl Kept {
+    /// Follows the edits of `body` since the latest shapes.
+    fn grow(&mut self, body: &Body) {
+        self.reduction.grow(body, self.missed.len());
+        self.missed.resize(body.state.x.len(), Vec3::zeros());
+        (self.epoch, self.edits) = (body.epoch(), body.edit_count());
+    }
+
     /// The least norm of the forces that a column is taken to cause (N).
     fn least_reference(&self, column: usize) -> f64 {
         let found = self.references[..column].iter().copied();
@@ -112,17 +120,28 @@ impl Shapes {
         );
         let mut shapes = match self.kept.take() {
             Some(shapes) if shapes.factors == factors && shapes.epoch == body.epoch() => shapes,
+            // All epochs since have begun with edits.
+            Some(mut shapes)
+                if shapes.factors == factors
+                    && body.epoch() - shapes.epoch == body.edit_count() - shapes.edits =>
+            {
+                shapes.grow(body);
+                shapes
+            }
             _ => {
-                let reduction = Reduction::new(body);
+                let reduction = Reduction::for_tears(body);
+                let mut missed = Vec::with_capacity(reduction.capacity());
+                missed.resize(body.state.x.len(), Vec3::zeros());
                 Box::new(Kept {
                     epoch: body.epoch(),
+                    edits: body.edit_count(),
                     references: vec![0.0; reduction.columns.len()],
                     reduction,
                     factors,
                     next: 0,
                     state: 0,
                     current: 0,
-                    missed: vec![Vec3::zeros(); body.state.x.len()],
+                    missed,
                 })
             }
         };
@@ -152,8 +171,8 @@ impl<T: Real> Stepper<T> {
         let h = step.length;
         let drag = body.model.config.mass_damping;
         let stiffness_factor = 1.0 + body.model.config.stiffness_damping / h;
-        for (place, &node) in self.node.iter().enumerate() {
-            let node = node as usize;
+        for place in self.taken_places() {
+            let node = self.node[place] as usize;
             let (old, new) = (to_vec(&self.history[place][0]), body.state.v[node]);
             let inertia = (old - new) / h - new * drag;
             let external = body.model.external[node] * body.model.load_factor;
@@ -216,9 +235,9 @@ impl<T: Real> Stepper<T> {
             ..
         } = shapes;
         let free = self.free;
-        let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
+        let shape = &reduction.shapes[reduction.stride * column..][..3 * free];
         let motion = reduction.columns[column];
-        for place in 0..self.u.len() {
+        for place in self.taken_places() {
             let node = self.node[place] as usize;
             let row = reduction.places.of(node);
             let u = if row < free {
@@ -246,10 +265,11 @@ impl<T: Real> Stepper<T> {
             places,
             pulls,
             holder,
+            stride,
             ..
         } = &mut shapes.reduction;
-        let shape = &mut all[3 * free * column..3 * free * (column + 1)];
-        for place in 0..self.u.len() {
+        let shape = &mut all[*stride * column..][..3 * free];
+        for place in self.taken_places() {
             let row = places.of(self.node[place] as usize);
             let u = to_vec(&self.u[place]);
             if row < free {

@@ -91,6 +91,18 @@ impl Places {
         self.node_of_place.push(last);
     }
 
+    /// Adds a free node at the place after the free nodes. The places of held nodes grow by one. This does not allocate
+    /// within the room that was [reserved](Self::reserve).
+    pub(crate) fn insert_free(&mut self) {
+        let node = self.place_of_node.len() as u32;
+        for &held in &self.node_of_place[self.free..] {
+            self.place_of_node[held as usize] += 1;
+        }
+        self.place_of_node.push(self.free as u32);
+        self.node_of_place.insert(self.free, node);
+        self.free += 1;
+    }
+
     /// Memory of the two lists (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.place_of_node.as_slice()) + size_of_val(self.node_of_place.as_slice())

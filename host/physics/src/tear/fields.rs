@@ -7,11 +7,12 @@
 //! taken off. So a turn of the sheet in space, and a fold or a roll of it, add nothing to `H`.
 
 use super::law::{TearError, TearMaterial};
-use super::rings::{NONE, Patch};
+use super::rings::Patch;
 use super::strength::Symmetric;
 use super::unfold::multiply;
 use crate::Vec3;
 use crate::polar::surface::Polar;
+use crate::topology::NONE;
 
 /// The state of one triangle.
 #[derive(Clone, Copy, Debug)]

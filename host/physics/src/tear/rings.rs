@@ -5,17 +5,15 @@
 //! in triangles.
 //!
 //! **In the way.** `q` must be 0 where forces enter that the integrals do not know, and about other tips. If a held
-//! vertex or another tip lies in ring `k`, the last ring with `q = 1` is `k - 1`, down to the tip alone. `G` of ring 2
-//! errs by about 1 % more than that of ring 3, that of ring 1 by up to 6 %, that of the tip alone by up to 17 %; all
-//! underestimate. A border without forces is not in the way: the integrals have terms for it.
+//! vertex or another tip lies in ring `k`, the last ring with `q = 1` is `k - 1`, down to the tip alone. On clamped strips of
+//! 300 to 2,000 triangles `G` errs by -15 to +1 % for the tip alone, by -6 to +4 % for ring 1, by -1.7 to +0.5 % for ring
+//! 2 and by -0.5 to +0.5 % for ring 3. A border without forces is not in the way: the integrals have terms for it.
 
 use super::fields::Field;
 use super::law::TearError;
 use super::unfold::{Placement, place};
 use crate::Vec3;
-
-/// No triangle, or no vertex.
-pub const NONE: u32 = u32::MAX;
+use crate::topology::{NONE, Surface};
 
 /// A surface of triangles: corners, neighbours and shapes, one of each for a triangle.
 ///
@@ -31,6 +29,16 @@ pub struct Sheet<'a> {
     pub shapes: &'a [[[f64; 2]; 3]],
 }
 
+impl<'a> From<&'a Surface> for Sheet<'a> {
+    fn from(surface: &'a Surface) -> Self {
+        Self {
+            triangles: surface.triangles(),
+            neighbours: surface.neighbours(),
+            shapes: surface.shapes(),
+        }
+    }
+}
+
 /// The tip of a tear.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tip {
@@ -40,6 +48,20 @@ pub struct Tip {
     pub triangle: u32,
     /// The unit direction of the tear at rest, away from its faces, in the frame of the triangle's shape.
     pub along: [f64; 2],
+}
+
+impl Tip {
+    /// The tip at `vertex` of a tear in the direction of a fan angle (rad), for instance
+    /// [`Surface::straight_ahead`]. The tear goes on at this angle plus that of
+    /// [`Intensity::kink`](super::Intensity::kink). `None` for an angle outside of the fan.
+    pub fn at(surface: &Surface, vertex: u32, angle: f64) -> Option<Self> {
+        let (triangle, along) = surface.direction_at(vertex, angle)?;
+        Some(Self {
+            vertex,
+            triangle,
+            along,
+        })
+    }
 }
 
 /// Visits the triangles of the fan of `vertex`, beginning with `triangle`. The second argument is the triangle from

@@ -112,7 +112,8 @@ pub fn highest(
             continue;
         }
         for &vertex in corners {
-            if !may_start(vertex) {
+            let known = best.is_some_and(|best| best.vertex == vertex);
+            if known || !may_start(vertex) {
                 continue;
             }
             let found = candidate(sheet, vertex, t, stress);
