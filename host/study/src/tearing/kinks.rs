@@ -101,6 +101,7 @@ fn kink(pattern: Pattern, load: Load, exact_kink: f64) -> Result<Kink, StudyErro
         triangles: TRIANGLES,
         pattern,
         slits: &[slit],
+        marks: &[],
     };
     let made = rectangle.mesh()?;
     let mesh = &made.mesh;

@@ -67,6 +67,8 @@ pub struct Rectangle<'a> {
     pub pattern: Pattern,
     /// Its slits. They touch neither each other nor a corner.
     pub slits: &'a [Slit],
+    /// Points of the border (m) that are vertices.
+    pub marks: &'a [[f64; 2]],
 }
 
 /// The mesh of a rectangle.
@@ -150,17 +152,18 @@ impl Rectangle<'_> {
         Ok(Patterned { mesh, tips, spacing })
     }
 
-    /// The points of the border, with the mouths of notches among them.
+    /// The points of the border, with the mouths of notches and the marks among them.
     fn border(&self, spacing: f64) -> Vec<[f64; 2]> {
         let (x, y) = (0.5 * self.length, 0.5 * self.width);
         let corners = [[-x, -y], [x, -y], [x, y], [-x, y]];
         let mouths = self.slits.iter().flat_map(|slit| [slit.from, slit.to]);
-        let mouths: Vec<[f64; 2]> = mouths.filter(|&end| self.is_on_border(end)).collect();
+        let marks = mouths.chain(self.marks.iter().copied());
+        let mouths: Vec<[f64; 2]> = marks.filter(|&end| self.is_on_border(end)).collect();
         let mut points = Vec::new();
         for side in 0..4 {
             let (from, to) = (corners[side], corners[(side + 1) % 4]);
             let length = distance(from, to);
-            // The mouths divide a side into stretches with an even spacing each.
+            // They divide a side into stretches with an even spacing each.
             let mut stops = vec![0.0, 1.0];
             let on_side = |mouth: &&[f64; 2]| {
                 (distance(from, **mouth) + distance(**mouth, to) - length).abs() < 1e-9 * length
@@ -317,6 +320,7 @@ mod tests {
                     triangles,
                     pattern,
                     slits: &[notch, inner],
+                    marks: &[],
                 };
                 let made = rectangle.mesh().expect("a mesh");
                 let surface = surface(&made.mesh);

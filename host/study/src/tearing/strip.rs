@@ -62,6 +62,7 @@ fn start(pattern: Pattern, triangles: usize) -> Result<Start, StudyError> {
         triangles,
         pattern,
         slits: &[slit],
+        marks: &[],
     };
     let made = rectangle.mesh()?;
     let surface = surface(&made.mesh)?;
