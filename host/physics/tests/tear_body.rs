@@ -42,7 +42,11 @@ fn moving(bending: f64, handles: &[HandleSpec]) -> Body {
 }
 
 /// Tears `body` from a vertex on its border in a wavy line, and calls `look` with the body before and after each edit.
-fn tear(body: &mut Body, snapping: f64, mut look: impl FnMut(&Body, &Body, &Edit, &physics::BodyEdit)) {
+fn tear(
+    body: &mut Body,
+    snapping: f64,
+    mut look: impl FnMut(&Body, &Body, &Edit, &physics::BodyEdit),
+) {
     let surface = body.surface().expect("a surface");
     let mut tip = (0..surface.vertex_count() as u32)
         .find(|&v| {
@@ -54,7 +58,7 @@ fn tear(body: &mut Body, snapping: f64, mut look: impl FnMut(&Body, &Body, &Edit
         let surface = body.surface().expect("a surface");
         let angle = surface.straight_ahead(tip) + 0.6 * libm::sin(f64::from(count));
         let options = AdvanceOptions { snapping };
-        let Some(edit) = surface.advance(tip, angle, &options, |_| true) else {
+        let Some(edit) = surface.advance(tip, angle, options, |_| true) else {
             break;
         };
         let before = body.clone();
@@ -95,7 +99,10 @@ fn edits_report_the_kinetic_energy_and_that_of_the_loads() {
         let kinetic = after.kinetic_energy() - before.kinetic_energy();
         assert!((kinetic - done.kinetic).abs() <= ROUNDING * before.kinetic_energy());
         let potential = after.load_potential() - before.load_potential();
-        assert!((potential - done.potential).abs() <= ROUNDING * before.load_potential().abs().max(1e-3));
+        assert!(
+            (potential - done.potential).abs()
+                <= ROUNDING * before.load_potential().abs().max(1e-3)
+        );
     });
 }
 
@@ -119,16 +126,29 @@ fn an_edited_body_is_the_body_of_its_triangles() {
         let mut body = moving(bending, &[]);
         tear(&mut body, 0.3, |_, _, _, _| ());
         let surface = body.surface().expect("a surface");
-        let mesh = TriMesh::new(body.rest_positions().to_vec(), surface.triangles().to_vec()).expect("a mesh");
+        let mesh = TriMesh::new(body.rest_positions().to_vec(), surface.triangles().to_vec())
+            .expect("a mesh");
         let mut fresh = Body::sheet(&mesh, &[MATERIAL], *body.config(), &[]).expect("a sheet");
-        fresh.set_positions(body.node_positions()).expect("positions");
-        fresh.set_velocities(body.node_velocities()).expect("velocities");
+        fresh
+            .set_positions(body.node_positions())
+            .expect("positions");
+        fresh
+            .set_velocities(body.node_velocities())
+            .expect("velocities");
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(b.abs());
-        assert!(near(body.elastic_energy(), fresh.elastic_energy()), "{} {}", body.elastic_energy(), fresh.elastic_energy());
+        assert!(
+            near(body.elastic_energy(), fresh.elastic_energy()),
+            "{} {}",
+            body.elastic_energy(),
+            fresh.elastic_energy()
+        );
         assert!(near(body.kinetic_energy(), fresh.kinetic_energy()));
         body.assemble();
         fresh.assemble();
-        let largest = fresh.internal_forces().map(|f| f.norm()).fold(0.0, f64::max);
+        let largest = fresh
+            .internal_forces()
+            .map(|f| f.norm())
+            .fold(0.0, f64::max);
         for (a, b) in body.internal_forces().zip(fresh.internal_forces()) {
             assert!((a - b).norm() <= 1e-9 * largest);
         }
@@ -138,7 +158,8 @@ fn an_edited_body_is_the_body_of_its_triangles() {
 #[test]
 fn a_tear_does_not_part_a_handle() {
     let mesh = cells();
-    let held: Vec<u32> = mesh.vertices_in_box(Vec3::new(-1.0, -1.0, -1.0), Vec3::new(1.0, -0.09, 1.0));
+    let held: Vec<u32> =
+        mesh.vertices_in_box(Vec3::new(-1.0, -1.0, -1.0), Vec3::new(1.0, -0.09, 1.0));
     let handle = HandleSpec {
         vertices: held.clone(),
         origin: Vec3::zeros(),
@@ -150,10 +171,18 @@ fn a_tear_does_not_part_a_handle() {
     let tip = held[held.len() / 2];
     assert!(surface.on_border(tip));
     let edit = surface
-        .advance(tip, surface.straight_ahead(tip), &AdvanceOptions { snapping: 0.0 }, |_| true)
+        .advance(
+            tip,
+            surface.straight_ahead(tip),
+            &AdvanceOptions { snapping: 0.0 },
+            |_| true,
+        )
         .expect("an edit");
     let before = body.clone();
-    assert_eq!(body.edit(&edit).unwrap_err(), TearingError::Held { vertex: tip });
+    assert_eq!(
+        body.edit(&edit).unwrap_err(),
+        TearingError::Held { vertex: tip }
+    );
     assert_eq!(body.node_positions(), before.node_positions());
     assert_eq!(body.epoch(), before.epoch());
 }
@@ -162,22 +191,36 @@ fn a_tear_does_not_part_a_handle() {
 fn a_reserve_that_is_used_up_is_an_error_and_nothing_changes() {
     let mut body = moving(0.0, &[]);
     let mut body = {
-        body.make_tearable(Reserve { vertices: 3, triangles: 3 }).expect("tearable");
+        body.make_tearable(Reserve {
+            vertices: 3,
+            triangles: 3,
+        })
+        .expect("tearable");
         body
     };
     let mut tips = 0;
     let surface = body.surface().expect("a surface");
-    let mut tip = (0..surface.vertex_count() as u32).find(|&v| surface.on_border(v)).expect("a border");
+    let mut tip = (0..surface.vertex_count() as u32)
+        .find(|&v| surface.on_border(v))
+        .expect("a border");
     let error = loop {
         let surface = body.surface().expect("a surface");
         let edit = surface
-            .advance(tip, surface.straight_ahead(tip), &AdvanceOptions { snapping: 0.0 }, |_| true)
+            .advance(
+                tip,
+                surface.straight_ahead(tip),
+                &AdvanceOptions { snapping: 0.0 },
+                |_| true,
+            )
             .expect("an edit");
         let before = (body.epoch(), body.node_positions().len(), body.total_mass());
         match body.edit(&edit) {
             Ok(done) => tip = done.surface.tips[0],
             Err(error) => {
-                assert_eq!((body.epoch(), body.node_positions().len(), body.total_mass()), before);
+                assert_eq!(
+                    (body.epoch(), body.node_positions().len(), body.total_mass()),
+                    before
+                );
                 break error;
             }
         }
@@ -190,8 +233,19 @@ fn a_reserve_that_is_used_up_is_an_error_and_nothing_changes() {
 #[test]
 fn bodies_that_cannot_tear_are_refused() {
     let mesh = physics::mesh::generate_box::solid_box([0.1; 3], [1; 3]).expect("a box");
-    let rubber = physics::SolidMaterial { young: 1e5, poisson: 0.3, density: 1000.0 };
-    let mut solid = Body::solid(&mesh, &[rubber], physics::SolidLaw::Corotational, BodyConfig::default(), &[]).expect("a solid");
+    let rubber = physics::SolidMaterial {
+        young: 1e5,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let mut solid = Body::solid(
+        &mesh,
+        &[rubber],
+        physics::SolidLaw::Corotational,
+        BodyConfig::default(),
+        &[],
+    )
+    .expect("a solid");
     let error = solid.make_tearable(Reserve::default()).unwrap_err();
     assert!(matches!(error, TearingError::Kind { .. }), "{error}");
 }

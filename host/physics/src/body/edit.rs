@@ -89,13 +89,18 @@ impl Body {
             return kind("elements that are not triangles of a sheet");
         };
         let surface = Surface::new(count, &triangles, &shapes, reserve)?;
-        let areal = (0..set.count()).map(|element| set.mass(element) / surface.area(element as u32));
+        let areal =
+            (0..set.count()).map(|element| set.mass(element) / surface.area(element as u32));
         let areal = areal.collect();
         if !set.reserve(reserve.triangles) {
             return kind("elements that cannot be edited");
         }
-        if self.model.bending.is_some() {
-            return kind("stiffness against bending");
+        if let Some(bent) = &mut self.model.bent {
+            if !bent.reserve(&surface, reserve.triangles) {
+                return kind("stiffness against bending of other triangles");
+            }
+            // This makes the bending anew, with room for edits.
+            self.assembly = Assembly::new(&mut self.model, &self.constraints);
         }
         self.reserve_nodes(reserve.vertices);
         self.sheet = Some(Box::new(Sheet {
@@ -163,8 +168,14 @@ impl Body {
 
     /// The mass per area at rest of the sheet at a vertex (kg/m²); 0 for a body that cannot tear.
     pub fn mass_per_area(&self, vertex: u32) -> f64 {
-        let area = self.surface().map_or(0.0, |surface| surface.area_of_vertex(vertex));
-        if area > 0.0 { self.model.mass[vertex as usize] / area } else { 0.0 }
+        let area = self
+            .surface()
+            .map_or(0.0, |surface| surface.area_of_vertex(vertex));
+        if area > 0.0 {
+            self.model.mass[vertex as usize] / area
+        } else {
+            0.0
+        }
     }
 
     /// Positions at rest (m) by node. In a sheet with a flat pattern they are the positions at the start.
@@ -226,12 +237,17 @@ impl Body {
             return Some(edit.tip);
         }
         let growths = [Some(edit.ahead), edit.behind];
-        growths.into_iter().flatten().find_map(|growth| match growth {
-            // A tear may end at a handle inside the sheet. A border vertex would be doubled.
-            Growth::Open { to } => (self.is_held(to) && surface.on_border(to)).then_some(to),
-            Growth::Snap { vertex, .. } => self.is_held(vertex).then_some(vertex),
-            Growth::Cut { edge: [a, b], .. } => (self.is_held(a) && self.is_held(b)).then_some(a),
-        })
+        growths
+            .into_iter()
+            .flatten()
+            .find_map(|growth| match growth {
+                // A tear may end at a handle inside the sheet. A border vertex would be doubled.
+                Growth::Open { to } => (self.is_held(to) && surface.on_border(to)).then_some(to),
+                Growth::Snap { vertex, .. } => self.is_held(vertex).then_some(vertex),
+                Growth::Cut { edge: [a, b], .. } => {
+                    (self.is_held(a) && self.is_held(b)).then_some(a)
+                }
+            })
     }
 
     /// Kinetic energy, potential energy and momentum of those of `nodes` that the body has.
@@ -242,7 +258,8 @@ impl Body {
             if let Some(v) = self.state.v.get(node) {
                 let mass = self.model.mass[node];
                 sums.kinetic += 0.5 * mass * v.norm_squared();
-                sums.potential -= self.model.load_factor * self.model.external[node].dot(&self.state.x[node]);
+                sums.potential -=
+                    self.model.load_factor * self.model.external[node].dot(&self.state.x[node]);
                 sums.momentum += v * mass;
             }
         }
@@ -261,9 +278,13 @@ impl Body {
                 &mut self.state.displacement,
             ] {
                 let corners = moved.corners.iter().zip(moved.weights);
-                values[node] = corners.map(|(&corner, weight)| values[corner as usize] * weight).sum();
+                values[node] = corners
+                    .map(|(&corner, weight)| values[corner as usize] * weight)
+                    .sum();
             }
-            self.constraints.supports.shift(moved.vertex, moved.corners, moved.weights);
+            self.constraints
+                .supports
+                .shift(moved.vertex, moved.corners, moved.weights);
         }
     }
 
@@ -284,7 +305,11 @@ impl Body {
             &mut state.displacement,
         ] {
             // A twin is equal to the last bit.
-            let between = if a == b { values[a] } else { values[a] + (values[b] - values[a]) * at };
+            let between = if a == b {
+                values[a]
+            } else {
+                values[a] + (values[b] - values[a]) * at
+            };
             values.push(between);
         }
         for values in [
@@ -341,7 +366,10 @@ impl Body {
         };
         let mass = |&node: &u32| free(node) * self.model.mass[node as usize];
         let mass: Vec3 = nodes.iter().map(mass).sum();
-        let velocity = missing.zip_map(&mass, |missing, mass| if mass > 0.0 { missing / mass } else { 0.0 });
+        let velocity = missing.zip_map(
+            &mass,
+            |missing, mass| if mass > 0.0 { missing / mass } else { 0.0 },
+        );
         for &node in nodes {
             self.state.v[node as usize] += velocity.component_mul(&free(node));
         }
@@ -356,6 +384,18 @@ impl Body {
         };
         for set in &mut self.model.elements {
             set.follow(&torn);
+        }
+        if let Some(bent) = &mut self.model.bent {
+            bent.follow(surface);
+        }
+        if let Some(bending) = &mut self.model.bending {
+            let (places, rest) = (&self.assembly.places, &self.model.rest);
+            let torn = Torn {
+                place: Some(places.of_nodes()),
+                ..torn
+            };
+            let nodes = places.nodes();
+            bending.follow(&torn, &|place| rest[nodes[place as usize] as usize]);
         }
         self.topology.epoch += 1;
         self.state.revision += 1;

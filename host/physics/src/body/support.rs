@@ -197,10 +197,14 @@ impl Supports {
         let (Some(at), [Some(a), Some(b), Some(c)]) = (of(node), corners.map(of)) else {
             return;
         };
-        let place = self.rest[a] * weights[0] + self.rest[b] * weights[1] + self.rest[c] * weights[2];
+        let place =
+            self.rest[a] * weights[0] + self.rest[b] * weights[1] + self.rest[c] * weights[2];
         for axis in 0..3 {
             let guide = self.owner[node as usize][axis];
-            if corners.iter().all(|&corner| self.owner[corner as usize][axis] == guide) {
+            if corners
+                .iter()
+                .all(|&corner| self.owner[corner as usize][axis] == guide)
+            {
                 self.rest[at][axis] = place[axis];
             }
         }

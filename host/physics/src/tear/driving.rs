@@ -67,8 +67,8 @@ impl Patch {
             let slope = self.slope(laid, &state.gradients);
             let s = times(&state.stress, slope);
             let strained = times(&state.strain, s);
-            sums.domain += state.area
-                * (dot(e, s) + dot(e, strained) - state.density * dot(e, slope));
+            sums.domain +=
+                state.area * (dot(e, s) + dot(e, strained) - state.density * dot(e, slope));
             self.border_of(laid, |length, normal, q, _| {
                 sums.border += length * q * state.density * dot(e, normal);
             });

@@ -76,10 +76,7 @@ fn known(r: f64, theta: f64, young: f64, poisson: f64) -> [Known; 2] {
     let b = a * (1.0 + poisson) / young;
     let derivative = |g: f64, slope: f64| b * (0.5 * cosine * g - sine * slope);
     let opening = [
-        derivative(
-            c * (kappa - cosine),
-            -0.5 * s * (kappa - cosine) + c * sine,
-        ),
+        derivative(c * (kappa - cosine), -0.5 * s * (kappa - cosine) + c * sine),
         derivative(s * (kappa - cosine), 0.5 * c * (kappa - cosine) + s * sine),
     ];
     let sliding = [
@@ -146,8 +143,8 @@ impl Patch {
                 let traction = self.by_tear(state.traction(slope_in_plane));
                 let slope = self.by_tear(slope_in_plane);
                 for weights in POINTS {
-                    let point = [0, 1]
-                        .map(|j| (0..3).map(|k| weights[k] * laid.shape[k][j]).sum::<f64>());
+                    let point =
+                        [0, 1].map(|j| (0..3).map(|k| weights[k] * laid.shape[k][j]).sum::<f64>());
                     for (sum, known) in sums.iter_mut().zip(self.known_at(place, point)) {
                         let own = super::fields::times(&known.stress, slope);
                         *sum += state.area / 3.0
@@ -167,7 +164,9 @@ impl Patch {
                     let point = [0, 1].map(|j| a[j] + half * (b[j] - a[j]));
                     for (sum, known) in sums.iter_mut().zip(self.known_at(place, point)) {
                         let own = super::fields::times(&known.stress, normal);
-                        *sum += 0.5 * length * q
+                        *sum += 0.5
+                            * length
+                            * q
                             * (contract(&known.stress, &strain) * normal[0]
                                 - dot(own, displacement));
                     }

@@ -59,10 +59,7 @@ pub(super) fn turn(sheet: &Sheet, parent: u32, child: u32, frame: [f64; 2]) -> [
     }
     let (old, new) = (
         [b[0] - a[0], b[1] - a[1]],
-        multiply(
-            [b[0] - a[0], b[1] - a[1]],
-            [d[0] - c[0], -(d[1] - c[1])],
-        ),
+        multiply([b[0] - a[0], b[1] - a[1]], [d[0] - c[0], -(d[1] - c[1])]),
     );
     let length = libm::hypot(new[0], new[1]);
     if old == [0.0; 2] || length <= 0.0 {
