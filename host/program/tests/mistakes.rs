@@ -158,6 +158,11 @@ fn rates_and_times_that_do_not_fit() {
 }
 
 #[test]
+fn sheets_that_cannot_tear() {
+    check("tear");
+}
+
+#[test]
 fn files_that_are_missing_or_of_another_kind() {
     check("files");
 }

@@ -1,5 +1,6 @@
 //! The mesh of a body: generated, or read from a file.
 
+use super::notch::{self, Cuts};
 use crate::scene::plausible::{EXTENT, EXTENT_OF_FILE, Warning};
 use crate::scene::spec::{Body, MeshSource, PatternName, Rotation};
 use crate::scene::{LoadedScene, SceneError};
@@ -8,17 +9,46 @@ use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
 use physics::mesh::generate_thread::straight_thread;
-use physics::mesh::{Bounds, Cells, Mesh};
+use physics::mesh::{Bounds, Cells, Mesh, TriMesh};
 use std::borrow::Cow;
 
 /// The mesh of one body, placed in the world, its elements in the file's order. A mesh file is read once, however often
 /// its mesh is asked for: see [`MeshFile`](crate::scene::MeshFile).
 pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>, SceneError> {
+    Ok(with_notches(loaded, index)?.mesh)
+}
+
+/// The mesh of one body, with its notches.
+pub(super) struct Notched<'a> {
+    /// The mesh, placed in the world.
+    pub(super) mesh: Cow<'a, Mesh>,
+    /// The notches in it.
+    pub(super) cuts: Cuts,
+}
+
+/// As [`build`], with the notches of the mesh.
+pub(super) fn with_notches(loaded: &LoadedScene, index: usize) -> Result<Notched<'_>, SceneError> {
     let mut mesh = at_origin(loaded, index)?;
     let body = &loaded.scene.bodies[index];
+    let mut scale = body.mesh.scale;
+    let mut cuts = Cuts::default();
+    if let Some(tear) = &body.tear {
+        let whole = sheet(loaded, index, &mesh)?;
+        if !tear.notches.is_empty() {
+            let mut whole = whole.clone();
+            // Notches are in metres.
+            let scale = scale.take().unwrap_or(1.0);
+            for vertex in &mut whole.positions {
+                *vertex *= scale;
+            }
+            let (notched, made) = notch::cut(loaded, index, tear, &whole)?;
+            mesh = Cow::Owned(Mesh::Sheet(notched));
+            cuts = made;
+        }
+    }
     // A body that is not placed keeps its coordinates to the last bit, and the mesh of its file is not copied.
-    if body.mesh.scale.is_some() || body.rotation.is_some() || body.position != [0.0; 3] {
-        let scale = body.mesh.scale.unwrap_or(1.0);
+    if scale.is_some() || body.rotation.is_some() || body.position != [0.0; 3] {
+        let scale = scale.unwrap_or(1.0);
         let position = Vec3::from(body.position);
         let turn = body.rotation.map(Rotation::matrix);
         for vertex in mesh.to_mut().positions_mut() {
@@ -27,7 +57,23 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>,
         }
     }
     extent(loaded, index, &mesh)?;
-    Ok(mesh)
+    Ok(Notched { mesh, cuts })
+}
+
+/// The triangles of a body that tears.
+fn sheet<'a>(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &'a Mesh,
+) -> Result<&'a TriMesh, SceneError> {
+    let found = match mesh {
+        Mesh::Sheet(sheet) => return Ok(sheet),
+        Mesh::Thread(_) => "the tear of a thread",
+        Mesh::Solid(_) => "the tear of a solid",
+    };
+    let field = format!("body[{index}].tear");
+    let allowed = "no such table, because only sheets tear";
+    Err(loaded.source.error(&field, found, allowed))
 }
 
 /// Judges the size of a body: the longest side of the box around its mesh.

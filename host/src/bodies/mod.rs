@@ -7,8 +7,10 @@ mod load;
 mod material;
 mod mesh;
 mod mount;
+mod notch;
 mod places;
 mod survey;
+mod tear;
 mod tool;
 
 use crate::scene::spec::{self, body::BorderName, body::LawName};
@@ -23,6 +25,7 @@ use physics::{
 pub(crate) use mount::is_mounted;
 pub use mount::{Mount, mount};
 pub use survey::warnings;
+pub use tear::{Drop, TearSpec};
 pub use tool::{Tool, bodies_held, tools};
 
 /// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any
@@ -64,6 +67,8 @@ pub struct Built {
     pub carriers: Vec<Carrier>,
     /// The sum of the scene's loads, a force for each vertex (N).
     pub loads: Vec<Vec3>,
+    /// How the body tears; `None` for a body that does not tear.
+    pub tear: Option<TearSpec>,
 }
 
 /// The part of the body that holds the vertices of a scene's support.
@@ -97,10 +102,12 @@ pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, S
 pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let mesh = mesh::build(loaded, index)?.into_owned();
-    let material = material::build(loaded, index, &mesh)?;
-    let mut handles = handles(loaded, index, &mesh)?;
-    let parts = supports(loaded, index, &mesh, &mut handles)?;
+    let notched = mesh::with_notches(loaded, index)?;
+    let mesh = &*notched.mesh;
+    let material = material::build(loaded, index, mesh)?;
+    let mut handles = handles(loaded, index, mesh)?;
+    let parts = supports(loaded, index, mesh, &mut handles)?;
+    let tear = tear::build(loaded, index, &notched, &material.elements, &handles)?;
     let config = BodyConfig {
         gravity: Vec3::from(scene.gravity),
         mass_damping: spec.damping.mass,
@@ -115,7 +122,7 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
         let allowed = "a body that can be simulated";
         loaded.source.error(&field, fault.to_string(), allowed)
     };
-    let mut body = match (&mesh, &material.elements) {
+    let mut body = match (mesh, &material.elements) {
         (Mesh::Sheet(mesh), material::Elements::Sheet(materials)) => {
             Body::sheet(mesh, materials, config, &handles)
         }
@@ -169,19 +176,20 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
             }
         });
     }
-    let loads = load::build(loaded, index, &mesh)?;
+    let loads = load::build(loaded, index, mesh)?;
     body.set_external_forces(&loads)
         .map_err(|error| refuse(&error))?;
     Ok(Built {
-        kind: material::kind(spec, &mesh),
+        kind: material::kind(spec, mesh),
         law: material.law,
         young: material.young,
         poisson: material.poisson,
-        mesh,
+        mesh: notched.mesh.into_owned(),
         body,
         handles,
         carriers,
         loads,
+        tear,
     })
 }
 

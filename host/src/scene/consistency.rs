@@ -3,7 +3,8 @@
 use super::drivers::drivers;
 use super::spec::body::BorderName;
 use super::spec::{
-    Body, Device, Hand, Handle, Host, MeshSource, Realtime, Rotation, SIMULATED, Scene, TaskName,
+    Body, Device, Hand, Handle, Host, MeshSource, Notch, Realtime, Rotation, SIMULATED, Scene,
+    SolverName, Starts, TaskName, Tear,
 };
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
@@ -52,6 +53,7 @@ pub(super) fn check(scene: &Scene) -> Check {
     names("device", scene.devices.iter().map(|device| &device.name))?;
     for (index, body) in scene.bodies.iter().enumerate() {
         check_body(&format!("body[{index}]"), body)?;
+        check_tear(&format!("body[{index}]"), body, &scene.host)?;
     }
     check_holding(scene)?;
     for (index, device) in scene.devices.iter().enumerate() {
@@ -235,6 +237,96 @@ fn check_loads(at: &str, body: &Body) -> Check {
             _ => continue,
         };
         require(false, &at, found, "exactly one of the two")?;
+    }
+    Ok(())
+}
+
+/// A body that tears is an isotropic sheet without clamped borders, and its law has its values.
+fn check_tear(at: &str, body: &Body, host: &Host) -> Check {
+    let Some(tear) = &body.tear else {
+        return Ok(());
+    };
+    let field = |name: &str| format!("{at}.tear{name}");
+    require(
+        body.material.weave.is_none(),
+        &field(""),
+        "the tear of a woven sheet",
+        "no such table, because only isotropic sheets tear",
+    )?;
+    let clamped = |border: BorderName| border == BorderName::Clamped;
+    let handles = body.handles.iter().map(|handle| handle.border);
+    let supports = body.supports.iter().map(|support| support.border);
+    for (list, clamps) in [
+        ("handle", handles.map(clamped).collect::<Vec<_>>()),
+        ("support", supports.map(clamped).collect()),
+    ] {
+        if let Some(index) = clamps.iter().position(|&clamps| clamps) {
+            let allowed = "\"hinged\" for a body that tears";
+            require(
+                false,
+                &format!("{at}.{list}[{index}].border"),
+                "\"clamped\"",
+                allowed,
+            )?;
+        }
+    }
+    require(
+        tear.starts != Some(Starts::Tips) || !tear.notches.is_empty(),
+        &field(".starts"),
+        "\"tips\" without a notch",
+        "\"anywhere\", or a `[[body.tear.notch]]` that has a tip",
+    )?;
+    check_notches(&field(".notch"), tear)?;
+    let solver = match host.solver {
+        SolverName::Auto | SolverName::Frozen => return Ok(()),
+        SolverName::Assembled => "\"assembled\"",
+        SolverName::FrozenSingle => "\"frozen_single\"",
+        SolverName::Incomplete => "\"incomplete\"",
+    };
+    let allowed = format!(
+        "\"auto\" or \"frozen\", because the body {:?} tears",
+        body.name
+    );
+    require(false, "host.solver", solver, allowed)
+}
+
+/// A notch has two ends, and a row of cuts has a step.
+fn check_notches(at: &str, tear: &Tear) -> Check {
+    for (index, notch) in tear.notches.iter().enumerate() {
+        let at = format!("{at}[{index}]");
+        let Notch {
+            from,
+            to,
+            count,
+            step,
+        } = notch;
+        let found = format!("{to:?}");
+        require(
+            from != to,
+            &format!("{at}.to"),
+            found,
+            "another point than `from`",
+        )?;
+        match step {
+            None => require(
+                *count == 1,
+                &format!("{at}.count"),
+                format!("{count} cuts without a `step`"),
+                "1, or a `step` from each cut to the next",
+            )?,
+            Some(step) => {
+                let field = format!("{at}.step");
+                let found = format!("{step:?}");
+                require(
+                    *step != [0.0; 3],
+                    &field,
+                    found.as_str(),
+                    "any step but [0, 0, 0]",
+                )?;
+                let allowed = "no such field for one cut: give a `count` above 1";
+                require(*count > 1, &field, found, allowed)?;
+            }
+        }
     }
     Ok(())
 }

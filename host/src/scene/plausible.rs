@@ -282,6 +282,28 @@ const TASK_SPEED: Quantity = Quantity {
     small: "a hand that explores moves at 0.05 to 0.5 m/s",
     large: "is the value in mm/s? a hand that explores moves at 0.05 to 0.5 m/s",
 };
+const STRENGTH: Quantity = Quantity {
+    unit: "Pa",
+    usual: [100.0, 1e10],
+    allowed: [1e-3, 1e13],
+    small: "is the exponent right? tissue bears 1e4 to 1e7 Pa, paper 1e7 to 1e8 Pa",
+    large: "is the exponent right? tissue bears 1e4 to 1e7 Pa, paper 1e7 to 1e8 Pa",
+};
+/// The strength as a fraction of Young's modulus. Beyond a tenth, strains are no longer small before the sheet tears.
+const STRENGTH_RATIO: Quantity = Quantity {
+    unit: "of `young`",
+    usual: [1e-6, 0.1],
+    allowed: [0.0, f64::INFINITY],
+    small: "the sheet would tear under its weight: is the exponent right?",
+    large: "the sheet stretches by more than 10 % before it tears, and its law is for small strains",
+};
+const TOUGHNESS: Quantity = Quantity {
+    unit: "J/m^2",
+    usual: [0.1, 1e6],
+    allowed: [1e-9, 1e12],
+    small: "is the exponent right? tissue takes 10 to 1e4 J/m^2, paper 1e3 to 3e4 J/m^2",
+    large: "is the exponent right? tissue takes 10 to 1e4 J/m^2, paper 1e3 to 3e4 J/m^2",
+};
 /// A number of a device file: its name, its value in a model, and its ranges.
 type DeviceNumber = (&'static str, fn(&DeviceModel) -> f64, Quantity);
 
@@ -443,7 +465,13 @@ impl Judge<'_> {
             let field = format!("{at}.support[{number}].displacement");
             self.see(&DISPLACEMENT, &field, norm(support.displacement))?;
         }
-        Ok(())
+        let Some(tear) = &body.tear else {
+            return Ok(());
+        };
+        let field = format!("{at}.tear.strength");
+        self.see(&STRENGTH, &field, tear.strength)?;
+        self.see(&STRENGTH_RATIO, &field, tear.strength / material.young)?;
+        self.see(&TOUGHNESS, &format!("{at}.tear.toughness"), tear.toughness)
     }
 
     fn device(
@@ -626,6 +654,9 @@ mod tests {
             ARM_DAMPING,
             TREMOR,
             TASK_SPEED,
+            STRENGTH,
+            STRENGTH_RATIO,
+            TOUGHNESS,
         ];
         for quantity in DEVICE
             .map(|(_, _, quantity)| quantity)

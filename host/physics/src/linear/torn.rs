@@ -162,7 +162,8 @@ impl TornFactor {
             return false;
         }
         self.ties.push(tie);
-        self.free.push([free.x as f32, free.y as f32, free.z as f32]);
+        self.free
+            .push([free.x as f32, free.y as f32, free.z as f32]);
         self.begin(at);
         true
     }
@@ -189,7 +190,9 @@ impl TornFactor {
             return;
         }
         let blocks = &mut self.rows[row - self.old].blocks;
-        let found = blocks.iter().position(|(other, _)| *other as usize == column);
+        let found = blocks
+            .iter()
+            .position(|(other, _)| *other as usize == column);
         match found {
             Some(at) => blocks[at].1 += block,
             None if blocks.len() < MOST_BLOCKS => blocks.push((column as u32, *block)),
@@ -199,11 +202,7 @@ impl TornFactor {
 
     /// Computes the columns of the rows that were given. `solve` solves with the old factor in place, and `mask` has the
     /// free axes of the old places, or nothing where all are free.
-    pub fn update<T: Real>(
-        &mut self,
-        mask: &[Node<T>],
-        mut solve: impl FnMut(&mut [Node<f32>]),
-    ) {
+    pub fn update<T: Real>(&mut self, mask: &[Node<T>], mut solve: impl FnMut(&mut [Node<f32>])) {
         let joined = self.joined();
         let Some(first) = self.rows[..self.count()].iter().position(|row| row.changed) else {
             return;
@@ -217,7 +216,10 @@ impl TornFactor {
         }
         for node in joined..self.count() {
             if self.rows[node].changed {
-                self.own[node] = self.own_block(node).try_inverse().unwrap_or_else(Mat3::zeros);
+                self.own[node] = self
+                    .own_block(node)
+                    .try_inverse()
+                    .unwrap_or_else(Mat3::zeros);
             }
         }
         for node in 0..joined {
@@ -236,7 +238,10 @@ impl TornFactor {
     /// The diagonal block of a new node, without its guided axes.
     fn own_block(&self, node: usize) -> Mat3 {
         let place = (self.old + node) as u32;
-        let block = self.rows[node].blocks.iter().find(|(other, _)| *other == place);
+        let block = self.rows[node]
+            .blocks
+            .iter()
+            .find(|(other, _)| *other == place);
         let mut block = block.map_or_else(Mat3::zeros, |(_, block)| *block);
         for axis in 0..3 {
             if self.free[node][axis] == 0.0 {
@@ -289,9 +294,7 @@ impl TornFactor {
         for (node, tie) in self.ties.iter().enumerate().rev() {
             let own = r[self.old + node];
             for (end, weight) in tie.weights() {
-                if weight != 0.0
-                    && end < self.old + node
-                {
+                if weight != 0.0 && end < self.old + node {
                     add_times(&mut r[end], weight, &own);
                 }
             }
@@ -303,9 +306,7 @@ impl TornFactor {
         for (node, tie) in self.ties.iter().enumerate() {
             let mut own = [0.0; 4];
             for (end, weight) in tie.weights() {
-                if weight != 0.0
-                    && end < self.old + node
-                {
+                if weight != 0.0 && end < self.old + node {
                     add_times(&mut own, weight, &y[end]);
                 }
             }
@@ -433,7 +434,11 @@ impl TornFactor {
         }
         for column in 0..joined {
             let start = self.column_start(column);
-            add_column(self.small[column] as f32, &self.columns[start..start + end], r);
+            add_column(
+                self.small[column] as f32,
+                &self.columns[start..start + end],
+                r,
+            );
         }
     }
 }

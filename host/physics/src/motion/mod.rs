@@ -20,4 +20,6 @@ pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
 pub use integrator::{Integrator, IntegratorOptions, StepReport, TimeScheme};
 pub use newton::{NewtonOptions, NewtonReport};
 pub use refresh::Refresher;
-pub use stepper::{Guess, Ledger, Pair, Part, Stepper, StepperOptions, StepperReport, complete_bytes};
+pub use stepper::{
+    Guess, Ledger, Pair, Part, Stepper, StepperOptions, StepperReport, complete_bytes,
+};

@@ -1,7 +1,18 @@
 //! The choice of the edit that lets a tear follow a direction.
 
+use super::NONE;
+use super::cut::THINNEST;
 use super::edit::{Edit, Growth};
-use super::surface::Surface;
+use super::surface::{Surface, angle, between, cross, dot, length, minus};
+
+/// An edge opens as it is where its far end is off the path by this fraction of its length or less (0.6 degrees).
+const NEGLIGIBLE: f64 = 0.01;
+
+/// A cut is good where all angles of the new triangles have at least this size (rad): 8 degrees.
+const GOOD: f64 = 0.14;
+
+/// A cut keeps this fraction of the edge between itself and the ends, if a cut elsewhere would make thin triangles.
+const CLEAR: f64 = 0.15;
 
 /// How [`Surface::advance`] follows a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +32,7 @@ impl Surface {
         &self,
         tip: u32,
         direction: f64,
-        options: &AdvanceOptions,
+        options: AdvanceOptions,
         may_move: impl Fn(u32) -> bool,
     ) -> Option<Edit> {
         if !self.on_border(tip) {
@@ -37,7 +48,7 @@ impl Surface {
         &self,
         vertex: u32,
         direction: f64,
-        options: &AdvanceOptions,
+        options: AdvanceOptions,
         may_move: impl Fn(u32) -> bool,
     ) -> Option<Edit> {
         if self.on_border(vertex) {
@@ -53,13 +64,151 @@ impl Surface {
         })
     }
 
+    /// The edge along which a tear would grow: its fan angle at the tip (rad), and its length at rest (m). `None` if the
+    /// tip has no such edge.
+    ///
+    /// The edge may differ from the direction that [`Surface::advance`] was given. A tear that keeps to a line adds up
+    /// `length * sin(angle - direction)`, its distance from the line, and turns back by it.
+    pub fn edge_of(&self, tip: u32, growth: &Growth) -> Option<(f64, f64)> {
+        let (far, weight) = match *growth {
+            Growth::Open { to } => (to, None),
+            Growth::Snap { vertex, .. } => (vertex, None),
+            Growth::Cut { edge, at } => (edge[0], Some((edge[1], at))),
+        };
+        let mut begin = 0.0;
+        for corner in self.fan(tip) {
+            let (shape, k) = (self.shape(corner.triangle), corner.corner);
+            let sides = [1, 2].map(|far| minus(shape[(k + far) % 3], shape[k]));
+            let turn = |to: [f64; 2]| libm::atan2(cross(sides[0], to).abs(), dot(sides[0], to));
+            let ends = [corner.from, corner.to];
+            let side = ends.iter().position(|&end| end == far);
+            let reached = match (side, weight) {
+                (Some(side), None) => Some(sides[side]),
+                (Some(side), Some((other, at))) if ends[1 - side] == other => {
+                    Some(between(sides[side], sides[1 - side], at))
+                }
+                _ => None,
+            };
+            if let Some(reached) = reached {
+                let mut found = (begin + turn(reached), length(reached));
+                if let Growth::Snap { shift, .. } = *growth {
+                    // The shift is seen from the far end, with the tip ahead.
+                    found.0 -= libm::atan2(shift[1], found.1 - shift[0]);
+                    found.1 = libm::hypot(found.1 - shift[0], shift[1]);
+                }
+                return Some(found);
+            }
+            begin += angle(&shape, k);
+        }
+        None
+    }
+
+    /// The growth from a tip in the direction of a fan angle (rad).
+    ///
+    /// In the plane of the triangle, the direction crosses the edge opposite to the tip between its ends `p` and `q`.
+    /// The nearer end by its distance from the path is tried first: its edge opens if the distance is negligible, it
+    /// snaps if it may and the distance is small. Otherwise the opposite edge is cut. Where a cut would make thin
+    /// triangles, the nearest usable edge opens.
     fn growth(
         &self,
-        _tip: u32,
-        _direction: f64,
-        _options: &AdvanceOptions,
-        _may_move: &impl Fn(u32) -> bool,
+        tip: u32,
+        direction: f64,
+        options: AdvanceOptions,
+        may_move: &impl Fn(u32) -> bool,
     ) -> Option<Growth> {
-        None
+        let wedge = self.wedge(tip, direction)?;
+        let corner = self.corner(wedge.triangle, tip)?;
+        let shape = self.shape(wedge.triangle);
+        let side = |k: usize| length(minus(shape[(wedge.corner + k) % 3], shape[wedge.corner]));
+        let ends = [
+            End::new(corner.from, side(1), wedge.within, -1.0),
+            End::new(corner.to, side(2), wedge.angle - wedge.within, 1.0),
+        ];
+        let crossing = ends[0].aside / (ends[0].aside + ends[1].aside);
+        let mut near = ends;
+        if ends[1].aside < ends[0].aside {
+            near.swap(0, 1);
+        }
+        let opens = |end: &End| self.opens(tip, end.vertex);
+        let nearest = &near[0];
+        if opens(nearest) && nearest.aside <= NEGLIGIBLE * nearest.size {
+            return Some(Growth::Open { to: nearest.vertex });
+        }
+        for end in &near {
+            let limit = options.snapping.min(0.5) * self.shortest_edge(end.vertex);
+            let shift = end.shift();
+            if end.aside <= limit
+                && end.cosine > 0.0
+                && may_move(end.vertex)
+                && self.check_snap(tip, end.vertex, shift).is_ok()
+            {
+                let vertex = end.vertex;
+                return Some(Growth::Snap { vertex, shift });
+            }
+        }
+        let edge = [corner.from, corner.to];
+        let cut = |at: f64, thinnest: f64| {
+            let fits = self.check_cut(tip, edge, at, thinnest).is_ok();
+            fits.then_some(Growth::Cut { edge, at })
+        };
+        // Beside a cut near an end of the edge, a thin triangle would remain: the edge to this end opens instead.
+        let inner = crossing.clamp(CLEAR, 1.0 - CLEAR);
+        let open = |end: &End| opens(end).then_some(Growth::Open { to: end.vertex });
+        cut(crossing, GOOD)
+            .or_else(|| cut(inner, GOOD))
+            .or_else(|| open(nearest))
+            .or_else(|| cut(inner, THINNEST))
+            .or_else(|| open(&near[1]))
+            .or_else(|| cut(0.5, THINNEST))
+    }
+
+    /// Whether there is an edge from the tip that is on no border.
+    fn opens(&self, tip: u32, to: u32) -> bool {
+        !self.edge_between(tip, to).contains(&NONE)
+    }
+
+    /// The length at rest of the shortest edge at a vertex (m).
+    pub(super) fn shortest_edge(&self, vertex: u32) -> f64 {
+        let lengths = self.fan(vertex).map(|corner| {
+            let (shape, k) = (self.shape(corner.triangle), corner.corner);
+            let side = |far: usize| length(minus(shape[(k + far) % 3], shape[k]));
+            side(1).min(side(2))
+        });
+        lengths.fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// An end of the edge opposite to the tip, as seen from the tip.
+#[derive(Clone, Copy)]
+struct End {
+    vertex: u32,
+    /// The length of the edge from the tip to the vertex (m).
+    size: f64,
+    /// The sine and the cosine of the angle between this edge and the path.
+    sine: f64,
+    cosine: f64,
+    /// The distance of the vertex from the path (m).
+    aside: f64,
+    /// 1 if the vertex is on the left of the path, -1 on the right.
+    left: f64,
+}
+
+impl End {
+    fn new(vertex: u32, size: f64, angle: f64, left: f64) -> Self {
+        let (sine, cosine) = (libm::sin(angle), libm::cos(angle));
+        Self {
+            vertex,
+            size,
+            sine,
+            cosine,
+            aside: size * sine.abs(),
+            left,
+        }
+    }
+
+    /// The displacement of the vertex to the nearest point of the path (m), along the direction to the tip and left of it.
+    fn shift(&self) -> [f64; 2] {
+        // Seen from a vertex on the left of the path, with the tip ahead, the path is on the left.
+        [self.aside * self.sine, self.left * self.aside * self.cosine]
     }
 }

@@ -4,8 +4,8 @@ use super::NONE;
 use super::edit::EditError;
 use super::surface::{Origin, Surface, between, smallest_angle};
 
-/// No part of a divided triangle may have a smaller angle at rest (rad): 1 degree.
-pub(super) const THINNEST: f64 = 0.017_453_292_519_943_295;
+/// No part of a divided triangle may have a smaller angle at rest (rad): 3 degrees.
+pub(super) const THINNEST: f64 = 0.052_359_877_559_829_88;
 
 impl Surface {
     /// Divides the edge opposite to the tip. Returns the new vertex, which an edge joins to the tip.

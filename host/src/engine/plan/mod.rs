@@ -10,9 +10,9 @@ pub use stages::{Stage, in_words, stages};
 
 use super::choice::{Choice, choose};
 use super::virtual_coupling::Link;
-use crate::bodies::{self, Built, Kind};
+use crate::bodies::{self, Built, Kind, TearSpec};
 use crate::scene::LoadedScene;
-use crate::scene::spec::{self, Scene, SchemeName};
+use crate::scene::spec::{self, Scene, SchemeName, Starts, TearLawName};
 use physics::Freedom;
 
 /// The plan of one body: its solver, its handles and its rates.
@@ -44,6 +44,36 @@ pub struct BodyPlan {
     pub horizon: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
     pub links: Option<Vec<Link>>,
+    /// Its tearing, if it tears.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tear: Option<TearPlan>,
+}
+
+/// The tearing of one body.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct TearPlan {
+    /// The law of tearing.
+    pub law: TearLawName,
+    /// Where tears start.
+    pub starts: Starts,
+    /// Number of tips that notches have at the start.
+    pub tips: usize,
+    /// Number of vertices that tears may add.
+    pub room: usize,
+    /// Whether pieces that no hand holds are dropped once they have left the scene.
+    pub drops: bool,
+}
+
+impl TearPlan {
+    fn new(tear: &TearSpec) -> Self {
+        Self {
+            law: tear.law,
+            starts: tear.starts,
+            tips: tear.tips.len(),
+            room: tear.room,
+            drops: tear.drop.is_some(),
+        }
+    }
 }
 
 impl BodyPlan {
@@ -67,6 +97,7 @@ impl BodyPlan {
             step: 1.0 / scene.host.step_rate,
             period,
             horizon: period + scene.host.latency,
+            tear: built.tear.as_ref().map(TearPlan::new),
             links: (scene.realtime.scheme == SchemeName::Proxy).then(|| links(loaded, spec)),
         }
     }

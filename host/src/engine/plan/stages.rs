@@ -1,9 +1,9 @@
 //! The stages of a host step, in their order: which of them the bodies of a scene need, and why, for people.
 
-use super::BodyPlan;
+use super::{BodyPlan, TearPlan};
 use crate::bodies::Kind;
 use crate::run::setup;
-use crate::scene::spec::{Scene, SolverName};
+use crate::scene::spec::{Scene, SolverName, Starts, TearLawName};
 
 /// One stage of the host step.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -62,8 +62,8 @@ pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
                 .into(),
             "only frozen solvers let bodies sleep",
         ),
-        Stage::new("stress", false, "no tear threshold"),
-        Stage::new("tear", false, "no tear threshold"),
+        stress(bodies),
+        tear(bodies),
         condense(scene, bodies, assembles),
         publish(scene, bodies),
     ]
@@ -167,6 +167,63 @@ fn solve(scene: &Scene, bodies: &[BodyPlan]) -> String {
         host.max_iterations,
         each.collect::<Vec<_>>().join("; ")
     )
+}
+
+/// The plans of the bodies that tear, with the names of the bodies where the scene has several.
+fn torn(bodies: &[BodyPlan]) -> impl Iterator<Item = (String, &TearPlan)> {
+    let named = |body: &BodyPlan| match bodies {
+        [_] => String::new(),
+        _ => format!("{}: ", body.name),
+    };
+    let each = bodies.iter();
+    each.filter_map(move |body| Some((named(body), body.tear.as_ref()?)))
+}
+
+fn stress(bodies: &[BodyPlan]) -> Stage {
+    let each = torn(bodies).filter_map(|(name, tear)| {
+        let anywhere = tear.starts == Starts::Anywhere || tear.law == TearLawName::Thesis;
+        let why = if tear.starts == Starts::Anywhere {
+            "principal stresses at the vertices, where the elastic energy allows the strength"
+        } else {
+            "principal stresses at the tips"
+        };
+        anywhere.then(|| format!("{name}{why}"))
+    });
+    let why = each.collect::<Vec<_>>().join("; ");
+    let why_not = if torn(bodies).next().is_some() {
+        "tears start at tips only, and the energy that they release drives them"
+    } else {
+        "no tear threshold"
+    };
+    Stage::either("stress", !why.is_empty(), why, why_not)
+}
+
+fn tear(bodies: &[BodyPlan]) -> Stage {
+    let each = torn(bodies).map(|(name, tear)| {
+        let law = match tear.law {
+            TearLawName::Toughness => {
+                "the energy release rate and the stress intensities over some 50 triangles about each tip"
+            }
+            TearLawName::Thesis => "the stress at each tip",
+        };
+        let starts = match (tear.starts, tear.tips) {
+            (Starts::Anywhere, 0) => "tears start anywhere".to_owned(),
+            (Starts::Anywhere, tips) => format!("tears start at {} and anywhere", count(tips, "tip")),
+            (Starts::Tips, tips) => format!("tears start at {}", count(tips, "tip")),
+        };
+        let room = format!("room for {}", count_vertices(tear.room));
+        format!("{name}{law}; {starts}; {room}")
+    });
+    let why = each.collect::<Vec<_>>().join("; ");
+    Stage::either("tear", !why.is_empty(), why, "no tear threshold")
+}
+
+/// A number of vertices in words.
+fn count_vertices(n: usize) -> String {
+    match n {
+        1 => "1 more vertex".to_owned(),
+        _ => format!("{n} more vertices"),
+    }
 }
 
 fn condense(scene: &Scene, bodies: &[BodyPlan], assembles: bool) -> Stage {

@@ -55,6 +55,8 @@ ranges! {
     hand_frequency: "a number above 0 and up to 5 (Hz)", |v| v > 0.0 && v <= 5.0;
     /// Fraction by which a hand's task varies.
     variation: "a number from 0 to 0.5", |v| (0.0..=0.5).contains(&v);
+    /// Distance of a snap as a fraction of an edge.
+    snapping: "a number from 0 to 0.5", |v| (0.0..=0.5).contains(&v);
 }
 
 macro_rules! optional {
@@ -83,6 +85,8 @@ optional! {
     optional_poisson: poisson => f64;
     /// Three finite numbers, for an optional field.
     optional_finite3: finite3 => [f64; 3];
+    /// Room for vertices that tears add, for an optional field.
+    optional_room: room => usize;
 }
 
 macro_rules! wholes {
@@ -108,6 +112,10 @@ wholes! {
     frames: "a whole number from 1 to 10000", 1, 10_000;
     /// Order of the elements.
     order: "1 (linear) or 2 (quadratic)", 1, 2;
+    /// Vertices that tears may add.
+    room: "a whole number from 1 to 1000000", 1, 1_000_000;
+    /// Cuts of a row.
+    cuts: "a whole number from 1 to 1000", 1, 1_000;
 }
 
 /// Cells of a sheet in x and y.

@@ -3,8 +3,8 @@
 use crate::scene::check;
 use serde::Deserialize;
 
-use super::Rotation;
 use super::mesh::Mesh;
+use super::{Rotation, Tear};
 
 /// `[[body]]`: a deformable thread, sheet or solid.
 #[derive(Clone, Debug, Deserialize)]
@@ -43,6 +43,9 @@ pub struct Body {
     /// Forces on the body in addition to its weight.
     #[serde(default, rename = "load", deserialize_with = "check::tables")]
     pub loads: Vec<Load>,
+    /// The tearing of a sheet. Default: the body does not tear.
+    #[serde(default, deserialize_with = "check::optional_table")]
+    pub tear: Option<Tear>,
 }
 
 /// `[body.material]`: an elastic material. Sheets are in plane stress.

@@ -9,6 +9,7 @@ mod hand;
 mod mesh;
 mod placement;
 pub(crate) mod solve;
+mod tear;
 
 use super::check;
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,7 @@ pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
 pub use placement::Rotation;
 pub use solve::{Analysis, Solve};
+pub use tear::{Notch, Starts, Tear, TearLawName};
 
 /// A whole scene.
 #[derive(Clone, Debug, Deserialize)]

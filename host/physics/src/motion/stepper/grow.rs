@@ -51,7 +51,12 @@ pub(super) fn spare(body: &Body) -> Reserve {
 impl<T: Real> Growth<T> {
     /// Room for `spare` vertices and triangles beside a factor of `first` places; there are `places` in all. `None` for
     /// a body that cannot tear.
-    pub(super) fn new(body: &Body, first: usize, spare: Reserve, places: usize) -> Option<Box<Self>> {
+    pub(super) fn new(
+        body: &Body,
+        first: usize,
+        spare: Reserve,
+        places: usize,
+    ) -> Option<Box<Self>> {
         let surface = body.surface()?;
         Some(Box::new(Self {
             factor: TornFactor::new(first, spare.vertices, MOST_COLUMNS),
@@ -141,13 +146,17 @@ fn mixed<T: Real, const N: usize>(values: &[Node<T>], from: &[(usize, T); N]) ->
 
 impl<T: Real> Stepper<T> {
     /// Whether tears have added vertices that the factor lacks.
-    pub(super) fn has_grown(&self) -> bool {
-        self.growth.as_ref().is_some_and(|growth| growth.has_grown())
+    pub fn has_grown(&self) -> bool {
+        self.growth
+            .as_ref()
+            .is_some_and(|growth| growth.has_grown())
     }
 
     /// Number of vertices that tears have added since the factor was made.
     pub fn grown(&self) -> usize {
-        self.growth.as_ref().map_or(0, |growth| growth.factor.count())
+        self.growth
+            .as_ref()
+            .map_or(0, |growth| growth.factor.count())
     }
 
     /// Whether a factor of the present topology would pay: see [`adopt`](Self::adopt).
@@ -163,7 +172,12 @@ impl<T: Real> Stepper<T> {
     /// [`StepError::Stage`] for a stepper without a [factor](Self::prepare), and for one that has not followed all earlier
     /// edits. The stepper makes itself anew in its next step then.
     pub fn grow(&mut self, body: &Body, done: &Done) -> Result<(), StepError> {
-        let fail = |first| Err(StepError::Stage { call: "grow", first });
+        let fail = |first| {
+            Err(StepError::Stage {
+                call: "grow",
+                first,
+            })
+        };
         if self.factors.is_none() {
             return fail("prepare");
         }
@@ -242,7 +256,12 @@ impl<T: Real> Stepper<T> {
     }
 
     /// Gives a place the state of others, by their weights.
-    fn mix<const N: usize>(&mut self, growth: &mut Growth<T>, place: usize, from: &[(usize, T); N]) {
+    fn mix<const N: usize>(
+        &mut self,
+        growth: &mut Growth<T>,
+        place: usize,
+        from: &[(usize, T); N],
+    ) {
         let mut history = self.history[place];
         for (order, values) in history.iter_mut().enumerate() {
             *values = [T::ZERO; 4];
@@ -318,7 +337,12 @@ impl<T: Real> Stepper<T> {
     ///
     /// [`StepError::Stage`] if this stepper has no factor, or has not followed the same edits; nothing has changed then.
     pub fn adopt(&mut self, running: &mut Self, body: &mut Body) -> Result<(), StepError> {
-        let fail = |first| Err(StepError::Stage { call: "adopt", first });
+        let fail = |first| {
+            Err(StepError::Stage {
+                call: "adopt",
+                first,
+            })
+        };
         if self.factors.is_none() {
             return fail("prepare");
         }

@@ -159,7 +159,8 @@ impl<T: Real> Stepper<T> {
             return;
         };
         account.start = [body.kinetic_energy(), self.elastic, body.load_potential()];
-        (account.force, account.stiffness) = self.sum_forces(|place, stepper| to_vec(&stepper.u[place]));
+        (account.force, account.stiffness) =
+            self.sum_forces(|place, stepper| to_vec(&stepper.u[place]));
         self.ledger = Some(account);
     }
 
@@ -198,7 +199,9 @@ impl<T: Real> Stepper<T> {
         }
         if held_back > 0.0 {
             // The damping of the shortened step is that at its end, as are its elastic forces.
-            account.stiffness = self.sum_forces(|place, stepper| to_vec(&stepper.u[place])).1;
+            account.stiffness = self
+                .sum_forces(|place, stepper| to_vec(&stepper.u[place]))
+                .1;
         }
         let mut ledger = Ledger {
             kinetic: kinetic - account.start[0],

@@ -31,8 +31,8 @@ mod stages;
 pub use cost::Part;
 pub(crate) use iterate::Limits;
 pub use ledger::Ledger;
-pub use release::Pair;
 pub use options::{Guess, StepperOptions, StepperReport};
+pub use release::Pair;
 
 use super::refresh::Refresher;
 use super::sleep::Sleep;

@@ -202,7 +202,9 @@ impl Pairs {
             }
         }
         let pairs = self.list.iter().zip(&self.forces);
-        pairs.fold(0.0, |most, (pair, force)| most.max((force - pair.force).abs()))
+        pairs.fold(0.0, |most, (pair, force)| {
+            most.max((force - pair.force).abs())
+        })
     }
 }
 
@@ -342,7 +344,9 @@ impl<T: Real> Stepper<T> {
     }
 
     fn moved_by(&self, body: &Body, pair: &Pair) -> f64 {
-        let [a, b] = pair.nodes.map(|node| body.state.displacement[node as usize]);
+        let [a, b] = pair
+            .nodes
+            .map(|node| body.state.displacement[node as usize]);
         pair.direction.dot(&(b - a))
     }
 

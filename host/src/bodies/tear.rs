@@ -1,0 +1,131 @@
+//! What a scene says about the tearing of a sheet, as the physics needs it: the law, the material, and the tips from
+//! which tears grow.
+
+use super::material::Elements;
+use super::mesh::Notched;
+use super::notch::Cuts;
+use crate::scene::plausible::Warning;
+use crate::scene::spec::{Starts, TearLawName};
+use crate::scene::{LoadedScene, SceneError};
+use physics::mesh::{Bounds, Mesh};
+use physics::{HandleSpec, Material, Vec3};
+
+/// The longest edge that shows the strength, as a multiple of Irwin's length.
+const COARSE: f64 = 10.0;
+
+/// The tearing of one body of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TearSpec {
+    /// The law of tearing.
+    pub law: TearLawName,
+    /// The largest principal stress that the sheet bears (Pa).
+    pub strength: f64,
+    /// The energy that a tear takes, per area of the cut through the thickness (J/m^2).
+    pub toughness: f64,
+    /// The elastic material of each triangle of the mesh. A triangle that a tear adds has the material of its parent.
+    pub materials: Vec<Material>,
+    /// Where tears start.
+    pub starts: Starts,
+    /// The vertices of the mesh at which notches end inside the sheet, ascending.
+    pub tips: Vec<u32>,
+    /// The largest distance of a snap, as a fraction of the edge; 0 without snapping.
+    pub snapping: f64,
+    /// How many vertices tears may add.
+    pub room: usize,
+    /// When a piece without a hand is dropped; `None`: never.
+    pub drop: Option<Drop>,
+}
+
+/// When a piece without a hand is dropped: once all its vertices have left a sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drop {
+    /// Centre of the sphere (m): that of the box around the body at rest.
+    pub centre: Vec3,
+    /// Radius of the sphere (m).
+    pub distance: f64,
+}
+
+/// The tearing of a body, `None` for a body that does not tear.
+///
+/// # Errors
+/// [`SceneError`], naming the line and the field, where a hand holds a notch.
+pub(super) fn build(
+    loaded: &LoadedScene,
+    index: usize,
+    notched: &Notched<'_>,
+    elements: &Elements,
+    handles: &[HandleSpec],
+) -> Result<Option<TearSpec>, SceneError> {
+    // The consistency of the scene was checked, and so was the mesh: the body is an isotropic sheet.
+    let (Some(tear), Elements::Sheet(materials)) = (&loaded.scene.bodies[index].tear, elements)
+    else {
+        return Ok(None);
+    };
+    free(loaded, index, &notched.cuts, handles)?;
+    let positions = notched.mesh.positions();
+    let centre = Bounds::of(positions).map_or(Vec3::zeros(), |b| 0.5 * (b.min + b.max));
+    Ok(Some(TearSpec {
+        law: tear.law,
+        strength: tear.strength,
+        toughness: tear.toughness,
+        materials: materials.clone(),
+        starts: tear.starts(),
+        tips: notched.cuts.tips.clone(),
+        snapping: tear.snapping,
+        room: tear.room(positions.len()),
+        drop: tear.drop_unused.then_some(Drop {
+            centre,
+            distance: tear.drop_distance,
+        }),
+    }))
+}
+
+/// Refuses a notch along which a handle holds vertices: the two faces of the notch could not part there.
+fn free(
+    loaded: &LoadedScene,
+    index: usize,
+    cuts: &Cuts,
+    handles: &[HandleSpec],
+) -> Result<(), SceneError> {
+    for handle in handles {
+        let held = |(vertex, _): &&(u32, usize)| handle.vertices.binary_search(vertex).is_ok();
+        if let Some(&(_, number)) = cuts.along.iter().find(held) {
+            let field = format!("body[{index}].tear.notch[{number}]");
+            let found = format!(
+                "a notch that reaches the handle about [{:.4}, {:.4}, {:.4}] m",
+                handle.origin.x, handle.origin.y, handle.origin.z
+            );
+            let allowed = "a notch beside the handles: make the notch shorter, or the group or the box of the handle \
+                           smaller";
+            return Err(loaded.source.error(&field, found, allowed));
+        }
+    }
+    Ok(())
+}
+
+/// A warning about a mesh that is too coarse to show the strength of its material.
+///
+/// A mesh bears the stress `sqrt(E G / h)` about a tip that releases `G`, with edges of the length `h`. Edges that are
+/// much longer than Irwin's length `E G_c / strength^2` therefore release more than the toughness before their stress
+/// reaches the strength, and a tear starts too late.
+pub(super) fn coarse(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Option<Warning> {
+    let body = &loaded.scene.bodies[index];
+    let (Some(tear), Mesh::Sheet(sheet)) = (&body.tear, mesh) else {
+        return None;
+    };
+    if tear.starts() == Starts::Tips {
+        return None;
+    }
+    let irwin = body.material.young * tear.toughness / (tear.strength * tear.strength);
+    let triangles = sheet.triangles.len() as f64;
+    // The edge of equilateral triangles of the same mean area.
+    let edge = (sheet.area() / triangles * 4.0 / 3.0_f64.sqrt()).sqrt();
+    (edge > COARSE * irwin).then(|| Warning {
+        place: loaded.source.place(&format!("body[{index}].tear.strength")),
+        found: format!("edges of {edge:.2e} m for an Irwin length of {irwin:.2e} m"),
+        usual: format!("edges up to {COARSE} times young * toughness / strength^2"),
+        advice:
+            "tears start later than the material's: make the mesh finer, or the strength smaller"
+                .to_owned(),
+    })
+}
