@@ -2,16 +2,21 @@
 
 mod common;
 
+use alloc_count::calls::{Counting, count};
 use common::{Random, Split, grid, handle};
 use physics::linear::factor::Factor;
 use physics::linear::order::{order, places};
 use physics::linear::panel::Panels;
 use physics::linear::torn::{Tie, TornFactor};
 use physics::mesh::TriMesh;
+use physics::topology::{AdvanceOptions, Done, Edit, Reserve};
 use physics::{
     Body, BodyConfig, Freedom, HandlePose, Ledger, Material, Node, Pair, Stepper, StepperOptions,
-    Vec3,
+    StepperReport, Vec3,
 };
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
 
 /// Implicit Euler with a step of 1 ms.
 const BY_MASS: f64 = 1e6;
@@ -385,5 +390,221 @@ fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
         println!("{energy} J: {steps} steps, {iterations} iterations at most, {taken} J");
         assert!(stepper.pairs().is_empty());
         assert!((taken - energy).abs() < 1e-3 * energy, "{taken}");
+    }
+}
+
+/// A sheet that can tear, with its stepper.
+#[derive(Debug)]
+struct Run {
+    body: Body,
+    stepper: Stepper<f64>,
+    targets: Vec<HandlePose>,
+    tip: u32,
+}
+
+impl Run {
+    fn new(bending: f64, tolerance: f64) -> Self {
+        let config = BodyConfig {
+            bending,
+            mass_damping: 0.5,
+            stiffness_damping: 1e-4,
+            ..BodyConfig::default()
+        };
+        let mut body = body_of(&grid(NX, NY, 0.15, 0.12, Split::Alternating), config);
+        let reserve = Reserve {
+            vertices: 120,
+            triangles: 240,
+        };
+        body.make_tearable(reserve).unwrap();
+        let options = StepperOptions {
+            tolerance,
+            refresh: false,
+            ..StepperOptions::default()
+        };
+        let mut stepper = Stepper::new(&body, options).unwrap();
+        stepper.prepare(&body, 1e-3).unwrap();
+        Self {
+            targets: poses(&body, Vec3::zeros()),
+            body,
+            stepper,
+            tip: NY / 2 * (NX + 1),
+        }
+    }
+
+    fn step(&mut self) -> StepperReport {
+        self.targets[1].position += Vec3::new(0.0, 5e-5, 2e-5);
+        let targets = &self.targets;
+        let report = self
+            .stepper
+            .step(&mut self.body, 1e-3, targets, || false)
+            .unwrap();
+        assert!(report.converged, "{report:?}");
+        report
+    }
+
+    /// Lets the tear grow by an edge; the stepper has still to follow.
+    fn edit(&mut self, snapping: f64, turn: f64) -> (Edit, Done) {
+        let surface = self.body.surface().unwrap();
+        let angle = surface.straight_ahead(self.tip) + turn;
+        let options = AdvanceOptions { snapping };
+        let edit = surface.advance(self.tip, angle, options, |_| true).unwrap();
+        let done = self.body.edit(&edit).unwrap().surface;
+        self.tip = done.tips[0];
+        (edit, done)
+    }
+
+    fn tear(&mut self, snapping: f64, turn: f64) -> Edit {
+        let (edit, done) = self.edit(snapping, turn);
+        self.stepper.grow(&self.body, &done).unwrap();
+        self.stepper.settle(&mut self.body);
+        edit
+    }
+}
+
+fn apart(a: &Body, b: &Body) -> f64 {
+    let pairs = a.positions().zip(b.positions());
+    pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
+}
+
+/// Directions that open edges, cut and snap.
+fn turns(edit: u32) -> f64 {
+    0.5 * libm::sin(1.3 * f64::from(edit))
+}
+
+#[test]
+fn a_stepper_that_grew_gives_the_motion_of_one_made_for_the_torn_sheet() {
+    for snapping in [0.0, 0.3] {
+        let mut grown = Run::new(0.0, 1e-12);
+        let mut fresh = Run::new(0.0, 1e-12);
+        for step in 0..30 {
+            if step % 3 == 2 {
+                grown.tear(snapping, turns(step));
+                fresh.edit(snapping, turns(step));
+                fresh.body.reassemble();
+                fresh.stepper = Stepper::new(&fresh.body, fresh.stepper.options).unwrap();
+                fresh.stepper.prepare(&fresh.body, 1e-3).unwrap();
+            }
+            let report = grown.step();
+            fresh.step();
+            assert_eq!(report.held_back, 0.0);
+            let off = apart(&grown.body, &fresh.body);
+            // Thirty steps to 1e-12 of forces that move the sheet by millimetres.
+            assert!(off < 1e-10, "{step}: {off:e}");
+        }
+        assert!(grown.stepper.grown() >= 10);
+    }
+}
+
+#[test]
+fn a_torn_sheet_takes_few_iterations_more() {
+    for snapping in [0.0, 0.3] {
+        let mut run = Run::new(0.0, 1e-6);
+        let mut iterations = Vec::new();
+        for step in 0..60 {
+            if step % 3 == 2 {
+                run.tear(snapping, turns(step));
+            }
+            iterations.push(run.step().iterations);
+        }
+        println!(
+            "{} vertices, snapping {snapping}: {iterations:?}",
+            run.stepper.grown()
+        );
+        assert!(iterations.iter().all(|&count| count <= 20));
+    }
+}
+
+#[test]
+fn nothing_is_allocated_while_a_stepper_grows_and_steps() {
+    let mut run = Run::new(0.0, 1e-6);
+    run.stepper.reserve_pairs(8);
+    run.stepper.keep_ledger(true);
+    run.step();
+    for edit in 0..10 {
+        let (_, done) = run.edit(0.3, turns(edit));
+        let calls = count(|| {
+            run.stepper.grow(&run.body, &done).unwrap();
+            run.stepper.settle(&mut run.body);
+            let nodes = done.opened[0]
+                .map(|opened| [opened.right[0], opened.left[0]])
+                .unwrap();
+            let force = run.stepper.force_between(&run.body, nodes);
+            if let Some(pair) = Pair::new(nodes, &force, 1e-6) {
+                run.stepper.add_pair(pair);
+            }
+            for _ in 0..3 {
+                run.step();
+            }
+        });
+        assert_eq!(calls, 0, "edit {edit}");
+    }
+}
+
+#[test]
+fn a_new_stepper_adopts_the_motion() {
+    let (mut old, mut new) = (Run::new(0.0, 1e-12), Run::new(0.0, 1e-12));
+    let mut held_back = 0.0_f64;
+    let (mut made, mut missed): (Option<(Body, Stepper<f64>)>, Vec<Edit>) = (None, Vec::new());
+    for step in 0..40 {
+        if step % 3 == 2 && step < 30 {
+            old.tear(0.3, turns(step));
+            let edit = new.tear(0.3, turns(step));
+            if made.is_some() {
+                missed.push(edit);
+            }
+        }
+        if step == 10 {
+            let mut copy = new.body.copy_with_room();
+            copy.reassemble();
+            let mut stepper = Stepper::new(&copy, new.stepper.options).unwrap();
+            stepper.prepare(&copy, 1e-3).unwrap();
+            made = Some((copy, stepper));
+        }
+        if step == 20
+            && let Some((mut copy, mut stepper)) = made.take()
+        {
+            assert!(missed.len() >= 2);
+            for edit in &missed {
+                let done = copy.edit(edit).unwrap();
+                stepper.grow(&copy, &done.surface).unwrap();
+            }
+            stepper.adopt(&mut new.stepper, &mut new.body).unwrap();
+            assert!(stepper.grown() < new.stepper.grown());
+            new.stepper = stepper;
+        }
+        held_back = held_back
+            .max(old.step().held_back)
+            .max(new.step().held_back);
+        let off = apart(&old.body, &new.body);
+        // Both are solved to 1e-12.
+        assert!(off < 1e-10, "{step}: {off:e}");
+    }
+    assert_eq!(held_back, 0.0);
+}
+
+#[test]
+fn the_account_closes_over_edits() {
+    for snapping in [0.0, 0.3] {
+        let mut run = Run::new(0.0, 1e-8);
+        run.stepper.keep_ledger(true);
+        let (start, mut sum) = (run.body.total_energy(), Ledger::default());
+        for step in 0..60 {
+            if step % 4 == 3 {
+                run.tear(snapping, turns(step));
+            }
+            run.step();
+            let ledger = *run.stepper.ledger().unwrap();
+            let missing = ledger.missing().abs() / ledger.turnover();
+            assert!(missing < 1e-9, "{step}: {missing:e} {ledger:?}");
+            sum += ledger;
+        }
+        let change = run.body.total_energy() - start;
+        let off = change - (sum.kinetic + sum.elastic + sum.weight + sum.edits);
+        println!(
+            "{snapping}: {off:e} of {:e}, edits {:e}",
+            sum.turnover(),
+            sum.edits
+        );
+        assert!(off.abs() < 1e-9 * sum.turnover(), "{off:e} {sum:?}");
     }
 }

@@ -373,7 +373,9 @@ impl HostBody {
             return;
         };
         let start = watch.now_ns();
-        let torn = self.solver.tear(&mut self.body, &mut tears.tearing, &mut self.tally);
+        let torn = self
+            .solver
+            .tear(&mut self.body, &mut tears.tearing, &mut self.tally);
         if torn {
             self.model.epoch = self.model.epoch.saturating_add(1);
         }

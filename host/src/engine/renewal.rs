@@ -81,7 +81,9 @@ pub(super) struct Renewals<T> {
 impl<T: Real> Renewals<T> {
     /// Renewals of the stepper of `body`, whose edits count from now on. Steps take `h` seconds.
     pub(super) fn new(body: &Body, stepper: &Stepper<T>, real: bool, h: f64, edits: usize) -> Self {
-        let room = body.surface().map_or(0, |surface| surface.limits().vertices);
+        let room = body
+            .surface()
+            .map_or(0, |surface| surface.limits().vertices);
         Self {
             beside: Beside::new(real, h),
             idle: Some(Box::new(Renewal {

@@ -317,7 +317,9 @@ impl<T: Real> Solver for Frozen<T> {
             report.residual / report.reference.max(f64::MIN_POSITIVE),
         ));
         // While a tear renews the stepper, the refresher of the stepper before may still be under way.
-        if !self.lent && let Some(refresher) = self.stepper.lend() {
+        if !self.lent
+            && let Some(refresher) = self.stepper.lend()
+        {
             self.lent = true;
             self.beside.begin(refresher);
         }
@@ -325,9 +327,17 @@ impl<T: Real> Solver for Frozen<T> {
     }
 
     fn begin_tears(&mut self, body: &Body, tearing: &Tearing) {
-        let room = body.surface().map_or(0, |s| s.limits().vertices - s.vertex_count());
+        let room = body
+            .surface()
+            .map_or(0, |s| s.limits().vertices - s.vertex_count());
         self.stepper.reserve_pairs(MOST_PAIRS);
-        self.renewals = Some(Renewals::new(body, &self.stepper, self.real, self.h, room + tearing.journal().len()));
+        self.renewals = Some(Renewals::new(
+            body,
+            &self.stepper,
+            self.real,
+            self.h,
+            room + tearing.journal().len(),
+        ));
     }
 
     fn tear(&mut self, body: &mut Body, tearing: &mut Tearing, tally: &mut Tally) -> bool {

@@ -21,7 +21,6 @@ use super::Body;
 use super::assembly::Assembly;
 use crate::Vec3;
 use crate::element::Torn;
-use crate::element::torn::with_room;
 use crate::error::TearingError;
 use crate::topology::{Done, Edit, Growth, Origin, Reserve, Surface};
 
@@ -35,8 +34,6 @@ pub(crate) struct Sheet {
     pub(crate) surface: Surface,
     /// Mass per area at rest, by original triangle (kg/m²).
     areal: Vec<f64>,
-    /// Positions at rest (m) by place, for bending, which numbers its nodes by places.
-    rest: Vec<Vec3>,
     /// The number of edits so far.
     pub(crate) edits: u64,
     /// Nodes whose mass the present edit may change, ascending.
@@ -48,7 +45,6 @@ impl Clone for Sheet {
         Self {
             surface: self.surface.clone(),
             areal: self.areal.clone(),
-            rest: with_room(&self.rest, self.surface.limits().vertices),
             edits: self.edits,
             nodes: Vec::with_capacity(MOST_NODES),
         }
@@ -100,15 +96,14 @@ impl Body {
             return kind("elements that cannot be edited");
         }
         if let Some(bent) = &mut self.model.bent {
-            bent.reserve(&surface, reserve.triangles);
+            if !bent.reserve(&surface, reserve.triangles) {
+                return kind("stiffness against bending of other triangles");
+            }
+            // This makes the bending anew, with room for edits.
             self.assembly = Assembly::new(&mut self.model, &self.constraints);
         }
         self.reserve_nodes(reserve.vertices);
         self.sheet = Some(Box::new(Sheet {
-            rest: with_room(
-                &self.assembly.places.gather(&self.model.rest),
-                surface.limits().vertices,
-            ),
             surface,
             areal,
             edits: 0,
@@ -146,15 +141,7 @@ impl Body {
             return;
         }
         self.assembly = Assembly::new(&mut self.model, &self.constraints);
-        if let Some(sheet) = &mut self.sheet {
-            let rest = self
-                .assembly
-                .places
-                .nodes()
-                .iter()
-                .map(|&node| self.model.rest[node as usize]);
-            sheet.rest.clear();
-            sheet.rest.extend(rest);
+        if let Some(sheet) = &self.sheet {
             // Every added vertex came out of the reserve.
             let left = sheet.surface.limits().vertices - sheet.surface.vertex_count();
             self.reserve_nodes(left);
@@ -404,16 +391,7 @@ impl Body {
     }
 
     /// Lets the elements follow the latest edit, and begins an epoch.
-    fn follow_surface(&mut self, sheet: &mut Sheet) {
-        let places = &self.assembly.places;
-        for &node in &sheet.nodes {
-            let (place, at) = (places.of(node as usize), self.model.rest[node as usize]);
-            match sheet.rest.get_mut(place) {
-                Some(rest) => *rest = at,
-                // The new nodes are the last ones, in their order.
-                None => sheet.rest.push(at),
-            }
-        }
+    fn follow_surface(&mut self, sheet: &Sheet) {
         let surface = &sheet.surface;
         let torn = Torn {
             surface,
@@ -427,11 +405,13 @@ impl Body {
             bent.follow(surface);
         }
         if let Some(bending) = &mut self.model.bending {
-            bending.follow(&Torn {
+            let (places, rest) = (&self.assembly.places, &self.model.rest);
+            let torn = Torn {
                 place: Some(places.of_nodes()),
-                rest: &sheet.rest,
                 ..torn
-            });
+            };
+            let nodes = places.nodes();
+            bending.follow(&torn, &|place| rest[nodes[place as usize] as usize]);
         }
         self.topology.epoch += 1;
         self.state.revision += 1;

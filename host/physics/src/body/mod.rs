@@ -21,6 +21,8 @@ pub mod border;
 mod build;
 mod constraints;
 mod edit;
+#[cfg(test)]
+mod edit_tests;
 mod energy;
 mod exchange;
 pub(crate) mod guard;

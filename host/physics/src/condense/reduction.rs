@@ -93,10 +93,8 @@ pub(crate) struct Reduction {
     pub(crate) holder: Vec<u32>,
     /// For each handle, its columns as a range.
     pub(crate) range: Vec<core::ops::Range<usize>>,
-    /// `Psi` on the free nodes, by columns of [`stride`](Self::stride) numbers.
+    /// `Psi` on the free nodes, by columns.
     pub(crate) shapes: Vec<f64>,
-    /// Length of a column: three numbers for each free node, and room for the nodes that tears may add.
-    pub(crate) stride: usize,
     /// `K Psi` on the handle nodes, by columns.
     pub(crate) pulls: Vec<Vec3>,
     /// Present arm of each handle node from its handle's origin (m).
@@ -117,18 +115,6 @@ pub(crate) struct Reduction {
 
 impl Reduction {
     pub(crate) fn new(body: &Body) -> Self {
-        Self::with_room(body, 0)
-    }
-
-    /// A reduction with room for the nodes that tears may add to `body`.
-    pub(crate) fn for_tears(body: &Body) -> Self {
-        let room = body
-            .surface()
-            .map_or(0, |s| s.limits().vertices - s.vertex_count());
-        Self::with_room(body, room)
-    }
-
-    fn with_room(body: &Body, room: usize) -> Self {
         let mut columns = Vec::new();
         let mut range = Vec::new();
         let mut holder = Vec::new();
@@ -148,14 +134,8 @@ impl Reduction {
         let places = body.constraints.places();
         let length = characteristic_length(squares, counted, &places.gather(&body.state.x));
         let zeros = || Square::zeros(size);
-        let stride = 3 * (places.free() + room);
-        let mut places = places;
-        let mut mass = places.gather(&body.model.mass);
-        places.reserve(room);
-        mass.reserve(room);
         Self {
-            shapes: vec![0.0; columns.len() * stride],
-            stride,
+            shapes: vec![0.0; columns.len() * 3 * places.free()],
             pulls: vec![Vec3::zeros(); columns.len() * holder.len()],
             arms: vec![Vec3::zeros(); holder.len()],
             inner: Square::zeros(columns.len()),
@@ -170,7 +150,7 @@ impl Reduction {
                 at: f64::NAN,
                 ratio: f64::NAN,
             },
-            mass,
+            mass: places.gather(&body.model.mass),
             places,
             columns,
             holder,
@@ -189,53 +169,56 @@ impl Reduction {
         }
     }
 
+    /// Room for all that edits may still add to a body that can tear, so that [`grow`](Self::grow) allocates nothing.
+    pub(crate) fn reserve(&mut self, nodes: usize) {
+        self.places.reserve(nodes);
+        self.mass.reserve(nodes);
+        self.shapes.reserve(3 * nodes * self.columns.len());
+    }
+
+    /// Follows the edits of a body that tears: each new node takes the shapes of its twin, or those of the ends of the
+    /// edge that it divides.
+    pub(crate) fn grow(&mut self, body: &Body) {
+        let (old, count) = (self.places.free(), self.columns.len());
+        let (known, nodes) = (self.places.of_nodes().len(), body.state.x.len());
+        let new = old + nodes - known;
+        self.shapes.resize(3 * new * count, 0.0);
+        for column in (0..count).rev() {
+            self.shapes
+                .copy_within(3 * old * column..3 * old * (column + 1), 3 * new * column);
+        }
+        for node in known..nodes {
+            let origin = body.surface().map(|surface| surface.origin(node as u32));
+            let (ends, weight) = match origin {
+                Some(Origin::Twin { of }) => ([of; 2], 0.0),
+                Some(Origin::Between { ends, weight }) => (ends, weight),
+                _ => ([0; 2], 0.0),
+            };
+            let row = self.places.free();
+            for (c, column) in self.columns.iter().enumerate() {
+                let shapes = &mut self.shapes[3 * new * c..3 * new * (c + 1)];
+                let at = ends.map(|end| match self.places.of(end as usize) {
+                    place if place < row => Vec3::from_fn(|axis, _| shapes[3 * place + axis]),
+                    place if self.holder[place - row] as usize == column.handle => {
+                        column.at(&self.arms[place - row])
+                    }
+                    _ => Vec3::zeros(),
+                });
+                let shape = at[0] + (at[1] - at[0]) * weight;
+                shapes[3 * row..3 * row + 3].copy_from_slice(shape.as_slice());
+            }
+            self.places.push_free();
+        }
+        self.mass.clear();
+        let masses = self.places.nodes().iter();
+        self.mass
+            .extend(masses.map(|&node| body.model.mass[node as usize]));
+    }
+
     /// Whether the reduction was made for a body of this topology.
     pub(crate) fn fits(&self, body: &Body) -> bool {
         self.holder.len() == body.constraints.held_nodes().count()
             && self.range.len() == body.constraints.handles.len()
-    }
-
-    /// The number of nodes for which there is room.
-    pub(crate) fn capacity(&self) -> usize {
-        self.stride / 3 + self.holder.len()
-    }
-
-    /// Follows the edits of `body` that added the nodes from `first` on. A new node takes the shapes of the nodes on
-    /// which it hung. Nothing is allocated.
-    pub(crate) fn grow(&mut self, body: &Body, first: usize) {
-        let Some(surface) = body.surface() else {
-            return;
-        };
-        for node in first..body.state.x.len() {
-            let (ends, at) = match surface.origin(node as u32) {
-                Origin::Twin { of } => ([of; 2], 0.0),
-                Origin::Between { ends, weight } => (ends, weight),
-                Origin::Original => continue,
-            };
-            let row = self.places.free();
-            let weights = ends.into_iter().zip([1.0 - at, at]);
-            for (c, column) in self.columns.iter().enumerate() {
-                let shape = &mut self.shapes[c * self.stride..(c + 1) * self.stride];
-                let mut sum = Vec3::zeros();
-                for (end, weight) in weights.clone() {
-                    let place = self.places.of(end as usize);
-                    sum += weight
-                        * if place < row {
-                            Vec3::new(shape[3 * place], shape[3 * place + 1], shape[3 * place + 2])
-                        } else if self.holder[place - row] as usize == column.handle {
-                            column.at(&self.arms[place - row])
-                        } else {
-                            Vec3::zeros()
-                        };
-                }
-                shape[3 * row..3 * row + 3].copy_from_slice(sum.as_slice());
-            }
-            self.places.insert_free();
-            self.mass.push(0.0);
-        }
-        for (mass, &node) in self.mass.iter_mut().zip(self.places.nodes()) {
-            *mass = body.model.mass[node as usize];
-        }
     }
 
     /// Computes the present arms.
@@ -318,7 +301,7 @@ impl Reduction {
         };
         let masses = || self.places.free_nodes().zip(&self.mass);
         for (c, column) in self.columns.iter().enumerate() {
-            let shape = &self.shapes[c * self.stride..c * self.stride + rows];
+            let shape = &self.shapes[c * rows..(c + 1) * rows];
             let mut sum = momentum(shape, &body.state.v, masses());
             let (mut clipped, mut rate) = (0.0, 0.0);
             for (r, (other, speed)) in self.columns.iter().zip(&self.speeds).enumerate() {
@@ -353,8 +336,8 @@ impl Reduction {
         let count = self.columns.len();
         for c in 0..count {
             for r in 0..=c {
-                let left = &self.shapes[r * self.stride..r * self.stride + rows];
-                let right = &self.shapes[c * self.stride..c * self.stride + rows];
+                let left = &self.shapes[r * rows..(r + 1) * rows];
+                let right = &self.shapes[c * rows..(c + 1) * rows];
                 let value = mass_product(left, right, &self.mass[..free]);
                 self.inner[(r, c)] = value;
                 self.inner[(c, r)] = value;

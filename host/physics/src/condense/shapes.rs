@@ -53,9 +53,8 @@ pub struct Shapes {
 /// The shapes of a body that one stepper moves.
 #[derive(Debug)]
 struct Kept {
-    /// The epoch of the body, and the number of its edits.
+    /// The epoch of the body.
     epoch: u64,
-    edits: u64,
     reduction: Reduction,
     /// Factors of mass and stiffness in the matrix of the shapes.
     factors: (f64, f64),
@@ -68,6 +67,8 @@ struct Kept {
     current: usize,
     /// For each node, the rate of force that the tangent misses (N/s).
     missed: Vec<Vec3>,
+    /// Number of edits that tears had made when the shapes were computed.
+    edits: u64,
 }
 
 /// The forces of a turn are taken to be at least this fraction of those of a translation by the handles' length. A
@@ -75,11 +76,11 @@ struct Kept {
 const LEAST_TURN: f64 = 1e-3;
 
 impl Kept {
-    /// Follows the edits of `body` since the latest shapes.
-    fn grow(&mut self, body: &Body) {
-        self.reduction.grow(body, self.missed.len());
-        self.missed.resize(body.state.x.len(), Vec3::zeros());
-        (self.epoch, self.edits) = (body.epoch(), body.edit_count());
+    /// Whether `body` has begun its epoch by edits alone since the shapes were computed.
+    fn has_torn(&self, body: &Body) -> bool {
+        let edits = body.edit_count().checked_sub(self.edits);
+        let epochs = body.epoch().checked_sub(self.epoch);
+        edits.is_some_and(|edits| edits > 0) && edits == epochs
     }
 
     /// The least norm of the forces that a column is taken to cause (N).
@@ -120,21 +121,23 @@ impl Shapes {
         );
         let mut shapes = match self.kept.take() {
             Some(shapes) if shapes.factors == factors && shapes.epoch == body.epoch() => shapes,
-            // All epochs since have begun with edits.
-            Some(mut shapes)
-                if shapes.factors == factors
-                    && body.epoch() - shapes.epoch == body.edit_count() - shapes.edits =>
-            {
-                shapes.grow(body);
+            Some(mut shapes) if shapes.factors == factors && shapes.has_torn(body) => {
+                shapes.reduction.grow(body);
+                shapes.missed.resize(body.state.x.len(), Vec3::zeros());
+                (shapes.epoch, shapes.current) = (body.epoch(), 0);
+                shapes.edits = body.edit_count();
                 shapes
             }
             _ => {
-                let reduction = Reduction::for_tears(body);
-                let mut missed = Vec::with_capacity(reduction.capacity());
+                let mut reduction = Reduction::new(body);
+                let spare = body.surface().map_or(0, |surface| {
+                    surface.limits().vertices - surface.vertex_count()
+                });
+                reduction.reserve(spare);
+                let mut missed = Vec::with_capacity(body.state.x.len() + spare);
                 missed.resize(body.state.x.len(), Vec3::zeros());
                 Box::new(Kept {
                     epoch: body.epoch(),
-                    edits: body.edit_count(),
                     references: vec![0.0; reduction.columns.len()],
                     reduction,
                     factors,
@@ -142,6 +145,7 @@ impl Shapes {
                     state: 0,
                     current: 0,
                     missed,
+                    edits: body.edit_count(),
                 })
             }
         };
@@ -235,7 +239,7 @@ impl<T: Real> Stepper<T> {
             ..
         } = shapes;
         let free = self.free;
-        let shape = &reduction.shapes[reduction.stride * column..][..3 * free];
+        let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
         let motion = reduction.columns[column];
         for place in self.taken_places() {
             let node = self.node[place] as usize;
@@ -265,10 +269,9 @@ impl<T: Real> Stepper<T> {
             places,
             pulls,
             holder,
-            stride,
             ..
         } = &mut shapes.reduction;
-        let shape = &mut all[*stride * column..][..3 * free];
+        let shape = &mut all[3 * free * column..3 * free * (column + 1)];
         for place in self.taken_places() {
             let row = places.of(self.node[place] as usize);
             let u = to_vec(&self.u[place]);

@@ -27,15 +27,18 @@ pub(crate) trait Kernel<T>: Counted + fmt::Debug + Send {
 
     /// Makes room for `triangles` more triangles, so that [`follow`](Self::follow) allocates nothing. The result is `false`
     /// if the kernel cannot follow edits.
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     fn reserve(&mut self, _triangles: usize) -> bool {
         false
     }
 
     /// Follows the latest edit of a torn surface. Products use the tangent of the next linearization. From then on
     /// [`add_to`](Self::add_to) adds nothing of the set: a new factor is made from kernels of the torn sheet.
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     fn follow(&mut self, _torn: &Torn<'_>) {}
 
     /// Calls `add` with the blocks (N/m) of the tangent of `triangles` at displacements `d` (m), by row and column.
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     fn local_stiffness(
         &self,
         _triangles: &[u32],

@@ -158,7 +158,7 @@ pub(crate) fn divided<T: Real>(
 /// The triangles of a sheet that can tear, as a stepper computes them: one kernel, with room for `triangles` more; `None`
 /// if the elements cannot follow edits. The sheet is not divided, because an edit may add triangles to any part. `rest`
 /// contains the starting positions of the nodes (m).
-#[allow(dead_code, reason = "the stepper of a torn sheet uses it")]
+#[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
 pub(crate) fn tearable<T: Real>(
     mut elements: Box<dyn Elements>,
     triangles: usize,

@@ -299,6 +299,7 @@ impl<T: Real> Divided<T> {
     }
 
     /// See [`Kernel::reserve`]. A set in parts cannot follow edits.
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     pub(crate) fn reserve(&mut self, triangles: usize) -> bool {
         match self {
             Self::Whole(kernel) => kernel.reserve(triangles),
@@ -307,6 +308,7 @@ impl<T: Real> Divided<T> {
     }
 
     /// See [`Kernel::follow`].
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     pub(crate) fn follow(&mut self, torn: &Torn<'_>) {
         if let Self::Whole(kernel) = self {
             kernel.follow(torn);
@@ -314,6 +316,7 @@ impl<T: Real> Divided<T> {
     }
 
     /// See [`Kernel::local_stiffness`].
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     pub(crate) fn local_stiffness(
         &self,
         triangles: &[u32],

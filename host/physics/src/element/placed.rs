@@ -26,15 +26,18 @@ pub(crate) trait InBlocks<T, const N: usize>: fmt::Debug + Send {
     fn bytes(&self) -> usize;
 
     /// See [`Kernel::reserve`].
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     fn reserve(&mut self, _triangles: usize) -> bool {
         false
     }
 
     /// See [`Kernel::follow`].
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     fn follow(&mut self, _torn: &Torn<'_>) {}
 
     /// The nodes of an element, and the blocks of its stiffness at displacements `d` (m) (N/m). `None` if the set cannot
     /// follow edits.
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     fn stiffness_at(&self, _element: usize, _d: &[Node<T>]) -> Option<([u32; N], [[Mat3; N]; N])> {
         None
     }

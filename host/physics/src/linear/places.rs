@@ -91,12 +91,12 @@ impl Places {
         self.node_of_place.push(last);
     }
 
-    /// Adds a free node at the place after the free nodes. The places of held nodes grow by one. This does not allocate
-    /// within the room that was [reserved](Self::reserve).
-    pub(crate) fn insert_free(&mut self) {
+    /// Adds a free node after the other free nodes, before the held ones: the places that [`new`](Self::new) gives with
+    /// one free node more.
+    pub(crate) fn push_free(&mut self) {
         let node = self.place_of_node.len() as u32;
-        for &held in &self.node_of_place[self.free..] {
-            self.place_of_node[held as usize] += 1;
+        for place in &mut self.place_of_node {
+            *place += u32::from(*place as usize >= self.free);
         }
         self.place_of_node.push(self.free as u32);
         self.node_of_place.insert(self.free, node);

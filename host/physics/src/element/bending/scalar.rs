@@ -111,6 +111,16 @@ impl<T: Real> ScalarMatrix<T> {
         }
     }
 
+    /// Where its arrays are in memory.
+    #[cfg(test)]
+    pub(crate) fn addresses(&self) -> [usize; 3] {
+        [
+            self.row_start.as_ptr().addr(),
+            self.columns.as_ptr().addr(),
+            self.weights.as_ptr().addr(),
+        ]
+    }
+
     /// Number of rows.
     pub(crate) fn rows(&self) -> usize {
         self.row_start.len() - 1

@@ -210,15 +210,17 @@ impl Bending {
         self.tear.is_some()
     }
 
-    /// Follows the latest edit of the surface of the sheet. Bending that cannot follow stays as it is.
-    pub(crate) fn follow(&mut self, torn: &Torn<'_>) {
+    /// Follows the latest edit of the surface of the sheet. `rest` gives the starting position of each place (m). Bending
+    /// that cannot follow stays as it is.
+    pub(crate) fn follow(&mut self, torn: &Torn<'_>, rest: &dyn Fn(u32) -> Vec3) {
         if let Some(mut tear) = self.tear.take() {
-            tear.follow(self, torn);
+            tear.follow(self, torn, rest);
             self.tear = Some(tear);
         }
     }
 
     /// The triangles whose bending the latest edit changed. None before the first edit.
+    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
     pub(crate) fn changed(&self) -> &[u32] {
         self.tear.as_ref().map_or(&[], |tear| &tear.near)
     }
@@ -248,7 +250,7 @@ impl Bending {
 }
 
 impl Tear {
-    fn follow(&mut self, bending: &mut Bending, torn: &Torn<'_>) {
+    fn follow(&mut self, bending: &mut Bending, torn: &Torn<'_>, rest: &dyn Fn(u32) -> Vec3) {
         self.sheet.follow(torn.surface);
         for &touched in torn.surface.touched() {
             let (t, parent) = (touched as usize, torn.surface.parent(touched) as usize);
@@ -278,7 +280,7 @@ impl Tear {
             let at_rest = if self.sheet.is_cut() {
                 flat(&self.sheet.corners(t, &[]), leads_out)
             } else {
-                bending.vectors(t, |node| torn.rest[node as usize])
+                bending.vectors(t, rest)
             };
             bending.rest(t, at_rest, stiffest);
         }
@@ -382,5 +384,28 @@ impl Tear {
         let lists = [&self.left, &self.free, &self.rows, &self.near, &self.seen];
         let lists: usize = lists.iter().map(|list| size_of_val(list.as_slice())).sum();
         self.sheet.bytes() + size_of_val(self.rigid.as_slice()) + lists
+    }
+}
+
+#[cfg(test)]
+impl Bending {
+    /// Where its vectors are in memory.
+    pub(crate) fn addresses(&self) -> Vec<usize> {
+        let mut all = vec![
+            self.triangles.as_ptr().addr(),
+            self.sides.as_ptr().addr(),
+            self.facets.as_ptr().addr(),
+            self.rest.as_ptr().addr(),
+        ];
+        if let Some(tear) = &self.tear {
+            let lists = [&tear.left, &tear.free, &tear.rows, &tear.near, &tear.seen];
+            all.extend(lists.map(|list| list.as_ptr().addr()));
+            all.push(tear.rigid.as_ptr().addr());
+            all.push(tear.sheet.triangles.as_ptr().addr());
+            all.push(tear.sheet.neighbours.as_ptr().addr());
+            all.push(tear.sheet.pattern.as_ptr().addr());
+        }
+        all.extend(self.rotations.addresses());
+        all
     }
 }

@@ -97,7 +97,6 @@ impl<T: Real> BentFacets<T> {
             return;
         };
         let Followed { exact, rest, lanes } = &mut **followed;
-        exact.follow(torn);
         for &touched in torn.surface.touched() {
             for node in torn.nodes(touched).map(|node| node as usize) {
                 if node < rest.len() {
@@ -106,6 +105,7 @@ impl<T: Real> BentFacets<T> {
             }
         }
         rest.extend_from_slice(&torn.rest[rest.len().min(torn.rest.len())..]);
+        exact.follow(torn, &|node| rest[node as usize]);
         while plan.derivatives.rows() < exact.rotations.rows() {
             let room = exact.rotations.room(plan.derivatives.rows());
             plan.derivatives.push_roomy(core::iter::empty(), room);

@@ -146,7 +146,7 @@ fn mixed<T: Real, const N: usize>(values: &[Node<T>], from: &[(usize, T); N]) ->
 
 impl<T: Real> Stepper<T> {
     /// Whether tears have added vertices that the factor lacks.
-    pub(super) fn has_grown(&self) -> bool {
+    pub fn has_grown(&self) -> bool {
         self.growth
             .as_ref()
             .is_some_and(|growth| growth.has_grown())
