@@ -14,8 +14,8 @@ const LENGTH: f64 = 0.032;
 #[derive(Clone, Debug, Serialize)]
 pub struct Mesh {
     /// How the triangles lie.
-    pub pattern: Pattern,
-    /// The largest displacement of a vertex that snaps, as a fraction of an edge.
+    pub pattern: String,
+    /// The largest displacement of a vertex that snaps, as a fraction of an edge (1).
     pub snapping: f64,
     /// Number of triangles before the tear, and how many it added.
     pub triangles: [usize; 2],
@@ -25,7 +25,7 @@ pub struct Mesh {
     pub angles: [f64; 2],
     /// The largest errors of an edit.
     pub errors: EditErrors,
-    /// The largest distance of the tear from a straight line, as a fraction of an edge.
+    /// The largest distance of the tear from a straight line, as a fraction of an edge (1).
     pub strayed: f64,
 }
 
@@ -59,7 +59,7 @@ fn mesh(pattern: Pattern, triangles: usize, snapping: f64) -> Result<Mesh, Study
     let torn = pull.run()?;
     let [before, after] = torn.triangles;
     Ok(Mesh {
-        pattern,
+        pattern: pattern.name(),
         snapping,
         triangles: [before, after - before],
         counts: [torn.report.opened, torn.report.cut, torn.report.snapped],

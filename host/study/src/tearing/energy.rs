@@ -11,37 +11,37 @@ use crate::{Level, StudyError};
 use physics::tear::TearLaw;
 use serde::Serialize;
 
-/// The account of one tear. All energies are in J.
+/// The account of one tear.
 #[derive(Clone, Debug, Serialize)]
 pub struct Account {
     /// How the triangles lie.
-    pub pattern: Pattern,
+    pub pattern: String,
     /// Number of triangles before the tear.
     pub triangles: usize,
     /// Torn area (m²).
     pub area: f64,
-    /// Work of hands and supports.
+    /// Work of hands and supports (J).
     pub supplied: f64,
     /// Increase of kinetic and elastic energy and of the energy of the weight, from the states at the start and at the
-    /// end.
+    /// end (J).
     pub stored: f64,
-    /// Loss by damping.
+    /// Loss by damping (J).
     pub damping: f64,
-    /// The toughness times the torn area.
+    /// The toughness times the torn area (J).
     pub due: f64,
-    /// The part of it that pairs of vertices have still to take at the end.
+    /// The part of it that pairs of vertices have still to take at the end (J).
     pub pending: f64,
-    /// What the pairs took.
+    /// What the pairs took (J).
     pub released: f64,
-    /// Increase of the energy by edits. It is a source.
+    /// Increase of the energy by edits, a source (J).
     pub edits: f64,
-    /// Loss by implicit Euler, of kinetic and of elastic energy.
+    /// Loss by implicit Euler, of kinetic and of elastic energy (J).
     pub integrator: f64,
-    /// Loss by the linearization of the elastic forces.
+    /// Loss by the linearization of the elastic forces (J).
     pub linearization: f64,
-    /// Work of the guard that shortens steps.
+    /// Work of the guard that shortens steps (J).
     pub guard: f64,
-    /// Work of the solver's residual.
+    /// Work of the solver's residual (J).
     pub solver: f64,
 }
 
@@ -83,7 +83,7 @@ fn account(pattern: Pattern, triangles: usize) -> Result<Account, StudyError> {
     let stored = torn.moments.last().map_or(0.0, |moment| moment.stored);
     let ledger = &torn.ledger;
     Ok(Account {
-        pattern,
+        pattern: pattern.name(),
         triangles: torn.triangles[0],
         area: torn.report.area,
         supplied: ledger.supplied,

@@ -21,10 +21,9 @@ const TRIANGLES: usize = 3000;
 /// The traction (Pa): small, so that the sheet stays linear.
 const STRESS: f64 = 100.0;
 
-/// How a sheet is loaded, with the exact kink (degrees) in an infinite sheet.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Load {
+/// How a sheet is loaded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Load {
     /// Pulled, with this angle (degrees) between crack and load.
     Pull(f64),
     /// Sheared along the crack.
@@ -42,14 +41,14 @@ const LOADS: [(Load, f64); 6] = [
 ];
 
 /// The kinks of one sheet.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Kink {
     /// How the triangles lie.
-    pub pattern: Pattern,
+    pub pattern: String,
     /// Number of triangles.
     pub triangles: usize,
-    /// The load.
-    pub load: Load,
+    /// The angle between crack and load, or `shear`.
+    pub load: String,
     /// The kink in an infinite sheet (degrees).
     pub exact: f64,
     /// The kinks at the two tips (degrees).
@@ -132,9 +131,12 @@ fn kink(pattern: Pattern, load: Load, exact_kink: f64) -> Result<Kink, StudyErro
         *found = intensity.kink().to_degrees();
     }
     Ok(Kink {
-        pattern,
+        pattern: pattern.name(),
         triangles: mesh.triangles.len(),
-        load,
+        load: match load {
+            Load::Pull(angle) => format!("{angle}°"),
+            Load::Shear => "shear".to_owned(),
+        },
         exact: exact_kink,
         found,
     })

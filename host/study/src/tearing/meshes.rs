@@ -21,7 +21,7 @@ pub struct Tear {
     /// `toughness` or `thesis`.
     pub law: &'static str,
     /// How the triangles lie.
-    pub pattern: Pattern,
+    pub pattern: String,
     /// Number of triangles before the tear.
     pub triangles: usize,
     /// The largest force of a hand (N).
@@ -30,7 +30,7 @@ pub struct Tear {
     pub plateau: f64,
     /// The energy that is neither supplied nor stored any more, for a unit of torn area (J/m²).
     pub energy: f64,
-    /// The largest distance of the tear from a straight line, as a fraction of an edge.
+    /// The largest distance of the tear from a straight line, as a fraction of an edge (1).
     pub strayed: f64,
 }
 
@@ -39,9 +39,9 @@ pub struct Tear {
 pub struct Spread {
     /// `toughness` or `thesis`.
     pub law: &'static str,
-    /// Of the mean force.
+    /// Of the mean force (1).
     pub plateau: f64,
-    /// Of the energy.
+    /// Of the energy (1).
     pub energy: f64,
 }
 
@@ -127,7 +127,7 @@ fn tear(law: TearLaw, pattern: Pattern, triangles: usize) -> Result<Tear, StudyE
     let forces = torn.moments.iter().flat_map(|moment| moment.force);
     Ok(Tear {
         law: name(law),
-        pattern,
+        pattern: pattern.name(),
         triangles: torn.triangles[0],
         peak: forces.fold(0.0, f64::max),
         plateau: supplied / (last.opening - first.opening),

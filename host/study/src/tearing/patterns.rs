@@ -8,7 +8,6 @@ use crate::StudyError;
 use crate::stress::chance::Chance;
 use physics::Vec3;
 use physics::mesh::{Group, TriMesh};
-use serde::Serialize;
 
 /// A lattice point is left out if it is nearer than this to the border or to a slit (as a fraction of the spacing).
 const CLEAR: f64 = 0.55;
@@ -18,8 +17,7 @@ const SCATTER: f64 = 0.3;
 const SHEAR: f64 = 1e-3;
 
 /// How the triangles lie.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pattern {
     /// Squares with one diagonal each, turned by an angle (degrees).
     Turned(f64),

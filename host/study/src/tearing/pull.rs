@@ -5,20 +5,15 @@
 //! so the tear grows as far as the hands move.
 
 use super::patterns::{Pattern, Rectangle, Slit};
+use super::rig::{Rig, STEP};
 use super::specimen::{Stuff, hold_flat, side};
 use crate::StudyError;
 use physics::mesh::TriMesh;
 use physics::motion::stepper::Ledger;
 use physics::tear::TearLaw;
-use physics::topology::Reserve;
-use physics::{
-    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Starts, Stepper, StepperOptions,
-    TearOptions, TearReport, Tearing, Vec3,
-};
+use physics::{Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, TearReport, Vec3};
 use serde::Serialize;
 
-/// Length of a step (s).
-pub(super) const STEP: f64 = 1e-3;
 /// The side of the square (m), the length of its notch (m), and the length of border that each hand holds (m).
 pub(super) const SIDE: f64 = 0.08;
 pub(super) const NOTCH: f64 = 0.02;
@@ -26,8 +21,6 @@ const GRIP: f64 = 0.016;
 /// Speed of each hand (m/s), and the time in which it is reached (s).
 const SPEED: f64 = 0.04;
 const RAMP: f64 = 0.1;
-/// Most pairs of vertices that let each other go at the same time.
-const MOST_PAIRS: usize = 64;
 
 /// What is torn, and how.
 #[derive(Clone, Copy, Debug)]
@@ -45,18 +38,18 @@ pub(super) struct Pull {
 }
 
 /// The state after a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Moment {
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Moment {
     /// How far the hands have moved apart (m).
-    pub opening: f64,
+    pub(super) opening: f64,
     /// The force of each hand along its motion (N).
-    pub force: [f64; 2],
+    pub(super) force: [f64; 2],
     /// The length of the tear without the notch (m).
-    pub torn: f64,
+    pub(super) torn: f64,
     /// The work of hands and supports so far (J).
-    pub supplied: f64,
+    pub(super) supplied: f64,
     /// Kinetic and elastic energy and energy of the weight, from the start (J).
-    pub stored: f64,
+    pub(super) stored: f64,
 }
 
 /// A run.
@@ -68,7 +61,6 @@ pub(super) struct Torn {
     pub(super) ledger: Ledger,
     /// Work of the pairs that have not let go at the end (J), and the energy that they are still to take.
     pub(super) pending: f64,
-    pub(super) body: Body,
     /// Triangles of the sheet at the start and at the end, and the smallest angles (degrees).
     pub(super) triangles: [usize; 2],
     pub(super) angles: [f64; 2],
@@ -85,11 +77,11 @@ pub(super) struct Torn {
 /// The largest errors of the edits of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct EditErrors {
-    /// Change of the mass, relative.
+    /// Change of the mass, relative (1).
     pub mass: f64,
-    /// Change of the area at rest, relative.
+    /// Change of the area at rest, relative (1).
     pub area: f64,
-    /// Change of the momentum, relative to the mass times the largest speed.
+    /// Change of the momentum, relative to the mass times the largest speed (1).
     pub momentum: f64,
     /// Number of inverted triangles, at rest and in space.
     pub inverted: usize,
@@ -153,35 +145,17 @@ impl Pull {
         let mut body = Body::sheet(mesh, &[self.stuff.elastic()], config, &hands)?;
         let held: Vec<u32> = hands.iter().flat_map(|hand| hand.vertices.clone()).collect();
         hold_flat(&mut body, &held)?;
-        let room = mesh.positions.len().max(400);
-        body.make_tearable(Reserve {
-            vertices: room,
-            triangles: 2 * room,
-        })?;
-        let options = TearOptions {
-            material: self.stuff.tear(self.law),
-            starts: Starts::Tips,
-            snapping: self.snapping,
-        };
-        let mut tearing = Tearing::new(&body, options, &made.tips)?;
-        let options = StepperOptions {
-            tolerance: 1e-8,
-            ..StepperOptions::default()
-        };
-        let mut stepper = Stepper::<f64>::new(&body, options)?;
-        stepper.reserve_pairs(MOST_PAIRS);
-        stepper.keep_ledger(true);
-        stepper.prepare(&body, STEP)?;
-        let begins = [body.kinetic_energy() + body.elastic_energy(), body.load_potential()];
+        let material = self.stuff.tear(self.law);
+        let mut rig = Rig::new(body, material, self.snapping, &made.tips)?;
         let surface_of = |body: &Body| body.surface().map_or([0.0; 3], |surface| {
             let area: f64 = (0..surface.triangle_count() as u32).map(|t| surface.area(t)).sum();
             [area, surface.smallest_angle().to_degrees(), surface.triangle_count() as f64]
         });
-        let first = surface_of(&body);
-        let mass = body.total_mass();
+        let first = surface_of(&rig.body);
+        let mass = rig.body.total_mass();
         let mut torn = Torn {
             moments: Vec::new(),
-            report: *tearing.report(),
+            report: *rig.tearing.report(),
             ledger: Ledger::default(),
             pending: 0.0,
             triangles: [first[2] as usize; 2],
@@ -190,7 +164,6 @@ impl Pull {
             strayed: 0.0,
             spacing: made.spacing,
             iterations: [0.0; 2],
-            body: body.clone(),
         };
         let mut opening = 0.0;
         let steps = (self.longest / STEP) as u32;
@@ -199,56 +172,44 @@ impl Pull {
             let speed = SPEED * (time / RAMP).min(1.0);
             opening += speed * STEP;
             let targets = [1.0, -1.0].map(|sign| HandlePose::at(Vec3::y() * (sign * opening)));
-            let report = stepper.step(&mut body, STEP, &targets, || false)?;
+            let report = rig.step(&targets)?;
             torn.iterations[0] += report.iterations as f64;
             torn.iterations[1] = torn.iterations[1].max(report.iterations as f64);
-            if let Some(ledger) = stepper.ledger() {
-                torn.ledger += *ledger;
-            }
-            let force = [0, 1].map(|hand| {
-                let sign = if hand == 0 { -1.0 } else { 1.0 };
-                let report = body.handle_report(hand);
-                report.map_or(0.0, |report| sign * report.wrench_on_hand.force.y)
-            });
-            let momentum = body.momentum();
-            let edits = tearing.report().opened;
-            torn.report = *tearing.advance(&mut body, &mut stepper);
+            let force = [-rig.force(0).y, rig.force(1).y];
+            let momentum = rig.body.momentum();
+            let edits = torn.report.opened;
+            torn.report = rig.tear();
             if torn.report.opened > edits {
-                let fastest = body.velocities().map(|v| v.norm()).fold(0.0, f64::max);
-                let change = (body.momentum() - momentum).norm() / (mass * fastest);
+                let fastest = rig.body.velocities().map(|v| v.norm()).fold(0.0, f64::max);
+                let change = (rig.body.momentum() - momentum).norm() / (mass * fastest);
                 torn.edits.momentum = torn.edits.momentum.max(change);
-                let [area, angle, _] = surface_of(&body);
+                let [area, angle, _] = surface_of(&rig.body);
                 torn.edits.area = torn.edits.area.max((area / first[0] - 1.0).abs());
-                torn.edits.mass = torn.edits.mass.max((body.total_mass() / mass - 1.0).abs());
+                torn.edits.mass = torn.edits.mass.max((rig.body.total_mass() / mass - 1.0).abs());
                 torn.angles[1] = torn.angles[1].min(angle);
-                torn.edits.inverted = torn.edits.inverted.max(body.inverted_count());
+                torn.edits.inverted = torn.edits.inverted.max(rig.body.inverted_count());
             }
-            let stored = body.kinetic_energy() + stepper.elastic_energy() + body.load_potential();
             torn.moments.push(Moment {
                 opening: 2.0 * opening,
                 force,
                 torn: torn.report.area / self.stuff.thickness,
-                supplied: torn.ledger.supplied,
-                stored: stored - begins[0] - begins[1],
+                supplied: rig.ledger.supplied,
+                stored: rig.stored(),
             });
             let length = torn.report.area / self.stuff.thickness;
-            if (length >= self.length || torn.report.tips == 0) && stepper.pairs().is_empty() {
+            if (length >= self.length || torn.report.tips == 0) && rig.stepper.pairs().is_empty() {
                 break;
             }
             if length >= 1.2 * self.length + 3.0 * made.spacing {
                 break;
             }
         }
-        torn.pending = stepper
-            .pairs()
-            .iter()
-            .map(|pair| 0.5 * pair.first * pair.critical - pair.work)
-            .sum();
+        torn.pending = rig.pending();
+        torn.ledger = rig.ledger;
         torn.iterations[0] /= torn.moments.len().max(1) as f64;
-        let last = surface_of(&body);
+        let last = surface_of(&rig.body);
         torn.triangles[1] = last[2] as usize;
-        torn.strayed = strayed(&body, self.length);
-        torn.body = body;
+        torn.strayed = strayed(&rig.body, self.length);
         Ok(torn)
     }
 }

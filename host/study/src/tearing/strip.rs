@@ -18,15 +18,15 @@ const LENGTH: f64 = 0.24;
 const HEIGHT: f64 = 0.06;
 
 /// The start of one strip.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Start {
     /// How the triangles lie.
-    pub pattern: Pattern,
+    pub pattern: String,
     /// Number of triangles.
     pub triangles: usize,
-    /// The exact strain.
+    /// The exact strain (1).
     pub exact: f64,
-    /// The strain found.
+    /// The strain found (1).
     pub found: f64,
 }
 
@@ -85,7 +85,7 @@ fn start(pattern: Pattern, triangles: usize) -> Result<Start, StudyError> {
         found *= (CLOTH.toughness / driving.rate()).sqrt();
     }
     Ok(Start {
-        pattern,
+        pattern: pattern.name(),
         triangles: made.mesh.triangles.len(),
         exact,
         found,
