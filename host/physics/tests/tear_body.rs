@@ -174,7 +174,7 @@ fn a_tear_does_not_part_a_handle() {
         .advance(
             tip,
             surface.straight_ahead(tip),
-            &AdvanceOptions { snapping: 0.0 },
+            AdvanceOptions { snapping: 0.0 },
             |_| true,
         )
         .expect("an edit");
@@ -209,7 +209,7 @@ fn a_reserve_that_is_used_up_is_an_error_and_nothing_changes() {
             .advance(
                 tip,
                 surface.straight_ahead(tip),
-                &AdvanceOptions { snapping: 0.0 },
+                AdvanceOptions { snapping: 0.0 },
                 |_| true,
             )
             .expect("an edit");
