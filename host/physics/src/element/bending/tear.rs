@@ -6,7 +6,8 @@
 //! triangles and their neighbours, to rounding.
 //!
 //! An opened edge becomes two borders: it has no derivative any more, and no moment. The energy of its fold is lost, so
-//! an opened edge changes the energy of a bent sheet, unlike that of a membrane.
+//! an opened edge changes the energy of a bent sheet, unlike that of a membrane. A cut changes this energy, too, up or down:
+//! smaller triangles see the same positions as other curvatures.
 
 use super::NONE;
 use super::build::{derivative, facet, flat, other_side};
