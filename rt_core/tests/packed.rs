@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::local_model::{PackedModel, PublishedModel};
 use rt_core::{
-    HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, PieceEnergy, Scheme,
-    TearLimit, Vec3, Vec6, Wrench,
+    HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, PieceEnergy,
+    Scheme, TearLimit, Vec3, Vec6, Wrench,
 };
 
 /// Numbers that are hard to keep, among any others: zeros of both signs, infinities, and NaN with and without payload.

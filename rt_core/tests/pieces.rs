@@ -124,9 +124,9 @@ fn hash_of_a_whole_body(scheme: Scheme) -> u64 {
 #[test]
 fn a_whole_body_renders_the_bytes_that_it_rendered_before_bodies_could_tear() {
     let expected = [
-        (Scheme::Linear, 0x1e7533d53401feb4),
-        (Scheme::Classic, 0xa342cccfe89f19e6),
-        (Scheme::Capped, 0x11789ac14de0efb2),
+        (Scheme::Linear, 0x1e75_33d5_3401_feb4),
+        (Scheme::Classic, 0xa342_cccf_e89f_19e6),
+        (Scheme::Capped, 0x1178_9ac1_4de0_efb2),
     ];
     for (scheme, hash) in expected {
         let found = hash_of_a_whole_body(scheme);
@@ -359,12 +359,10 @@ proptest! {
                 given[i] += held[i].force.dot(&step);
             }
             if tick % 4 == 0 {
-                let mut model = if tick < 8 {
-                    whole
-                } else if tick == 8 {
-                    parted(whole, [5e-3 * part, 5e-3 * (1.0 - part)])
-                } else {
-                    wrong(&mut numbers, whole, by)
+                let mut model = match tick {
+                    ..8 => whole,
+                    8 => parted(whole, [5e-3 * part, 5e-3 * (1.0 - part)]),
+                    _ => wrong(&mut numbers, whole, by),
                 };
                 (model.sequence, model.time_ns) = (100 + tick, now);
                 coupling.accept(&model).expect("a sound model");
