@@ -4,8 +4,8 @@
 //! such that at the present poses and velocities its wrench equals the wrench rendered before. Then wrench, stiffness
 //! and damping pass linearly to those of the new model. The blend takes half a publication period (as in the multirate
 //! study), or half the time since the last model if that is longer, and at least two ticks. A model that arrives during
-//! a blend starts from the blended model. The force of a hand that the new model no longer names passes to zero in the
-//! same time.
+//! a blend starts from the blended model. The force of a hand that the new model no longer names fades to zero
+//! (`coupling/leaving.rs`). Where a body parts into pieces, its energies part (`coupling/parting.rs`).
 //!
 //! **Energy.** Under every scheme, the work of the hands is accounted for ([`crate::passivity`]). Under `capped`, the
 //! wrench is limited by that account. Under `classic`, hands that got more energy than they supplied are damped.
@@ -16,6 +16,7 @@
 
 mod capped;
 mod leaving;
+mod parting;
 
 use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
 use crate::held_back::HeldBackByBody;
@@ -23,6 +24,7 @@ use crate::local_model::{LocalModel, ModelFault, PublishedModel};
 use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
 use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
+use leaving::Fade;
 
 /// Configuration of a coupling: how it blends and ages.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +37,7 @@ pub struct CouplingConfig {
     pub blend: f64,
     /// Age beyond which a model is no longer trusted (s).
     pub age_limit: f64,
-    /// Time in which the force fades once the model is too old (s).
+    /// Time in which the force fades once the model is too old, or once no model names the hand any more (s).
     pub decay: f64,
     /// Time in which the force comes back (s).
     pub recovery: f64,
@@ -123,11 +125,16 @@ pub struct Coupling {
     config: CouplingConfig,
     /// The model rendered before the newest one, re-expressed at the reference of the newest.
     from: LocalModel,
-    /// The newest model, as the scheme reads it. During a blend, handles of hands that leave follow the handles that
-    /// the model names.
+    /// The newest model, as the scheme reads it. Handles of hands whose force fades follow the handles that the model
+    /// names.
     to: LocalModel,
-    /// Number of handles that the newest model names.
+    /// Number of handles that the newest model names, and that the model before it named.
     named: u8,
+    named_before: u8,
+    /// The forces of hands that leave, by device.
+    fades: [Fade; MAX_DEVICES],
+    /// The weight on each handle, as rendered now.
+    weights: [Vec3; MAX_HANDLES],
     /// The model that the next tick takes into use, if `is_pending`.
     pending: LocalModel,
     is_pending: bool,
@@ -156,6 +163,9 @@ impl Coupling {
             from: LocalModel::empty(),
             to: LocalModel::empty(),
             named: 0,
+            named_before: 0,
+            fades: [Fade::none(); MAX_DEVICES],
+            weights: [Vec3::zeros(); MAX_HANDLES],
             pending: LocalModel::empty(),
             is_pending: false,
             blend: 1.0,
@@ -194,9 +204,9 @@ impl Coupling {
                 Err(ModelFault::Outdated)
             } else if seen_one
                 && head.epoch == current.epoch
-                && !(head.handle_count == named && same_devices(model, current))
+                && !(head.handle_count == named && same_hands_and_pieces(model, current))
             {
-                // Only a change of topology may give a body other handles.
+                // Only a change of topology may give a body other handles or other pieces.
                 Err(ModelFault::Handles)
             } else {
                 Ok(())
@@ -219,10 +229,7 @@ impl Coupling {
     /// poses and twists of the proxies, by device index.
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         self.ticked_ns = Some(now_ns);
-        if self.blend >= 1.0 {
-            // The force of hands that left is zero now.
-            self.to.handle_count = self.named;
-        }
+        self.fade_leaving();
         let steps = self
             .passivity
             .observe(devices.iter().map(|(pose, _)| *pose));
@@ -231,6 +238,7 @@ impl Coupling {
             self.is_pending = false;
             self.switch(now_ns, devices);
         }
+        self.weigh();
         let mut wrenches = match self.config.scheme {
             Scheme::Capped => self.capped(devices, &steps),
             _ => self.rendered(devices),
@@ -263,10 +271,10 @@ impl Coupling {
     pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[f64; MAX_DEVICES]) {
         let mut weights = [Vec3::zeros(); MAX_DEVICES];
         let trust = smooth_step(self.trust);
-        for handle in self.to.handles() {
+        for (handle, borne) in self.to.handles().zip(&self.weights) {
             let device = usize::from(handle.device);
             if let Some((weight, passed)) = weights.get_mut(device).zip(passed.get(device)) {
-                *weight += handle.weight * (trust * passed);
+                *weight += borne * (trust * passed);
             }
         }
         self.passivity.hold(wrenches, &weights);
@@ -288,7 +296,7 @@ impl Coupling {
     }
 
     /// The newest model in use, as the scheme reads it. Before the first model it has no handles. Hands that it no
-    /// longer names keep a handle at its end until their force has passed to zero.
+    /// longer names keep a handle at its end until their force has faded.
     pub fn model(&self) -> &LocalModel {
         &self.to
     }
@@ -332,18 +340,27 @@ impl Coupling {
         let before = self.rendered(devices);
         let ahead = self.pending.ahead(now_ns);
         let ticks = self.blend_ticks();
-        self.named = self.pending.handle_count;
+        (self.named_before, self.named) = (self.named, self.pending.handle_count);
+        self.weigh();
+        self.prepare_pieces();
         self.keep_leaving(&before, devices);
+        let division = self.division();
         // The stored energy follows from the models as they were, so it is computed first.
         let stored = self.stored_before(devices);
+        let pieces = division.is_some() || self.is_torn();
+        let by_piece = pieces.then(|| self.stored_by_piece(devices));
         self.re_express(ahead, &before, devices);
         if let Some(stored) = stored {
             self.from.energy = 0.0;
             self.from.energy = stored + self.from.work(&self.from.deviations(devices), ahead);
         }
+        if let Some(former) = by_piece.filter(|_| stored.is_some()) {
+            let stored = division.map_or(former, |division| division.of(&former));
+            self.keep_stored(&stored, ahead, devices);
+        }
         self.to.copy_used_from(&self.pending);
         self.passivity.begin(self.to.energy);
-        self.passivity.release(self.to.released);
+        self.part_account(division.as_ref());
         self.passivity.note_stored(self.to.energy.max(0.0));
         self.ahead = ahead;
         self.blend_step = 1.0 / ticks;
@@ -369,7 +386,11 @@ impl Coupling {
         devices: &[(Pose, Twist)],
     ) {
         let Self {
-            from, to, pending, ..
+            from,
+            to,
+            pending,
+            weights,
+            ..
         } = self;
         if same_handles(to, pending) {
             from.mix(to, self.blend);
@@ -377,6 +398,8 @@ impl Coupling {
             from.copy_used_from(pending);
         }
         from.handle_count = pending.handle_count;
+        from.pieces = pending.pieces;
+        from.tear_limit = pending.tear_limit;
         for (handle, newer) in from.handles.iter_mut().zip(pending.handles()) {
             let drift = handle.drift;
             *handle = *newer;
@@ -387,9 +410,11 @@ impl Coupling {
         for (handle, fall) in from.handles.iter_mut().zip(&response).take(used) {
             let old = to
                 .handles()
-                .zip(before)
+                .zip(before.iter().zip(weights.iter()))
                 .find(|(old, _)| old.device == handle.device);
-            let force = old.map_or(Wrench::zero(), |(_, wrench)| *wrench);
+            let force = old.map_or(Wrench::zero(), |(_, (wrench, _))| *wrench);
+            // The former weight; that of the new model where a hand joins.
+            handle.weight = old.map_or(handle.weight, |(_, (_, weight))| *weight);
             let drift = handle.drift.stacked() * ahead;
             let wrench = Wrench::from_stacked(&(force.stacked() + fall - drift));
             // A force that overflowed must not persist from blend to blend, long after its cause.
@@ -477,12 +502,12 @@ impl Coupling {
 
 /// Whether two models have the same handles, in the same hands.
 fn same_handles(a: &LocalModel, b: &LocalModel) -> bool {
-    a.handle_count == b.handle_count && same_devices(a, b)
+    let mut pairs = a.handles().zip(b.handles());
+    a.handle_count == b.handle_count && pairs.all(|(a, b)| a.device == b.device)
 }
 
-/// Whether the handles of two models are in the same hands, as far as both models have handles.
-fn same_devices(a: &impl PublishedModel, b: &LocalModel) -> bool {
-    a.handles()
-        .zip(b.handles())
-        .all(|(a, b)| a.device == b.device)
+/// Whether the handles of two models are in the same hands and on the same pieces, as far as both models have handles.
+fn same_hands_and_pieces(a: &impl PublishedModel, b: &LocalModel) -> bool {
+    let mut pairs = a.handles().zip(b.handles());
+    pairs.all(|(a, b)| a.device == b.device && a.piece == b.piece)
 }

@@ -69,7 +69,7 @@ pub use device::{
 };
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use held_back::{HeldBack, HeldBackByBody, HeldBackByDevice};
-pub use local_model::{HandleReference, LocalModel};
+pub use local_model::{HandleReference, LocalModel, PieceEnergy, TearLimit};
 pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};
 pub use record::{Telemetry, TickRecord};
 pub use scheme::Scheme;

@@ -16,21 +16,31 @@
 //! extrapolation from that path is `w0 + w0' s - K (d - v0 s) - B e`. It equals the extrapolation above with
 //! `p = w0' + K v0`: the part of the wrench's rate that the stiffness does not predict. A body that answers at once has
 //! no drift.
+//!
+//! **A torn body** may consist of several pieces (`local_model/pieces.rs`), and a tear limits how far the
+//! extrapolation goes (`local_model/tear_limit.rs`).
 
 mod packed;
 mod parts;
+pub(crate) mod pieces;
+mod tear_limit;
 
 use crate::MAX_HANDLES;
 use crate::geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 
 pub use packed::{ModelHead, PackedModel, PublishedModel};
 pub use parts::Parts;
+pub use pieces::PieceEnergy;
+pub use tear_limit::TearLimit;
 
 /// The reference state of one handle in a [`LocalModel`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleReference {
     /// Index of the device that holds it.
     pub device: u8,
+    /// Number of the piece of the body that it is on; zero in a whole body. The pieces have the numbers from zero on.
+    /// While the topology stays, the number stays.
+    pub piece: u8,
     /// Pose at the reference state (world axes).
     pub pose: Pose,
     /// Twist at the reference state (world axes).
@@ -41,11 +51,15 @@ pub struct HandleReference {
     /// permanently.
     pub contact: Vec3,
     /// The body's weight on the handle (N): the part of the wrench's force that stays the same wherever the handle
-    /// goes. The weight is a potential, so it gives back the work that lifting took. Zero is always safe.
+    /// goes. The weight is a potential, so it gives back the work that lifting took. Zero is always safe. Where the
+    /// weight differs from that of the model before, the tick blends the two.
     pub weight: Vec3,
     /// The part of the wrench's rate that the stiffness does not predict (N/s, N m/s): `w0' + K v0`. Zero is always
     /// safe.
     pub drift: Wrench,
+    /// Slope of `sqrt(G)` of the nearest tip by the displacement of the handle (sqrt(J/m2) per m, then per rad):
+    /// [`TearLimit`]. Unused where the model has no limit.
+    pub tear_slope: Vec6,
 }
 
 impl HandleReference {
@@ -53,12 +67,14 @@ impl HandleReference {
     pub fn zero() -> Self {
         Self {
             device: 0,
+            piece: 0,
             pose: Pose::identity(),
             twist: Twist::zero(),
             wrench: Wrench::zero(),
             contact: Vec3::zeros(),
             weight: Vec3::zeros(),
             drift: Wrench::zero(),
+            tear_slope: Vec6::zeros(),
         }
     }
 
@@ -73,6 +89,10 @@ impl HandleReference {
                 .iter()
                 .chain(self.weight.iter())
                 .all(|x| x.is_finite())
+    }
+
+    fn has_finite_slope(&self) -> bool {
+        self.tear_slope.iter().all(|x| x.is_finite())
     }
 
     /// The wrench without the weight.
@@ -131,6 +151,11 @@ pub struct LocalModel {
     /// that sags further, for instance, gives the potential of its weight to the hands. The value only grows. Zero is
     /// always safe.
     pub released: f64,
+    /// The energies of the pieces, by the number of the piece. Unused in a whole body, whose energies are `energy` and
+    /// `released`.
+    pub pieces: [PieceEnergy; MAX_HANDLES],
+    /// How far the model may be extrapolated before a tear goes on.
+    pub tear_limit: TearLimit,
     /// The number of entries of `handles` in use.
     pub handle_count: u8,
     /// The handles, the first `handle_count` of them in use.
@@ -186,7 +211,8 @@ pub enum ModelFault {
     /// A number of the model is not finite, or its period or horizon is not positive.
     NotFinite,
     /// The model names no handles, more handles than a body can have, or a device that does not exist. The same fault
-    /// tells that the handles differ from those of the model in use, though the topology did not change.
+    /// tells that the handles or their pieces differ from those of the model in use, though the topology did not change,
+    /// and that a number of a piece is not below the number of handles.
     Handles,
     /// The model is not newer than the one in use, or its topology is older.
     Outdated,
@@ -209,6 +235,8 @@ impl LocalModel {
             horizon: 1.0,
             energy: 0.0,
             released: 0.0,
+            pieces: [PieceEnergy::default(); MAX_HANDLES],
+            tear_limit: TearLimit::none(),
             handle_count: 0,
             handles: [HandleReference::zero(); MAX_HANDLES],
             stiffness: [[Mat6::zeros(); MAX_HANDLES]; MAX_HANDLES],
@@ -227,6 +255,8 @@ impl LocalModel {
             horizon,
             energy,
             released,
+            pieces,
+            tear_limit,
             handle_count,
             handles,
             stiffness,
@@ -240,6 +270,8 @@ impl LocalModel {
         *horizon = head.horizon;
         *energy = head.energy;
         *released = head.released;
+        *pieces = head.pieces;
+        *tear_limit = head.tear_limit;
         *handle_count = head.handle_count;
         for (mine, theirs) in handles.iter_mut().zip(other.handles()) {
             *mine = *theirs;
@@ -281,7 +313,17 @@ impl LocalModel {
         deviations
     }
 
-    /// `K d + B e`: the fall of the wrench on each hand since the reference (N, then N m).
+    /// `K d`: the fall of the springs' wrench on each hand since the reference (N, then N m), up to the tear limit.
+    pub(crate) fn springs(&self, deviations: &[Deviation; MAX_HANDLES]) -> [Vec6; MAX_HANDLES] {
+        let mut still = *deviations;
+        for deviation in &mut still {
+            deviation.velocity = Vec6::zeros();
+        }
+        self.response(&still)
+    }
+
+    /// `K d + B e`: the fall of the wrench on each hand since the reference (N, then N m), with `K d` up to the tear
+    /// limit.
     pub fn response(&self, deviations: &[Deviation; MAX_HANDLES]) -> [Vec6; MAX_HANDLES] {
         let mut response = [Vec6::zeros(); MAX_HANDLES];
         let n = usize::from(self.handle_count);
@@ -294,6 +336,12 @@ impl LocalModel {
         for ((stiffness, damping), out) in rows {
             for ((k, b), deviation) in stiffness.iter().zip(damping).zip(deviations).take(n) {
                 *out += k * deviation.displacement + b * deviation.velocity;
+            }
+        }
+        let still = [Vec6::zeros(); MAX_HANDLES];
+        if let Some(beyond) = self.beyond_limit(deviations, &still) {
+            for (handle, out) in self.handles().zip(&mut response) {
+                *out -= handle.tear_slope * beyond.spring;
             }
         }
         response

@@ -13,20 +13,26 @@
 //! (the host was late, or a device was silent). At a place `p`, this changes the potential by `R = -ds g . (p - p_0)`.
 //! The sum of these changes is signed: a weight that is removed and restored at the same height costs nothing. As long
 //! as the sum is positive, the hands have been spared that work, and the cap has that much less to spend.
+//!
+//! **Pieces.** Each piece of a torn body has its own credit, for hands on different pieces cannot pass energy to each
+//! other (`passivity/pieces.rs`). The account of the body is the sum. `classic` knows only the sum.
 
 mod cap;
 mod classic;
 mod edge;
 mod hand;
+mod pieces;
 
 use edge::Edge;
 use hand::Hand;
 pub(crate) use hand::Motion;
+pub(crate) use pieces::Division;
+use pieces::PieceAccount;
 
-use crate::MAX_DEVICES;
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 use crate::held_back::is_noticeable;
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_SPEED};
+use crate::{MAX_DEVICES, MAX_HANDLES};
 
 /// Largest number of ticks by which a device renders a wrench late.
 pub const MAX_DELAY: usize = 4;
@@ -190,17 +196,10 @@ pub struct Passivity {
     /// Number of devices that move these hands.
     devices: usize,
     account: EnergyAccount,
-    /// Energy that springs may give back (J): the energy that hands have supplied, minus the forgotten part.
-    credit: f64,
-    /// Energy that the models said to have released so far (J), and the energy that hands got since the last such
-    /// model.
-    released: f64,
-    got: f64,
-    /// Work that the hands were spared by weights that were removed and restored (J), signed.
-    spared: f64,
+    /// The accounts of the pieces, and their number: one for a whole body.
+    pieces: [PieceAccount; MAX_HANDLES],
+    piece_count: usize,
     withheld: Withheld,
-    /// Fraction of the devices' damping that takes out missing energy.
-    damped: f64,
     /// Whether a first local model has come.
     began: bool,
     /// Factor by which a reach decays in a tick.
@@ -218,12 +217,9 @@ impl Passivity {
                 available: config.allowance,
                 ..EnergyAccount::default()
             },
-            credit: config.allowance,
-            released: 0.0,
-            got: 0.0,
-            spared: 0.0,
+            pieces: [PieceAccount::new(config.allowance); MAX_HANDLES],
+            piece_count: 1,
             withheld: Withheld::default(),
-            damped: 0.0,
             began: false,
             fade: libm::exp(-config.period / MEMORY),
         }
@@ -316,13 +312,15 @@ impl Passivity {
             self.account.supplied -= work;
             self.account.credited += credit;
             self.account.raised -= fallen;
-            self.credit += credit - (work - fallen);
-            self.got += work - fallen;
+            if let Some(piece) = self.pieces.get_mut(hand.piece) {
+                piece.credit += credit - (work - fallen);
+                piece.got += work - fallen;
+            }
         }
         let account = &mut self.account;
         let got = account.supplied - account.raised + account.credited;
         account.least = account.least.min(got);
-        account.available = self.credit - self.spared.max(0.0);
+        self.total();
         steps
     }
 
@@ -331,7 +329,8 @@ impl Passivity {
         if !self.began {
             self.began = true;
             self.account.initial = stored.max(0.0);
-            self.credit += self.account.initial;
+            let [whole, ..] = &mut self.pieces;
+            whole.credit += self.account.initial;
         }
     }
 
@@ -346,10 +345,8 @@ impl Passivity {
     /// energy that hands have got since the last such claim. A body may give energy that it has, but the claim of a
     /// model alone never increases the credit beyond that.
     pub(crate) fn release(&mut self, released: f64) {
-        let more = (released - self.released).max(0.0);
-        self.credit += more.min(self.got.max(0.0));
-        self.released = self.released.max(released);
-        self.got = 0.0;
+        let [whole, ..] = &mut self.pieces;
+        whole.release(released);
     }
 
     /// One along each axis of a device, or zero where the last step was a single count back, as a tremor on the edge of
@@ -383,9 +380,12 @@ impl Passivity {
             let (wrench, weight) = if sound { (*wrench, *weight) } else { zero };
             let raised = hand.push(&wrench, &weight) * port.force_scale;
             self.account.raised += raised;
-            let before = self.spared.max(0.0);
-            self.spared += raised;
-            self.account.available -= self.spared.max(0.0) - before;
+            hand.spared += raised;
+            if let Some(piece) = self.pieces.get_mut(hand.piece) {
+                let before = piece.spared.max(0.0);
+                piece.spared += raised;
+                self.account.available -= piece.spared.max(0.0) - before;
+            }
         }
     }
 }

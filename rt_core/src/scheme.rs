@@ -16,7 +16,7 @@
 //! `linear` has no second spring, which would count the same displacement twice.
 
 use crate::geometry::{Mat6, Twist, Wrench};
-use crate::local_model::{LocalModel, PairBlocks};
+use crate::local_model::{LocalModel, PairBlocks, TearLimit};
 
 /// How the tick reads a local model between publications.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,6 +61,8 @@ impl Scheme {
             Self::Thesis { stiffness, damping } => (stiffness, damping),
         };
         let n = usize::from(model.handle_count);
+        // The limit belongs to the stiffness of the body.
+        model.tear_limit = TearLimit::none();
         own_translation(&mut model.stiffness, stiffness, n);
         own_translation(&mut model.damping, damping, n);
         for handle in model.handles.iter_mut().take(n) {

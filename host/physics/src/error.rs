@@ -1,6 +1,7 @@
 //! The errors of a body, a step and a condensation.
 
 use crate::mesh::PatternError;
+use crate::topology::{EditError, SurfaceError};
 use thiserror::Error;
 
 /// The reason why a body could not be built, or an input to a body was refused.
@@ -377,4 +378,43 @@ pub enum CondenseError {
         /// The pivot at which the factorization stopped, in elimination order.
         pivot: usize,
     },
+}
+
+/// The reason why a sheet could not be made tearable, or was not torn.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum TearingError {
+    /// The body is of a kind that cannot tear.
+    #[error("a body with {found} cannot tear; only a sheet of triangles with hinged borders can")]
+    Kind {
+        /// The property that excludes tearing.
+        found: &'static str,
+    },
+    /// The triangles form no surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// A handle holds both sides.
+    #[error("a handle holds vertex {vertex}, so no tear can part it")]
+    Held {
+        /// The vertex.
+        vertex: u32,
+    },
+    /// The surface refused the edit.
+    #[error(transparent)]
+    Edit(#[from] EditError),
+    /// A tear cannot begin at the tip.
+    #[error("vertex {vertex} is no tip: it is not on a border of the sheet")]
+    Tip {
+        /// The vertex.
+        vertex: u32,
+    },
+    /// A parameter of the law is out of range.
+    #[error(transparent)]
+    Law(#[from] crate::tear::TearError),
+}
+
+impl TearingError {
+    /// Whether the reserve of vertices or triangles is used up.
+    pub fn is_full(&self) -> bool {
+        matches!(self, Self::Edit(EditError::Full { .. }))
+    }
 }

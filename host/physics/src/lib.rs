@@ -10,6 +10,7 @@
 //! - [`motion`]: steps and equilibria of a body.
 //! - [`body`]: a deformable body with handles and supports.
 //! - [`element`]: sets of elements, in exact form and in a form for vector instructions.
+//! - [`tear`]: when and where a sheet tears, and how it lets go.
 //! - [`material`]: laws. [`polar`]: rotations and stretches.
 //! - [`linear`]: systems of linear equations.
 //! - [`lanes`]: numbers laid out for vector instructions. [`cost`]: the cost of a pass over arrays.
@@ -63,15 +64,16 @@ pub mod mesh;
 pub mod motion;
 pub mod polar;
 pub mod team;
+pub mod tear;
 pub mod topology;
 
 pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
-pub use body::{Body, BodyConfig, BodyMap, SheetLawName, SolidLaw};
+pub use body::{Body, BodyConfig, BodyEdit, BodyMap, SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
 pub use cost::Cost;
 pub use element::Elements;
-pub use error::{BodyError, CondenseError, StepError};
+pub use error::{BodyError, CondenseError, StepError, TearingError};
 pub use lanes::{Node, Real};
 pub use linear::block_matrix::BlockMatrix;
 pub use linear::pcg::{Budget, SolveReport};
@@ -81,8 +83,9 @@ pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
     AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
-    IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, StepReport, Stepper,
-    StepperOptions, StepperReport, TimeScheme, complete_bytes,
+    IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Pair, Part, Refresher, Starts,
+    StepReport, Stepper, StepperOptions, StepperReport, TearOptions, TearReport, Tearing,
+    TimeScheme, complete_bytes,
 };
 pub use team::{Alone, Team};
 

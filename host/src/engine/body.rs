@@ -11,12 +11,13 @@ use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::stored::Stored;
+use super::tears::BodyTears;
 use super::virtual_coupling::{Link, VirtualCoupling};
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
 use physics::{Body, BodyError, BodyMap, Condensed, HandlePose, HandleReport};
 use rt_core::{
-    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Vec6, Wrench,
+    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec6, Wrench,
 };
 
 /// Speed of a handle in excess of its hand's speed while it catches up (m/s).
@@ -64,6 +65,8 @@ pub struct HostBody {
     beside: Option<Beside<Box<Rebuild>>>,
     /// The hands that join with the change that is under way.
     joining: Option<Vec<Joining>>,
+    /// The tears of the body; `None` for a body that does not tear.
+    tears: Option<BodyTears>,
 }
 
 /// A hand that is to hold a handle when a change lands.
@@ -104,6 +107,8 @@ pub struct HostBodyParts {
     pub publishes_energy: bool,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
     pub coupling: Option<VirtualCoupling>,
+    /// The tears of the body; `None` for a body that does not tear.
+    pub tears: Option<BodyTears>,
 }
 
 impl HostBody {
@@ -154,6 +159,7 @@ impl HostBody {
             smoothing: parts.smoothing,
             beside: None,
             joining: None,
+            tears: parts.tears,
         }
     }
 
@@ -255,6 +261,7 @@ impl HostBody {
             return Ok(());
         }
         self.solver.finish(&mut self.body, watch, &mut self.tally)?;
+        self.tear(watch);
         let solved = watch.now_ns();
 
         // Before the first record the state has no time.
@@ -282,8 +289,10 @@ impl HostBody {
         {
             if let Some(report) = self.body.handle_report(i) {
                 *reference = HandleReference {
+                    piece: reference.piece,
                     weight: reference.weight,
                     drift: reference.drift,
+                    tear_slope: reference.tear_slope,
                     ..reference_of(reference.device, report)
                 };
                 self.borne.wrench(reference);
@@ -292,6 +301,7 @@ impl HostBody {
         if let Some(stored) = &mut self.stored {
             let elastic = self.solver.elastic_energy(&self.body);
             stored.publish(&self.body, elastic, &mut self.model);
+            stored.publish_tear_area(&mut self.model);
         }
         if let Some(coupling) = &mut self.coupling {
             coupling.through(&self.model);
@@ -357,6 +367,27 @@ impl HostBody {
         behind
     }
 
+    /// Lets the tears grow. A torn body begins an epoch.
+    fn tear(&mut self, watch: &impl Stopwatch) {
+        let Some(tears) = &mut self.tears else {
+            return;
+        };
+        let start = watch.now_ns();
+        let torn = self
+            .solver
+            .tear(&mut self.body, &mut tears.tearing, &mut self.tally);
+        if torn {
+            self.model.epoch = self.model.epoch.saturating_add(1);
+        }
+        self.tally.torn = torn;
+        self.tally.tear = Some(watch.now_ns().saturating_sub(start));
+    }
+
+    /// The tears of the body; `None` for a body that does not tear.
+    pub fn tears(&self) -> Option<&BodyTears> {
+        self.tears.as_ref()
+    }
+
     fn condense(&mut self) -> Result<(), StepFault> {
         let Some(condensed) = self.solver.condense(&self.body, self.horizon)? else {
             return Ok(());
@@ -413,8 +444,6 @@ pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
             force: report.wrench_on_hand.force,
             moment: report.wrench_on_hand.moment,
         },
-        contact: Vec3::zeros(),
-        weight: Vec3::zeros(),
-        drift: Wrench::zero(),
+        ..HandleReference::zero()
     }
 }

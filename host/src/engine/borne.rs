@@ -65,10 +65,16 @@ impl Borne {
         }
     }
 
-    /// Leaves only what its hand feels of the wrench on a handle.
+    /// Leaves only what its hand feels of the wrench on a handle, and only the displacements that its device allows of
+    /// the slope of a tear limit.
     pub(super) fn wrench(&self, reference: &mut HandleReference) {
         if let Some(part) = self.of(reference.device) {
             reference.wrench.force = part * reference.wrench.force;
+            let slope = part * reference.tear_slope.fixed_rows::<3>(0);
+            reference
+                .tear_slope
+                .fixed_rows_mut::<3>(0)
+                .copy_from(&slope);
         }
     }
 

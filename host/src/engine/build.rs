@@ -5,6 +5,7 @@ use super::borne::Borne;
 use super::path::HandlePath;
 use super::plan::{BodyPlan, in_words};
 use super::recipe::Recipe;
+use super::tears::BodyTears;
 use super::virtual_coupling::VirtualCoupling;
 use crate::bodies::{self, Built};
 use crate::scene::spec::Scene;
@@ -98,19 +99,23 @@ fn body(
     loaded: &LoadedScene,
     index: usize,
     how: How,
-    built: Built,
+    mut built: Built,
     borne: Borne,
 ) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
+    let tears = BodyTears::new(loaded, index, &mut built)?;
     let plan = BodyPlan::new(loaded, index, &built);
     let recipe = Recipe::new(scene, &plan, how);
     Stage::Factorizing.begin();
-    let solver = recipe.make(&built.body).map_err(|e| {
+    let mut solver = recipe.make(&built.body).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
     })?;
+    if let Some(tears) = &tears {
+        solver.begin_tears(&built.body, &tears.tearing);
+    }
     let devices: Vec<u8> = bodies::tools(scene, spec)
         .iter()
         .map(|tool| tool.device as u8)
@@ -146,5 +151,6 @@ fn body(
         horizon: plan.horizon,
         publishes_energy: plan.publishes_energy,
         coupling: plan.links.map(VirtualCoupling::new),
+        tears,
     }))
 }

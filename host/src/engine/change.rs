@@ -77,6 +77,9 @@ pub enum ChangeError {
         "an earlier change of the body has not landed yet; request this change again after that"
     )]
     UnderWay,
+    /// The body tears.
+    #[error("a body that tears keeps its handles, its supports and its mesh")]
+    Tears,
     /// A device that does not exist is to hold a handle.
     #[error("device {device} cannot hold a handle: devices are 0 to {}", MAX_DEVICES - 1)]
     NoDevice {

@@ -18,9 +18,11 @@ mod path;
 pub mod plan;
 pub mod recipe;
 pub mod rehearsal;
+mod renewal;
 mod solver;
 pub mod stats;
 pub mod stored;
+pub mod tears;
 pub mod threads;
 pub mod virtual_coupling;
 
@@ -29,7 +31,7 @@ use change::{ChangeError, Edit};
 use core::ops::Range;
 use pacer::Due;
 use physics::team::each;
-use physics::{Alone, BodyError, Team};
+use physics::{Alone, BodyError, Team, TearReport};
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, StepFault, Stopwatch};
 
@@ -46,11 +48,13 @@ pub struct Engine {
 impl Engine {
     /// An engine over `bodies`.
     pub fn new(bodies: Vec<HostBody>) -> Self {
+        let mut stats = EngineStats::new();
+        stats.tears = vec![TearReport::default(); bodies.len()];
         Self {
             bodies,
             team: &Alone,
             threads: 1,
-            stats: EngineStats::new(),
+            stats,
         }
     }
 
@@ -134,6 +138,9 @@ impl Engine {
             for index in range {
                 let body = &self.bodies[index];
                 self.stats.add(body.tally());
+                if let Some(tears) = body.tears() {
+                    self.stats.tears[index] = *tears.tearing.report();
+                }
                 if let Some(model) = body.published() {
                     publish(index, model);
                 }

@@ -96,7 +96,7 @@ impl Recipe {
             stepper,
             beside,
             shapes,
-            self.step,
+            (self.step, self.real),
             self.budget_ns,
         ))
     }

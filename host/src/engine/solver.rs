@@ -1,11 +1,15 @@
 //! How a body is stepped and condensed: assembled, or on a frozen factor.
 
 use super::beside::{Beside, Work};
+use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use physics::{
     AssembledStepper, Body, Condensed, Condenser, HandlePose, Real, Refresher, ShapeOptions,
-    Shapes, Stepper,
+    Shapes, Stepper, Tearing,
 };
+
+/// Most pairs of vertices that let each other go at a time.
+const MOST_PAIRS: usize = 64;
 
 /// Steps and condenses one body. A step consists of four calls in this order. The engine makes each call for all
 /// bodies before the next call. A body for which a call fails keeps its state and is left out until the next step.
@@ -49,6 +53,14 @@ pub trait Solver: Send {
         watch: &dyn Stopwatch,
         tally: &mut Tally,
     ) -> Result<(), StepFault>;
+
+    /// Prepares the solver for the tears of `body`.
+    fn begin_tears(&mut self, _body: &Body, _tearing: &Tearing) {}
+
+    /// Lets the tears of `body` grow after a step. Returns whether the topology has changed.
+    fn tear(&mut self, _body: &mut Body, _tearing: &mut Tearing, _tally: &mut Tally) -> bool {
+        false
+    }
 
     /// Reads ahead what a later step will need. Called once after each step, when its model has been published.
     fn read_ahead(&mut self) {}
@@ -183,6 +195,8 @@ pub(super) struct Frozen<T> {
     beside: Beside<Box<Refresher<T>>>,
     /// The refresher that has done its work, while its factor is read ahead.
     made: Option<Box<Refresher<T>>>,
+    /// Whether a refresher is under way.
+    lent: bool,
     /// Whether the whole factor has been read.
     read: bool,
     /// Number of parts in which a factor is read ahead; 0 where a step takes a new factor at once.
@@ -195,29 +209,39 @@ pub(super) struct Frozen<T> {
     budget_ns: Option<u64>,
     /// Time spent on the present step.
     spent: Spent,
+    /// Steppers for the topologies that tears make; `None` for a body that does not tear.
+    renewals: Option<Renewals<T>>,
+    /// Length of a step (s).
+    h: f64,
+    /// Whether the run is under the real clock.
+    real: bool,
 }
 
 impl<T: Real> Frozen<T> {
     /// A solver whose `stepper` makes only its first factor; `beside` makes the others. The `options` are those of
-    /// the shapes, if the scheme uses them. Steps take `h` seconds of the body's time; under the real clock they may
+    /// the shapes, if the scheme uses them. Steps take `h` seconds of the body's time; under the `real` clock they may
     /// take `budget_ns` (ns).
     pub(super) fn new(
         stepper: Stepper<T>,
         beside: Beside<Box<Refresher<T>>>,
         options: Option<ShapeOptions>,
-        h: f64,
+        (h, real): (f64, bool),
         budget_ns: Option<u64>,
     ) -> Self {
         Self {
             stepper,
             beside,
             made: None,
+            lent: false,
             read: false,
             parts: Refresher::<T>::parts(h),
             options,
             shapes: Shapes::default(),
             budget_ns,
             spent: Spent::default(),
+            renewals: None,
+            h,
+            real,
         }
     }
 
@@ -226,6 +250,7 @@ impl<T: Real> Frozen<T> {
         if self.made.is_none() {
             // If the thread has ended, the factor in use stays in use.
             self.made = self.beside.done().unwrap_or_default();
+            self.lent &= self.made.is_none();
         }
         if let Some(refresher) = &mut self.made {
             self.read = refresher.read_ahead(self.parts);
@@ -291,10 +316,44 @@ impl<T: Real> Solver for Frozen<T> {
             report.converged,
             report.residual / report.reference.max(f64::MIN_POSITIVE),
         ));
-        if let Some(refresher) = self.stepper.lend() {
+        // While a tear renews the stepper, the refresher of the stepper before may still be under way.
+        if !self.lent
+            && let Some(refresher) = self.stepper.lend()
+        {
+            self.lent = true;
             self.beside.begin(refresher);
         }
         Ok(())
+    }
+
+    fn begin_tears(&mut self, body: &Body, tearing: &Tearing) {
+        let room = body
+            .surface()
+            .map_or(0, |s| s.limits().vertices - s.vertex_count());
+        self.stepper.reserve_pairs(MOST_PAIRS);
+        self.renewals = Some(Renewals::new(
+            body,
+            &self.stepper,
+            self.real,
+            self.h,
+            room + tearing.journal().len(),
+        ));
+    }
+
+    fn tear(&mut self, body: &mut Body, tearing: &mut Tearing, tally: &mut Tally) -> bool {
+        let before = tearing.journal().len();
+        tearing.advance(body, &mut self.stepper);
+        if let Some(renewals) = &mut self.renewals {
+            // If the thread has ended, the stepper in use stays in use.
+            let landed = renewals.land(body, &mut self.stepper, tearing.journal());
+            if landed.unwrap_or(false) {
+                tally.renewed += 1;
+                // A factor that is still made belongs to the stepper before.
+                self.read = false;
+            }
+            renewals.begin(body, &self.stepper, tearing.journal());
+        }
+        tearing.journal().len() > before
     }
 
     fn read_ahead(&mut self) {

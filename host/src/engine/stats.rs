@@ -1,7 +1,7 @@
 //! Times and counts of the host's steps.
 
 use super::change::ChangeError;
-use physics::{CondenseError, StepError};
+use physics::{BodyError, CondenseError, StepError, TearReport, TearingError};
 use runner::latency::LatencyHistogram;
 
 /// Reads a clock for measurement only: nothing in the state may depend on the time that it returns.
@@ -39,6 +39,12 @@ pub enum StepFault {
     /// A change could not be made; the body continues as it was.
     #[error("change: {0}")]
     Change(#[from] ChangeError),
+    /// A stepper for a new topology could not follow the body; the old stepper stays in use.
+    #[error("tear: {0}")]
+    Tear(#[from] TearingError),
+    /// The body refused its state.
+    #[error("body: {0}")]
+    Body(#[from] BodyError),
 }
 
 /// Counts and times of one body's part of a step. Bodies are stepped beside each other, so each has a tally of its own.
@@ -54,6 +60,12 @@ pub struct Tally {
     pub(crate) solved: Option<(usize, bool, f64)>,
     /// Factors that were made beside the steps and then taken.
     pub(super) factors: u64,
+    /// Time of the tears (ns), for a body that can tear.
+    pub(crate) tear: Option<u64>,
+    /// Whether the topology has changed.
+    pub(crate) torn: bool,
+    /// Steppers for new topologies that were taken.
+    pub(crate) renewed: u64,
     /// The largest clipped eigenvalue, relative to the largest eigenvalue of its matrix, if one was clipped.
     pub(super) clip: Option<f64>,
 }
@@ -77,6 +89,14 @@ pub struct EngineStats {
     pub factors: u64,
     /// Changes of topology or constraints that have landed.
     pub changes: u64,
+    /// Time of the tears (ns a step), of bodies that can tear.
+    pub tear: LatencyHistogram,
+    /// What tore so far, by body; zero for bodies that do not tear.
+    pub tears: Vec<TearReport>,
+    /// Steps in which the topology changed.
+    pub torn: u64,
+    /// Steppers for new topologies that were taken.
+    pub renewed: u64,
     /// Steps that stopped at the iteration limit.
     pub unconverged: u64,
     /// Largest relative residual of any step.
@@ -104,6 +124,10 @@ impl EngineStats {
             iterations: LatencyHistogram::new(100_000),
             factors: 0,
             changes: 0,
+            tear: times(),
+            tears: Vec::new(),
+            torn: 0,
+            renewed: 0,
             unconverged: 0,
             worst_residual: 0.0,
             clipped: 0,
@@ -113,14 +137,14 @@ impl EngineStats {
         }
     }
 
-    /// Time of all steps so far (s): to assemble, to solve and to publish. The times of bodies add up, though several
+    /// Time of all steps so far (s): to assemble, to solve, to tear and to publish. The times of bodies add up, though several
     /// threads may step bodies beside each other.
     pub fn total_time(&self) -> f64 {
         let sum = |times: &LatencyHistogram| {
             let summary = times.summary();
             summary.mean * summary.count as f64
         };
-        1e-9 * (sum(&self.assemble) + sum(&self.solve) + sum(&self.condense))
+        1e-9 * (sum(&self.assemble) + sum(&self.solve) + sum(&self.tear) + sum(&self.condense))
     }
 
     /// Mean time of a step (s), with its share of the publications.
@@ -134,6 +158,7 @@ impl EngineStats {
             (&mut self.assemble, tally.assemble),
             (&mut self.solve, tally.solve),
             (&mut self.condense, tally.condense),
+            (&mut self.tear, tally.tear),
         ] {
             if let Some(time) = time {
                 times.record(time);
@@ -146,6 +171,8 @@ impl EngineStats {
         }
         self.publications += u64::from(tally.condense.is_some());
         self.factors += tally.factors;
+        self.torn += u64::from(tally.torn);
+        self.renewed += tally.renewed;
         if let Some(clip) = tally.clip {
             self.clipped += 1;
             self.worst_clip = self.worst_clip.max(clip);

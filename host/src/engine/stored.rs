@@ -30,6 +30,10 @@ use rt_core::{LocalModel, MAX_HANDLES, Vec3};
 /// body that yields does not claim unbounded energy.
 const SOFTEST: f64 = 50.0;
 
+/// Least stiffness of a motion that counts along the slope of a tear limit (N/m). It only keeps motions without
+/// stiffness, which change no tear, from counting by rounding.
+const SLACK: f64 = 1e-6;
+
 /// Computes the energy that the models of one body claim.
 pub struct Stored {
     clipper: Clipper,
@@ -86,6 +90,22 @@ impl Stored {
         // `min` and `max` drop an energy that is not a number: nobody may count on it.
         model.energy = (own + *constant).min(tangent).max(0.0);
         model.released = self.released;
+    }
+
+    /// Completes the tear limit of `model`, where it has one, by `a = 1 / (q . K^-1 q)` with the slopes `q` of its
+    /// handles ([`rt_core::TearLimit`]).
+    pub fn publish_tear_area(&mut self, model: &mut LocalModel) {
+        if !model.tear_limit.is_some() {
+            return;
+        }
+        for (load, handle) in self.load.chunks_exact_mut(6).zip(&model.handles) {
+            load.copy_from_slice(handle.tear_slope.as_slice());
+        }
+        let half = self
+            .clipper
+            .stored(&self.stiffness, &self.scale, &self.load, SLACK);
+        // Without a slope there is nothing to limit.
+        model.tear_limit.area = if half > 0.0 { 0.5 / half } else { 0.0 };
     }
 
     /// Adjusts `c` to a change of the body's material: the elastic energy falls from `before` to `after` (J) at the

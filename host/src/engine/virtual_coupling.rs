@@ -28,7 +28,7 @@
 //! The host computes the coupling, and the tick renders the published model as it is.
 
 use physics::linear::dense::Square;
-use rt_core::{LocalModel, MAX_HANDLES, Vec6, Wrench};
+use rt_core::{LocalModel, MAX_HANDLES, PieceEnergy, TearLimit, Vec6, Wrench};
 use sim::DeviceModel;
 
 /// The spring and the damper between one device and its proxy, in the units of the scene.
@@ -104,11 +104,13 @@ impl VirtualCoupling {
     }
 
     /// The model that devices render through their springs. It does not state the energy stored in body and springs:
-    /// that field is zero.
+    /// those fields are zero. It has no tear limit, for the limit belongs to the displacements of the handles.
     pub fn through(&mut self, model: &LocalModel) -> &LocalModel {
         self.model = *model;
         self.model.energy = 0.0;
         self.model.released = 0.0;
+        self.model.pieces = [PieceEnergy::default(); MAX_HANDLES];
+        self.model.tear_limit = TearLimit::none();
         self.read(model);
         self.factorize();
         self.combine();

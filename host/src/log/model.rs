@@ -2,9 +2,11 @@
 //! [`LocalModel`].
 //!
 //! A message holds only the blocks in use. Two handles take two by two blocks. A block is 3 x 3 where only
-//! translations are coupled, as for every device that actuates no rotation.
+//! translations are coupled, as for every device that actuates no rotation. Only the model of a torn body, or of a body
+//! with a tear limit, has an entry with the data of the tear, at the end of the message. A message of a log that was
+//! written before bodies could tear ends before that entry, and is read as the model of a whole body.
 
-use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6};
+use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, PieceEnergy, TearLimit};
 
 use super::cdr::{CdrReader, CdrWriter};
 use super::geometry::geometry_messages;
@@ -29,6 +31,7 @@ uint8 block         # rows of a block: 6, or 3 where only translations are coupl
 palpate_msgs/Handle[] handles
 float64[] stiffness # (handles x block)^2 numbers, rows first
 float64[] damping   # the same
+palpate_msgs/Tear[] tear  # one where the body is torn or a tear limits the extrapolation, none otherwise
 ================================================================================
 MSG: palpate_msgs/Handle
 geometry_msgs/Pose pose
@@ -38,6 +41,15 @@ uint8 device                 # index in a tick's devices
 geometry_msgs/Vector3 contact  # outward normal of what can push only; zero where held
 geometry_msgs/Vector3 weight   # the part of the force that is weight
 geometry_msgs/Wrench drift     # rate of the wrench beside what stiffness makes of the twist
+================================================================================
+MSG: palpate_msgs/Tear
+float64 root        # sqrt(G) of the nearest tip at the reference (sqrt(J/m2))
+float64 critical    # sqrt(G_c) (sqrt(J/m2)); zero without a tear limit
+float64 area        # 1 / (q . K^-1 q) with the slopes q (m2)
+uint8[] pieces      # number of the piece, by handle
+float64[] stored    # energy that hands at rest could get back, by piece
+float64[] released  # energy of the piece's own since the parting, by piece
+float64[] slope     # of sqrt(G), by handle: translation (per m), then rotation (per rad)
 ",
     geometry_messages!()
 );
@@ -63,6 +75,10 @@ pub struct ModelRow {
     pub epoch: u32,
     /// The handles, at most [`MAX_HANDLES`].
     pub handles: Vec<HandleReference>,
+    /// The energies of the pieces; unused in a whole body.
+    pub pieces: [PieceEnergy; MAX_HANDLES],
+    /// The tear limit.
+    pub tear_limit: TearLimit,
     /// Rows of a block, 3 or 6.
     block: usize,
     /// Stiffness, then damping, as in the message.
@@ -80,6 +96,8 @@ impl ModelRow {
             horizon: self.horizon,
             energy: self.energy,
             released: self.released,
+            pieces: self.pieces,
+            tear_limit: self.tear_limit,
             handle_count: self.handles.len() as u8,
             ..LocalModel::empty()
         };
@@ -135,6 +153,27 @@ pub(crate) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
             }
         }
     }
+    let torn = model.piece_count() > 1 || model.tear_limit.is_some();
+    out.u32(u32::from(torn));
+    if torn {
+        encode_tear(model, count, &mut out);
+    }
+}
+
+fn encode_tear(model: &LocalModel, count: usize, out: &mut CdrWriter) {
+    let limit = &model.tear_limit;
+    [limit.root, limit.critical, limit.area].map(|number| out.f64(number));
+    out.u32(count as u32);
+    model.handles().for_each(|handle| out.u8(handle.piece));
+    let pieces = model.pieces.iter().take(usize::from(model.piece_count()));
+    out.u32(pieces.len() as u32);
+    pieces.clone().for_each(|piece| out.f64(piece.stored));
+    out.u32(pieces.len() as u32);
+    pieces.for_each(|piece| out.f64(piece.released));
+    out.u32(6 * count as u32);
+    for handle in model.handles() {
+        handle.tear_slope.iter().for_each(|slope| out.f64(*slope));
+    }
 }
 
 /// Whether any block couples rotations. The comparison is bit by bit: a negative zero counts as an entry.
@@ -158,15 +197,22 @@ pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
     if count > MAX_HANDLES || !(block == 3 || block == 6) {
         return None;
     }
-    let handles = (0..count)
+    let mut handles = (0..count)
         .map(|_| decode_handle(&mut from))
-        .collect::<Option<_>>()?;
+        .collect::<Option<Vec<_>>>()?;
     let size = (count * block).pow(2);
     let mut matrix = || {
         if from.u32()? as usize != size {
             return None;
         }
         (0..size).map(|_| from.f64()).collect::<Option<Vec<_>>>()
+    };
+    let matrices = [matrix()?, matrix()?];
+    let mut pieces = [PieceEnergy::default(); MAX_HANDLES];
+    let tear_limit = match from.u32() {
+        None | Some(0) => TearLimit::none(),
+        Some(1) => decode_tear(&mut from, &mut handles, &mut pieces)?,
+        Some(_) => return None,
     };
     Some(ModelRow {
         body,
@@ -178,9 +224,52 @@ pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
         released,
         epoch,
         handles,
+        pieces,
+        tear_limit,
         block,
-        matrices: [matrix()?, matrix()?],
+        matrices,
     })
+}
+
+/// Reads the data of a tear into handles and pieces. Returns the tear limit.
+fn decode_tear(
+    from: &mut CdrReader,
+    handles: &mut [HandleReference],
+    pieces: &mut [PieceEnergy; MAX_HANDLES],
+) -> Option<TearLimit> {
+    let tear_limit = TearLimit {
+        root: from.f64()?,
+        critical: from.f64()?,
+        area: from.f64()?,
+    };
+    if from.u32()? as usize != handles.len() {
+        return None;
+    }
+    for handle in handles.iter_mut() {
+        handle.piece = from.u8()?;
+    }
+    let mut each = [const { Vec::new() }; 2];
+    for numbers in &mut each {
+        let count = from.u32()? as usize;
+        if count > MAX_HANDLES {
+            return None;
+        }
+        *numbers = (0..count).map(|_| from.f64()).collect::<Option<Vec<_>>>()?;
+    }
+    let [stored, released] = each;
+    for (piece, (stored, released)) in pieces.iter_mut().zip(stored.into_iter().zip(released)) {
+        *piece = PieceEnergy { stored, released };
+    }
+    if from.u32()? as usize != 6 * handles.len() {
+        return None;
+    }
+    for slope in handles
+        .iter_mut()
+        .flat_map(|handle| handle.tear_slope.iter_mut())
+    {
+        *slope = from.f64()?;
+    }
+    Some(tear_limit)
 }
 
 fn decode_handle(from: &mut CdrReader) -> Option<HandleReference> {
@@ -192,5 +281,6 @@ fn decode_handle(from: &mut CdrReader) -> Option<HandleReference> {
         contact: from.vector()?,
         weight: from.vector()?,
         drift: from.wrench()?,
+        ..HandleReference::zero()
     })
 }

@@ -4,7 +4,8 @@ use proptest::prelude::*;
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{
-    DeviceError, DeviceState, EnergyAccount, LocalModel, Mat6, Telemetry, Vec3, Withheld,
+    DeviceError, DeviceState, EnergyAccount, LocalModel, Mat6, PieceEnergy, TearLimit, Telemetry,
+    Vec3, Vec6, Withheld,
 };
 
 use super::tick::SCHEMA;
@@ -102,6 +103,25 @@ fn model(sequence: u64, turns: bool) -> LocalModel {
     model
 }
 
+/// The model of a body in two pieces, with a tear limit.
+fn torn(sequence: u64) -> LocalModel {
+    let mut model = model(sequence, false);
+    model.tear_limit = TearLimit {
+        root: 90.0,
+        critical: 120.0,
+        area: 1e-5,
+    };
+    for i in 0..2 {
+        model.handles[i].piece = i as u8;
+        model.handles[i].tear_slope = Vec6::from_fn(|r, _| (6 * i + r) as f64 - 0.5);
+        model.pieces[i] = PieceEnergy {
+            stored: 0.3 + 0.1 * i as f64,
+            released: 0.01 * i as f64,
+        };
+    }
+    model
+}
+
 /// A log of `ticks` ticks with a flush every 50.
 pub(super) fn log(ticks: u64) -> Vec<u8> {
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
@@ -155,13 +175,13 @@ fn a_model_is_read_back_as_published_and_takes_room_for_its_used_blocks_only() {
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
     let mut negative_zero = model(3, false);
     negative_zero.damping[1][0][(4, 4)] = -0.0;
-    let models = vec![model(1, false), model(2, true), negative_zero];
+    let models = vec![model(1, false), model(2, true), negative_zero, torn(4)];
     for (body, model) in (0..).zip(&models) {
         writer.write_model(body, model).expect("in memory");
     }
     let bytes = writer.finish().expect("in memory").into_inner();
     let log = Log::parse(&bytes).expect("a log");
-    assert_eq!(log.models.len(), 3);
+    assert_eq!(log.models.len(), 4);
     for ((body, model), row) in (0..).zip(&models).zip(&log.models) {
         assert_eq!((row.body, row.model()), (body, *model));
     }

@@ -89,24 +89,35 @@ impl Coupling {
             lead.component_mul_assign(onward);
         }
         let mut parts = self.parts(devices, &lead, &onward);
-        if !parts.stored.is_finite() {
-            // An energy that overflowed exceeds any energy that the hands can have supplied.
-            parts.stored = f64::MAX;
+        if self.is_torn() {
+            let stored = self.stored_by_piece(devices);
+            self.passivity.note_stored(stored.iter().sum());
+            let Parts {
+                elastic, viscous, ..
+            } = &mut parts;
+            (self.passivity).cap_by_piece(&self.to, &motions, &stored, elastic, viscous);
+        } else {
+            if !parts.stored.is_finite() {
+                // An energy that overflowed exceeds any energy that the hands can have supplied.
+                parts.stored = f64::MAX;
+            }
+            self.passivity.note_stored(parts.stored);
+            self.passivity.cap(
+                self.to.handles().map(|handle| handle.device),
+                &motions,
+                parts.stored,
+                &mut parts.elastic,
+                &mut parts.viscous,
+            );
         }
-        self.passivity.note_stored(parts.stored);
-        self.passivity.cap(
-            self.to.handles().map(|handle| handle.device),
-            &motions,
-            parts.stored,
-            &mut parts.elastic,
-            &mut parts.viscous,
-        );
         let mut wrenches = [Wrench::zero(); MAX_HANDLES];
         let each = parts.elastic.iter().zip(&parts.viscous);
-        let handles = self.to.handles();
-        for ((wrench, (elastic, viscous)), handle) in wrenches.iter_mut().zip(each).zip(handles) {
+        let handles = self.to.handles().zip(&self.weights);
+        for ((wrench, (elastic, viscous)), (_, weight)) in
+            wrenches.iter_mut().zip(each).zip(handles)
+        {
             *wrench = Wrench::from_stacked(&(elastic + viscous));
-            wrench.force += handle.weight;
+            wrench.force += weight;
         }
         wrenches
     }

@@ -4,7 +4,9 @@
 //! ring stores the parts in use one after another, so a writer and a reader touch only these. [`PackedModel`] refers to
 //! them, and [`Controller::accept`](crate::Controller::accept) takes the model from the ring without a copy in between.
 
-use super::{HandleReference, LocalModel, ModelFault, PairBlocks, are_finite};
+use super::{
+    HandleReference, LocalModel, ModelFault, PairBlocks, PieceEnergy, TearLimit, are_finite, pieces,
+};
 use crate::geometry::Mat6;
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
@@ -25,6 +27,10 @@ pub struct ModelHead {
     pub energy: f64,
     /// Energy that the body has released of its own (J).
     pub released: f64,
+    /// Energies of the pieces; unused in a whole body.
+    pub pieces: [PieceEnergy; MAX_HANDLES],
+    /// How far the model may be extrapolated.
+    pub tear_limit: TearLimit,
     /// Number of handles, as the model claims. It may exceed [`MAX_HANDLES`]; such a model is refused.
     pub handle_count: u8,
 }
@@ -69,6 +75,10 @@ pub trait PublishedModel {
         if self.handles().any(|h| usize::from(h.device) >= MAX_DEVICES) {
             return Err(ModelFault::Handles);
         }
+        let count = pieces::count(self.handles());
+        if count > head.handle_count {
+            return Err(ModelFault::Handles);
+        }
         let finite = head.period.is_finite()
             && head.period > 0.0
             && head.horizon.is_finite()
@@ -76,7 +86,16 @@ pub trait PublishedModel {
             && head.energy.is_finite()
             && head.released.is_finite()
             && self.handles().all(HandleReference::is_finite)
-            && self.has_finite_blocks();
+            && self.has_finite_blocks()
+            && head.tear_limit.is_sound()
+            && (!head.tear_limit.is_some()
+                || self.handles().all(HandleReference::has_finite_slope));
+        if finite && count > 1 {
+            let mut energies = head.pieces.iter().take(usize::from(count));
+            if energies.any(|piece| !piece.is_finite()) {
+                return Err(ModelFault::NotFinite);
+            }
+        }
         if finite {
             Ok(())
         } else {
@@ -95,6 +114,8 @@ impl PublishedModel for LocalModel {
             horizon: self.horizon,
             energy: self.energy,
             released: self.released,
+            pieces: self.pieces,
+            tear_limit: self.tear_limit,
             handle_count: self.handle_count,
         }
     }

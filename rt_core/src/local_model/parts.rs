@@ -72,6 +72,14 @@ impl LocalModel {
             // The force is linear along the displacement, so the mean force does the work.
             work += (begin - fall * 0.5).dot(&own.displacement);
         }
+        if let Some(beyond) = self.beyond_limit(deviations, lead) {
+            let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
+            for ((elastic, viscous), (handle, own)) in outs.zip(self.handles().zip(deviations)) {
+                *elastic += handle.tear_slope * beyond.spring;
+                *viscous += handle.tear_slope * beyond.lead;
+                work += handle.tear_slope.dot(&own.displacement) * beyond.work;
+            }
+        }
         parts.stored = (self.energy - work).max(0.0);
         for ((elastic, viscous), handle) in parts
             .elastic
@@ -96,16 +104,33 @@ impl LocalModel {
 
     /// Work of the springs from the reference to the present poses (J), where the drift has acted for `ahead` (s).
     pub(crate) fn work(&self, deviations: &[Deviation; MAX_HANDLES], ahead: f64) -> f64 {
+        let works = self.works(deviations, ahead);
+        works.iter().fold(0.0, |sum, work| sum + work)
+    }
+
+    /// The part of each handle in [`LocalModel::work`] (J).
+    pub(crate) fn works(
+        &self,
+        deviations: &[Deviation; MAX_HANDLES],
+        ahead: f64,
+    ) -> [f64; MAX_HANDLES] {
         let n = usize::from(self.handle_count);
         let handles = self.handles.iter().zip(deviations);
-        let mut work = 0.0;
-        for (row, (handle, own)) in self.stiffness.iter().zip(handles).take(n) {
+        let mut works = [0.0; MAX_HANDLES];
+        let rows = self.stiffness.iter().zip(handles).zip(&mut works);
+        for ((row, (handle, own)), work) in rows.take(n) {
             let mut mean = handle.unweighted() + handle.drift.stacked() * ahead;
             for (k, deviation) in row.iter().zip(deviations).take(n) {
                 mean -= k * deviation.displacement * 0.5;
             }
-            work += mean.dot(&own.displacement);
+            *work = mean.dot(&own.displacement);
         }
-        work
+        let still = [Vec6::zeros(); MAX_HANDLES];
+        if let Some(beyond) = self.beyond_limit(deviations, &still) {
+            for ((handle, own), work) in self.handles().zip(deviations).zip(&mut works) {
+                *work += handle.tear_slope.dot(&own.displacement) * beyond.work;
+            }
+        }
+        works
     }
 }

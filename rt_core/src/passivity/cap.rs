@@ -30,6 +30,8 @@
 //! falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and credit vanish
 //! together with `V`, without a jump.
 //!
+//! **Pieces.** Each piece of a torn body is capped by its own `H`, `R` and `V` (`passivity/pieces.rs`).
+//!
 //! **Counts.** The position that an encoder shows steps by a whole count when the hand reaches the edge of the count,
 //! and steps back when the hand leaves by the same edge. No work is done between, but `w . D`, with the force before
 //! each step, says that a spring gave `K D^2`. A hand that trembles on a stiff wall would thus empty the account, and
@@ -43,7 +45,7 @@
 //! `V` needs no inverse of the stiffness. The host publishes the energy stored at the reference; the work of the
 //! model's own force gives the difference since then ([`crate::local_model::Parts::stored`]).
 
-use super::{MOST_FORCE, Motion, Passivity, Port, Withheld, norms};
+use super::{MOST_FORCE, Motion, Passivity, PieceAccount, Port, Withheld, norms};
 use crate::MAX_HANDLES;
 use crate::geometry::{Vec3, Vec6};
 use crate::velocity::VelocityEstimator;
@@ -102,20 +104,42 @@ impl Passivity {
         elastic: &mut [Vec6; MAX_HANDLES],
         viscous: &mut [Vec6; MAX_HANDLES],
     ) {
+        let [mut whole, ..] = self.pieces;
+        let capped = self.cap_piece(&mut whole, devices, motions, stored, elastic, viscous);
+        let [kept, ..] = &mut self.pieces;
+        *kept = whole;
+        self.withheld = capped.unwrap_or_default();
+        if capped.is_some() {
+            crate::count_one(&mut self.account.capped);
+        }
+    }
+
+    /// Caps the wrenches on the handles of one piece, by the account of that `piece`. Returns what is withheld, or
+    /// `None` where the wrenches stay whole.
+    pub(super) fn cap_piece(
+        &mut self,
+        piece: &mut PieceAccount,
+        devices: impl Iterator<Item = u8>,
+        motions: &[Motion; MAX_HANDLES],
+        stored: f64,
+        elastic: &mut [Vec6; MAX_HANDLES],
+        viscous: &mut [Vec6; MAX_HANDLES],
+    ) -> Option<Withheld> {
         let holders = self.holders(devices, motions);
-        let spared = self.spared.max(0.0);
-        self.forget(spared, stored);
+        let spared = piece.spared.max(0.0);
+        self.forget(piece, spared, stored);
         // Commands under way will be rendered, whatever this tick decides.
-        let left = self.credit - spared - holders.under_way;
+        let left = piece.credit - spared - holders.under_way;
         let budget = left.max(0.0);
         let bowed = self.bowed_out(budget, stored, holders.ports());
-        self.damp_missing(stored - budget, holders.ports(), motions, viscous);
+        self.damp_missing(piece, stored - budget, holders.ports(), motions, viscous);
         // Handles that do not exist have no force.
         let elastic = holders.used(elastic);
         let viscous = holders.used(viscous);
         let [kept, solvent] = self.certified(left, bowed, &holders.reaches, elastic, viscous);
-        self.withhold([kept, solvent], elastic, viscous);
-        self.settle_counts(&holders, elastic);
+        let withheld = withhold([kept, solvent], elastic, viscous);
+        self.settle_counts(piece, &holders, elastic);
+        withheld
     }
 
     /// The known properties of the devices on a body's handles.
@@ -153,9 +177,9 @@ impl Passivity {
 
     /// Lets credit decay that the `stored` energy (J) does not back. The work that hands were `spared` (J) is no
     /// credit.
-    fn forget(&mut self, spared: f64, stored: f64) {
+    fn forget(&self, piece: &mut PieceAccount, spared: f64, stored: f64) {
         let backed = 2.0 * stored + self.config.allowance;
-        self.credit -= (self.credit - spared - backed).max(0.0) * (self.config.period / FORGET);
+        piece.credit -= (piece.credit - spared - backed).max(0.0) * (self.config.period / FORGET);
     }
 
     /// The fraction of the elastic wrenches that is left where the `budget` (J) falls below the part of the `stored`
@@ -176,22 +200,23 @@ impl Passivity {
 
     /// Adds the damper that takes out the `missing` energy (J). The damper comes and goes without a jump.
     fn damp_missing(
-        &mut self,
+        &self,
+        piece: &mut PieceAccount,
         missing: f64,
         ports: &[Port],
         motions: &[Motion; MAX_HANDLES],
         viscous: &mut [Vec6; MAX_HANDLES],
     ) {
         let period = self.config.period;
-        let (eased, step) = (self.damped, period / EASE);
+        let (eased, step) = (piece.damped, period / EASE);
         let bounds = [(eased - step).max(0.0), (eased + step).min(1.0)];
-        self.damped = 0.0;
+        piece.damped = 0.0;
         if missing > 0.0 || eased > step {
             let mut clear = *motions;
             for (motion, port) in clear.iter_mut().zip(ports) {
                 quieten(&mut motion.velocity, port.count);
             }
-            self.damped = damp(missing, period, bounds, ports, &clear, viscous);
+            piece.damped = damp(missing, period, bounds, ports, &clear, viscous);
         }
     }
 
@@ -221,31 +246,10 @@ impl Passivity {
         [kept, solvent]
     }
 
-    /// Scales the elastic wrenches by `kept` and the viscous ones by `solvent`, and notes the withheld force.
-    fn withhold(&mut self, [kept, solvent]: [f64; 2], elastic: &mut [Vec6], viscous: &mut [Vec6]) {
-        self.withheld = Withheld::default();
-        if kept < 1.0 {
-            for elastic in elastic.iter_mut() {
-                let [force, _] = norms(elastic);
-                self.withheld.of = self.withheld.of.max(force);
-                *elastic *= kept;
-            }
-            self.withheld.force = self.withheld.of * (1.0 - kept);
-        }
-        if solvent < 1.0 {
-            for viscous in viscous.iter_mut() {
-                *viscous *= solvent;
-            }
-        }
-        if kept < 1.0 || solvent < 1.0 {
-            crate::count_one(&mut self.account.capped);
-        }
-    }
-
     /// Corrects the account for counts that came after a rest. The hand reached such a count slowly, and leaves it at
     /// the same place: the force of the springs changes during the count, not after it. A hand can gain less by this
     /// correction than the friction that is not relied on.
-    fn settle_counts(&mut self, holders: &Holders, elastic: &[Vec6]) {
+    fn settle_counts(&mut self, piece: &mut PieceAccount, holders: &Holders, elastic: &[Vec6]) {
         let each = holders.devices.iter().zip(elastic).zip(&holders.ports);
         for ((holder, elastic), port) in each {
             let Some(hand) = self.hands.get_mut(*holder) else {
@@ -255,9 +259,9 @@ impl Passivity {
             // A force that no device holds was limited before it left.
             hand.spring = if spring.norm() <= MOST_FORCE {
                 let corrections = (hand.spring - spring).component_mul(&hand.rest_count) * 0.5;
-                self.credit += corrections.sum();
+                piece.credit += corrections.sum();
                 for (edge, correction) in hand.edges.iter_mut().zip(&corrections) {
-                    self.credit += edge.settle(*correction, port.friction, self.config.credit);
+                    piece.credit += edge.settle(*correction, port.friction, self.config.credit);
                 }
                 spring
             } else {
@@ -265,6 +269,30 @@ impl Passivity {
             };
         }
     }
+}
+
+/// Scales the elastic wrenches by `kept` and the viscous ones by `solvent`. Returns the withheld force; `None` where
+/// both stay whole.
+fn withhold(
+    [kept, solvent]: [f64; 2],
+    elastic: &mut [Vec6],
+    viscous: &mut [Vec6],
+) -> Option<Withheld> {
+    let mut withheld = Withheld::default();
+    if kept < 1.0 {
+        for elastic in elastic.iter_mut() {
+            let [force, _] = norms(elastic);
+            withheld.of = withheld.of.max(force);
+            *elastic *= kept;
+        }
+        withheld.force = withheld.of * (1.0 - kept);
+    }
+    if solvent < 1.0 {
+        for viscous in viscous.iter_mut() {
+            *viscous *= solvent;
+        }
+    }
+    (kept < 1.0 || solvent < 1.0).then_some(withheld)
 }
 
 /// Takes from a velocity the part that a single count (m) produces. That the hand reached an edge does not tell its

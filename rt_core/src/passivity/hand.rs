@@ -69,6 +69,10 @@ impl LastStep {
 /// The memory of one device.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hand {
+    /// Number of the piece whose account takes the work of the hand; zero for a whole body.
+    pub(super) piece: usize,
+    /// Work that the hand was spared by weights that were removed and restored (J), signed.
+    pub(super) spared: f64,
     pub(super) pose: Option<Pose>,
     /// Wrenches that the device rendered, renders and will render, newest first.
     pub(super) held: [Wrench; MAX_DELAY + 1],
@@ -98,6 +102,8 @@ pub(super) struct Hand {
 impl Hand {
     pub(super) fn new() -> Self {
         Self {
+            piece: 0,
+            spared: 0.0,
             pose: None,
             held: [Wrench::zero(); MAX_DELAY + 1],
             weights: [Vec3::zeros(); MAX_DELAY + 1],

@@ -222,6 +222,7 @@ impl Body {
             state,
             constraints,
             model,
+            sheet: None,
         })
     }
 }

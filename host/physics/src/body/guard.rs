@@ -73,6 +73,11 @@ impl Energy {
         Self::of(body, &body.state.x, |node| body.state.v[node])
     }
 
+    /// Kinetic and elastic energy and that of the loads (J).
+    pub(crate) fn total(&self) -> f64 {
+        self.total
+    }
+
     fn is_below(&self, other: &Self) -> bool {
         self.total < other.total
     }
@@ -146,6 +151,14 @@ impl Guard {
             found.returned = true;
         }
         found
+    }
+
+    /// Moves the bound with the energy, which an edit of the body has changed to `after` since the last step.
+    pub(crate) fn note_edit(&mut self, after: Energy) {
+        if self.last.is_finite() {
+            self.limit += after.total - self.last;
+            self.last = after.total;
+        }
     }
 
     /// Accepts the step: energy that was lost may not return, and the work of hands may.

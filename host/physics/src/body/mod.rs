@@ -5,6 +5,7 @@
 //! Solvers order the rows of their matrices by [places](Places): free nodes first, then the nodes of each handle.
 //!
 //! - `topology`, `state`, `constraints`, `model`: the parts of a body. `assembly`: the data that solvers work with.
+//! - `edit`: edits of a sheet that tears.
 //! - `hold`: grab and release of handles, addition and lift of supports.
 //! - [`border`]: hinged and clamped borders of sheets.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
@@ -19,6 +20,9 @@ mod assembly;
 pub mod border;
 mod build;
 mod constraints;
+mod edit;
+#[cfg(test)]
+mod edit_tests;
 mod energy;
 mod exchange;
 pub(crate) mod guard;
@@ -40,6 +44,7 @@ use state::State;
 use topology::Topology;
 
 pub use build::{SheetLawName, SolidLaw};
+pub use edit::BodyEdit;
 pub use exchange::BodyMap;
 
 use crate::Vec3;
@@ -127,6 +132,8 @@ pub struct Body {
     pub(crate) constraints: Constraints,
     pub(crate) model: Model,
     pub(crate) assembly: Assembly,
+    /// The surface of a sheet that can tear.
+    sheet: Option<Box<edit::Sheet>>,
 }
 
 impl Body {
@@ -137,6 +144,7 @@ impl Body {
 
     /// Computes elastic forces and stiffness at the present state, with the tangent of the given kind.
     pub fn assemble_with(&mut self, tangent: Tangent) {
+        self.reassemble();
         self.assembly.internal.fill(Vec3::zeros());
         self.assembly.stiffness.clear();
         if let Some(bending) = &self.model.bending {

@@ -190,6 +190,26 @@ impl Supports {
         }
     }
 
+    /// Moves the guided place of a node that moved at rest to the same point between the guided places of three other
+    /// nodes. An axis along which the support does not guide all of them keeps its place.
+    pub(crate) fn shift(&mut self, node: u32, corners: [u32; 3], weights: [f64; 3]) {
+        let of = |node: u32| self.guided.binary_search(&node).ok();
+        let (Some(at), [Some(a), Some(b), Some(c)]) = (of(node), corners.map(of)) else {
+            return;
+        };
+        let place =
+            self.rest[a] * weights[0] + self.rest[b] * weights[1] + self.rest[c] * weights[2];
+        for axis in 0..3 {
+            let guide = self.owner[node as usize][axis];
+            if corners
+                .iter()
+                .all(|&corner| self.owner[corner as usize][axis] == guide)
+            {
+                self.rest[at][axis] = place[axis];
+            }
+        }
+    }
+
     /// By node and axis: 0 where a support guides the axis, 1 elsewhere; `None` without supports.
     pub(crate) fn mask(&self) -> Option<&[Vec3]> {
         (!self.mask.is_empty()).then_some(&self.mask)

@@ -8,6 +8,7 @@ use crate::body::Body;
 use crate::body::handle::Freedom;
 use crate::linear::dense::{Clip, Clipper, Square};
 use crate::linear::places::Places;
+use crate::topology::Origin;
 
 /// The condensed matrices of all handles of a body.
 ///
@@ -166,6 +167,52 @@ impl Reduction {
                 length,
             },
         }
+    }
+
+    /// Room for all that edits may still add to a body that can tear, so that [`grow`](Self::grow) allocates nothing.
+    pub(crate) fn reserve(&mut self, nodes: usize) {
+        self.places.reserve(nodes);
+        self.mass.reserve(nodes);
+        self.shapes.reserve(3 * nodes * self.columns.len());
+    }
+
+    /// Follows the edits of a body that tears: each new node takes the shapes of its twin, or those of the ends of the
+    /// edge that it divides.
+    pub(crate) fn grow(&mut self, body: &Body) {
+        let (old, count) = (self.places.free(), self.columns.len());
+        let (known, nodes) = (self.places.of_nodes().len(), body.state.x.len());
+        let new = old + nodes - known;
+        self.shapes.resize(3 * new * count, 0.0);
+        for column in (0..count).rev() {
+            self.shapes
+                .copy_within(3 * old * column..3 * old * (column + 1), 3 * new * column);
+        }
+        for node in known..nodes {
+            let origin = body.surface().map(|surface| surface.origin(node as u32));
+            let (ends, weight) = match origin {
+                Some(Origin::Twin { of }) => ([of; 2], 0.0),
+                Some(Origin::Between { ends, weight }) => (ends, weight),
+                _ => ([0; 2], 0.0),
+            };
+            let row = self.places.free();
+            for (c, column) in self.columns.iter().enumerate() {
+                let shapes = &mut self.shapes[3 * new * c..3 * new * (c + 1)];
+                let at = ends.map(|end| match self.places.of(end as usize) {
+                    place if place < row => Vec3::from_fn(|axis, _| shapes[3 * place + axis]),
+                    place if self.holder[place - row] as usize == column.handle => {
+                        column.at(&self.arms[place - row])
+                    }
+                    _ => Vec3::zeros(),
+                });
+                let shape = at[0] + (at[1] - at[0]) * weight;
+                shapes[3 * row..3 * row + 3].copy_from_slice(shape.as_slice());
+            }
+            self.places.push_free();
+        }
+        self.mass.clear();
+        let masses = self.places.nodes().iter();
+        self.mass
+            .extend(masses.map(|&node| body.model.mass[node as usize]));
     }
 
     /// Whether the reduction was made for a body of this topology.

@@ -67,6 +67,8 @@ struct Kept {
     current: usize,
     /// For each node, the rate of force that the tangent misses (N/s).
     missed: Vec<Vec3>,
+    /// Number of edits that tears had made when the shapes were computed.
+    edits: u64,
 }
 
 /// The forces of a turn are taken to be at least this fraction of those of a translation by the handles' length. A
@@ -74,6 +76,13 @@ struct Kept {
 const LEAST_TURN: f64 = 1e-3;
 
 impl Kept {
+    /// Whether `body` has begun its epoch by edits alone since the shapes were computed.
+    fn has_torn(&self, body: &Body) -> bool {
+        let edits = body.edit_count().checked_sub(self.edits);
+        let epochs = body.epoch().checked_sub(self.epoch);
+        edits.is_some_and(|edits| edits > 0) && edits == epochs
+    }
+
     /// The least norm of the forces that a column is taken to cause (N).
     fn least_reference(&self, column: usize) -> f64 {
         let found = self.references[..column].iter().copied();
@@ -112,8 +121,21 @@ impl Shapes {
         );
         let mut shapes = match self.kept.take() {
             Some(shapes) if shapes.factors == factors && shapes.epoch == body.epoch() => shapes,
+            Some(mut shapes) if shapes.factors == factors && shapes.has_torn(body) => {
+                shapes.reduction.grow(body);
+                shapes.missed.resize(body.state.x.len(), Vec3::zeros());
+                (shapes.epoch, shapes.current) = (body.epoch(), 0);
+                shapes.edits = body.edit_count();
+                shapes
+            }
             _ => {
-                let reduction = Reduction::new(body);
+                let mut reduction = Reduction::new(body);
+                let spare = body.surface().map_or(0, |surface| {
+                    surface.limits().vertices - surface.vertex_count()
+                });
+                reduction.reserve(spare);
+                let mut missed = Vec::with_capacity(body.state.x.len() + spare);
+                missed.resize(body.state.x.len(), Vec3::zeros());
                 Box::new(Kept {
                     epoch: body.epoch(),
                     references: vec![0.0; reduction.columns.len()],
@@ -122,7 +144,8 @@ impl Shapes {
                     next: 0,
                     state: 0,
                     current: 0,
-                    missed: vec![Vec3::zeros(); body.state.x.len()],
+                    missed,
+                    edits: body.edit_count(),
                 })
             }
         };
@@ -152,8 +175,8 @@ impl<T: Real> Stepper<T> {
         let h = step.length;
         let drag = body.model.config.mass_damping;
         let stiffness_factor = 1.0 + body.model.config.stiffness_damping / h;
-        for (place, &node) in self.node.iter().enumerate() {
-            let node = node as usize;
+        for place in self.taken_places() {
+            let node = self.node[place] as usize;
             let (old, new) = (to_vec(&self.history[place][0]), body.state.v[node]);
             let inertia = (old - new) / h - new * drag;
             let external = body.model.external[node] * body.model.load_factor;
@@ -218,7 +241,7 @@ impl<T: Real> Stepper<T> {
         let free = self.free;
         let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
         let motion = reduction.columns[column];
-        for place in 0..self.u.len() {
+        for place in self.taken_places() {
             let node = self.node[place] as usize;
             let row = reduction.places.of(node);
             let u = if row < free {
@@ -249,7 +272,7 @@ impl<T: Real> Stepper<T> {
             ..
         } = &mut shapes.reduction;
         let shape = &mut all[3 * free * column..3 * free * (column + 1)];
-        for place in 0..self.u.len() {
+        for place in self.taken_places() {
             let row = places.of(self.node[place] as usize);
             let u = to_vec(&self.u[place]);
             if row < free {

@@ -157,6 +157,18 @@ impl BlockMatrix {
         )
     }
 
+    /// A zero matrix of the same pattern, with `more` free nodes after the free nodes. These couple to none.
+    pub(crate) fn widened(&self, more: usize) -> Self {
+        let at = |node: usize| if node < self.free { node } else { node + more } as u32;
+        let mut cliques = Vec::with_capacity(self.columns.len());
+        for row in 0..self.nodes() {
+            let (columns, _) = self.row(row);
+            cliques.extend(columns.iter().map(|&column| [at(row), at(column as usize)]));
+        }
+        let cliques = cliques.iter().map(<[u32; 2]>::as_slice);
+        Self::new(self.nodes() + more, self.free + more, cliques)
+    }
+
     /// Adds a matrix of the same pattern.
     pub(crate) fn add_all(&mut self, other: &Self) {
         for (block, other) in self.blocks.iter_mut().zip(&other.blocks) {

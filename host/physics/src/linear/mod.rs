@@ -10,6 +10,7 @@
 //! - [`factor`], [`panel`], `sweep`: a frozen factor as a preconditioner; `packed`, `subtrees`: a large one, in 16 bits and
 //!   on several cores.
 //! - [`incomplete`]: an incomplete factor with a coarse space, for bodies whose complete factor is too large.
+//! - [`torn`]: nodes that a tear adds beside an old factor.
 //! - [`precondition`]: the choice between the two preconditioners of a step.
 
 pub mod block_matrix;
@@ -29,4 +30,5 @@ pub(crate) mod step_matrix;
 mod subtrees;
 pub mod supernodes;
 mod sweep;
+pub mod torn;
 pub(crate) mod vectors;

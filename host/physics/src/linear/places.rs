@@ -91,6 +91,18 @@ impl Places {
         self.node_of_place.push(last);
     }
 
+    /// Adds a free node after the other free nodes, before the held ones: the places that [`new`](Self::new) gives with
+    /// one free node more.
+    pub(crate) fn push_free(&mut self) {
+        let node = self.place_of_node.len() as u32;
+        for place in &mut self.place_of_node {
+            *place += u32::from(*place as usize >= self.free);
+        }
+        self.place_of_node.push(self.free as u32);
+        self.node_of_place.insert(self.free, node);
+        self.free += 1;
+    }
+
     /// Memory of the two lists (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.place_of_node.as_slice()) + size_of_val(self.node_of_place.as_slice())

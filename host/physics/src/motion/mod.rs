@@ -3,6 +3,7 @@
 //! - [`Stepper`]: one linearization by conjugate gradients on a frozen factor, without an assembled matrix.
 //! - [`refresh`]: a new factor, made in parallel with the steps.
 //! - `sleep`: bodies at rest, which are not stepped.
+//! - [`tearing`]: the tears of a sheet, after each step.
 //! - `step`: the same step with an assembled matrix. [`AssembledStepper`]: the same in four calls.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 
@@ -14,10 +15,14 @@ pub mod refresh;
 mod sleep;
 mod step;
 pub mod stepper;
+pub mod tearing;
 
 pub use assembled::AssembledStepper;
 pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
 pub use integrator::{Integrator, IntegratorOptions, StepReport, TimeScheme};
 pub use newton::{NewtonOptions, NewtonReport};
 pub use refresh::Refresher;
-pub use stepper::{Guess, Part, Stepper, StepperOptions, StepperReport, complete_bytes};
+pub use stepper::{
+    Guess, Ledger, Pair, Part, Stepper, StepperOptions, StepperReport, complete_bytes,
+};
+pub use tearing::{Starts, TearOptions, TearReport, Tearing};

@@ -95,12 +95,23 @@ impl<T: Real> Refresher<T> {
         self.made.clone()
     }
 
-    /// Sets the state of the next factor, and the factors of mass and stiffness in its matrix.
-    pub(crate) fn load(&mut self, d: &[Node<T>], factors: (f64, f64)) {
-        self.d.copy_from_slice(d);
+    /// Sets the state of the next factor, and the factors of mass and stiffness in its matrix. The state is given by the
+    /// displacements (m) at all places, the number of free places, and the first held place.
+    pub(crate) fn load(
+        &mut self,
+        (d, free, held): (&[Node<T>], usize, usize),
+        factors: (f64, f64),
+    ) {
+        self.d[..free].copy_from_slice(&d[..free]);
+        self.d[free..].copy_from_slice(&d[held..]);
         self.factors = factors;
         self.done = false;
         self.read = 0;
+    }
+
+    /// The displacements (m) that were loaded: those of the free places, then those of the held places.
+    pub(crate) fn state(&self) -> &[Node<T>] {
+        &self.d
     }
 
     /// Makes the factor. This takes many times as long as a step and does not allocate memory.

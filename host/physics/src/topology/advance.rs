@@ -27,7 +27,8 @@ impl Surface {
     /// [`Surface::straight_ahead`], [`Surface::fan_angle`]), by one edge. `None` if the direction points out of the
     /// surface, if the tip is inside the surface, or if every edit would make too thin a triangle.
     ///
-    /// `may_move` says whether a vertex inside the surface may move at rest. Vertices on borders never move.
+    /// `may_move` says whether a vertex inside the surface may move at rest. Vertices on borders never move. A caller
+    /// that does not want a snap once it knows the snap's cost asks again without snapping.
     pub fn advance(
         &self,
         tip: u32,
@@ -135,7 +136,7 @@ impl Surface {
             return Some(Growth::Open { to: nearest.vertex });
         }
         for end in &near {
-            let limit = options.snapping.min(0.5) * self.shortest_edge(end.vertex);
+            let limit = options.snapping.clamp(0.0, 0.5) * self.shortest_edge(end.vertex);
             let shift = end.shift();
             if end.aside <= limit
                 && end.cosine > 0.0

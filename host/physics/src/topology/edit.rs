@@ -51,13 +51,13 @@ pub struct Opened {
     pub length: f64,
 }
 
-/// A vertex that moved at rest. In space it belongs where its new place was: at the sum of the places of the corners of
-/// `triangle`, as that triangle was before the edit, by `weights`.
+/// A vertex that moved at rest. In space it belongs to the material point at its new place: the sum of the positions of
+/// `corners` by `weights`, before the move. Of two moves in one edit, the second follows the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moved {
     /// The vertex.
     pub vertex: u32,
-    /// The vertices of the triangle that held the new place, before the edit.
+    /// The vertices of the triangle that held the new place before the move. One of them is the vertex itself.
     pub corners: [u32; 3],
     /// The weight of each of them. The sum is 1.
     pub weights: [f64; 3],
@@ -75,7 +75,7 @@ pub struct Done {
     pub opened: [Option<Opened>; 2],
     /// The vertex that each growth moved at rest.
     pub moved: [Option<Moved>; 2],
-    /// The new vertices. [`Surface::origin`] says how each hangs on older ones.
+    /// The new vertices, each after those from which it comes: [`Surface::origin`] says from which.
     pub vertices: Range<u32>,
     /// The new triangles.
     pub triangles: Range<u32>,

@@ -15,6 +15,31 @@
 //! is doubled: the second fan gets a new vertex, the **twin** (O'Brien and Hodgins, "Graphical modeling and animation of
 //! brittle fracture", 1999, split vertices so).
 //!
+//! A square of four triangles tears from the left corner straight through its middle:
+//!
+//! ```
+//! use physics::topology::{AdvanceOptions, NONE, Pieces, Reserve, Surface};
+//!
+//! let corners = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]];
+//! let triangles = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+//! let shapes = triangles.map(|triangle| triangle.map(|vertex| corners[vertex as usize]));
+//! let reserve = Reserve { vertices: 8, triangles: 8 };
+//! let mut surface = Surface::new(5, &triangles, &shapes, reserve)?;
+//!
+//! let (mut tip, mut edges) = (0, 0);
+//! while tip != NONE {
+//!     let direction = surface.straight_ahead(tip);
+//!     let options = AdvanceOptions { snapping: 0.4 };
+//!     let edit = surface.advance(tip, direction, options, |_| true).ok_or("no way on")?;
+//!     let done = surface.edit(&edit)?;
+//!     tip = done.tips[0];
+//!     edges += 1;
+//! }
+//! assert_eq!((edges, surface.vertex_count()), (2, 8));
+//! assert_eq!(Pieces::new(&surface).count(), 2);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! **Snapping** moves a vertex at rest onto the path, instead of cutting slivers beside it (Wu, Westermann and Dick, "A
 //! survey of physically based simulation of cuts in deformable bodies", 2015, section 3).
 

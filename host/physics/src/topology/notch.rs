@@ -7,7 +7,7 @@ use core::ops::Range;
 use super::NONE;
 use super::advance::AdvanceOptions;
 use super::edit::{Done, Edit, EditError, Growth, Moved};
-use super::surface::{Surface, cross, dot, length, minus, twice_area};
+use super::surface::{Surface, between, cross, dot, length, minus, twice_area};
 use thiserror::Error;
 
 /// A straight notch or slit in the plane of a flat surface at rest.
@@ -70,7 +70,10 @@ impl Surface {
             return Err(NotchError::Ends);
         }
         self.check_one_frame()?;
-        if let Some((edge, at)) = self.border_at(notch.from) {
+        // The ends get their vertices first, while no border of the notch holds vertices beside them.
+        let border = self.border_at(notch.from);
+        let end = self.bring_vertex_to(notch.to, &may_move, &mut done);
+        if let Some((edge, at)) = border {
             let root = if at <= AT_VERTEX {
                 edge[0]
             } else if at >= 1.0 - AT_VERTEX {
@@ -83,7 +86,8 @@ impl Surface {
                 NONE,
             ]);
         }
-        let middle = self.middle_on(notch, &may_move, &mut done)?;
+        let begin = self.bring_vertex_to(notch.from, &may_move, &mut done);
+        let middle = self.middle_on(notch, [begin, end], &may_move, &mut done)?;
         let blocked = NotchError::Blocked { vertex: middle };
         let at = self.place(middle).unwrap_or_default();
         // A vertex beside the slit begins it parallel to the line, and the tips turn to its ends.
@@ -184,21 +188,21 @@ impl Surface {
         Some([dot(ahead, way) / size, sign * cross(ahead, way) / size])
     }
 
-    /// The vertex inside the surface nearest to the middle of a slit, moved onto the slit if it may move.
+    /// The vertex inside the surface nearest to the middle of a slit, moved onto the slit if it may move. `ends` are
+    /// vertices at the ends of the slit.
     fn middle_on(
         &mut self,
         notch: &Notch,
+        ends: [u32; 2],
         may_move: &impl Fn(u32) -> bool,
         done: &mut impl FnMut(&Self, &Done),
     ) -> Result<u32, NotchError> {
         let along = minus(notch.to, notch.from);
-        let middle = [
-            notch.from[0] + 0.5 * along[0],
-            notch.from[1] + 0.5 * along[1],
-        ];
+        let middle = between(notch.from, notch.to, 0.5);
         let mut nearest = (f64::INFINITY, NONE);
         for vertex in 0..self.vertex_count() as u32 {
-            if let Some(at) = self.place(vertex).filter(|_| !self.on_border(vertex)) {
+            let inner = !self.on_border(vertex) && !ends.contains(&vertex);
+            if let Some(at) = self.place(vertex).filter(|_| inner) {
                 let far = length(minus(middle, at));
                 if far < nearest.0 {
                     nearest = (far, vertex);
@@ -206,23 +210,53 @@ impl Surface {
             }
         }
         let vertex = nearest.1;
-        let (Some(at), Some(first)) = (self.place(vertex), self.fan(vertex).next()) else {
-            return Err(NotchError::Blocked { vertex });
-        };
+        let at = self.place(vertex).ok_or(NotchError::Blocked { vertex })?;
         let part = dot(minus(at, notch.from), along) / dot(along, along);
-        let foot = [
-            notch.from[0] + part * along[0],
-            notch.from[1] + part * along[1],
-        ];
-        let shift = self.shift_to(vertex, first.from, foot);
-        if let Some(shift) = shift.filter(|_| may_move(vertex)) {
-            self.begin();
-            if let Ok(moved) = self.snap(first.from, vertex, shift) {
-                self.finish();
-                done(self, &self.without_growth(Some(moved)));
-            }
+        if may_move(vertex) {
+            self.move_to(vertex, between(notch.from, notch.to, part), done);
         }
         Ok(vertex)
+    }
+
+    /// Moves the nearest vertex that can move there to a point, and returns the vertex. [`NONE`] if there is none.
+    fn bring_vertex_to(
+        &mut self,
+        point: [f64; 2],
+        may_move: &impl Fn(u32) -> bool,
+        done: &mut impl FnMut(&Self, &Done),
+    ) -> u32 {
+        let mut nearest = (f64::INFINITY, NONE);
+        for vertex in 0..self.vertex_count() as u32 {
+            let (Some(at), Some(corner)) = (self.place(vertex), self.fan(vertex).next()) else {
+                continue;
+            };
+            let far = length(minus(point, at));
+            if far < nearest.0
+                && may_move(vertex)
+                && self
+                    .shift_to(vertex, corner.from, point)
+                    .is_some_and(|shift| self.check_snap(corner.from, vertex, shift).is_ok())
+            {
+                nearest = (far, vertex);
+            }
+        }
+        self.move_to(nearest.1, point, done);
+        nearest.1
+    }
+
+    /// Moves a vertex inside the surface to a point, if it can move there.
+    fn move_to(&mut self, vertex: u32, point: [f64; 2], done: &mut impl FnMut(&Self, &Done)) {
+        let Some(from) = self.fan(vertex).next().map(|corner| corner.from) else {
+            return;
+        };
+        let Some(shift) = self.shift_to(vertex, from, point) else {
+            return;
+        };
+        self.begin();
+        if let Ok(moved) = self.snap(from, vertex, shift) {
+            self.finish();
+            done(self, &self.without_growth(Some(moved)));
+        }
     }
 
     /// Divides an edge of the border. Returns the new vertex.

@@ -134,6 +134,26 @@ impl Surface {
         Ok(moved)
     }
 
+    /// Where a vertex would be after a [snap](super::Growth::Snap). `visit` is called with each triangle about the vertex
+    /// and the shape that the triangle would have.
+    ///
+    /// # Errors
+    /// [`EditError`] for a snap that would be refused.
+    pub fn foresee_snap(
+        &self,
+        tip: u32,
+        vertex: u32,
+        shift: [f64; 2],
+        mut visit: impl FnMut(u32, &Shape),
+    ) -> Result<Moved, EditError> {
+        let moved = self.check_snap(tip, vertex, shift)?;
+        let mut displaced = self.displaced(tip, vertex, shift);
+        while let Some((corner, _, shape)) = displaced.next(self) {
+            visit(corner.triangle, &shape);
+        }
+        Ok(moved)
+    }
+
     /// The triangles about `vertex`, from the edge to the tip, with the vertex displaced.
     fn displaced(&self, tip: u32, vertex: u32, shift: [f64; 2]) -> Displaced {
         let begin = self.edge_between(vertex, tip)[0];

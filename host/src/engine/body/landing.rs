@@ -28,6 +28,10 @@ impl HostBody {
         if self.joining.is_some() {
             return Err(ChangeError::UnderWay);
         }
+        // The copy on which the change is made would miss the edits of the tears.
+        if self.tears.is_some() {
+            return Err(ChangeError::Tears);
+        }
         let mut joining = Vec::new();
         for edit in &edits {
             if let Edit::Grab(grip) = edit {

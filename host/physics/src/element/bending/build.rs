@@ -26,6 +26,7 @@
 use super::NONE;
 use super::curvature::Facet;
 use super::exact::Bending;
+use super::few::Few;
 use super::rotation::{Across, gradient, rotation};
 use super::scalar::ScalarMatrix;
 use super::sheet::BentSheet;
@@ -37,6 +38,39 @@ use crate::{Mat3, Vec3};
 /// longest side. A well-shaped triangle has some hundred, and a needle the third power of its aspect ratio. A needle of
 /// more than a hundred bends too easily instead, because no solver would resolve its stiffness.
 const STIFFEST: f64 = 1e6;
+
+/// The derivative across side `k` of a triangle that has a neighbour there, which leads out of the triangle: vertices and
+/// their weights (1/m).
+pub(super) fn derivative(
+    sheet: &BentSheet,
+    x: &[Vec3],
+    rigid: &[bool],
+    (triangle, k): (usize, usize),
+) -> Few<(u32, f64)> {
+    let around = |rings| nearby(sheet, x, rigid, (triangle, k), rings);
+    let beyond = sheet.neighbours[triangle][k] as usize;
+    let weights = match [triangle, beyond].map(|t| rigid[t]) {
+        // Between two rigid triangles there is nothing to bend.
+        [true, _] => gradient(&around(0), Across::Before),
+        [false, true] => gradient(&around(0), Across::Beyond),
+        [false, false] => rotation(around(1), || around(2)),
+    };
+    // The weights are those of the derivative times the length of the edge.
+    let length = sheet.length((triangle, k), x);
+    let weights = weights.iter();
+    weights.map(|&(v, weight)| (v, weight / length)).collect()
+}
+
+/// The number that side `k` of a triangle has in the triangle beyond.
+pub(super) fn other_side(sheet: &BentSheet, (triangle, k): (usize, usize)) -> Option<usize> {
+    let beyond = sheet.neighbours[triangle][k] as usize;
+    let vertices = &sheet.triangles[triangle];
+    let ends = [1, 2].map(|i| vertices[(k + i) % 3]);
+    let back = &sheet.neighbours[beyond];
+    // Two triangles may have several sides in common, so the side is found by its vertices.
+    let across = |j: usize| !ends.contains(&sheet.triangles[beyond][j]);
+    (0..3).find(|&j| back[j] == triangle as u32 && across(j))
+}
 
 /// The rotations of a sheet, and the number of the rotation at each side of each triangle, or [`NONE`] on a border.
 struct Numbered {
@@ -50,35 +84,20 @@ fn rotations(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Numbered {
     let count = sheet.triangles.len();
     let mut left = Vec::with_capacity(3 * count / 2);
     let mut of_sides = vec![[NONE; 3]; count];
-    let mut rows: Vec<Vec<(u32, f64)>> = Vec::with_capacity(3 * count / 2);
+    let mut rows: Vec<Few<(u32, f64)>> = Vec::with_capacity(3 * count / 2);
     for triangle in 0..count {
         for k in 0..3 {
             let beyond = sheet.neighbours[triangle][k];
             if beyond == NONE || (beyond as usize) < triangle {
                 continue;
             }
-            let around = |rings| nearby(sheet, x, rigid, (triangle, k), rings);
-            let weights = match [triangle, beyond as usize].map(|t| rigid[t]) {
-                // Between two rigid triangles there is nothing to bend.
-                [true, _] => gradient(&around(0), Across::Before),
-                [false, true] => gradient(&around(0), Across::Beyond),
-                [false, false] => rotation(around(1), || around(2)),
-            };
-            let vertices = &sheet.triangles[triangle];
-            let ends = [1, 2].map(|i| vertices[(k + i) % 3]);
-            // The weights are those of the derivative times the length of the edge.
-            let length = sheet.length((triangle, k), x);
             let number = left.len() as u32;
             of_sides[triangle][k] = number;
-            let back = &sheet.neighbours[beyond as usize];
-            // Two triangles may have several sides in common, so the side is found by its vertices.
-            let across = |j: usize| !ends.contains(&sheet.triangles[beyond as usize][j]);
-            if let Some(j) = (0..3).find(|&j| back[j] == triangle as u32 && across(j)) {
+            if let Some(j) = other_side(sheet, (triangle, k)) {
                 of_sides[beyond as usize][j] = number;
             }
             left.push(triangle);
-            let weights = weights.into_iter();
-            rows.push(weights.map(|(v, weight)| (v, weight / length)).collect());
+            rows.push(derivative(sheet, x, rigid, (triangle, k)));
         }
     }
     // Rows of one length follow each other, so that the processor predicts the ends of their loops.
@@ -131,7 +150,7 @@ pub(super) fn bends([g1, g2]: [[f64; 2]; 2], area: f64) -> ([Vec3; 3], [f64; 3])
 
 /// The derivatives across the sides of a triangle with these corners (m) and its sides, where the sheet is flat. Each
 /// derivative is the unit normal of the side in the plane, which leads out of the triangle or into it.
-fn flat(corners: &[Vec3; 3], leads_out: [bool; 3]) -> ([Vec3; 3], [Vec3; 2]) {
+pub(super) fn flat(corners: &[Vec3; 3], leads_out: [bool; 3]) -> ([Vec3; 3], [Vec3; 2]) {
     let derivatives = [0, 1, 2].map(|k| {
         let [a, b] = [1, 2].map(|i| corners[(k + i) % 3]);
         let along = (b - a).normalize();
@@ -154,39 +173,53 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
         return bending;
     }
     for (triangle, vertices) in sheet.triangles.iter().enumerate().take(sheet.count) {
-        let corners = sheet.corners(triangle, x);
-        let (gradients, area) = rest_frame(corners.each_ref()).unwrap_or_default();
         let numbers = numbered.of_sides[triangle];
-        let (bends, lengths) = bends(gradients, area);
-        let mut plate = sheet.plate(triangle).matrix;
-        let stiffest = plate.amax() * STIFFEST / lengths.into_iter().fold(0.0, f64::max).powi(2);
-        plate *= area;
-        for (number, bend) in numbers.iter().zip(&bends) {
-            let moment = plate * bend;
-            let own = bend.dot(&moment);
-            if *number == NONE && own > 0.0 {
-                plate -= moment * moment.transpose() / own;
-            }
-        }
-        let root = root(&plate).transpose();
         let left = |number: u32| numbered.left.get(number as usize);
         let leads_out = numbers.map(|number| left(number) == Some(&triangle));
-        let weights = [0, 1, 2].map(|k| match numbers[k] {
-            NONE => Vec3::zeros(),
-            _ if leads_out[k] => root * bends[k],
-            _ => -(root * bends[k]),
-        });
-        let facet = Facet {
-            weights,
-            square: 4.0 * area * area,
-        };
+        let has_edge = numbers.map(|number| number != NONE);
+        let (facet, stiffest) = facet(sheet, x, triangle, (has_edge, leads_out));
         bending.push(*vertices, numbers, facet);
         let at_rest = if sheet.is_cut() {
-            flat(&corners, leads_out)
+            flat(&sheet.corners(triangle, x), leads_out)
         } else {
-            bending.vectors(triangle, |vertex| &x[vertex as usize])
+            bending.vectors(triangle, |vertex| x[vertex as usize])
         };
-        bending.rest(at_rest, stiffest);
+        bending.rest(triangle, at_rest, stiffest);
     }
+    bending.tearable(sheet, rigid, &numbered.left);
     bending
+}
+
+/// The constants of a triangle by whether it has an edge at each side and whether the derivative there leads out of it,
+/// and the largest stiffness that it may have (N/m).
+pub(super) fn facet(
+    sheet: &BentSheet,
+    x: &[Vec3],
+    triangle: usize,
+    (has_edge, leads_out): ([bool; 3], [bool; 3]),
+) -> (Facet, f64) {
+    let corners = sheet.corners(triangle, x);
+    let (gradients, area) = rest_frame(corners.each_ref()).unwrap_or_default();
+    let (bends, lengths) = bends(gradients, area);
+    let mut plate = sheet.plate(triangle).matrix;
+    let stiffest = plate.amax() * STIFFEST / lengths.into_iter().fold(0.0, f64::max).powi(2);
+    plate *= area;
+    for (has_edge, bend) in has_edge.iter().zip(&bends) {
+        let moment = plate * bend;
+        let own = bend.dot(&moment);
+        if !has_edge && own > 0.0 {
+            plate -= moment * moment.transpose() / own;
+        }
+    }
+    let root = root(&plate).transpose();
+    let weights = [0, 1, 2].map(|k| match (has_edge[k], leads_out[k]) {
+        (false, _) => Vec3::zeros(),
+        (true, true) => root * bends[k],
+        (true, false) => -(root * bends[k]),
+    });
+    let facet = Facet {
+        weights,
+        square: 4.0 * area * area,
+    };
+    (facet, stiffest)
 }

@@ -4,12 +4,13 @@ use super::NONE;
 use super::curvature::{Bent, Facet};
 use super::patch::Sided;
 use super::scalar::ScalarMatrix;
+use super::tear::Tear;
 use crate::Vec3;
 use crate::linear::block_matrix::BlockMatrix;
 use crate::material::Tangent;
 
 /// The bending of a sheet over the rows of a matrix, or over vertices before there is a matrix.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Bending {
     /// The derivatives of the position across the inner edges of the sheet: for each edge, vertices and their weights
     /// (1/m).
@@ -19,7 +20,9 @@ pub(crate) struct Bending {
     pub(super) sides: Vec<[u32; 3]>,
     pub(super) facets: Vec<Facet>,
     /// The weighted curvature of each triangle at rest (sqrt(J)); empty if all are exactly zero.
-    rest: Vec<Vec3>,
+    pub(super) rest: Vec<Vec3>,
+    /// What is needed to follow the edits of a sheet that can tear.
+    pub(super) tear: Option<Box<Tear>>,
 }
 
 impl Bending {
@@ -31,6 +34,7 @@ impl Bending {
             sides: Vec::new(),
             facets: Vec::new(),
             rest: Vec::new(),
+            tear: None,
         }
     }
 
@@ -44,23 +48,29 @@ impl Bending {
         }
     }
 
-    /// Makes the curvature of the last triangle with these derivatives and these sides (m) its curvature at rest. A
-    /// triangle whose stiffness, the trace of its matrix, would be more than `stiffest` (N/m) is made softer.
-    pub(super) fn rest(&mut self, (theta, sides): ([Vec3; 3], [Vec3; 2]), stiffest: f64) {
-        let last = self.facets.len() - 1;
-        let bent = self.facets[last].bend(theta, sides, Vec3::zeros());
-        let facet = &self.facets[last];
-        let stiffness = self.sided(last).trace(&facet.derivatives(&bent));
+    /// Makes the curvature of a triangle with these derivatives and these sides (m) its curvature at rest. A triangle whose
+    /// stiffness, the trace of its matrix, would be more than `stiffest` (N/m) is made softer.
+    pub(super) fn rest(
+        &mut self,
+        triangle: usize,
+        (theta, sides): ([Vec3; 3], [Vec3; 2]),
+        stiffest: f64,
+    ) {
+        let bent = self.facets[triangle].bend(theta, sides, Vec3::zeros());
+        let facet = &self.facets[triangle];
+        let stiffness = self.sided(triangle).trace(&facet.derivatives(&bent));
         let mut curvature = bent.curvature;
         if stiffness > stiffest {
             let factor = (stiffest / stiffness).sqrt();
-            let facet = &mut self.facets[last];
+            let facet = &mut self.facets[triangle];
             facet.weights = facet.weights.map(|weight| weight * factor);
             curvature *= factor;
         }
         if curvature != Vec3::zeros() {
             self.rest.resize(self.facets.len(), Vec3::zeros());
-            self.rest[last] = curvature;
+        }
+        if let Some(rest) = self.rest.get_mut(triangle) {
+            *rest = curvature;
         }
     }
 
@@ -88,7 +98,7 @@ impl Bending {
         self.rest.get(triangle).copied().unwrap_or_default()
     }
 
-    fn sided(&self, triangle: usize) -> Sided<'_, f64> {
+    pub(super) fn sided(&self, triangle: usize) -> Sided<'_, f64> {
         Sided {
             rotations: &self.rotations,
             corners: self.triangles[triangle],
@@ -97,10 +107,10 @@ impl Bending {
     }
 
     /// The derivatives across the sides of a triangle and its sides, at the positions `x` of vertices (m).
-    pub(super) fn vectors<'a>(
+    pub(super) fn vectors(
         &self,
         triangle: usize,
-        x: impl Fn(u32) -> &'a Vec3,
+        x: impl Fn(u32) -> Vec3,
     ) -> ([Vec3; 3], [Vec3; 2]) {
         let [x0, x1, x2] = self.triangles[triangle].map(&x);
         let theta = self.sides[triangle].map(|edge| {
@@ -114,7 +124,7 @@ impl Bending {
         (theta, [x1 - x0, x2 - x0])
     }
 
-    fn bent<'a>(&self, triangle: usize, x: impl Fn(u32) -> &'a Vec3) -> Bent {
+    pub(super) fn bent(&self, triangle: usize, x: impl Fn(u32) -> Vec3) -> Bent {
         let (theta, sides) = self.vectors(triangle, x);
         self.facets[triangle].bend(theta, sides, self.rest_curvature(triangle))
     }
@@ -130,7 +140,7 @@ impl Bending {
     ) {
         let node = |vertex: u32| nodes[vertex as usize] as usize;
         for (triangle, facet) in self.facets.iter().enumerate() {
-            let bent = self.bent(triangle, |vertex| &x[node(vertex)]);
+            let bent = self.bent(triangle, |vertex| x[node(vertex)]);
             let gradient = facet.gradient(&bent);
             for (&edge, gradient) in self.sides[triangle].iter().zip(&gradient) {
                 if edge != NONE {
@@ -152,13 +162,13 @@ impl Bending {
 
     /// The moments (N m) that outward slopes at the sides of a triangle feel, at node positions `x`.
     pub(super) fn moments(&self, triangle: usize, x: &[Vec3], nodes: &[u32]) -> [f64; 3] {
-        let bent = self.bent(triangle, |vertex| &x[nodes[vertex as usize] as usize]);
+        let bent = self.bent(triangle, |vertex| x[nodes[vertex as usize] as usize]);
         self.facets[triangle].outward_moments(&bent)
     }
 
     /// Bending energy (J) at node positions `x`.
     pub(crate) fn energy(&self, x: &[Vec3], nodes: &[u32]) -> f64 {
-        let bent = |triangle| self.bent(triangle, |vertex| &x[nodes[vertex as usize] as usize]);
+        let bent = |triangle| self.bent(triangle, |vertex| x[nodes[vertex as usize] as usize]);
         let squares = (0..self.facets.len()).map(|t| bent(t).curvature.norm_squared());
         0.5 * squares.sum::<f64>()
     }
@@ -170,5 +180,6 @@ impl Bending {
             + size_of_val(self.sides.as_slice())
             + size_of_val(self.facets.as_slice())
             + size_of_val(self.rest.as_slice())
+            + self.tear.as_ref().map_or(0, |tear| tear.bytes())
     }
 }

@@ -11,12 +11,14 @@ use super::curvature::VECTORS;
 use super::exact::Bending;
 use super::kernels::{Blocks, Curved, Rest, State, linearize, product};
 use super::patch::Sided;
-use super::scalar::{ScalarMatrix, add_product, differences, set_product};
-use crate::Vec3;
+use super::scalar::{ScalarMatrix, add_product, add_transposed, differences, set_product};
+use super::torn_facets::Followed;
+use crate::element::Torn;
 use crate::element::kernel::Kernel;
 use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
 use crate::linear::block_matrix::BlockMatrix;
+use crate::{Mat3, Vec3};
 use std::sync::Arc;
 
 /// A derivative at rest that leaves the plane of its triangle by less than this value is in the plane: rounding.
@@ -29,8 +31,10 @@ pub(crate) struct BentFacets<T> {
     /// The latest linearization by block.
     pub(super) state: Vec<State<T>>,
     /// By edge: the derivative, and the force on it.
-    theta: Vec<Node<T>>,
-    pull: Vec<Node<T>>,
+    pub(super) theta: Vec<Node<T>>,
+    pub(super) pull: Vec<Node<T>>,
+    /// The exact form of a sheet that can tear.
+    pub(super) followed: Option<Box<Followed>>,
 }
 
 /// The constant data.
@@ -45,11 +49,31 @@ pub(super) struct Plan<T> {
 }
 
 /// The constants of a triangle at rest.
-struct AtRest {
-    sides: [Vec3; 2],
-    along: [[f64; 2]; 3],
-    rise: [f64; 3],
-    normal: Vec3,
+pub(super) struct AtRest {
+    pub(super) sides: [Vec3; 2],
+    pub(super) along: [[f64; 2]; 3],
+    pub(super) rise: [f64; 3],
+    pub(super) normal: Vec3,
+}
+
+impl AtRest {
+    /// The constants of a triangle of `exact`, whose vertices start at `rest` (m).
+    pub(super) fn new(exact: &Bending, triangle: usize, rest: &[Vec3]) -> Self {
+        let (theta, sides) = exact.vectors(triangle, |vertex| rest[vertex as usize]);
+        let cross = sides[0].cross(&sides[1]);
+        let square = cross.norm_squared();
+        let duals = [
+            sides[1].cross(&cross) / square,
+            cross.cross(&sides[0]) / square,
+        ];
+        let normal = cross / square.sqrt();
+        Self {
+            sides,
+            along: theta.map(|theta| duals.map(|dual| dual.dot(&theta))),
+            rise: theta.map(|theta| theta.dot(&normal)),
+            normal,
+        }
+    }
 }
 
 impl<T: Real> BentFacets<T> {
@@ -57,22 +81,7 @@ impl<T: Real> BentFacets<T> {
     pub(super) fn new(exact: &Bending, rest: &[Vec3]) -> Self {
         let corners = &exact.triangles;
         let order = apart(corners.len(), |triangle| &corners[triangle]);
-        let at_rest = |triangle: usize| {
-            let (theta, sides) = exact.vectors(triangle, |vertex| &rest[vertex as usize]);
-            let cross = sides[0].cross(&sides[1]);
-            let square = cross.norm_squared();
-            let duals = [
-                sides[1].cross(&cross) / square,
-                cross.cross(&sides[0]) / square,
-            ];
-            let normal = cross / square.sqrt();
-            AtRest {
-                sides,
-                along: theta.map(|theta| duals.map(|dual| dual.dot(&theta))),
-                rise: theta.map(|theta| theta.dot(&normal)),
-                normal,
-            }
-        };
+        let at_rest = |triangle| AtRest::new(exact, triangle, rest);
         let all: Vec<AtRest> = (0..corners.len()).map(at_rest).collect();
         let is_curved = all
             .iter()
@@ -136,6 +145,7 @@ impl<T: Real> BentFacets<T> {
             plan: Arc::new(plan),
             theta: zeros.clone(),
             pull: zeros,
+            followed: Followed::new(exact, rest, &order),
         }
     }
 
@@ -171,7 +181,11 @@ impl<T: Real> Kernel<T> for BentFacets<T> {
         self.pull.fill([T::ZERO; 4]);
         let blocks = (&plan.blocks, &mut *self.state);
         let energy = linearize(blocks, (d, &self.theta), (force, &mut self.pull));
-        add_product(&plan.back, &self.pull, force);
+        if self.followed.is_none() {
+            add_product(&plan.back, &self.pull, force);
+        } else {
+            add_transposed(&plan.derivatives, &self.pull, force);
+        }
         energy.to_f64()
     }
 
@@ -181,7 +195,11 @@ impl<T: Real> Kernel<T> for BentFacets<T> {
         self.pull.fill([T::ZERO; 4]);
         let blocks = (&plan.blocks, &*self.state);
         product(blocks, factor, (u, &self.theta), (y, &mut self.pull));
-        add_product(&plan.back, &self.pull, y);
+        if self.followed.is_none() {
+            add_product(&plan.back, &self.pull, y);
+        } else {
+            add_transposed(&plan.derivatives, &self.pull, y);
+        }
     }
 
     fn add_to(&self, matrix: &mut BlockMatrix) {
@@ -223,6 +241,29 @@ impl<T: Real> Kernel<T> for BentFacets<T> {
             + size_of_val(self.state.as_slice())
             + size_of_val(self.theta.as_slice())
             + size_of_val(self.pull.as_slice())
+            + self
+                .followed
+                .as_ref()
+                .map_or(0, |followed| followed.bytes())
+    }
+
+    fn reserve(&mut self, _: usize) -> bool {
+        self.reserve_room()
+    }
+
+    fn follow(&mut self, torn: &Torn<'_>) {
+        self.follow_surface(torn);
+    }
+
+    fn local_stiffness(
+        &self,
+        triangles: &[u32],
+        d: &[Node<T>],
+        add: &mut dyn FnMut(u32, u32, &Mat3),
+    ) {
+        if let Some(followed) = &self.followed {
+            followed.local_stiffness(triangles, d, add);
+        }
     }
 }
 

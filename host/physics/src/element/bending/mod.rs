@@ -16,6 +16,7 @@
 //! - `build`: the curvature of a triangle from the slopes at its sides, and its energy.
 //! - `curvature`: slopes, curvature and their derivatives for one triangle.
 //! - `exact`: forces, energy and stiffness of all triangles; `patch`: the vertices on which each triangle depends.
+//! - `tear`: how all this follows the edits of a torn sheet; `torn_facets`: the vector form of it. `few`: short lists.
 //! - `moment`: the moments in each triangle, for reports.
 //! - `facets`: forces and products in the form for vector instructions; `kernels`: its loops; `cost`: its operations.
 //!
@@ -27,12 +28,15 @@ mod cost;
 mod curvature;
 mod exact;
 mod facets;
+mod few;
 mod kernels;
 mod moment;
 mod patch;
 mod rotation;
 pub(crate) mod scalar;
 mod sheet;
+mod tear;
+mod torn_facets;
 mod unfold;
 
 pub use cost::PRODUCT_FLOPS;

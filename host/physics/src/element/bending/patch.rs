@@ -141,6 +141,25 @@ impl<T: Real> Sided<'_, T> {
         }
     }
 
+    /// Calls `add` with the blocks of the Gauss-Newton stiffness, by row and column.
+    pub(super) fn visit(
+        &self,
+        derivatives: &[[Vec3; VECTORS]; 3],
+        add: &mut dyn FnMut(u32, u32, &Mat3),
+    ) {
+        let patch = Patch::<MOST>::gather(self.rotations, self.corners, self.sides);
+        let Some(patch) = patch else { return };
+        let (vertices, weights) = (&patch.vertices[..patch.count], &patch.weights);
+        let at = |j: usize| derivatives.each_ref().map(|of| at_vertex(&weights[j], of));
+        for (j, &row) in vertices.iter().enumerate() {
+            let z = at(j);
+            for (k, &column) in vertices.iter().enumerate() {
+                let blocks = z.iter().zip(at(k)).map(|(a, b)| a * b.transpose());
+                add(row, column, &blocks.sum());
+            }
+        }
+    }
+
     /// The vertices, in ascending order.
     pub(super) fn vertices(&self) -> Vec<u32> {
         let patch = Patch::<MOST>::gather(self.rotations, self.corners, self.sides);

@@ -11,7 +11,9 @@
 //! triangles are a parallelogram, so on a regular mesh only the four vertices of the two triangles have a weight. Else
 //! the vertices of the neighbouring triangles join in.
 
-use super::unfold::Nearby;
+use super::few::{Few, MOST_NEAR};
+use super::sheet::BentSheet;
+use super::unfold::{Nearby, nearby};
 use crate::{Mat3, Vec3};
 
 /// Weights whose squares sum to more than this value, relative to those of the mean, come from vertices near a common
@@ -54,21 +56,21 @@ impl Nearby {
     }
 
     /// The weights of the mean of the two triangles' gradients.
-    fn mean(&self) -> Vec<f64> {
-        let mut weights = vec![0.0; self.at.len()];
+    fn mean(&self) -> Few<f64> {
+        let mut weights = [0.0; MOST_NEAR];
         for across in [Across::Before, Across::Beyond] {
             for (index, weight) in self.one_sided(across) {
                 weights[index] += 0.5 * weight;
             }
         }
-        weights
+        weights.into_iter().take(self.at.len()).collect()
     }
 
     /// For each vertex the three quadratics, less their best linear fit over all vertices.
-    fn curved(&self) -> Option<Vec<Vec3>> {
+    fn curved(&self) -> Option<Few<Vec3>> {
         let linear = |[x, y]: &[f64; 2]| Vec3::new(1.0, *x, *y);
         let (mut normal, mut mixed) = (Mat3::zeros(), Mat3::zeros());
-        for at in &self.at {
+        for at in self.at.iter() {
             normal += linear(at) * linear(at).transpose();
             mixed += linear(at) * quadratic(at).transpose();
         }
@@ -79,7 +81,7 @@ impl Nearby {
 
     /// The weights nearest to the mean that reproduce quadratics, and whether they do so and are bounded. The normal
     /// equations are made regular by `fraction` of their mean diagonal.
-    fn weights(&self, fraction: f64) -> (Vec<f64>, bool) {
+    fn weights(&self, fraction: f64) -> (Few<f64>, bool) {
         let mean = self.mean();
         let Some(curved) = self.curved() else {
             return (mean, true);
@@ -90,7 +92,7 @@ impl Nearby {
             places.map(|(at, weight)| quadratic(at) * *weight).sum()
         };
         let mut normal = Mat3::zeros();
-        for curved in &curved {
+        for curved in curved.iter() {
             normal += curved * curved.transpose();
         }
         let regular = Mat3::identity() * (normal.trace() / 3.0 * fraction);
@@ -98,8 +100,8 @@ impl Nearby {
             return (mean, true);
         };
         let factors = -(inverse * missed(&mean));
-        let weights = mean.iter().zip(&curved);
-        let weights: Vec<f64> = weights.map(|(w, q)| w + q.dot(&factors)).collect();
+        let weights = mean.iter().zip(curved.iter());
+        let weights: Few<f64> = weights.map(|(w, q)| w + q.dot(&factors)).collect();
         let squares = |weights: &[f64]| weights.iter().map(|w| w * w).sum::<f64>();
         let bounded = squares(&weights) <= LARGEST * squares(&mean);
         let exact = missed(&weights).amax() <= EXACT;
@@ -108,15 +110,15 @@ impl Nearby {
 }
 
 /// The weights of the normal derivative in one of the two triangles, times the length of the edge, by vertex.
-pub(super) fn gradient(nearby: &Nearby, across: Across) -> Vec<(u32, f64)> {
+pub(super) fn gradient(nearby: &Nearby, across: Across) -> Few<(u32, f64)> {
     let weights = nearby.one_sided(across);
     let by_vertex = weights.map(|(index, weight)| (nearby.vertices[index], weight));
-    by_vertex.to_vec()
+    by_vertex.into_iter().collect()
 }
 
 /// The weights of the normal derivative, times the length of the edge, by vertex. `wider` gives more vertices, and is
 /// called where `nearby` are near a conic.
-pub(super) fn rotation(nearby: Nearby, wider: impl FnOnce() -> Nearby) -> Vec<(u32, f64)> {
+pub(super) fn rotation(nearby: Nearby, wider: impl FnOnce() -> Nearby) -> Few<(u32, f64)> {
     let (mut weights, good) = nearby.weights(REGULAR);
     let mut vertices = nearby.vertices;
     if !good {
@@ -126,7 +128,16 @@ pub(super) fn rotation(nearby: Nearby, wider: impl FnOnce() -> Nearby) -> Vec<(u
         vertices = wider.vertices;
     }
     let largest = weights.iter().fold(0.0, |most: f64, w| most.max(w.abs()));
-    let pairs = vertices.into_iter().zip(weights);
+    let pairs = vertices.iter().copied().zip(weights.iter().copied());
     // The remainder that rounding leaves of a zero would fill the matrix.
     pairs.filter(|(_, w)| w.abs() > 1e-12 * largest).collect()
+}
+
+/// The weights of the mean of the two triangles' gradients across side `k` of a triangle (1/m), by vertex.
+pub(super) fn plain(sheet: &BentSheet, side: (usize, usize)) -> Few<(u32, f64)> {
+    let near = nearby(sheet, &[], &[], side, 0);
+    let length = sheet.length(side, &[]);
+    let weights = near.mean();
+    let pairs = near.vertices.iter().zip(weights.iter());
+    pairs.map(|(&v, weight)| (v, weight / length)).collect()
 }

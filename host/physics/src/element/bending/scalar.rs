@@ -1,5 +1,6 @@
 //! A sparse matrix of scalars times node vectors: the derivatives across edges from nodes, and back.
 
+use crate::element::torn::make_room;
 use crate::lanes::block::{less, plus};
 use crate::lanes::{Node, Real};
 #[cfg(not(palpate_one_version))]
@@ -31,6 +32,41 @@ impl<T: Real> ScalarMatrix<T> {
             self.weights.push(weight);
         }
         self.row_start.push(self.columns.len() as u32);
+    }
+
+    /// Adds a row with room for `room` entries. The entries that are not used repeat the first column without weight.
+    pub(crate) fn push_roomy(&mut self, row: impl Iterator<Item = (u32, T)>, room: usize) {
+        let start = self.columns.len();
+        self.columns.resize(start + room, 0);
+        self.weights.resize(start + room, T::ZERO);
+        self.row_start.push(self.columns.len() as u32);
+        self.set_row(self.rows() - 1, row);
+    }
+
+    /// The number of entries for which a row has room.
+    pub(crate) fn room(&self, row: usize) -> usize {
+        (self.row_start[row + 1] - self.row_start[row]) as usize
+    }
+
+    /// Replaces the entries of a row, as many as it has room for.
+    pub(crate) fn set_row(&mut self, row: usize, entries: impl Iterator<Item = (u32, T)>) {
+        let range = self.row_start[row] as usize..self.row_start[row + 1] as usize;
+        let (columns, weights) = (&mut self.columns[range.clone()], &mut self.weights[range]);
+        let mut count = 0;
+        for ((column, weight), entry) in columns.iter_mut().zip(weights.iter_mut()).zip(entries) {
+            (*column, *weight) = entry;
+            count += 1;
+        }
+        let first = columns.first().copied().unwrap_or_default();
+        columns[count..].fill(first);
+        weights[count..].fill(T::ZERO);
+    }
+
+    /// Makes room for `rows` rows and `entries` entries in all.
+    pub(crate) fn make_room(&mut self, rows: usize, entries: usize) {
+        make_room(&mut self.row_start, rows + 1);
+        make_room(&mut self.columns, entries);
+        make_room(&mut self.weights, entries);
     }
 
     /// The columns of a row and their weights.
@@ -73,6 +109,16 @@ impl<T: Real> ScalarMatrix<T> {
             columns: entries.iter().map(|entry| entry.1).collect(),
             weights: entries.iter().map(|entry| entry.2).collect(),
         }
+    }
+
+    /// Where its arrays are in memory.
+    #[cfg(test)]
+    pub(crate) fn addresses(&self) -> [usize; 3] {
+        [
+            self.row_start.as_ptr().addr(),
+            self.columns.as_ptr().addr(),
+            self.weights.as_ptr().addr(),
+        ]
     }
 
     /// Number of rows.
@@ -137,6 +183,18 @@ pub(crate) fn set_product<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &
 pub(crate) fn add_product<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
     for (ends, y) in matrix.row_start.windows(2).zip(y) {
         *y = plus(*y, row(matrix, ends, u));
+    }
+}
+
+/// Adds the product of the transpose with `u` to `y`. A matrix whose rows change has no stored transpose.
+pub(crate) fn add_transposed<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
+    for (ends, u) in matrix.row_start.windows(2).zip(u) {
+        let range = ends[0] as usize..ends[1] as usize;
+        let columns = &matrix.columns[range.clone()];
+        for (&column, &weight) in columns.iter().zip(&matrix.weights[range]) {
+            let y = &mut y[column as usize];
+            *y = plus(*y, u.map(|c| weight * c));
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use crate::{Mat3, Vec3};
 
 /// A sheet that resists bending, over vertices. A body keeps these facts, from which its bending is built again where
 /// handles or supports change.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct BentSheet {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Number of the sheet's own triangles. The triangles of ghosts come after them.
@@ -16,9 +16,16 @@ pub(crate) struct BentSheet {
     /// By triangle, the neighbour across each side, or [`NONE`].
     pub(super) neighbours: Vec<[u32; 3]>,
     /// One for all triangles or one for each.
-    plates: Vec<Plate>,
-    /// With a flat pattern, the corners of each triangle there (m). The sheet is flat at rest then. Otherwise empty.
-    pattern: Vec<[[f64; 2]; 3]>,
+    pub(super) plates: Vec<Plate>,
+    /// The corners of each triangle (m) in a flat pattern, or in the frames of a surface that can tear. Otherwise empty.
+    pub(super) pattern: Vec<[[f64; 2]; 3]>,
+    /// Whether the sheet is cut out of a flat pattern, and flat at rest.
+    pub(super) is_cut: bool,
+    /// By original triangle, the plate's matrix in the frame of the surface (N m). Empty if there is one plate for all,
+    /// which has no direction then, or if the sheet cannot tear.
+    pub(super) original: Vec<Mat3>,
+    /// Number of triangles for which there is room, or 0 if the sheet cannot tear.
+    pub(super) limit: usize,
 }
 
 /// The plate that a triangle is a part of.
@@ -84,18 +91,22 @@ impl BentSheet {
             neighbours: neighbours(triangles)?,
             plates,
             pattern: Vec::new(),
+            is_cut: false,
+            original: Vec::new(),
+            limit: 0,
         })
     }
 
     /// The same sheet, cut out of this flat pattern of its triangles, if there is one.
     pub(crate) fn cut(mut self, pattern: Option<&FlatPattern>) -> Self {
+        self.is_cut = pattern.is_some();
         self.pattern = pattern.map_or_else(Vec::new, |pattern| pattern.corners.clone());
         self
     }
 
     /// Whether the sheet is flat at rest, as cut out of a pattern, whatever its starting positions.
     pub(super) fn is_cut(&self) -> bool {
-        !self.pattern.is_empty()
+        self.is_cut
     }
 
     /// The corners of a triangle at rest (m), if `x` are the starting positions of the vertices (m). Those of a pattern lie
@@ -152,11 +163,13 @@ impl BentSheet {
             return build::bending(self, x, &self.rigid(is_rigid));
         }
         let mut sheet = self.clone();
+        // A sheet with clamped borders follows no edits.
+        sheet.limit = 0;
         for (side, ghost) in ghosts {
             let beyond = sheet.triangles.len() as u32;
             let [a, b] = side.ends;
             sheet.triangles.push([a, b, ghost]);
-            if self.is_cut() {
+            if !self.pattern.is_empty() {
                 // The parallelogram of the triangle at the edge.
                 let triangle = side.triangle as usize;
                 let [a, b] = self.places(triangle, side.ends, x);
@@ -197,5 +210,6 @@ impl BentSheet {
             + size_of_val(self.neighbours.as_slice())
             + size_of_val(self.plates.as_slice())
             + size_of_val(self.pattern.as_slice())
+            + size_of_val(self.original.as_slice())
     }
 }

@@ -7,6 +7,7 @@
 //! In a flat pattern the two sides of a seam may differ in length. The edge then has their mean, and along it a triangle
 //! is stretched to fit. The height of each triangle over the edge is its own, so that its gradient across the edge is.
 
+use super::few::Few;
 use super::{BentSheet, NONE};
 use crate::Vec3;
 
@@ -16,9 +17,9 @@ use crate::Vec3;
 pub(super) struct Nearby {
     /// The vertices. The first two are the ends of the edge, at x = -1/2 and 1/2. The third and the fourth are those
     /// across it, at y < 0 and y > 0.
-    pub(super) vertices: Vec<u32>,
+    pub(super) vertices: Few<u32>,
     /// Their places.
-    pub(super) at: Vec<[f64; 2]>,
+    pub(super) at: Few<[f64; 2]>,
 }
 
 impl Nearby {
@@ -85,8 +86,8 @@ pub(super) fn nearby(
     let [a, b, c] = [1, 2, 0].map(|i| vertices[(k + i) % 3]);
     let length = sheet.length((triangle, k), x);
     let mut near = Nearby {
-        vertices: vec![a, b],
-        at: vec![[-0.5, 0.0], [0.5, 0.0]],
+        vertices: [a, b].into_iter().collect(),
+        at: [[-0.5, 0.0], [0.5, 0.0]].into_iter().collect(),
     };
     let opposite = |triangle: usize, ends: [u32; 2]| {
         let mut vertices = sheet.triangles[triangle].into_iter();
@@ -100,7 +101,7 @@ pub(super) fn nearby(
         near.vertices.push(vertex);
         near.at.push([along / own - 0.5, sign * height / length]);
     }
-    let mut triangles = vec![triangle, beyond];
+    let mut triangles: Few<usize> = [triangle, beyond].into_iter().collect();
     let mut first = 0;
     for _ in 0..rings {
         let last = triangles.len();

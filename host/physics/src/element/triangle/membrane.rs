@@ -24,16 +24,17 @@
 //! [`Tangent::Clipped`] keeps the positive parts of 2 and 3, so that every element's tangent is positive
 //! semidefinite. Without part 3 a step of a sheet under tension is unstable.
 
-use super::frame::{degenerate, rest_axes, rest_corners, rest_frame};
+use super::frame::{degenerate, rest_axes, rest_corners, rest_frame, shape_of};
 use super::triangles::Triangle;
-use crate::element::VectorForm;
-use crate::element::elements::{Elements, renumber, slots};
+use crate::element::elements::{Elements, Strained, renumber, slots};
+use crate::element::{Torn, VectorForm};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Material;
 use crate::material::Tangent;
 use crate::mesh::TriMesh;
 use crate::polar::surface::{Polar, STRETCH_FLOOR};
+use crate::topology::Shape;
 use crate::{Mat3, Vec3};
 
 /// Force and tangent of one triangle at its three vertices.
@@ -48,26 +49,28 @@ pub struct Element {
 /// All triangles of a sheet, by arrays over triangles.
 #[derive(Clone, Debug)]
 pub struct Membrane {
-    nodes: Vec<[u32; 3]>,
+    pub(super) nodes: Vec<[u32; 3]>,
     /// Rest gradients of the second and third hat function (1/m). The first gradient is minus their sum.
-    gradients: Vec<[[f64; 2]; 2]>,
+    pub(super) gradients: Vec<[[f64; 2]; 2]>,
     /// The axes of the frames of those gradients in world coordinates.
-    frames: Vec<[Vec3; 2]>,
+    pub(super) frames: Vec<[Vec3; 2]>,
     /// With a flat pattern, the deformation gradient of the starting positions less the frame. Otherwise empty.
-    strained: Vec<[Vec3; 2]>,
+    pub(super) strained: Vec<[Vec3; 2]>,
     /// Shear modulus times thickness times rest area (N m).
-    mu: Vec<f64>,
+    pub(super) mu: Vec<f64>,
     /// Plane-stress Lame parameter times thickness times rest area (N m).
-    lambda: Vec<f64>,
+    pub(super) lambda: Vec<f64>,
     /// Thickness times rest area (m^3).
-    volume: Vec<f64>,
-    density: Vec<f64>,
-    slots: Vec<ElementSlots<3>>,
+    pub(super) volume: Vec<f64>,
+    pub(super) density: Vec<f64>,
+    pub(super) slots: Vec<ElementSlots<3>>,
+    /// Number of triangles for which there is room, or 0 if no edits are followed.
+    limit: usize,
 }
 
 /// The frame of a triangle that starts at `corners` (m) with these rest gradients (1/m): the rotation of the deformation
 /// gradient. The second value is the difference of deformation gradient and frame, which is the strain at the start.
-fn start(corners: [&Vec3; 3], [g1, g2]: [[f64; 2]; 2]) -> ([Vec3; 2], [Vec3; 2]) {
+pub(super) fn start(corners: [&Vec3; 3], [g1, g2]: [[f64; 2]; 2]) -> ([Vec3; 2], [Vec3; 2]) {
     let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
     let f = [0, 1].map(|j| e1 * g1[j] + e2 * g2[j]);
     let frame = Polar::new(&f[0], &f[1]).r;
@@ -91,6 +94,7 @@ impl Membrane {
             volume: Vec::with_capacity(count),
             density: Vec::with_capacity(count),
             slots: Vec::new(),
+            limit: 0,
         }
     }
 
@@ -172,8 +176,11 @@ impl Membrane {
         self.nodes.is_empty()
     }
 
-    fn polar(&self, e: usize, x: &[Vec3]) -> Polar {
-        let [a, b, c] = self.nodes[e].map(|node| x[node as usize]);
+    pub(super) fn polar(&self, e: usize, x: &[Vec3]) -> Polar {
+        self.polar_at(e, self.nodes[e].map(|node| x[node as usize]))
+    }
+
+    fn polar_at(&self, e: usize, [a, b, c]: [Vec3; 3]) -> Polar {
         let [g1, g2] = self.gradients[e];
         let (e1, e2) = (b - a, c - a);
         Polar::new(&(e1 * g1[0] + e2 * g2[0]), &(e1 * g1[1] + e2 * g2[1]))
@@ -184,27 +191,58 @@ impl Membrane {
         self.polar(e, x).stretches()
     }
 
+    /// Elastic energy (J) of triangle `e` at node positions `x` (m).
+    pub(super) fn energy_of(&self, e: usize, x: &[Vec3]) -> f64 {
+        let polar = self.polar(e, x);
+        let [xx, xy, yy] = polar.u;
+        let (xx, yy) = (xx - 1.0, yy - 1.0);
+        let trace = xx + yy;
+        self.mu[e] * (xx * xx + 2.0 * xy * xy + yy * yy) + 0.5 * self.lambda[e] * trace * trace
+    }
+
     /// Force and tangent of triangle `e` at node positions `x` (m).
     pub fn element(&self, e: usize, x: &[Vec3], tangent: Tangent) -> Element {
-        let polar = self.polar(e, x);
-        let (mu, lambda) = (self.mu[e], self.lambda[e]);
-        let [g1, g2] = self.gradients[e];
-        let [r1, r2] = polar.r;
+        self.element_at(e, self.nodes[e].map(|node| x[node as usize]), tangent)
+    }
 
-        let [uxx, uxy, uyy] = polar.u;
-        let pressure = lambda * (uxx - 1.0 + uyy - 1.0);
-        let sigma = [
-            2.0 * mu * (uxx - 1.0) + pressure,
-            2.0 * mu * uxy,
-            2.0 * mu * (uyy - 1.0) + pressure,
-        ];
-        let p1 = r1 * sigma[0] + r2 * sigma[1];
-        let p2 = r1 * sigma[1] + r2 * sigma[2];
+    fn element_at(&self, e: usize, at: [Vec3; 3], tangent: Tangent) -> Element {
+        let moduli = [self.mu[e], self.lambda[e]];
+        Element::new(&self.polar_at(e, at), self.gradients[e], moduli, tangent)
+    }
+}
+
+/// The two columns of the first Piola-Kirchhoff stress `R sigma`, and `sigma` (xx, xy, yy), in the unit of the moduli.
+pub(super) fn piola(polar: &Polar, [mu, lambda]: [f64; 2]) -> ([Vec3; 2], [f64; 3]) {
+    let [r1, r2] = polar.r;
+    let [uxx, uxy, uyy] = polar.u;
+    let pressure = lambda * (uxx - 1.0 + uyy - 1.0);
+    let sigma = [
+        2.0 * mu * (uxx - 1.0) + pressure,
+        2.0 * mu * uxy,
+        2.0 * mu * (uyy - 1.0) + pressure,
+    ];
+    (
+        [r1 * sigma[0] + r2 * sigma[1], r1 * sigma[1] + r2 * sigma[2]],
+        sigma,
+    )
+}
+
+impl Element {
+    /// Force and tangent of a triangle with this polar decomposition, these rest gradients (1/m) of its second and third
+    /// hat function and these moduli times the volume (N m).
+    pub(super) fn new(
+        polar: &Polar,
+        [g1, g2]: [[f64; 2]; 2],
+        [mu, lambda]: [f64; 2],
+        tangent: Tangent,
+    ) -> Self {
+        let [r1, r2] = polar.r;
+        let ([p1, p2], sigma) = piola(polar, [mu, lambda]);
         let force_1 = -(p1 * g1[0] + p2 * g1[1]);
         let force_2 = -(p1 * g2[0] + p2 * g2[1]);
 
         let spin = spin_coefficient(&sigma, polar.trace, tangent);
-        let geometric = out_of_plane(&polar, mu, lambda, tangent);
+        let geometric = out_of_plane(polar, mu, lambda, tangent);
         let nn = polar.n * polar.n.transpose();
         let g0 = [-g1[0] - g2[0], -g1[1] - g2[1]];
         let block = |a: [f64; 2], b: [f64; 2]| {
@@ -228,7 +266,7 @@ impl Membrane {
         let k02 = block(g0, g2);
         let k12 = block(g1, g2);
         let (k10, k20, k21) = (k01.transpose(), k02.transpose(), k12.transpose());
-        Element {
+        Self {
             force: [-(force_1 + force_2), force_1, force_2],
             stiffness: [
                 [-(k01 + k02), k01, k02],
@@ -285,12 +323,7 @@ impl Elements for Membrane {
     fn energy(&self, x: &[Vec3]) -> f64 {
         let mut energy = 0.0;
         for e in 0..self.len() {
-            let polar = self.polar(e, x);
-            let [xx, xy, yy] = polar.u;
-            let (xx, yy) = (xx - 1.0, yy - 1.0);
-            let trace = xx + yy;
-            energy += self.mu[e] * (xx * xx + 2.0 * xy * xy + yy * yy)
-                + 0.5 * self.lambda[e] * trace * trace;
+            energy += self.energy_of(e, x);
         }
         energy
     }
@@ -345,6 +378,14 @@ impl Elements for Membrane {
             * scale
     }
 
+    fn mass(&self, element: usize) -> f64 {
+        self.density[element] * self.volume[element]
+    }
+
+    fn rest_shape(&self, element: usize) -> Option<Shape> {
+        Some(shape_of(self.gradients[element]))
+    }
+
     fn vector_form(&self) -> Option<VectorForm> {
         let triangle = |e: usize| Triangle {
             nodes: self.nodes[e],
@@ -359,7 +400,37 @@ impl Elements for Membrane {
     }
 
     fn boxed(&self) -> Box<dyn Elements> {
-        Box::new(self.clone())
+        let mut copy = self.clone();
+        copy.make_room(self.limit);
+        Box::new(copy)
+    }
+
+    fn reserve(&mut self, triangles: usize) -> bool {
+        self.limit = self.len() + triangles;
+        self.make_room(self.limit);
+        true
+    }
+
+    fn follow(&mut self, torn: &Torn<'_>) {
+        self.follow_surface(torn);
+    }
+
+    fn triangle(&self, triangle: usize, at: [Vec3; 3], tangent: Tangent) -> Option<Element> {
+        (triangle < self.len()).then(|| self.element_at(triangle, at, tangent))
+    }
+
+    fn add_force(&self, x: &[Vec3], force: &mut [Vec3]) {
+        self.add_forces(x, force);
+    }
+
+    fn energies(&self, x: &[Vec3], energies: &mut [f64]) {
+        for (triangle, energy) in energies.iter_mut().enumerate().take(self.len()) {
+            *energy = self.energy_of(triangle, x);
+        }
+    }
+
+    fn strained(&self, triangle: usize, x: &[Vec3]) -> Option<Strained> {
+        (triangle < self.len()).then(|| self.strained_at(triangle, x))
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! - [`membrane`]: isotropic sheets in the exact form; [`triangles`] and `kernels`: the same in the vector form.
 //! - [`woven`]: woven sheets.
+//! - `torn`: how they follow the edits of a torn surface.
 //! - `frame`: the rest frame of a triangle.
 //! - `cost`: the operations and bytes of `kernels`.
 
@@ -9,6 +10,7 @@ mod cost;
 pub(crate) mod frame;
 mod kernels;
 pub mod membrane;
+mod torn;
 pub mod triangles;
 pub mod woven;
 

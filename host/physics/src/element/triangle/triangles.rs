@@ -10,6 +10,7 @@
 //! are the positions at rest, unless a flat pattern gives triangles other shapes at rest.
 
 use super::kernels::{BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product};
+use crate::element::Torn;
 use crate::element::kernel::Kernel;
 use crate::element::placed::{InBlocks, Placed};
 use crate::lanes::block::{LANES, apart};
@@ -43,7 +44,9 @@ pub struct Triangle {
 pub struct Triangles<T> {
     pub(super) blocks: Blocks<T>,
     /// Block and lane of each element.
-    places: Vec<(u32, u32)>,
+    pub(super) places: Vec<(u32, u32)>,
+    /// The moduli per area (N/m) of the triangles that were there at first; empty if no edits are followed.
+    pub(super) moduli: Vec<[f64; 2]>,
 }
 
 impl<T: Real> Triangles<T> {
@@ -55,6 +58,7 @@ impl<T: Real> Triangles<T> {
         let mut all = Self {
             blocks: Blocks::default(),
             places: vec![(0, 0); triangles.len()],
+            moduli: Vec::new(),
         };
         for (block, elements) in order.chunks(LANES).enumerate() {
             let zero = [T::ZERO; LANES];
@@ -109,6 +113,7 @@ impl<T: Real> Triangles<T> {
     /// Memory of the elements (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
+            + size_of_val(self.moduli.as_slice())
             + size_of_val(self.blocks.nodes.as_slice())
             + size_of_val(self.blocks.rest.as_slice())
             + size_of_val(self.blocks.strained.as_slice())
@@ -142,6 +147,12 @@ impl<T: Real> Triangles<T> {
     pub fn nodes(&self, element: usize) -> [u32; 3] {
         let (block, lane) = self.places[element];
         self.blocks.nodes[block as usize][lane as usize]
+    }
+
+    /// The constant data of an element's block, and its lane.
+    pub(super) fn rest_of(&self, element: usize) -> (&Rest<T>, usize) {
+        let (block, lane) = self.places[element];
+        (&self.blocks.rest[block as usize], lane as usize)
     }
 
     /// The 3 x 3 blocks of an element's latest stiffness (N/m), by its nodes.
@@ -185,6 +196,19 @@ impl<T: Real> InBlocks<T, 3> for Triangles<T> {
 
     fn bytes(&self) -> usize {
         Self::bytes(self)
+    }
+
+    fn reserve(&mut self, triangles: usize) -> bool {
+        self.reserve_room(triangles);
+        true
+    }
+
+    fn follow(&mut self, torn: &Torn<'_>) {
+        self.follow_surface(torn);
+    }
+
+    fn stiffness_at(&self, element: usize, d: &[Node<T>]) -> Option<([u32; 3], [[Mat3; 3]; 3])> {
+        (element < self.len()).then(|| self.exact_stiffness(element, d))
     }
 }
 

@@ -8,9 +8,10 @@
 //! the force `f_a = -A P g_a` and the stiffness `K_ab = A sum_jl g_a[j] g_b[l] dP_j / dF_l` (Bonet and Wood,
 //! "Nonlinear continuum mechanics for finite element analysis", chapter Discretization and solution).
 
-use super::frame::{degenerate, rest_corners, rest_frame};
+use super::frame::{degenerate, rest_corners, rest_frame, shape_of};
 use super::membrane::Element;
-use crate::element::elements::{Elements, renumber, slots};
+use crate::element::Torn;
+use crate::element::elements::{Elements, Strained, renumber, slots};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Tangent;
@@ -18,6 +19,7 @@ use crate::material::sheet_law::{PlaneStiffness, SheetLaw};
 use crate::material::weave::{Weave, unit};
 use crate::mesh::TriMesh;
 use crate::polar::surface::Polar;
+use crate::topology::Shape;
 use crate::{Mat3, Vec3};
 
 /// The least sine of the angle between the warp and a triangle's normal. Below it, the projection of the warp onto the
@@ -29,17 +31,19 @@ const LEAST_WARP: f64 = 1e-6;
 /// The node positions `x` that methods take must have an entry for every node that was pushed.
 #[derive(Clone, Debug, Default)]
 pub struct Woven<L: SheetLaw> {
-    law: L,
-    nodes: Vec<[u32; 3]>,
+    pub(super) law: L,
+    pub(super) nodes: Vec<[u32; 3]>,
     /// Rest gradients of the second and third hat function in the frame of the warp (1/m). The first gradient is
     /// minus their sum.
-    gradients: Vec<[[f64; 2]; 2]>,
+    pub(super) gradients: Vec<[[f64; 2]; 2]>,
     /// Rest area (m^2).
-    area: Vec<f64>,
-    stiffness: Vec<PlaneStiffness>,
-    thickness: Vec<f64>,
-    density: Vec<f64>,
-    slots: Vec<ElementSlots<3>>,
+    pub(super) area: Vec<f64>,
+    pub(super) stiffness: Vec<PlaneStiffness>,
+    pub(super) thickness: Vec<f64>,
+    pub(super) density: Vec<f64>,
+    pub(super) slots: Vec<ElementSlots<3>>,
+    /// Number of triangles for which there is room, or 0 if no edits are followed.
+    limit: usize,
 }
 
 impl<L: SheetLaw> Woven<L> {
@@ -54,6 +58,7 @@ impl<L: SheetLaw> Woven<L> {
             thickness: Vec::with_capacity(count),
             density: Vec::with_capacity(count),
             slots: Vec::new(),
+            limit: 0,
         }
     }
 
@@ -143,7 +148,10 @@ impl<L: SheetLaw> Woven<L> {
 
     /// The two columns of the deformation gradient of triangle `e`, along the warp and the weft.
     pub fn gradient(&self, e: usize, x: &[Vec3]) -> [Vec3; 2] {
-        let [a, b, c] = self.nodes[e].map(|node| x[node as usize]);
+        self.gradient_at(e, self.nodes[e].map(|node| x[node as usize]))
+    }
+
+    fn gradient_at(&self, e: usize, [a, b, c]: [Vec3; 3]) -> [Vec3; 2] {
         let [g1, g2] = self.gradients[e];
         let (e1, e2) = (b - a, c - a);
         [e1 * g1[0] + e2 * g2[0], e1 * g1[1] + e2 * g2[1]]
@@ -179,9 +187,12 @@ impl<L: SheetLaw> Woven<L> {
 
     /// Force and tangent of triangle `e` at node positions `x`.
     pub fn element(&self, e: usize, x: &[Vec3], tangent: Tangent) -> Element {
-        let response = self
-            .law
-            .respond(&self.stiffness[e], &self.gradient(e, x), tangent);
+        self.element_at(e, self.nodes[e].map(|node| x[node as usize]), tangent)
+    }
+
+    fn element_at(&self, e: usize, at: [Vec3; 3], tangent: Tangent) -> Element {
+        let gradient = self.gradient_at(e, at);
+        let response = self.law.respond(&self.stiffness[e], &gradient, tangent);
         let [[m00, m01], [m10, m11]] = response.modulus;
         let area = self.area[e];
         let [g1, g2] = self.gradients[e];
@@ -322,7 +333,45 @@ impl<L: SheetLaw> Elements for Woven<L> {
         }
     }
 
+    fn mass(&self, element: usize) -> f64 {
+        self.density[element] * self.thickness[element] * self.area[element]
+    }
+
+    fn rest_shape(&self, element: usize) -> Option<Shape> {
+        Some(shape_of(self.gradients[element]))
+    }
+
     fn boxed(&self) -> Box<dyn Elements> {
-        Box::new(self.clone())
+        let mut copy = self.clone();
+        copy.make_room(self.limit);
+        Box::new(copy)
+    }
+
+    fn reserve(&mut self, triangles: usize) -> bool {
+        self.limit = self.len() + triangles;
+        self.make_room(self.limit);
+        true
+    }
+
+    fn follow(&mut self, torn: &Torn<'_>) {
+        self.follow_surface(torn);
+    }
+
+    fn triangle(&self, triangle: usize, at: [Vec3; 3], tangent: Tangent) -> Option<Element> {
+        (triangle < self.len()).then(|| self.element_at(triangle, at, tangent))
+    }
+
+    fn add_force(&self, x: &[Vec3], force: &mut [Vec3]) {
+        self.forces(x, force);
+    }
+
+    fn energies(&self, x: &[Vec3], energies: &mut [f64]) {
+        for (e, energy) in energies.iter_mut().enumerate().take(self.len()) {
+            *energy = self.area[e] * self.law.energy(&self.stiffness[e], &self.gradient(e, x));
+        }
+    }
+
+    fn strained(&self, triangle: usize, x: &[Vec3]) -> Option<Strained> {
+        (triangle < self.len()).then(|| self.strained_at(triangle, x))
     }
 }

@@ -20,6 +20,7 @@ impl<T: Real> Stepper<T> {
         report: &mut StepperReport,
         out_of_time: &mut impl FnMut() -> bool,
     ) -> Result<(), StepError> {
+        self.begin_account(body);
         let mut work = self.take(body, h, report)?;
         let before = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
         // Where a hand does work on a body, the hand decides where the body goes.
@@ -31,6 +32,9 @@ impl<T: Real> Stepper<T> {
         if breaks {
             (work, after) = self.correct(body, h, factors, report, out_of_time)?;
         }
+        if !self.pairs.is_empty() {
+            work += self.given_back(body);
+        }
         report.held_back = self.end_where_energy_allows(body, h, (before, after), work);
         if report.held_back > 0.0 {
             self.pull_at_the_end(body, h);
@@ -41,6 +45,8 @@ impl<T: Real> Stepper<T> {
             whole: !breaks && report.held_back == 0.0,
         });
         body.report_step(h, targets, |node| self.pull(node));
+        let release = self.open_pairs(body);
+        self.end_account(body, h, release, (breaks, report.held_back));
         let state = &mut body.state;
         let nodes = (
             &mut *state.x,
@@ -137,6 +143,7 @@ impl<T: Real> Stepper<T> {
             *r = to_node(&(to_vec(&self.force[place]) + external + inertia * self.mass[place]));
             self.u[place] = to_node(&u);
         }
+        self.add_pairs();
         let damping = T::of(-body.model.config.stiffness_damping / h);
         for set in &mut self.elements {
             set.product(self.team, damping, &self.u, &mut self.residual);

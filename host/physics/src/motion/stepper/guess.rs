@@ -39,6 +39,9 @@ const CUT: f64 = 1e-5;
 /// higher differences.
 const AFTER_UNFINISHED: usize = 2;
 
+/// The largest weight for a sheet that tears. The jumps of a tear would alternate with larger weights from step to step.
+const MOST_TORN: f64 = 1.5;
+
 /// A node's velocity (m/s), its change in the last step, the change of that change, and so on.
 pub(crate) type Differences<T> = [Node<T>; KEPT];
 
@@ -233,7 +236,7 @@ impl<T: Real> Stepper<T> {
     /// Computes the displacement from which the iterations start, with the displacements that handles and supports
     /// prescribe.
     pub(crate) fn prescribe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose]) {
-        let free = self.free;
+        let (free, held) = (self.free, self.held);
         body.prescribe(targets);
         // The residual and `q` are free for other use until there is a guess.
         let state = &body.state;
@@ -244,8 +247,8 @@ impl<T: Real> Stepper<T> {
                 *v = to_node(&state.v[node as usize]);
             }
         });
-        let (free_nodes, held_nodes) = self.history.split_at_mut(free);
-        let places = (free_nodes, &self.residual[..free]);
+        let (free_nodes, held_nodes) = self.history.split_at_mut(held);
+        let places = (&mut free_nodes[..free], &self.residual[..free]);
         let fits = team::runs(self.team, places, RUN, &mut self.fits, &|(
             differences,
             v,
@@ -260,8 +263,8 @@ impl<T: Real> Stepper<T> {
         }
         lead(
             held_nodes,
-            &self.residual[free..],
-            &self.u[free..],
+            &self.residual[held..],
+            &self.u[held..],
             T::of(1.0 / h),
             &mut sums,
         );
@@ -270,6 +273,11 @@ impl<T: Real> Stepper<T> {
             Guess::Acceleration => [0.0, 1.0, 0.0, 0.0],
             Guess::Fitted if self.unfinished => sums.weights(AFTER_UNFINISHED),
             Guess::Fitted => sums.weights(KEPT),
+        };
+        let weights = if self.growth.is_some() {
+            weights.map(|weight| weight.clamp(-MOST_TORN, MOST_TORN))
+        } else {
+            weights
         };
         let guided = self.mask.len();
         self.q[..guided].copy_from_slice(&self.u[..guided]);

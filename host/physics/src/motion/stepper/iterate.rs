@@ -45,7 +45,7 @@ impl<T: Real> Stepper<T> {
             };
             rz = rz_new;
             let places = (
-                &*self.z,
+                &self.z[..free],
                 &*self.inertia,
                 &mut self.p[..free],
                 &mut self.q[..free],
@@ -108,18 +108,31 @@ impl<T: Real> Stepper<T> {
 
     /// Computes `z` from the residual, without guided axes. Returns the product of the two vectors.
     pub(crate) fn precondition(&mut self) -> f64 {
-        let places = (&mut *self.z, &*self.residual);
+        let free = self.free;
+        let places = (&mut self.z[..free], &*self.residual);
         team::each_of(self.team, places, RUN, &|(z, residual)| {
             vectors::round(residual, z);
         });
-        vectors::filter(&self.mask, &mut self.z);
-        self.solves.solve(self.team, &mut self.z);
-        vectors::filter(&self.mask, &mut self.z);
-        let places = (&*self.z, &*self.residual);
+        self.solve_factor();
+        let places = (&self.z[..free], &*self.residual);
         let products = team::runs(self.team, places, RUN, &mut self.sums, &|(z, residual)| {
             vectors::dot_single(z, residual)
         });
         total(products)
+    }
+
+    /// Solves with the factor in place of the matrix, in `z`, without guided axes.
+    pub(crate) fn solve_factor(&mut self) {
+        let z = &mut self.z[..self.free];
+        vectors::filter(&self.mask, z);
+        let (team, solves) = (self.team, &mut self.solves);
+        match &mut self.growth {
+            Some(growth) if growth.has_grown() => {
+                growth.apply(z, &self.mask, |z| solves.solve(team, z));
+            }
+            _ => solves.solve(team, z),
+        }
+        vectors::filter(&self.mask, z);
     }
 
     /// Norm of the residual on free axes (N).

@@ -20,14 +20,19 @@
 mod correct;
 mod cost;
 mod finish;
+mod grow;
 mod guess;
 mod iterate;
+mod ledger;
 mod options;
+mod release;
 mod stages;
 
 pub use cost::Part;
 pub(crate) use iterate::Limits;
+pub use ledger::Ledger;
 pub use options::{Guess, StepperOptions, StepperReport};
+pub use release::Pair;
 
 use super::refresh::Refresher;
 use super::sleep::Sleep;
@@ -78,6 +83,15 @@ pub struct Stepper<T> {
     pub(crate) place: Vec<u32>,
     pub(crate) node: Vec<u32>,
     pub(crate) free: usize,
+    /// The first held place. The places between are for the vertices that tears will add. Until then their node is the
+    /// first one of the body, and no element has them.
+    pub(crate) held: usize,
+    /// The vertices that tears have added; `None` for a body that cannot tear.
+    growth: Option<Box<grow::Growth<T>>>,
+    /// Pairs of vertices that let each other go.
+    pairs: release::Pairs,
+    /// The account of the last step, if it is kept.
+    ledger: Option<Box<ledger::Account>>,
     pub(crate) elements: Vec<Divided<T>>,
     /// The refresher; absent while it is lent.
     pub(crate) refresher: Option<Box<Refresher<T>>>,
@@ -173,22 +187,20 @@ impl<T: Real> Stepper<T> {
             .iter()
             .map(|&row| rows.nodes()[row as usize])
             .collect();
-        let (mut rank, mut place) = (vec![0; count], vec![0; count]);
+        let (mut rank, mut place): (Vec<u32>, Vec<u32>) = (vec![0; count], vec![0; count]);
         for (at, (&row, &node)) in order.iter().zip(&node).enumerate() {
             rank[row as usize] = at as u32;
             place[node as usize] = at as u32;
         }
-        let by_place = |values: &[Vec3]| -> Vec<Vec3> {
+        let by_place = |values: &[Vec3], node: &[u32]| -> Vec<Vec3> {
             node.iter().map(|&node| values[node as usize]).collect()
         };
-        let rest = by_place(&body.model.rest);
+        let rest = by_place(&body.model.rest, &node);
         let matrix = body.assembly.stiffness.renumbered(&rank);
-        let mut divided = sets(body, &place, |set| element::divided(set, &matrix, &rest));
         let mut kernels = sets(body, &place, |set| element::kernel(set, &matrix, &rest));
-        if let Some(bending) = &body.model.bending {
-            let bending = bending.kernel(&rank, &rest);
-            divided.push(Divided::Whole(Box::new(bending.clone())));
-            kernels.push(Box::new(bending));
+        let bending = body.model.bending.as_ref();
+        if let Some(bending) = bending {
+            kernels.push(Box::new(bending.kernel(&rank, &rest)));
         }
         let guided = body
             .constraints
@@ -202,24 +214,68 @@ impl<T: Real> Stepper<T> {
             .iter()
             .map(|&node| body.model.mass[node as usize])
             .collect();
-        let mask = guided.iter().map(to_node).collect();
+        let refresher_mass = mass.clone();
+        let mut mask: Vec<Node<T>> = guided.iter().map(to_node).collect();
         let refresher = Refresher::new(
             kernels,
             matrix.clone(),
             &rest,
-            mass.clone(),
+            refresher_mass,
             guided,
             (options.preconditioner, options.code),
             body.epoch(),
         )?;
-        let zeros = vec![[T::ZERO; 4]; count];
         let lost = mass.iter().zip(&rest);
         let lost = lost.map(|(mass, rest)| (mass * rest.amax() * (0.5 * f64::EPSILON)).powi(2));
         let unseen = lost.sum::<f64>().sqrt();
+        // Places for the vertices of tears.
+        let spare = grow::spare(body);
+        let held = free + spare.vertices;
+        let (mut node, mut rest, mut mass) = (node, rest, mass);
+        let mut elements;
+        if spare.vertices == 0 {
+            elements = sets(body, &place, |set| element::divided(set, &matrix, &rest));
+            if let Some(bending) = bending {
+                elements.push(Divided::Whole(Box::new(bending.kernel(&rank, &rest))));
+            }
+        } else {
+            let first = body.constraints.nodes().next().unwrap_or(0) as u32;
+            node.splice(free..free, core::iter::repeat_n(first, spare.vertices));
+            for place in place.iter_mut().chain(&mut rank) {
+                if *place as usize >= free {
+                    *place += spare.vertices as u32;
+                }
+            }
+            place.reserve_exact(spare.vertices);
+            rest = by_place(&body.model.rest, &node);
+            mass.splice(free..free, core::iter::repeat_n(0.0, spare.vertices));
+            if !mask.is_empty() {
+                mask.resize(held, [T::of(1.0), T::of(1.0), T::of(1.0), T::ZERO]);
+            }
+            let matrix = matrix.widened(spare.vertices);
+            elements = sets(body, &place, |set| {
+                Divided::Whole(element::kernel(set, &matrix, &rest))
+            });
+            if let Some(bending) = bending {
+                elements.push(Divided::Whole(Box::new(bending.kernel(&rank, &rest))));
+            }
+            for set in &mut elements {
+                set.reserve(spare.triangles);
+            }
+        }
+        let mut at = Vec::with_capacity(count + spare.vertices);
+        at.resize(count, Vec3::repeat(f64::NAN));
+        let growth = grow::Growth::new(body, free, spare, node.len());
+        let count = node.len();
+        let zeros = vec![[T::ZERO; 4]; count];
         Ok(Self {
             options,
             epoch: body.epoch(),
-            elements: divided,
+            elements,
+            growth,
+            pairs: release::Pairs::default(),
+            ledger: None,
+            held,
             team: &Alone,
             solves: refresher.like_made(),
             refresher: Some(Box::new(refresher)),
@@ -230,7 +286,7 @@ impl<T: Real> Stepper<T> {
             factors: None,
             stale: true,
             usual: 0,
-            at: vec![Vec3::repeat(f64::NAN); count],
+            at,
             elastic: 0.0,
             turned: correct::turned(body),
             unseen,
@@ -245,7 +301,7 @@ impl<T: Real> Stepper<T> {
             stepped: None,
             began: zeros.clone(),
             residual: zeros.clone(),
-            z: vec![[0.0; 4]; free],
+            z: vec![[0.0; 4]; held],
             p: zeros.clone(),
             q: zeros,
             sums: vec![0.0; 2 * count.div_ceil(RUN)],
@@ -267,10 +323,17 @@ impl<T: Real> Stepper<T> {
         if self.epoch != body.epoch() {
             // The count continues, so that no shapes of another epoch pass for those of this linearization.
             let (state, team) = (self.state, self.team);
+            let is_kept = self.ledger.is_some();
             *self = Self::new(body, self.options)?;
             (self.state, self.team) = (state, team);
+            self.keep_ledger(is_kept);
         }
         Ok(())
+    }
+
+    /// The places that nodes have: the free places, then the held places.
+    pub(crate) fn taken_places(&self) -> impl Iterator<Item = usize> + use<T> {
+        (0..self.free).chain(self.held..self.node.len())
     }
 
     /// Whether there is a factor.
@@ -347,8 +410,11 @@ impl<T: Real> Stepper<T> {
 
     /// Makes a new factor of the present matrix, if the refresher is not lent. Otherwise the old factor stays.
     pub(crate) fn refresh(&mut self, factors: (f64, f64)) -> Result<(), CondenseError> {
+        if self.has_grown() {
+            return Ok(());
+        }
         if let Some(refresher) = &mut self.refresher {
-            refresher.load(&self.d, factors);
+            refresher.load((&self.d, self.free, self.held), factors);
             refresher.work()?;
             let is_first = self.factors.is_none();
             self.factors = refresher.exchange(&mut self.solves);
@@ -357,6 +423,10 @@ impl<T: Real> Stepper<T> {
             }
             self.stale = false;
             self.usual = 0;
+            if let Some(growth) = &mut self.growth {
+                growth.take_state(&self.d);
+            }
+            self.pairs.forget_responses();
         }
         Ok(())
     }
@@ -365,12 +435,12 @@ impl<T: Real> Stepper<T> {
     /// [gives the refresher back](Self::give_back). With [`StepperOptions::refresh`] off, no step replaces an aged
     /// factor.
     pub fn lend(&mut self) -> Option<Box<Refresher<T>>> {
-        if !self.stale {
+        if !self.stale || self.has_grown() {
             return None;
         }
         let factors = self.factors?;
         let mut refresher = self.refresher.take()?;
-        refresher.load(&self.d, factors);
+        refresher.load((&self.d, self.free, self.held), factors);
         Some(refresher)
     }
 
@@ -383,6 +453,10 @@ impl<T: Real> Stepper<T> {
             self.factors = Some(factors);
             self.stale = false;
             self.usual = 0;
+            if let Some(growth) = &mut self.growth {
+                growth.take_loaded(refresher.state(), self.free, self.held);
+            }
+            self.pairs.forget_responses();
         }
         self.refresher = Some(refresher);
     }
@@ -437,7 +511,8 @@ impl<T: Real> Stepper<T> {
         for set in &mut self.elements {
             set.product(self.team, factor, &self.u, &mut self.residual);
         }
-        let held = self.u[self.free..].iter().flatten();
+        self.add_pairs();
+        let held = self.u[self.held..].iter().flatten();
         let moved = !self.mask.is_empty() || held.copied().any(|u| u != T::ZERO);
         let guess = self.norm();
         let moving = if moved {

@@ -63,6 +63,10 @@ impl<T: Real> Stepper<T> {
         self.underway = None;
         Body::check_length(h)?;
         self.follow(body).map_err(StepError::Matrix)?;
+        if self.is_due() {
+            self.join(body);
+            self.linearize();
+        }
         if body.state.x != self.at {
             self.sleep.wake();
             self.at.copy_from_slice(&body.state.x);
@@ -104,6 +108,7 @@ impl<T: Real> Stepper<T> {
                 asleep: true,
                 ..StepperReport::default()
             };
+            self.rest_account();
             self.underway = Some(step);
             return Ok(());
         }
@@ -143,6 +148,15 @@ impl<T: Real> Stepper<T> {
         if !step.report.asleep {
             let reference = step.report.reference;
             step.report = self.iterate(step.factors, step.limits, &mut out_of_time);
+            if !self.pairs.is_empty() {
+                let Underway {
+                    factors,
+                    limits,
+                    report,
+                    ..
+                } = &mut step;
+                self.let_go(*factors, *limits, report, &mut out_of_time);
+            }
             step.report.reference = reference;
             self.unfinished = !step.report.converged;
             self.stale |= self.is_slow(&step.report);

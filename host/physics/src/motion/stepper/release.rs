@@ -1,0 +1,369 @@
+//! Pairs of vertices that let each other go: the cohesive forces behind a tip that has moved on.
+//!
+//! A pair first keeps the force that its two sides exerted on each other, and loses it with the largest opening so far
+//! (the linear law of G. T. Camacho and M. Ortiz, "Computational modelling of impact damage in brittle materials", 1996,
+//! with unloading to the origin):
+//!
+//! ```text
+//! T(s) = f (1 - s / d_c)                            where the opening s is the largest so far, s_m
+//! T(s) = f (1 - s_m / d_c) (s + o) / (s_m + o)      below s_m
+//! ```
+//!
+//! The opening counts along the direction of the first force. The offset `o` is a ten-thousandth of `d_c`: a pair that
+//! has not opened would otherwise be rigid.
+//!
+//! **Energy.** The force of a pair in a step is the work of its law over the step divided by the change of the opening (a
+//! discrete gradient: O. Gonzalez, "Time integration and discrete Hamiltonian systems", 1996). The work of a pair over
+//! its life is then the area below its law, `f d_c / 2`, whatever the steps.
+//!
+//! **Solution.** The forces enter the equation of the step as loads. Its solution and the response of the openings to the
+//! forces give a small nonlinear system for the forces, with one unknown a pair, which has a solution for any stiffness of
+//! a pair. After a few rounds the forces and the openings agree. A law that falls faster than the body unloads has
+//! several solutions. The first one is taken that a growing opening meets.
+
+use super::{Limits, Stepper, StepperReport};
+use crate::Vec3;
+use crate::body::Body;
+use crate::lanes::{Node, Real, to_node, to_vec};
+
+/// The offset of the unloading line, as a fraction of `d_c`.
+const OFFSET: f64 = 1e-4;
+/// Most rounds of forces and openings in a step.
+const MOST_ROUNDS: usize = 8;
+/// Sweeps over the pairs, and bisections for each.
+const SWEEPS: usize = 30;
+const BISECTIONS: usize = 60;
+
+/// Two vertices that let each other go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pair {
+    /// The vertices.
+    pub nodes: [u32; 2],
+    /// The unit direction of the force on the first vertex, towards the second.
+    pub direction: Vec3,
+    /// The first force (N).
+    pub first: f64,
+    /// The opening at which the force is lost (m).
+    pub critical: f64,
+    /// The opening along `direction` (m).
+    pub opening: f64,
+    /// The largest opening so far (m).
+    pub largest: f64,
+    /// The force at the end of the last step (N).
+    pub force: f64,
+    /// The work that the pair has taken from the body so far (J).
+    pub work: f64,
+}
+
+impl Pair {
+    /// A pair that keeps the force `force` (N) on its first vertex, and takes `energy` (J) until it has let go. `None` if
+    /// there is no force, or no energy: such a pair lets go at once.
+    pub fn new(nodes: [u32; 2], force: &Vec3, energy: f64) -> Option<Self> {
+        let first = force.norm();
+        let critical = 2.0 * energy / first;
+        let is_finite = critical.is_finite() && first.is_finite();
+        (is_finite && critical > 0.0 && first > 0.0).then(|| Self {
+            nodes,
+            direction: force / first,
+            first,
+            critical,
+            opening: 0.0,
+            largest: 0.0,
+            force: first,
+            work: 0.0,
+        })
+    }
+
+    /// Whether the pair has let go.
+    pub fn is_over(&self) -> bool {
+        self.largest >= self.critical
+    }
+
+    /// The work of a growing opening from 0 to `s` (J).
+    fn area(&self, s: f64) -> f64 {
+        let s = s.min(self.critical);
+        self.first * (s - 0.5 * s * s / self.critical)
+    }
+
+    /// The slope of the unloading line (N/m).
+    fn slope(&self) -> f64 {
+        let left = (1.0 - self.largest / self.critical).max(0.0);
+        self.first * left / (self.largest + OFFSET * self.critical)
+    }
+
+    /// The mean force (N) over a change of the opening to `s` (m).
+    pub fn mean_force(&self, s: f64) -> f64 {
+        let (slope, offset) = (self.slope(), OFFSET * self.critical);
+        if s <= self.largest {
+            return slope * (0.5 * (self.opening + s) + offset);
+        }
+        let ends = [self.largest, self.opening].map(|s| (s + offset) * (s + offset));
+        let below = 0.5 * slope * (ends[0] - ends[1]);
+        (below + self.area(s) - self.area(self.largest)) / (s - self.opening)
+    }
+
+    /// Ends a step with the mean force `force` (N) over which the opening has changed by `change` (m).
+    pub fn advance(&mut self, force: f64, change: f64) {
+        self.work += force * change;
+        self.opening += change;
+        self.largest = self.largest.max(self.opening);
+        // The force at the start of the next step.
+        self.force = self.slope() * (self.opening + OFFSET * self.critical);
+    }
+
+    /// The opening that agrees with the law, where the opening is `free - response force`.
+    fn meet(&self, free: f64, response: f64) -> f64 {
+        // Below the largest opening the law is linear.
+        let (slope, offset) = (self.slope(), OFFSET * self.critical);
+        let below = free - response * slope * (0.5 * self.opening + offset);
+        let below = below / (1.0 + 0.5 * response * slope);
+        if below <= self.largest || free <= self.largest {
+            return below.min(self.largest);
+        }
+        // The first sign change. A law that falls linearly crosses at most once before it is zero.
+        let off = |s: f64| s - free + response * self.mean_force(s);
+        let (mut low, mut high) = (self.largest, free);
+        if self.critical < high && off(self.critical) >= 0.0 {
+            high = self.critical;
+        }
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (low + high);
+            if off(middle) < 0.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    }
+}
+
+/// The pairs of a body, with the responses of their openings.
+#[derive(Debug, Default)]
+pub(super) struct Pairs {
+    list: Vec<Pair>,
+    most: usize,
+    /// The response of each opening to each force (m/N), by rows of `most`; those that are not known are computed first.
+    responses: Vec<f64>,
+    are_known: bool,
+    /// Forces to be solved for (N), and openings as they would be without a change of the forces (m).
+    forces: Vec<f64>,
+    openings: Vec<f64>,
+}
+
+impl Pairs {
+    /// Room for `most` pairs.
+    pub(super) fn new(most: usize) -> Self {
+        Self {
+            list: Vec::with_capacity(most),
+            most,
+            responses: vec![0.0; most * most],
+            are_known: false,
+            forces: vec![0.0; most],
+            openings: vec![0.0; most],
+        }
+    }
+
+    /// Notes that the matrix or its factor has changed.
+    pub(super) fn forget_responses(&mut self) {
+        self.are_known = false;
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Solves for the forces that agree with the openings: the laws of the pairs, and the responses (Gauss and Seidel's
+    /// method, as for contacts). Returns the largest change of a force (N).
+    fn agree(&mut self) -> f64 {
+        let count = self.list.len();
+        for (force, pair) in self.forces.iter_mut().zip(&self.list) {
+            *force = pair.force;
+        }
+        for _ in 0..SWEEPS {
+            let mut changed = 0.0_f64;
+            for row in 0..count {
+                let responses = &self.responses[row * self.most..row * self.most + count];
+                let mut free = self.openings[row];
+                for (other, response) in responses.iter().enumerate() {
+                    if other != row {
+                        free -= response * (self.forces[other] - self.list[other].force);
+                    }
+                }
+                let pair = &self.list[row];
+                free += responses[row] * pair.force;
+                let opening = pair.meet(free, responses[row]);
+                let force = pair.mean_force(opening);
+                changed = changed.max((force - self.forces[row]).abs());
+                self.forces[row] = force;
+            }
+            if changed == 0.0 {
+                break;
+            }
+        }
+        let pairs = self.list.iter().zip(&self.forces);
+        pairs.fold(0.0, |most, (pair, force)| {
+            most.max((force - pair.force).abs())
+        })
+    }
+}
+
+impl<T: Real> Stepper<T> {
+    /// Room for `most` pairs of vertices that let each other go at the same time. Pairs that there are vanish.
+    pub fn reserve_pairs(&mut self, most: usize) {
+        self.pairs = Pairs::new(most);
+    }
+
+    /// The pairs that have not let go.
+    pub fn pairs(&self) -> &[Pair] {
+        &self.pairs.list
+    }
+
+    /// Forgets all pairs: they let go at once.
+    pub fn clear_pairs(&mut self) {
+        self.pairs.list.clear();
+        self.pairs.forget_responses();
+    }
+
+    /// Adds a pair. Returns whether there was [room](Self::reserve_pairs).
+    pub fn add_pair(&mut self, pair: Pair) -> bool {
+        let has_room = self.pairs.list.len() < self.pairs.most;
+        if has_room {
+            self.pairs.list.push(pair);
+            self.pairs.forget_responses();
+            self.sleep.wake();
+        }
+        has_room
+    }
+
+    /// The force (N) that the second of two vertices at one place has to exert on the first so that they keep moving
+    /// together, after the edit that parted them has been [settled](Self::settle): elastic forces and loads, and the
+    /// common acceleration.
+    pub fn force_between(&self, body: &Body, nodes: [u32; 2]) -> Vec3 {
+        let acting = nodes.map(|node| {
+            let node = node as usize;
+            let elastic = to_vec(&self.force[self.place[node] as usize]);
+            elastic + body.model.external[node] * body.model.load_factor
+        });
+        let mass = nodes.map(|node| body.model.mass[node as usize]);
+        (acting[0] + acting[1]) * (mass[0] / (mass[0] + mass[1])) - acting[0]
+    }
+
+    /// Adds `force` (N) of a pair to the residual.
+    fn load_pair(&mut self, pair: &Pair, force: f64) {
+        for (node, sign) in pair.nodes.into_iter().zip([1.0, -1.0]) {
+            let r = &mut self.residual[self.place[node as usize] as usize];
+            let load: Node<T> = to_node(&(pair.direction * (sign * force)));
+            for i in 0..4 {
+                r[i] += load[i];
+            }
+        }
+    }
+
+    /// Adds the forces of all pairs to the residual.
+    pub(super) fn add_pairs(&mut self) {
+        for at in 0..self.pairs.list.len() {
+            let pair = self.pairs.list[at];
+            self.load_pair(&pair, pair.force);
+        }
+    }
+
+    /// The change of the opening of a pair by the displacements `u` (m).
+    fn opens(&self, pair: &Pair, u: impl Fn(usize) -> Vec3) -> f64 {
+        let [a, b] = pair.nodes.map(|node| u(self.place[node as usize] as usize));
+        pair.direction.dot(&(b - a))
+    }
+
+    /// Computes the responses of the openings, with the factor in place of the matrix.
+    fn respond(&mut self) {
+        if self.pairs.are_known {
+            return;
+        }
+        let (count, most) = (self.pairs.list.len(), self.pairs.most);
+        for column in 0..count {
+            self.z.fill([0.0; 4]);
+            let pair = self.pairs.list[column];
+            for (node, sign) in pair.nodes.into_iter().zip([-1.0, 1.0]) {
+                let place = self.place[node as usize] as usize;
+                if place < self.free {
+                    self.z[place] = to_node(&(pair.direction * sign));
+                }
+            }
+            self.solve_factor();
+            for row in 0..count {
+                let response = self.opens(&self.pairs.list[row], |place| {
+                    self.z.get(place).map_or_else(Vec3::zeros, to_vec)
+                });
+                self.pairs.responses[row * most + column] = response;
+            }
+        }
+        self.pairs.are_known = true;
+    }
+
+    /// Lets the forces of the pairs follow the openings at the end of the step that has been solved, and solves again
+    /// until both agree.
+    pub(super) fn let_go(
+        &mut self,
+        factors: (f64, f64),
+        limits: Limits,
+        report: &mut StepperReport,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) {
+        self.respond();
+        for _ in 0..MOST_ROUNDS {
+            for at in 0..self.pairs.list.len() {
+                let pair = &self.pairs.list[at];
+                let opening = pair.opening + self.opens(pair, |place| to_vec(&self.u[place]));
+                self.pairs.openings[at] = opening;
+            }
+            let change = self.pairs.agree();
+            if change <= limits.goal || change.is_nan() {
+                break;
+            }
+            for at in 0..self.pairs.list.len() {
+                let (pair, force) = (self.pairs.list[at], self.pairs.forces[at]);
+                self.load_pair(&pair, force - pair.force);
+                self.pairs.list[at].force = force;
+            }
+            let limits = Limits {
+                start: limits.goal,
+                ..limits
+            };
+            let again = self.iterate(factors, limits, out_of_time);
+            report.iterations += again.iterations;
+            report.residual = again.residual;
+            report.converged = again.converged;
+        }
+    }
+
+    /// The energy (J) that pairs give back in the step.
+    pub(super) fn given_back(&self, body: &Body) -> f64 {
+        let pairs = self.pairs.list.iter();
+        let work = pairs.map(|pair| (-pair.force * self.moved_by(body, pair)).max(0.0));
+        work.sum()
+    }
+
+    fn moved_by(&self, body: &Body, pair: &Pair) -> f64 {
+        let [a, b] = pair
+            .nodes
+            .map(|node| body.state.displacement[node as usize]);
+        pair.direction.dot(&(b - a))
+    }
+
+    /// Ends the step for the pairs, and forgets those that have let go. Returns the work that they took (J).
+    pub(super) fn open_pairs(&mut self, body: &Body) -> f64 {
+        let mut work = 0.0;
+        for at in 0..self.pairs.list.len() {
+            let change = self.moved_by(body, &self.pairs.list[at]);
+            let pair = &mut self.pairs.list[at];
+            work += pair.force * change;
+            pair.advance(pair.force, change);
+        }
+        let count = self.pairs.list.len();
+        self.pairs.list.retain(|pair| !pair.is_over());
+        if self.pairs.list.len() < count {
+            self.pairs.forget_responses();
+        }
+        work
+    }
+}

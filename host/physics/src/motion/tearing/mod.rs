@@ -1,0 +1,271 @@
+//! The tears of a sheet: after each step, tears start and tips move on.
+//!
+//! [`Tearing::advance`] is called after each step of a [`Stepper`]. It compares the energy release rate at each tip with
+//! the toughness, or the stress with the strength, by the laws of the room [`tear`](crate::tear). A tip that goes on makes
+//! an [edit](Body::edit) of the body, by which the tear grows by one edge. The stepper follows the edit, and the sides of
+//! the edge let go of each other gradually. The edits of several tips are made in the order of the tips, so that two runs
+//! give the same bytes. Nothing is allocated after the construction.
+//!
+//! - `tips`: the tips, and how they grow. `start`: where new tears start. `cost`: what snapping would cost.
+
+mod cost;
+mod start;
+mod tips;
+
+pub use tips::TipState;
+
+use super::stepper::{Pair, Stepper};
+use crate::body::Body;
+use crate::error::TearingError;
+use crate::lanes::Real;
+use crate::tear::strength::Symmetric;
+use crate::tear::{Patch, Sheet, TearLaw, TearMaterial};
+use crate::topology::{AdvanceOptions, Done, Edit, NONE, Surface};
+
+/// Most tips of a sheet at a time. Where there are more, no new tear starts.
+pub const MOST_TIPS: usize = 32;
+/// Most edges by which a tip goes on after one step.
+const MOST_EDGES: usize = 4;
+
+/// Where tears may start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Starts {
+    /// Only tips that exist go on. Stress is not computed.
+    #[default]
+    Tips,
+    /// Tears start where the stress reaches the strength.
+    Anywhere,
+}
+
+/// The options of the tears of a sheet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TearOptions {
+    /// The law and its parameters.
+    pub material: TearMaterial,
+    /// Where tears may start.
+    pub starts: Starts,
+    /// The largest displacement by which a vertex snaps onto the path, as a fraction of the shortest edge at it: 0
+    /// without snapping, at most 0.5.
+    pub snapping: f64,
+}
+
+/// What tore so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TearReport {
+    /// Number of edges that opened.
+    pub opened: u64,
+    /// Number of edges that were divided for this.
+    pub cut: u64,
+    /// Number of vertices that snapped.
+    pub snapped: u64,
+    /// Number of tears that started at the strength.
+    pub started: u64,
+    /// Number of tips at present.
+    pub tips: usize,
+    /// The torn area (m²): length at rest times thickness.
+    pub area: f64,
+    /// The energy that the torn area takes (J): the toughness times the area; zero under the law `thesis`.
+    pub due: f64,
+    /// The change of energy by edits (J): kinetic energy, energy of the loads, elastic energy.
+    pub edits: f64,
+    /// The largest energy release rate of a tip after the last step (J/m²); 0 without a tip.
+    pub driving: f64,
+    /// The largest principal stress after the last step (Pa), where it was computed; otherwise 0.
+    pub stress: f64,
+    /// Whether a tear rests because the reserve of vertices or triangles is used up.
+    pub full: bool,
+}
+
+/// The tears of one sheet.
+#[derive(Clone, Debug)]
+pub struct Tearing {
+    options: TearOptions,
+    tips: Vec<TipState>,
+    patch: Patch,
+    /// The stress of each triangle (Pa); empty where no stress is needed.
+    stress: Vec<Symmetric>,
+    /// Whether each vertex is about a tip; empty where no tear can start.
+    near: Vec<bool>,
+    report: TearReport,
+    /// All edits so far, in their order.
+    journal: Vec<Edit>,
+}
+
+impl Tearing {
+    /// The tears of a [tearable](Body::make_tearable) body that begin at `tips`: vertices on a border of its surface.
+    ///
+    /// # Errors
+    ///
+    /// [`TearingError::Kind`] for a body that is not tearable, [`TearingError::Tip`] for a tip that is no border vertex,
+    /// [`TearingError::Law`] for parameters out of range.
+    pub fn new(body: &Body, options: TearOptions, tips: &[u32]) -> Result<Self, TearingError> {
+        let Some(surface) = body.surface() else {
+            return Err(TearingError::Kind {
+                found: "no surface that can tear",
+            });
+        };
+        options.material.check()?;
+        if let Some(&vertex) = tips.iter().find(|&&tip| !surface.on_border(tip)) {
+            return Err(TearingError::Tip { vertex });
+        }
+        let limits = surface.limits();
+        let mut all = Vec::with_capacity(MOST_TIPS.max(tips.len()));
+        all.extend(tips.iter().map(|&vertex| TipState::new(vertex)));
+        let starts = options.starts == Starts::Anywhere;
+        let vertices = if starts { limits.vertices } else { 0 };
+        let by_stress = starts || options.material.law == TearLaw::Thesis;
+        let triangles = if by_stress { limits.triangles } else { 0 };
+        Ok(Self {
+            options,
+            tips: all,
+            patch: Patch::new(limits.vertices, limits.triangles),
+            stress: vec![[0.0; 3]; triangles],
+            near: vec![false; vertices],
+            report: TearReport {
+                tips: tips.len(),
+                ..TearReport::default()
+            },
+            // Every edit adds a vertex.
+            journal: Vec::with_capacity(limits.vertices - surface.vertex_count()),
+        })
+    }
+
+    /// Lets the tears grow after a step of `stepper`. Returns what tore so far.
+    pub fn advance<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) -> &TearReport {
+        self.report.driving = 0.0;
+        self.report.stress = 0.0;
+        match self.options.material.law {
+            TearLaw::Toughness => self.advance_by_energy(body, stepper),
+            TearLaw::Thesis => self.advance_by_stress(body, stepper),
+        }
+        if self.options.starts == Starts::Anywhere {
+            self.start(body, stepper);
+        }
+        self.report.tips = self.tips.len();
+        &self.report
+    }
+
+    /// What tore so far.
+    pub fn report(&self) -> &TearReport {
+        &self.report
+    }
+
+    /// All edits so far, in their order. A copy of the body that has fallen behind makes the last of them to catch up.
+    pub fn journal(&self) -> &[Edit] {
+        &self.journal
+    }
+
+    /// The options.
+    pub fn options(&self) -> &TearOptions {
+        &self.options
+    }
+
+    /// The present tips.
+    pub fn tips(&self) -> &[TipState] {
+        &self.tips
+    }
+
+    /// The snapping of the options, or none.
+    fn advance_options(&self, snaps: bool) -> AdvanceOptions {
+        AdvanceOptions {
+            snapping: if snaps { self.options.snapping } else { 0.0 },
+        }
+    }
+
+    /// Whether `vertex` is a tip.
+    fn is_tip(&self, vertex: u32) -> bool {
+        self.tips.iter().any(|tip| tip.vertex == vertex)
+    }
+
+    /// Makes an edit, lets the stepper follow, and ties the sides of the new edges. Returns whether the edit was made.
+    fn make<T: Real>(
+        &mut self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+        edit: &Edit,
+    ) -> Option<[TipState; 2]> {
+        let done = match body.edit(edit) {
+            Ok(done) => done,
+            Err(error) => {
+                self.report.full |= error.is_full();
+                return None;
+            }
+        };
+        self.journal.push(*edit);
+        // A stepper that cannot follow makes itself anew in its next step.
+        let elastic = match stepper.grow(body, &done.surface) {
+            Ok(()) => stepper.settle(body),
+            Err(_) => 0.0,
+        };
+        let report = &mut self.report;
+        report.edits += done.kinetic + done.potential + elastic;
+        report.snapped += done.surface.moved.iter().flatten().count() as u64;
+        if let Some(surface) = body.surface() {
+            report.cut += surface.divided().len().div_ceil(2) as u64;
+        }
+        let material = &self.options.material;
+        let mut ends = [TipState::new(NONE); 2];
+        let length: f64 = done
+            .surface
+            .opened
+            .iter()
+            .flatten()
+            .map(|opened| opened.length)
+            .sum();
+        report.opened += done.surface.opened.iter().flatten().count() as u64;
+        report.area += length * material.thickness;
+        if material.law == TearLaw::Toughness {
+            report.due += length * material.thickness * material.toughness;
+        }
+        let pair = self.tie(body, stepper, &done.surface, length);
+        for (end, &vertex) in ends.iter_mut().zip(&done.surface.tips) {
+            *end = TipState { vertex, pair };
+        }
+        // Another tear whose tip was met has ended.
+        for met in done.surface.met {
+            self.tips.retain(|tip| tip.vertex != met);
+        }
+        Some(ends)
+    }
+}
+
+impl Tearing {
+    /// Ties the sides of new edges of this `length` (m), so that they let go of each other gradually. Returns a pair to
+    /// wait for, if there is one.
+    fn tie<T: Real>(
+        &self,
+        body: &Body,
+        stepper: &mut Stepper<T>,
+        done: &Done,
+        length: f64,
+    ) -> Option<[u32; 2]> {
+        let material = &self.options.material;
+        if material.law == TearLaw::Thesis {
+            return None;
+        }
+        // Vertices that were doubled share the energy of the edges. In most edits there is only one, the old tip.
+        let twins = done.vertices.clone();
+        let twins = twins.filter_map(|vertex| body.twin_of(vertex).map(|of| [of, vertex]));
+        let energy =
+            material.toughness * material.thickness * length / twins.clone().count().max(1) as f64;
+        let mut first = None;
+        for nodes in twins {
+            let force = stepper.force_between(body, nodes);
+            if let Some(pair) = Pair::new(nodes, &force, energy)
+                && stepper.add_pair(pair)
+            {
+                first = first.or(Some(nodes));
+            }
+        }
+        first
+    }
+}
+
+/// The surface as the room `tear` takes it.
+fn sheet(surface: &Surface) -> Sheet<'_> {
+    Sheet {
+        triangles: surface.triangles(),
+        neighbours: surface.neighbours(),
+        shapes: surface.shapes(),
+    }
+}

@@ -1,0 +1,173 @@
+//! The tips: their driving force, their direction, and the edges by which they go on.
+
+use super::{MOST_EDGES, Tearing, sheet};
+use crate::body::Body;
+use crate::lanes::Real;
+use crate::motion::stepper::Stepper;
+use crate::tear::fields::stretch;
+use crate::tear::strength::{candidate, onwards};
+use crate::tear::{RINGS, Tip};
+use crate::topology::{Edit, NONE, Surface};
+
+/// A tip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TipState {
+    /// The vertex.
+    pub vertex: u32,
+    /// The pair of vertices behind the tip that lets each other go; `None` at the end of a notch and under a law without
+    /// letting go.
+    pub pair: Option<[u32; 2]>,
+}
+
+impl TipState {
+    /// A tip at the end of a notch.
+    pub(super) fn new(vertex: u32) -> Self {
+        Self { vertex, pair: None }
+    }
+}
+
+/// What drives a tip: the energy release rate straight ahead (J/m²) and the fan angle of its path (rad).
+pub(super) struct Drive {
+    pub(super) rate: f64,
+    pub(super) direction: f64,
+}
+
+/// The direction straight ahead of a tip.
+pub(super) fn ahead(surface: &Surface, vertex: u32) -> Option<Tip> {
+    let (triangle, along) = surface.direction_at(vertex, surface.straight_ahead(vertex))?;
+    Some(Tip {
+        vertex,
+        triangle,
+        along,
+    })
+}
+
+impl Tearing {
+    /// What drives the tip at `vertex`; `None` for a tip that is held or outside of the surface.
+    pub(super) fn drive(&mut self, body: &Body, vertex: u32) -> Option<Drive> {
+        let surface = body.surface()?;
+        let tip = ahead(surface, vertex)?;
+        let others = &self.tips;
+        let barred = |found: u32| {
+            body.is_held(found) || (found != vertex && others.iter().any(|tip| tip.vertex == found))
+        };
+        self.patch.find(&sheet(surface), &tip, RINGS, barred).ok()?;
+        let measured = self
+            .patch
+            .measure(body.node_positions(), &self.options.material);
+        measured.ok()?;
+        Some(Drive {
+            rate: self.patch.driving().rate(),
+            direction: surface.straight_ahead(vertex),
+        })
+    }
+
+    /// The edit by which the tip at `vertex` goes on in the direction of a fan angle (rad). A vertex snaps only where
+    /// this changes the energy little.
+    pub(super) fn growth(&self, body: &Body, vertex: u32, direction: f64) -> Option<Edit> {
+        let surface = body.surface()?;
+        let may_move = |vertex: u32| !body.is_held(vertex) && !self.is_tip(vertex);
+        let advance =
+            |snaps: bool| surface.advance(vertex, direction, self.advance_options(snaps), may_move);
+        let edit = advance(true)?;
+        if self.is_cheap(body, &edit) {
+            return Some(edit);
+        }
+        advance(false)
+    }
+
+    /// Lets the tips go on whose energy release rate is at least the toughness. A tip waits until the pair behind it has
+    /// let go.
+    pub(super) fn advance_by_energy<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
+        let mut number = 0;
+        while let Some(&(mut tip)) = self.tips.get(number) {
+            for _ in 0..MOST_EDGES {
+                let Some(drive) = self.drive(body, tip.vertex) else {
+                    break;
+                };
+                self.report.driving = self.report.driving.max(drive.rate);
+                let waits = tip
+                    .pair
+                    .is_some_and(|nodes| stepper.pairs().iter().any(|pair| pair.nodes == nodes));
+                // The comparison stops for a rate that is no number.
+                if waits || !(drive.rate >= self.options.material.toughness) {
+                    break;
+                }
+                let turned = drive.direction + self.patch.intensity().kink();
+                let Some(edit) = self.growth(body, tip.vertex, turned) else {
+                    break;
+                };
+                let Some([next, _]) = self.make(body, stepper, &edit) else {
+                    break;
+                };
+                // A met tip before this one has been removed.
+                number = self
+                    .tips
+                    .iter()
+                    .position(|found| found.vertex == tip.vertex)
+                    .unwrap_or(number);
+                tip = next;
+                if let Some(entry) = self.tips.get_mut(number) {
+                    *entry = next;
+                }
+                if next.vertex == NONE {
+                    break;
+                }
+            }
+            if tip.vertex == NONE {
+                self.tips.remove(number);
+            } else {
+                number += 1;
+            }
+        }
+    }
+
+    /// The law of the thesis: of all tips, the one with the highest principal stress goes on by one edge, if that stress is
+    /// at least the strength, orthogonal to the direction of the stress and never backwards (Le Gouis et al. 2017).
+    pub(super) fn advance_by_stress<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
+        let Some(surface) = body.surface() else {
+            return;
+        };
+        let mut highest: Option<(usize, f64, f64)> = None;
+        for (number, tip) in self.tips.iter().enumerate() {
+            let Some(from) = ahead(surface, tip.vertex) else {
+                continue;
+            };
+            let view = sheet(surface);
+            for corner in surface.fan(tip.vertex) {
+                let triangle = corner.triangle as usize;
+                let x =
+                    view.triangles[triangle].map(|vertex| body.node_positions()[vertex as usize]);
+                self.stress[triangle] =
+                    stretch(&view.shapes[triangle], x, &self.options.material).stress;
+            }
+            let found = candidate(&view, tip.vertex, from.triangle, &self.stress);
+            self.report.stress = self.report.stress.max(found.stress);
+            let along = onwards(found.along, from.along);
+            let direction = surface.fan_angle(tip.vertex, from.triangle, along);
+            if found.stress >= self.options.material.strength
+                && highest.is_none_or(|(_, stress, _)| found.stress > stress)
+                && let Some(direction) = direction
+            {
+                highest = Some((number, found.stress, direction));
+            }
+        }
+        let Some((number, _, direction)) = highest else {
+            return;
+        };
+        let Some(edit) = self.growth(body, self.tips[number].vertex, direction) else {
+            return;
+        };
+        let vertex = self.tips[number].vertex;
+        let Some([next, _]) = self.make(body, stepper, &edit) else {
+            return;
+        };
+        if let Some(number) = self.tips.iter().position(|tip| tip.vertex == vertex) {
+            if next.vertex == NONE {
+                self.tips.remove(number);
+            } else {
+                self.tips[number] = next;
+            }
+        }
+    }
+}

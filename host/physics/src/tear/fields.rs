@@ -1,0 +1,255 @@
+//! Stretch, stress and energy density in the triangles about a tip.
+//!
+//! The law is that of the membrane: `F = R U`, `S = 2 mu (U - I) + lambda tr(U - I) I`, `P = R S`. The rotation `R` turns
+//! with the sheet in space. What remains of it in the plane, the **spin**, is needed for the gradient of the
+//! displacement: `H = Q U - I` with `Q` the rotation by the spin. The spin of a triangle differs from that of its
+//! neighbour by the angle that is left when the neighbour is unfolded about the shared edge. The mean over the patch is
+//! taken off. So a turn of the sheet in space, and a fold or a roll of it, add nothing to `H`.
+
+use super::law::{TearError, TearMaterial};
+use super::rings::Patch;
+use super::strength::Symmetric;
+use super::unfold::multiply;
+use crate::Vec3;
+use crate::polar::surface::Polar;
+use crate::topology::NONE;
+
+/// The state of one triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretched {
+    /// Gradients of the three hat functions (1/m).
+    pub gradients: [[f64; 2]; 3],
+    /// Area at rest (m^2).
+    pub area: f64,
+    /// The columns of the deformation gradient.
+    pub f: [Vec3; 2],
+    /// The columns of its rotation.
+    pub r: [Vec3; 2],
+    /// The unit normal.
+    pub normal: Vec3,
+    /// `U - I`.
+    pub strain: Symmetric,
+    /// Biot's stress `S` (Pa).
+    pub stress: Symmetric,
+    /// Energy density (J/m^3).
+    pub density: f64,
+    /// The spin (rad).
+    pub spin: f64,
+}
+
+/// The state of a triangle with the `shape` at rest (m) and the corners at `x` (m).
+pub fn stretch(shape: &[[f64; 2]; 3], x: [Vec3; 3], material: &TearMaterial) -> Stretched {
+    let [a, b, c] = shape;
+    let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+    let twice = e1[0] * e2[1] - e1[1] * e2[0];
+    let g1 = [e2[1] / twice, -e2[0] / twice];
+    let g2 = [-e1[1] / twice, e1[0] / twice];
+    let (d1, d2) = (x[1] - x[0], x[2] - x[0]);
+    let f = [0, 1].map(|j| d1 * g1[j] + d2 * g2[j]);
+    let polar = Polar::new(&f[0], &f[1]);
+    let strain = [polar.u[0] - 1.0, polar.u[1], polar.u[2] - 1.0];
+    let (mu, lambda) = (material.shear(), material.lambda_plane_stress());
+    let trace = strain[0] + strain[2];
+    let stress = [
+        2.0 * mu * strain[0] + lambda * trace,
+        2.0 * mu * strain[1],
+        2.0 * mu * strain[2] + lambda * trace,
+    ];
+    Stretched {
+        gradients: [[-g1[0] - g2[0], -g1[1] - g2[1]], g1, g2],
+        area: 0.5 * twice.abs(),
+        f,
+        r: polar.r,
+        normal: polar.n,
+        strain,
+        stress,
+        density: 0.5 * contract(&strain, &stress),
+        spin: 0.0,
+    }
+}
+
+/// `a : b`.
+pub(super) fn contract(a: &Symmetric, b: &Symmetric) -> f64 {
+    a[0] * b[0] + 2.0 * a[1] * b[1] + a[2] * b[2]
+}
+
+/// `S v`.
+pub(super) fn times(s: &Symmetric, v: [f64; 2]) -> [f64; 2] {
+    [s[0] * v[0] + s[1] * v[1], s[1] * v[0] + s[2] * v[1]]
+}
+
+impl Stretched {
+    /// Cosine and sine of the spin.
+    fn rotation(&self) -> [f64; 2] {
+        [libm::cos(self.spin), libm::sin(self.spin)]
+    }
+
+    /// `H v`: the derivative of the displacement in the plane by the direction `v`.
+    pub fn displacement(&self, v: [f64; 2]) -> [f64; 2] {
+        let e = times(&self.strain, v);
+        let turned = multiply(self.rotation(), [v[0] + e[0], v[1] + e[1]]);
+        [turned[0] - v[0], turned[1] - v[1]]
+    }
+
+    /// The force through a line with the normal `n` at rest, in the plane (Pa): `Q S n`.
+    pub fn traction(&self, n: [f64; 2]) -> [f64; 2] {
+        multiply(self.rotation(), times(&self.stress, n))
+    }
+
+    /// The same force in space (Pa): `P n = R S n`.
+    pub fn traction_in_space(&self, n: [f64; 2]) -> Vec3 {
+        let s = times(&self.stress, n);
+        self.r[0] * s[0] + self.r[1] * s[1]
+    }
+
+    /// The angle by which this triangle is turned in the plane against `other` when their hinge is unfolded (rad).
+    fn spin_against(&self, other: &Self) -> f64 {
+        // The smallest rotation from one normal to the other turns about the hinge.
+        let between = 1.0 + self.normal.dot(&other.normal);
+        let carry = |a: &Vec3| {
+            if between < 1e-9 {
+                return *a;
+            }
+            a - (self.normal + other.normal) * (self.normal.dot(a) / between)
+        };
+        let (c, s) = (
+            self.r[0].dot(&carry(&other.r[0])),
+            self.r[0].dot(&carry(&other.r[1])),
+        );
+        libm::atan2(s, c)
+    }
+}
+
+/// The states of the triangles of a patch and the sums at its inner vertices.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    pub(super) triangles: Vec<Stretched>,
+    /// Of each triangle, the angle of its middle about the tip (rad), counted on along the patch.
+    pub(super) angles: Vec<f64>,
+    pub(super) nodes: Vec<Node>,
+    pub(super) young: f64,
+    pub(super) poisson: f64,
+}
+
+/// Sums at a vertex over its triangles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    /// Force of the membrane, over the thickness (N/m).
+    pub(super) force: Vec3,
+    /// The same force in the plane (N/m).
+    pub(super) planar: [f64; 2],
+    /// Area (m^2) times the columns of the deformation gradient.
+    pub(super) f: [Vec3; 2],
+    pub(super) area: f64,
+}
+
+const NOTHING: Node = Node {
+    force: Vec3::new(0.0, 0.0, 0.0),
+    planar: [0.0; 2],
+    f: [Vec3::new(0.0, 0.0, 0.0); 2],
+    area: 0.0,
+};
+
+impl Field {
+    pub(super) fn with_capacity(vertices: usize, triangles: usize) -> Self {
+        Self {
+            triangles: Vec::with_capacity(triangles),
+            angles: Vec::with_capacity(triangles),
+            nodes: Vec::with_capacity(vertices),
+            young: 1.0,
+            poisson: 0.0,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.triangles.clear();
+        self.angles.clear();
+        self.nodes.clear();
+    }
+}
+
+impl Patch {
+    /// Computes the states of the triangles of the patch at the positions `x` of the sheet's vertices (m).
+    ///
+    /// # Errors
+    ///
+    /// [`TearError::Positions`] for fewer positions than the vertices of the patch need. The states are empty then.
+    pub fn measure(&mut self, x: &[Vec3], material: &TearMaterial) -> Result<(), TearError> {
+        self.field.clear();
+        let needed = self.vertices().max().map_or(0, |last| last as usize + 1);
+        if x.len() < needed {
+            return Err(TearError::Positions {
+                needed,
+                found: x.len(),
+            });
+        }
+        (self.field.young, self.field.poisson) = (material.young, material.poisson);
+        let (mut spin, mut area) = (0.0, 0.0);
+        for laid in &self.triangles {
+            let mut state = stretch(&laid.shape, self.corners_at(laid, x), material);
+            if laid.parent != NONE {
+                let parent = &self.field.triangles[laid.parent as usize];
+                state.spin = parent.spin + state.spin_against(parent);
+            }
+            spin += state.area * state.spin;
+            area += state.area;
+            self.field.triangles.push(state);
+        }
+        let mean = if area > 0.0 { spin / area } else { 0.0 };
+        for state in &mut self.field.triangles {
+            state.spin -= mean;
+        }
+        self.sum_nodes();
+        self.count_angles();
+        Ok(())
+    }
+
+    fn sum_nodes(&mut self) {
+        self.field.nodes.resize(self.inner, NOTHING);
+        for (laid, state) in self.triangles.iter().zip(&self.field.triangles) {
+            for (&place, &g) in laid.corners.iter().zip(&state.gradients) {
+                let Some(node) = self.field.nodes.get_mut(place as usize) else {
+                    continue;
+                };
+                node.force -= state.traction_in_space(g) * state.area;
+                let planar = state.traction(g);
+                node.planar[0] -= planar[0] * state.area;
+                node.planar[1] -= planar[1] * state.area;
+                node.f[0] += state.f[0] * state.area;
+                node.f[1] += state.f[1] * state.area;
+                node.area += state.area;
+            }
+        }
+    }
+
+    /// The angle of a triangle's middle differs by less than half a turn from that of the triangle before.
+    fn count_angles(&mut self) {
+        for laid in &self.triangles {
+            let middle = [0, 1].map(|j| (0..3).map(|k| laid.shape[k][j]).sum::<f64>() / 3.0);
+            let angle = if laid.parent == NONE {
+                angle_from(self.along, middle)
+            } else {
+                let before = self.field.angles[laid.parent as usize];
+                before + angle_from(direction(self.along, before), middle)
+            };
+            self.field.angles.push(angle);
+        }
+    }
+
+    /// The angle of `point` about the tip (rad), less than half a turn from that of the middle of triangle `place`.
+    pub(super) fn angle_of(&self, place: usize, point: [f64; 2]) -> f64 {
+        let middle = self.field.angles[place];
+        middle + angle_from(direction(self.along, middle), point)
+    }
+}
+
+/// The direction at `angle` (rad) from `along`.
+fn direction(along: [f64; 2], angle: f64) -> [f64; 2] {
+    multiply(along, [libm::cos(angle), libm::sin(angle)])
+}
+
+/// The angle of `v` against the unit vector `axis`, from -pi to pi.
+fn angle_from(axis: [f64; 2], v: [f64; 2]) -> f64 {
+    let turned = multiply([axis[0], -axis[1]], v);
+    libm::atan2(turned[1], turned[0])
+}

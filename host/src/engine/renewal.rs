@@ -1,0 +1,143 @@
+//! A stepper for the topology that tears have made, beside the steps.
+//!
+//! A stepper serves a torn sheet with the factor of the sheet before: each vertex that a tear adds costs a few columns
+//! beside the factor. After some vertices a factor of the new topology pays, with its own order of elimination and its
+//! own pattern. This takes many times as long as a step. So it is made beside the steps, on a **mirror**: a copy of the
+//! body that makes the same edits. A tear may go on meanwhile. The new stepper then follows the edits that it missed,
+//! and takes over the motion of the old one ([`Stepper::adopt`]).
+//!
+//! The value goes to and fro with its memory, so that neither its beginning nor its landing allocates.
+
+use super::beside::{Beside, Lost, Work};
+use super::stats::StepFault;
+use physics::team::Team;
+use physics::topology::Edit;
+use physics::{Body, Real, Stepper, StepperOptions, Vec3};
+
+/// The work of one renewal, with the mirror.
+pub(super) struct Renewal<T> {
+    mirror: Body,
+    /// Number of edits that the mirror has made.
+    known: usize,
+    /// Edits that the mirror has still to make.
+    edits: Vec<Edit>,
+    /// The present positions by node (m).
+    x: Vec<Vec3>,
+    options: StepperOptions,
+    team: &'static dyn Team,
+    /// Length of a step (s).
+    h: f64,
+    /// The result; `None` before the work has ended.
+    made: Option<Result<Stepper<T>, StepFault>>,
+    /// The stepper that was replaced, until the next work drops it.
+    spent: Option<Stepper<T>>,
+}
+
+impl<T: Real> Work for Box<Renewal<T>> {
+    const THREAD: &'static str = "topology";
+    const TIME: f64 = 0.02;
+
+    fn work(&mut self) {
+        self.spent = None;
+        self.made = Some(self.make());
+    }
+}
+
+impl<T: Real> Renewal<T> {
+    fn make(&mut self) -> Result<Stepper<T>, StepFault> {
+        for edit in self.edits.drain(..) {
+            // The body has made the same edit.
+            let _ = self.mirror.edit(&edit);
+        }
+        self.mirror.set_positions(&self.x)?;
+        self.mirror.reassemble();
+        let mut stepper = Stepper::new(&self.mirror, self.options)?;
+        stepper.team = self.team;
+        stepper.prepare(&self.mirror, self.h)?;
+        Ok(stepper)
+    }
+
+    /// Lets the new stepper follow the edits after those that the mirror knows.
+    fn catch_up(&mut self, stepper: &mut Stepper<T>, journal: &[Edit]) -> Result<(), StepFault> {
+        for edit in journal.iter().skip(self.known) {
+            let done = self.mirror.edit(edit)?;
+            self.known += 1;
+            stepper.grow(&self.mirror, &done.surface)?;
+        }
+        if stepper.has_grown() {
+            stepper.settle(&mut self.mirror);
+        }
+        Ok(())
+    }
+}
+
+/// Renews the stepper of a body that tears.
+pub(super) struct Renewals<T> {
+    beside: Beside<Box<Renewal<T>>>,
+    /// The value of the next renewal; `None` while one is under way, and after a renewal has failed.
+    idle: Option<Box<Renewal<T>>>,
+}
+
+impl<T: Real> Renewals<T> {
+    /// Renewals of the stepper of `body`, whose edits count from now on. Steps take `h` seconds.
+    pub(super) fn new(body: &Body, stepper: &Stepper<T>, real: bool, h: f64, edits: usize) -> Self {
+        let room = body
+            .surface()
+            .map_or(0, |surface| surface.limits().vertices);
+        Self {
+            beside: Beside::new(real, h),
+            idle: Some(Box::new(Renewal {
+                mirror: body.copy_with_room(),
+                known: 0,
+                edits: Vec::with_capacity(edits),
+                x: Vec::with_capacity(room),
+                options: stepper.options,
+                team: stepper.team,
+                h,
+                made: None,
+                spent: None,
+            })),
+        }
+    }
+
+    /// Begins a renewal, if tears have added vertices and no renewal is under way. `journal` has all edits so far.
+    pub(super) fn begin(&mut self, body: &Body, stepper: &Stepper<T>, journal: &[Edit]) {
+        if !stepper.has_grown() {
+            return;
+        }
+        let Some(mut renewal) = self.idle.take() else {
+            return;
+        };
+        renewal.edits.extend(journal.iter().skip(renewal.known));
+        renewal.known = journal.len();
+        renewal.x.clear();
+        renewal.x.extend_from_slice(body.node_positions());
+        self.beside.begin(renewal);
+    }
+
+    /// Takes a stepper that has been made since the last call, and lets it take over the motion of `stepper`. Returns
+    /// whether it did. A renewal that failed leaves the old stepper in use.
+    pub(super) fn land(
+        &mut self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+        journal: &[Edit],
+    ) -> Result<bool, Lost> {
+        let Some(mut renewal) = self.beside.done()? else {
+            return Ok(false);
+        };
+        let landed = match renewal.made.take() {
+            Some(Ok(mut fresh)) => {
+                renewal.catch_up(&mut fresh, journal).is_ok()
+                    && fresh.adopt(stepper, body).is_ok()
+                    && {
+                        renewal.spent = Some(core::mem::replace(stepper, fresh));
+                        true
+                    }
+            }
+            _ => false,
+        };
+        self.idle = Some(renewal);
+        Ok(landed)
+    }
+}

@@ -1,0 +1,72 @@
+//! The tears of one body in the host's loop.
+
+use crate::bodies::{Built, TearSpec};
+use crate::scene::spec::TearLawName;
+use crate::scene::{LoadedScene, SceneError};
+use physics::tear::{TearLaw, TearMaterial};
+use physics::topology::Reserve;
+use physics::{Starts, TearOptions, Tearing};
+
+/// The tears of a body.
+pub struct BodyTears {
+    /// Tips and edits.
+    pub(crate) tearing: Tearing,
+}
+
+impl BodyTears {
+    /// The tears of the scene's body number `index`, or `None` for a body that does not tear.
+    ///
+    /// # Errors
+    /// [`SceneError`], naming the line and the field that cannot be built.
+    pub(super) fn new(
+        loaded: &LoadedScene,
+        index: usize,
+        built: &mut Built,
+    ) -> Result<Option<Self>, SceneError> {
+        let Some(spec) = &built.tear else {
+            return Ok(None);
+        };
+        // Every vertex that a cut adds comes with two triangles at most.
+        let reserve = Reserve {
+            vertices: spec.room,
+            triangles: 2 * spec.room,
+        };
+        let body = &mut built.body;
+        let made = body.make_tearable(reserve);
+        let tearing = made.and_then(|()| Tearing::new(body, options(spec), &spec.tips));
+        let tearing = tearing.map_err(|error| {
+            let field = format!("body[{index}].tear");
+            let allowed = "a sheet that can tear";
+            loaded.source.error(&field, error.to_string(), allowed)
+        })?;
+        Ok(Some(Self { tearing }))
+    }
+
+    /// Tips and edits.
+    pub fn tearing(&self) -> &Tearing {
+        &self.tearing
+    }
+}
+
+/// The options of the physics for what a scene says about tearing.
+pub fn options(spec: &TearSpec) -> TearOptions {
+    let material = spec.materials[0];
+    TearOptions {
+        material: TearMaterial {
+            strength: spec.strength,
+            toughness: spec.toughness,
+            thickness: material.thickness,
+            young: material.young,
+            poisson: material.poisson,
+            law: match spec.law {
+                TearLawName::Toughness => TearLaw::Toughness,
+                TearLawName::Thesis => TearLaw::Thesis,
+            },
+        },
+        starts: match spec.starts {
+            crate::scene::spec::Starts::Tips => Starts::Tips,
+            crate::scene::spec::Starts::Anywhere => Starts::Anywhere,
+        },
+        snapping: spec.snapping,
+    }
+}

@@ -1,0 +1,119 @@
+//! The tear limit: how far a model may be extrapolated before a tear goes on.
+//!
+//! A tear goes on where the energy release rate `G` of its tip reaches the toughness `G_c` (A. A. Griffith, "The
+//! phenomena of rupture and flow in solids", 1921). From there on the force no longer grows with the stiffness of the
+//! model: the body gives way. A stiff model that the tick extrapolates beyond this point overestimates the force, and the
+//! next model takes the excess back. The hand would feel a saw at the publication rate.
+//!
+//! The host therefore publishes, for the tip nearest to its start, `s = sqrt(G)` at the reference, the slope `q` of `s`
+//! by the displacements of the handles, and `s_c = sqrt(G_c)`. `G` is quadratic in the displacements, so `s` is linear
+//! in them where one load governs. The excess of a displacement `d` is `x = (s + q . d - s_c)+`. Where the reference is
+//! beyond the limit already (a running tear), it is `x = (q . d)+`: the force at the reference is the body's own, and
+//! only a further opening counts.
+//!
+//! The tick replaces `d` by its projection onto the half-space `x = 0` in the metric of the stiffness. With
+//! `a = 1 / (q . K^-1 q)`, this projection is `d - a x K^-1 q`, and the wrenches and the energy become
+//!
+//! ```text
+//! w = w_linear + a x q          V = V_linear - a x^2 / 2
+//! ```
+//!
+//! No inverse remains but the number `a`, which the host publishes. Beyond the limit, the stiffness is `K - a q q^T`. It
+//! is symmetric and, for this `a`, positive semidefinite: it is the stiffness of a body that yields along `q` alone. The
+//! wrench is continuous, and it has the energy `V` for its potential. Hands that turn back find the whole stiffness
+//! below the limit.
+//!
+//! The certificate of the cap does not rely on these numbers. A model with a wrong limit gives a wrong force, and no
+//! energy that hands have not supplied.
+
+use super::{Deviation, LocalModel};
+use crate::MAX_HANDLES;
+use crate::geometry::Vec6;
+
+/// The tear limit of a model. Each handle has its part of the slope
+/// ([`HandleReference::tear_slope`](super::HandleReference::tear_slope)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TearLimit {
+    /// `s = sqrt(G)` at the reference (sqrt(J/m2)).
+    pub root: f64,
+    /// `s_c = sqrt(G_c)` (sqrt(J/m2)). Zero where the model has no limit.
+    pub critical: f64,
+    /// `a = 1 / (q . K^-1 q)` (m2), over the stiffness between all handles. A smaller value leaves a part of the
+    /// stiffness along the slope. Zero is always safe.
+    pub area: f64,
+}
+
+impl TearLimit {
+    /// No limit.
+    pub fn none() -> Self {
+        Self {
+            root: 0.0,
+            critical: 0.0,
+            area: 0.0,
+        }
+    }
+
+    /// Whether there is a limit.
+    pub fn is_some(&self) -> bool {
+        self.critical > 0.0
+    }
+
+    /// Whether every number is finite and the area is not negative.
+    pub(super) fn is_sound(&self) -> bool {
+        self.root.is_finite()
+            && self.critical.is_finite()
+            && self.area.is_finite()
+            && self.area >= 0.0
+    }
+
+    /// `x` for `q . d`.
+    fn excess(&self, along: f64) -> f64 {
+        (along - (self.critical - self.root).max(0.0)).max(0.0)
+    }
+}
+
+/// What a limit adds to the parts of a model that is extrapolated beyond it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Beyond {
+    /// `a x`: the wrench of the springs on each handle is `a x q_i` above the linear wrench.
+    pub(super) spring: f64,
+    /// The growth of `a x` by the lead of each handle.
+    pub(super) lead: f64,
+    /// `a x^2 / (2 q . d)`: the springs do this work, times `q_i . d_i`, above the linear work on each handle.
+    pub(super) work: f64,
+}
+
+impl LocalModel {
+    /// `q . d` for displacements of the handles.
+    fn along_slope<'a>(&self, displacements: impl Iterator<Item = &'a Vec6>) -> f64 {
+        let each = self.handles().zip(displacements);
+        each.map(|(handle, displacement)| handle.tear_slope.dot(displacement))
+            .fold(0.0, |sum, along| sum + along)
+    }
+
+    /// What the limit adds, where the displacements or the displacements with the `lead` of each handle are beyond it;
+    /// `None` elsewhere, and without a limit.
+    pub(super) fn beyond_limit(
+        &self,
+        deviations: &[Deviation; MAX_HANDLES],
+        lead: &[Vec6; MAX_HANDLES],
+    ) -> Option<Beyond> {
+        let limit = &self.tear_limit;
+        if !limit.is_some() {
+            return None;
+        }
+        let along = self.along_slope(deviations.iter().map(|deviation| &deviation.displacement));
+        let excess = limit.excess(along);
+        let further = limit.excess(along + self.along_slope(lead.iter()));
+        (excess > 0.0 || further > 0.0).then(|| Beyond {
+            spring: limit.area * excess,
+            lead: limit.area * (further - excess),
+            // Where there is an excess, `q . d` is positive and no smaller.
+            work: if excess > 0.0 {
+                0.5 * limit.area * excess * (excess / along)
+            } else {
+                0.0
+            },
+        })
+    }
+}

@@ -1,0 +1,274 @@
+//! The accounts of the pieces of a body, and how an account parts when a piece parts.
+//!
+//! A whole body has one account. When a body tears into pieces, hands on different pieces no longer pass energy to each
+//! other. One credit `H` for all of them would let a hand on one piece get what a hand on another piece has supplied.
+//! Each piece therefore has its own credit, and the cap treats each piece as it treats a body.
+//!
+//! **Division.** Pieces only divide. When a piece parts, its credit parts in proportion to the energy that each new
+//! piece stores, as the host publishes it; in equal parts where none stores any. The credits of the parts add up to that
+//! of the piece. The work that weights have spared belongs to a hand and follows the hand. The hands of a piece can
+//! therefore get no more than these hands and the share of their piece have paid for, plus the allowance of the cap.
+//!
+//! A piece that no hand of the former model holds begins with the allowance alone, for no hand has supplied its energy.
+//! Pieces that grow together, which no tear can cause, add their credits.
+
+use super::{Motion, Passivity};
+use crate::MAX_HANDLES;
+use crate::geometry::Vec6;
+use crate::local_model::{HandleReference, LocalModel, PieceEnergy, pieces};
+
+/// The part of the energy account that belongs to one piece.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PieceAccount {
+    /// Energy that springs may give back (J): the energy that hands have supplied, minus the forgotten part.
+    pub(super) credit: f64,
+    /// Energy that hands got since the last model that stated a released energy (J).
+    pub(super) got: f64,
+    /// Energy that the models said to have released so far (J).
+    released: f64,
+    /// Work that the hands were spared by weights that were removed and restored (J), signed.
+    pub(super) spared: f64,
+    /// Fraction of the devices' damping that takes out missing energy.
+    pub(super) damped: f64,
+}
+
+impl PieceAccount {
+    /// An account with this credit (J).
+    pub(super) fn new(credit: f64) -> Self {
+        Self {
+            credit,
+            ..Self::default()
+        }
+    }
+
+    /// The credit that the cap can spend (J).
+    pub(super) fn available(&self) -> f64 {
+        self.credit - self.spared.max(0.0)
+    }
+
+    /// Takes the released energy that a model states (J). See [`Passivity::release`].
+    pub(super) fn release(&mut self, released: f64) {
+        let more = (released - self.released).max(0.0);
+        self.credit += more.min(self.got.max(0.0));
+        self.released = self.released.max(released);
+        self.got = 0.0;
+    }
+}
+
+/// How the pieces of one model part into those of the next.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Division {
+    /// By former piece, the fraction of its energy that goes to each new piece. The fractions of a former piece add up
+    /// to one, or to zero where nothing is left of it.
+    fractions: [[f64; MAX_HANDLES]; MAX_HANDLES],
+    /// Whether each new piece comes from a former one.
+    continues: [bool; MAX_HANDLES],
+    /// Number of new pieces.
+    count: usize,
+}
+
+impl Division {
+    /// From the pieces of `old` to those of `new`. Hands tell which new piece comes from which former piece. Before the
+    /// first model there is one piece.
+    pub(crate) fn between(old: &LocalModel, new: &LocalModel) -> Self {
+        let mut fractions = [[0.0; MAX_HANDLES]; MAX_HANDLES];
+        let mut continues = [false; MAX_HANDLES];
+        let mut mark = |from: u8, to: u8| {
+            if let Some(continues) = continues.get_mut(usize::from(to)) {
+                *continues = true;
+            }
+            let row = fractions.get_mut(usize::from(from));
+            if let Some(place) = row.and_then(|row| row.get_mut(usize::from(to))) {
+                *place = 1.0;
+            }
+        };
+        for handle in new.handles() {
+            if old.handle_count == 0 {
+                mark(0, handle.piece);
+            }
+            let before = old.handles().find(|before| before.device == handle.device);
+            if let Some(before) = before {
+                mark(before.piece, handle.piece);
+            }
+        }
+        for row in &mut fractions {
+            let parts = row.iter().sum::<f64>();
+            let weights = new.pieces.iter().map(|piece| piece.stored.max(0.0));
+            let whole = row
+                .iter()
+                .zip(weights.clone())
+                .map(|(part, weight)| part * weight);
+            let whole = whole.sum::<f64>();
+            for (part, weight) in row.iter_mut().zip(weights) {
+                if whole > 0.0 && whole.is_finite() {
+                    *part *= weight / whole;
+                } else if parts > 0.0 {
+                    *part /= parts;
+                }
+            }
+        }
+        Self {
+            fractions,
+            continues,
+            count: usize::from(new.piece_count()),
+        }
+    }
+
+    /// Divides an amount of each former piece among the new pieces.
+    pub(crate) fn of(&self, amounts: &[f64; MAX_HANDLES]) -> [f64; MAX_HANDLES] {
+        let mut divided = [0.0; MAX_HANDLES];
+        for (row, amount) in self.fractions.iter().zip(amounts) {
+            for (sum, fraction) in divided.iter_mut().zip(row) {
+                *sum += amount * fraction;
+            }
+        }
+        divided
+    }
+
+    /// The new piece with the largest part of a former piece; zero where there is none.
+    fn heir(&self, piece: usize) -> usize {
+        let row = self.fractions.get(piece).into_iter().flatten();
+        let (mut heir, mut most) = (0, 0.0);
+        for (to, fraction) in (0..MAX_HANDLES).zip(row) {
+            if *fraction > most {
+                (heir, most) = (to, *fraction);
+            }
+        }
+        heir
+    }
+}
+
+impl Passivity {
+    /// Parts the accounts as the pieces part. `handles` are those of the new model.
+    pub(crate) fn part<'a>(
+        &mut self,
+        division: &Division,
+        handles: impl Iterator<Item = &'a HandleReference>,
+    ) {
+        let former = self.pieces;
+        let credits = division.of(&former.map(|piece| piece.credit));
+        let gots = division.of(&former.map(|piece| piece.got));
+        let mut parts = [PieceAccount::default(); MAX_HANDLES];
+        let sums = credits.into_iter().zip(gots).zip(division.continues);
+        for (((credit, got), continues), part) in sums.zip(&mut parts) {
+            (part.credit, part.got) = if continues {
+                (credit, got)
+            } else {
+                (self.config.allowance, 0.0)
+            };
+        }
+        for hand in &mut self.hands {
+            hand.piece = division.heir(hand.piece);
+        }
+        for handle in handles {
+            if let Some(hand) = self.hands.get_mut(usize::from(handle.device)) {
+                hand.piece = usize::from(handle.piece);
+            }
+        }
+        for hand in &self.hands {
+            if let Some(part) = parts.get_mut(hand.piece) {
+                part.spared += hand.spared;
+            }
+        }
+        for (former, row) in former.iter().zip(&division.fractions) {
+            for (part, fraction) in parts.iter_mut().zip(row) {
+                if *fraction > 0.0 {
+                    // The damper that takes out missing energy goes on in each part.
+                    part.damped = part.damped.max(former.damped);
+                }
+            }
+        }
+        self.pieces = parts;
+        self.piece_count = division.count;
+        self.total();
+    }
+
+    /// Begins the sums of released energy: what the first model after a parting states is where they begin.
+    pub(crate) fn begin_released(&mut self, energies: &[PieceEnergy; MAX_HANDLES]) {
+        for (piece, energy) in self.pieces.iter_mut().zip(energies) {
+            piece.released = energy.released;
+        }
+    }
+
+    /// Takes the energy that each piece says to have released so far.
+    pub(crate) fn release_by_piece(&mut self, energies: &[PieceEnergy; MAX_HANDLES]) {
+        let each = self.pieces.iter_mut().zip(energies);
+        for (piece, energy) in each.take(self.piece_count) {
+            piece.release(energy.released);
+        }
+    }
+
+    /// Keeps the first `count` pieces. The others, which hands have left, are gone.
+    pub(crate) fn keep_pieces(&mut self, count: usize) {
+        self.piece_count = count;
+        for hand in &mut self.hands {
+            if hand.piece >= count {
+                hand.piece = 0;
+            }
+        }
+    }
+
+    /// Caps the wrenches on the handles of each piece by the account of that piece. `stored` (J) is the energy that
+    /// hands could get back, by piece.
+    pub(crate) fn cap_by_piece(
+        &mut self,
+        model: &LocalModel,
+        motions: &[Motion; MAX_HANDLES],
+        stored: &[f64; MAX_HANDLES],
+        elastic: &mut [Vec6; MAX_HANDLES],
+        viscous: &mut [Vec6; MAX_HANDLES],
+    ) {
+        let mut accounts = self.pieces;
+        let count = usize::from(pieces::count(model.handles()));
+        let (mut withheld, mut capped) = (super::Withheld::default(), false);
+        let each = accounts.iter_mut().zip(stored).zip(0..MAX_HANDLES);
+        for ((account, stored), piece) in each.take(count) {
+            // The handles of the piece, one after another.
+            let mut own = [(Motion::none(), Vec6::zeros(), Vec6::zeros()); MAX_HANDLES];
+            let on_piece = |handle: &&HandleReference| usize::from(handle.piece) == piece;
+            let all = model
+                .handles()
+                .zip(motions)
+                .zip(elastic.iter().zip(viscous.iter()));
+            let all = all.filter(|((handle, _), _)| on_piece(handle));
+            for (place, ((_, motion), (elastic, viscous))) in own.iter_mut().zip(all) {
+                *place = (*motion, *elastic, *viscous);
+            }
+            let own_motions = own.map(|(motion, _, _)| motion);
+            let mut own_elastic = own.map(|(_, elastic, _)| elastic);
+            let mut own_viscous = own.map(|(_, _, viscous)| viscous);
+            let devices = model.handles().filter(on_piece).map(|handle| handle.device);
+            let found = self.cap_piece(
+                account,
+                devices,
+                &own_motions,
+                *stored,
+                &mut own_elastic,
+                &mut own_viscous,
+            );
+            let all = model
+                .handles()
+                .zip(elastic.iter_mut().zip(viscous.iter_mut()));
+            let all = all.filter(|(handle, _)| on_piece(handle));
+            let left = own_elastic.iter().zip(&own_viscous);
+            for ((_, (elastic, viscous)), (own_elastic, own_viscous)) in all.zip(left) {
+                (*elastic, *viscous) = (*own_elastic, *own_viscous);
+            }
+            capped |= found.is_some();
+            withheld = found
+                .filter(|found| found.force > withheld.force)
+                .unwrap_or(withheld);
+        }
+        self.pieces = accounts;
+        self.withheld = withheld;
+        if capped {
+            crate::count_one(&mut self.account.capped);
+        }
+    }
+
+    /// Sums the credit that the cap can spend.
+    pub(super) fn total(&mut self) {
+        let pieces = self.pieces.iter().take(self.piece_count);
+        self.account.available = pieces.fold(0.0, |sum, piece| sum + piece.available());
+    }
+}
