@@ -348,6 +348,12 @@ fn bodies_that_cannot_tear_are_refused() {
              sheets tear",
         ),
         (
+            "[[body.handle]]\nname = \"a\"",
+            "[[body.region]]\nbox = [[0, -1, -1], [1, 1, 1]]\nyoung = 2e6\n[[body.handle]]\nname = \"a\"",
+            "x.toml:9: body[0].tear: found the tear of a sheet of several materials, allowed: no such table, or \
+             `young`, `poisson` and `thickness` that are equal everywhere",
+        ),
+        (
             "name = \"b\"",
             "name = \"b\"\nborder = \"clamped\"",
             "x.toml:24: body[0].handle[1].border: found \"clamped\", allowed: \"hinged\" for a body that tears",
