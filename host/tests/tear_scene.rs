@@ -304,6 +304,24 @@ fn values_out_of_range_are_refused_with_line_and_field() {
             "x.toml:13: body[0].tear.notch[0]: found a notch from [0, 0.05, 0] to [0, 0.01, 0.002], 2.00e-3 m off the \
              plane of the sheet, allowed: a notch in the plane of the sheet",
         ),
+        (
+            "to = [0, 0.01, 0]",
+            "to = [0, -0.07, 0]",
+            "x.toml:13: body[0].tear.notch[0]: found a notch from [0, 0.05, 0] to [0, -0.07, 0], out of the sheet, \
+             allowed: a notch from the border into the sheet, or with both ends inside",
+        ),
+        (
+            "to = [0, 0.01, 0]",
+            "to = [0, -0.05, 0]",
+            "x.toml:13: body[0].tear.notch[0]: found a notch from [0, 0.05, 0] to [0, -0.05, 0], from border to \
+             border, allowed: a notch that ends inside the sheet",
+        ),
+        (
+            "group = \"left\"",
+            "box = [[-0.11, 0.045, -0.01], [0.005, 0.06, 0.01]]",
+            "x.toml:13: body[0].tear.notch[0]: found a notch that reaches the handle about [-0.0458, 0.0500, 0.0000] m, \
+             allowed: a notch beside the handles: make the notch shorter, or the group or the box of the handle smaller",
+        ),
     ]);
 }
 
@@ -328,6 +346,12 @@ fn bodies_that_cannot_tear_are_refused() {
             "density = 1000, weave = { young_weft = 1e6, shear = 1e5 } }",
             "x.toml:9: body[0].tear: found the tear of a woven sheet, allowed: no such table, because only isotropic \
              sheets tear",
+        ),
+        (
+            "[[body.handle]]\nname = \"a\"",
+            "[[body.region]]\nbox = [[0, -1, -1], [1, 1, 1]]\nyoung = 2e6\n[[body.handle]]\nname = \"a\"",
+            "x.toml:9: body[0].tear: found the tear of a sheet of several materials, allowed: no such table, or \
+             `young`, `poisson` and `thickness` that are equal everywhere",
         ),
         (
             "name = \"b\"",

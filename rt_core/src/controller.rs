@@ -113,7 +113,7 @@ pub struct ControllerConfig {
 #[derive(Debug)]
 pub struct Controller {
     channels: heapless::Vec<Channel, MAX_DEVICES>,
-    /// On the heap, because a coupling takes 124 kB: a scene pays for the bodies that it has, and a thread with a small
+    /// On the heap, because a coupling takes 128 kB: a scene pays for the bodies that it has, and a thread with a small
     /// stack can make a controller. [`Controller::new`] allocates; a tick never does.
     #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
     couplings: heapless::Vec<Box<Coupling>, MAX_BODIES>,
@@ -161,7 +161,7 @@ impl Clone for Controller {
 pub type Reading = Result<DeviceState, DeviceError>;
 
 impl Controller {
-    /// A controller at rest, before its first model. It takes 125 kB of the heap for each body.
+    /// A controller at rest, before its first model. It takes 128 kB of the heap for each body.
     #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
     pub fn new(config: &ControllerConfig) -> Self {
         let mut new = Self {

@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::local_model::{PackedModel, PublishedModel};
 use rt_core::{
-    HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, Scheme, Vec3,
-    Wrench,
+    HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, PieceEnergy,
+    Scheme, TearLimit, Vec3, Vec6, Wrench,
 };
 
 /// Numbers that are hard to keep, among any others: zeros of both signs, infinities, and NaN with and without payload.
@@ -39,16 +39,28 @@ fn filled(numbers: &[f64], sizes: (u8, u8), counts: (u64, u32, u64)) -> LocalMod
     model.horizon = next();
     model.energy = next();
     model.released = next();
+    model.pieces = [(); MAX_HANDLES].map(|()| PieceEnergy {
+        stored: next(),
+        released: next(),
+    });
+    model.tear_limit = TearLimit {
+        root: next(),
+        critical: next(),
+        area: next(),
+    };
     for (handle, device) in model.handles.iter_mut().zip(sizes.1..) {
         let mut vector = || Vec3::from_fn(|_, _| next());
         *handle = HandleReference::zero();
         handle.device = device;
+        // Some models are of torn bodies, and some have a piece that cannot be.
+        handle.piece = if counts.1 > 0 { device % 3 } else { 0 };
         handle.pose.position = vector();
         (handle.twist.linear, handle.twist.angular) = (vector(), vector());
         (handle.wrench.force, handle.wrench.moment) = (vector(), vector());
         (handle.contact, handle.weight) = (vector(), vector());
         let (force, moment) = (vector(), vector());
         handle.drift = Wrench { force, moment };
+        handle.tear_slope = Vec6::from_fn(|_, _| next());
         let turn = Quaternion::new(next(), next(), next(), next());
         handle.pose.rotation = UnitQuaternion::new_unchecked(turn);
     }
@@ -81,8 +93,14 @@ fn bits(model: &LocalModel) -> Vec<u64> {
     ];
     let mut add = |numbers: &[f64]| bits.extend(numbers.iter().map(|x| x.to_bits()));
     add(&[model.period, model.horizon, model.energy, model.released]);
+    for piece in &model.pieces {
+        add(&[piece.stored, piece.released]);
+    }
+    let limit = &model.tear_limit;
+    add(&[limit.root, limit.critical, limit.area]);
     for handle in model.handles() {
-        add(&[f64::from(handle.device)]);
+        add(&[f64::from(handle.device), f64::from(handle.piece)]);
+        add(handle.tear_slope.as_slice());
         add(handle.pose.position.as_slice());
         add(handle.pose.rotation.coords.as_slice());
         for vector in [

@@ -12,7 +12,7 @@ use physics::tear::strength::{cannot_start, highest, onwards, principal, stresse
 use physics::tear::{
     Candidate, Patch, RINGS, Release, Sheet, TearError, TearLaw, TearMaterial, Tip,
 };
-use physics::topology::{NONE, Reserve, Surface};
+use physics::topology::{Edit, Growth, NONE, Origin, Reserve, Surface};
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, Vec3};
 use proptest::prelude::*;
 
@@ -172,6 +172,12 @@ fn strip_to(
     let mesh = uneven(mesh, [LENGTH, HEIGHT], cell, fraction, 0.5 * HEIGHT, 3);
     let flat = Flat::torn(mesh, 0.5 * HEIGHT, |x| x < middle - 1e-9);
     let tip = flat.tip([middle, 0.5 * HEIGHT], [1.0, 0.0]);
+    let x = clamped(&flat, strain, gravity);
+    (flat, tip, x)
+}
+
+/// The positions of a strip whose long sides are pulled apart by the `strain` across it.
+fn clamped(flat: &Flat, strain: f64, gravity: Vec3) -> Vec<Vec3> {
     let mut body = flat.body(gravity);
     body.add_support(&flat.chosen(|_| true), [false, false, true])
         .unwrap();
@@ -185,8 +191,7 @@ fn strip_to(
         .unwrap()
         .solve(&mut body, &[], 1.0)
         .unwrap();
-    let x = body.positions().collect();
-    (flat, tip, x)
+    body.positions().collect()
 }
 
 fn rate(flat: &Flat, tip: &Tip, x: &[Vec3], rings: usize) -> physics::tear::Driving {
@@ -219,6 +224,54 @@ fn a_border_within_the_rings_is_taken_off() {
             "{part:?}"
         );
         assert!((mode.k1 / modes[1].k1 - 1.0).abs() < 0.06, "{mode:?}");
+    }
+}
+
+#[test]
+fn a_kink_behind_the_tip_is_taken_off() {
+    let (ny, columns) = (16, 65);
+    let flat = Flat::new(grid(64, ny, LENGTH, HEIGHT, Split::Right));
+    let mut mesh = flat.mesh;
+    let reserve = Reserve {
+        vertices: 100,
+        triangles: 0,
+    };
+    let count = mesh.positions.len();
+    let mut surface = Surface::new(count, &mesh.triangles, &flat.shapes, reserve).unwrap();
+    let mut tip = 8 * columns;
+    // Along the middle, then two diagonals up: the kink is 2.8 edges behind the tip.
+    for (step, times) in [(1, 30), (1 + columns, 2)] {
+        for _ in 0..times {
+            let to = tip + step;
+            surface.edit(&Edit::grow(tip, Growth::Open { to })).unwrap();
+            tip = to;
+        }
+    }
+    for &origin in &surface.origins()[count..] {
+        let Origin::Twin { of } = origin else {
+            panic!("{origin:?}");
+        };
+        mesh.positions.push(mesh.positions[of as usize]);
+    }
+    mesh.triangles = surface.triangles().to_vec();
+    let flat = Flat::new(mesh);
+    assert_eq!(flat.neighbours, surface.neighbours());
+    let x = clamped(&flat, 0.01, Vec3::zeros());
+    let tip = Tip::at(&surface, tip, surface.straight_ahead(tip)).unwrap();
+    assert!((tip.along[0] - tip.along[1]).abs() < 1e-12 && tip.along[0] > 0.7);
+    let parts = [1, 2, 3, 4, 5].map(|rings| rate(&flat, &tip, &x, rings));
+    let modes = [1, 2, 3, 4, 5].map(|rings| intensity(&flat, &tip, &x, rings));
+    println!("{parts:.4?}\n{modes:.1?}");
+    assert!(parts[4].border != 0.0);
+    let turns = modes.map(|mode| mode.kink().to_degrees());
+    println!("{turns:.2?}");
+    for (part, turn) in parts.iter().zip(turns).skip(1) {
+        // Rings before and beyond the kink agree.
+        assert!(
+            (part.rate() / parts[1].rate() - 1.0).abs() < 0.1,
+            "{part:?}"
+        );
+        assert!((turn - turns[1]).abs() < 5.0, "{turns:?}");
     }
 }
 

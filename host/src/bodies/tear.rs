@@ -48,7 +48,7 @@ pub struct Drop {
 /// The tearing of a body, `None` for a body that does not tear.
 ///
 /// # Errors
-/// [`SceneError`], naming the line and the field, where a hand holds a notch.
+/// [`SceneError`], naming the line and the field, where a hand holds a notch, or the material differs within the body.
 pub(super) fn build(
     loaded: &LoadedScene,
     index: usize,
@@ -61,6 +61,7 @@ pub(super) fn build(
     else {
         return Ok(None);
     };
+    alike(loaded, index, materials)?;
     free(loaded, index, &notched.cuts, handles)?;
     let positions = notched.mesh.positions();
     let centre = Bounds::of(positions).map_or(Vec3::zeros(), |b| 0.5 * (b.min + b.max));
@@ -78,6 +79,20 @@ pub(super) fn build(
             distance: tear.drop_distance,
         }),
     }))
+}
+
+/// Refuses triangles of different stiffness: a tear has one toughness, and its integrals are those of one material.
+fn alike(loaded: &LoadedScene, index: usize, materials: &[Material]) -> Result<(), SceneError> {
+    let stiffness = |m: &Material| (m.young, m.poisson, m.thickness);
+    let differ = |pair: &[Material]| stiffness(&pair[0]) != stiffness(&pair[1]);
+    if materials.windows(2).any(differ) {
+        let field = format!("body[{index}].tear");
+        let found = "the tear of a sheet of several materials";
+        let allowed =
+            "no such table, or `young`, `poisson` and `thickness` that are equal everywhere";
+        return Err(loaded.source.error(&field, found, allowed));
+    }
+    Ok(())
 }
 
 /// Refuses a notch along which a handle holds vertices: the two faces of the notch could not part there.

@@ -162,7 +162,9 @@ pub(crate) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
 
 fn encode_tear(model: &LocalModel, count: usize, out: &mut CdrWriter) {
     let limit = &model.tear_limit;
-    [limit.root, limit.critical, limit.area].map(|number| out.f64(number));
+    for number in [limit.root, limit.critical, limit.area] {
+        out.f64(number);
+    }
     out.u32(count as u32);
     model.handles().for_each(|handle| out.u8(handle.piece));
     let pieces = model.pieces.iter().take(usize::from(model.piece_count()));

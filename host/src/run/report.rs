@@ -4,7 +4,7 @@ use super::collect::Collected;
 use super::parts::{Parts, TickSide};
 use super::summary::{
     DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary,
-    HostSummary, RunSummary, SCHEMA, TickSummary, TripSummary,
+    HostSummary, RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
 };
 use super::{Clock, RunOptions, clock_name, held_back, instructions, setup, slow_host};
 use crate::bodies;
@@ -49,6 +49,7 @@ pub(super) fn summarize(
         devices: devices(scene, parts),
         held_back: held_back(scene, parts),
         energy: energy(scene, side.controller.energy()),
+        tears: tears(parts),
         dropped: dropped(parts),
         events: events(options, parts),
         refusals: refusals(scene, &couplings),
@@ -159,6 +160,21 @@ fn dropped(parts: &Parts) -> DroppedSummary {
         superseded_models: side.counters.superseded_models,
         wrenches: side.refused_wrenches,
     }
+}
+
+/// The tears of the bodies that can tear.
+fn tears(parts: &Parts) -> Vec<TearSummary> {
+    let Some(host) = &parts.host else {
+        return Vec::new();
+    };
+    let stats = host.engine.stats();
+    let bodies = host.engine.bodies().iter();
+    let torn = bodies.filter_map(|body| body.tears().map(|tears| (body.name(), tears)));
+    torn.map(|(name, tears)| {
+        let time = stats.tear.summary().into();
+        TearSummary::new(name, tears.tearing().report(), time, stats.renewed)
+    })
+    .collect()
 }
 
 fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<EnergySummary> {

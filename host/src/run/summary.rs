@@ -1,10 +1,13 @@
 //! The summary of a run, for people (`print`) and (as JSON) for programs.
 
 mod print;
+mod tears;
 
 use crate::machine::Machine;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+
+pub use tears::TearSummary;
 
 /// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
 pub const SCHEMA: &str = "palpate.run/4";
@@ -78,6 +81,9 @@ pub struct RunSummary {
     pub held_back: Vec<HeldBackSummary>,
     /// The energy between the hands and each body.
     pub energy: Vec<EnergySummary>,
+    /// The tears of each body that can tear.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tears: Vec<TearSummary>,
     /// Messages that did not arrive.
     pub dropped: DroppedSummary,
     /// Faults made on purpose, and stretches of time in which a device or a body was not in its normal state.

@@ -95,8 +95,6 @@ impl<T: Real> Kernel<T> for Unassembled<T> {
             + size_of_val(self.x.as_slice())
     }
 
-    /// The room for nodes is that of the most edits: one that adds triangles adds at most as many nodes and a twin, and
-    /// an opened edge without new triangles at most two.
     fn reserve(&mut self, triangles: usize) -> bool {
         let (elements, nodes) = (self.nodes.len() + triangles, self.rest.len());
         make_room(&mut self.nodes, elements);

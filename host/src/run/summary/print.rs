@@ -27,6 +27,9 @@ impl fmt::Display for RunSummary {
         for energy in &self.energy {
             energy.print(f)?;
         }
+        for tears in &self.tears {
+            tears.print(f)?;
+        }
         self.print_dropped(f)?;
         self.print_events(f)
     }

@@ -53,7 +53,7 @@ pub(super) fn derivative(
         // Between two rigid triangles there is nothing to bend.
         [true, _] => gradient(&around(0), Across::Before),
         [false, true] => gradient(&around(0), Across::Beyond),
-        [false, false] => rotation(around(1), || around(2)),
+        [false, false] => rotation(&around(1), || around(2)),
     };
     // The weights are those of the derivative times the length of the edge.
     let length = sheet.length((triangle, k), x);

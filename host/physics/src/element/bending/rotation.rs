@@ -118,7 +118,7 @@ pub(super) fn gradient(nearby: &Nearby, across: Across) -> Few<(u32, f64)> {
 
 /// The weights of the normal derivative, times the length of the edge, by vertex. `wider` gives more vertices, and is
 /// called where `nearby` are near a conic.
-pub(super) fn rotation(nearby: Nearby, wider: impl FnOnce() -> Nearby) -> Few<(u32, f64)> {
+pub(super) fn rotation(nearby: &Nearby, wider: impl FnOnce() -> Nearby) -> Few<(u32, f64)> {
     let (mut weights, good) = nearby.weights(REGULAR);
     let mut vertices = nearby.vertices;
     if !good {

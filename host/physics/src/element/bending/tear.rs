@@ -6,7 +6,8 @@
 //! triangles and their neighbours, to rounding.
 //!
 //! An opened edge becomes two borders: it has no derivative any more, and no moment. The energy of its fold is lost, so
-//! an opened edge changes the energy of a bent sheet, unlike that of a membrane.
+//! an opened edge changes the energy of a bent sheet, unlike that of a membrane. A cut changes this energy, too, up or down:
+//! smaller triangles see the same positions as other curvatures.
 
 use super::NONE;
 use super::build::{derivative, facet, flat, other_side};
@@ -344,14 +345,12 @@ impl Tear {
             ((t, k), (beyond, j))
         };
         let mut weights = derivative(&self.sheet, &[], &self.rigid, from);
-        let row = match self.take_row(bending, weights.len()) {
-            Some(row) => Some(row),
-            None => {
-                // The mean of the two gradients has four vertices. It is less accurate on uneven triangles.
-                weights = plain(&self.sheet, from);
-                self.take_row(bending, weights.len())
-            }
-        };
+        let mut row = self.take_row(bending, weights.len());
+        if row.is_none() {
+            // The mean of the two gradients has four vertices. It is less accurate on uneven triangles.
+            weights = plain(&self.sheet, from);
+            row = self.take_row(bending, weights.len());
+        }
         let number = row.unwrap_or(NONE);
         bending.sides[from.0][from.1] = number;
         bending.sides[other.0][other.1] = number;

@@ -6,7 +6,7 @@ use crate::lanes::Real;
 use crate::motion::stepper::Stepper;
 use crate::tear::fields::stretch;
 use crate::tear::strength::{candidate, onwards};
-use crate::tear::{RINGS, Tip};
+use crate::tear::{Intensity, RINGS, Tip};
 use crate::topology::{Edit, NONE, Surface};
 
 /// A tip.
@@ -76,6 +76,18 @@ impl Tearing {
         advance(false)
     }
 
+    /// The angle by which a tip turns that is driven by the energy release rate `rate` (J/m²).
+    ///
+    /// The stress intensities are those in the plane of the sheet. Where hands tear a sheet out of its plane, most of the
+    /// energy comes from the tearing mode and from bending, which drive the tip straight ahead. This part counts with the
+    /// opening mode: `K_I` is replaced by `sqrt(E G - K_II^2)` where that is larger. In the plane the two are equal.
+    fn kink(&self, rate: f64) -> f64 {
+        let found = self.patch.intensity();
+        let ahead = self.options.material.young * rate - found.k2 * found.k2;
+        let k1 = found.k1.max(libm::sqrt(ahead.max(0.0)));
+        Intensity { k1, ..found }.kink()
+    }
+
     /// Lets the tips go on whose energy release rate is at least the toughness. A tip waits until the pair behind it has
     /// let go.
     pub(super) fn advance_by_energy<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
@@ -93,7 +105,7 @@ impl Tearing {
                 if waits || !(drive.rate >= self.options.material.toughness) {
                     break;
                 }
-                let turned = drive.direction + self.patch.intensity().kink();
+                let turned = drive.direction + self.kink(drive.rate);
                 let Some(edit) = self.growth(body, tip.vertex, turned) else {
                     break;
                 };

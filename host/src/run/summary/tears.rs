@@ -1,0 +1,80 @@
+//! The tears of a body in the summary of a run.
+
+use super::Distribution;
+use physics::TearReport;
+use serde::Serialize;
+use std::fmt;
+
+/// The tears of one body.
+#[derive(Clone, Debug, Serialize)]
+pub struct TearSummary {
+    /// Name of the body.
+    pub body: String,
+    /// Number of edges that opened.
+    pub edges: u64,
+    /// Number of edges that were divided for this.
+    pub cut: u64,
+    /// Number of vertices that snapped: they moved at rest onto the path of a tear.
+    pub snapped: u64,
+    /// Number of tears that started where the stress reached the strength.
+    pub started: u64,
+    /// Number of tips at the end.
+    pub tips: usize,
+    /// The torn area (m^2): length at rest times thickness.
+    pub area: f64,
+    /// The energy that the torn area takes (J): toughness times area. Zero under the law `thesis`.
+    pub energy: f64,
+    /// The change of the body's energy by edits (J).
+    pub edits: f64,
+    /// Whether a tear rests because the room for vertices is used up.
+    pub full: bool,
+    /// Measured time of the tears, a step. Measured times do not enter the state.
+    pub time: Distribution,
+    /// Solvers for new topologies that were made beside the steps and then taken, of all bodies.
+    pub renewed: u64,
+}
+
+impl TearSummary {
+    /// The summary of the tears of `body` from their report.
+    pub(crate) fn new(body: &str, report: &TearReport, time: Distribution, renewed: u64) -> Self {
+        Self {
+            body: body.to_owned(),
+            edges: report.opened,
+            cut: report.cut,
+            snapped: report.snapped,
+            started: report.started,
+            tips: report.tips,
+            area: report.area,
+            energy: report.due,
+            edits: report.edits,
+            full: report.full,
+            time,
+            renewed,
+        }
+    }
+
+    /// Prints what tore, and what it took.
+    pub(super) fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "  tears      {}: {} edges opened ({} cut, {} vertices snapped), {:.1} mm2 torn, {:.1} mJ taken; {} tips at \
+             the end",
+            self.body,
+            self.edges,
+            self.cut,
+            self.snapped,
+            self.area * 1e6,
+            self.energy * 1e3,
+            self.tips
+        )?;
+        if self.full {
+            writeln!(
+                f,
+                "  !          {}: a tear rests because the room for new vertices is used up: raise `room` in \
+                 `[body.tear]`",
+                self.body
+            )?;
+        }
+        Ok(())
+    }
+}
