@@ -22,7 +22,10 @@ fn a_long_strip_starts_to_tear_at_the_strain_of_its_energy() {
 #[test]
 fn force_and_energy_of_a_tear_do_not_depend_on_the_mesh() {
     let found = meshes::run(Level::Quick, &|_| ()).expect("tears");
-    let toughness = found.spreads.iter().find(|spread| spread.law == "toughness");
+    let toughness = found
+        .spreads
+        .iter()
+        .find(|spread| spread.law == "toughness");
     let toughness = toughness.expect("the law");
     assert!(toughness.plateau < 0.1, "{found:?}");
     assert!(toughness.energy < 0.1, "{found:?}");

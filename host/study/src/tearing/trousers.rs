@@ -66,7 +66,9 @@ fn exact() -> f64 {
 /// [`StudyError`].
 pub fn run(level: Level) -> Result<Vec<Trousers>, StudyError> {
     let patterns = level.take(&Pattern::ALL, 1).iter();
-    patterns.map(|&pattern| test(pattern, level.choose(700, 1400))).collect()
+    patterns
+        .map(|&pattern| test(pattern, level.choose(700, 1400)))
+        .collect()
 }
 
 fn test(pattern: Pattern, triangles: usize) -> Result<Trousers, StudyError> {
