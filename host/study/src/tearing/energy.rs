@@ -18,7 +18,7 @@ pub struct Account {
     pub pattern: String,
     /// Number of triangles before the tear.
     pub triangles: usize,
-    /// Torn area (m²).
+    /// Torn area (m^2).
     pub area: f64,
     /// Work of hands and supports (J).
     pub supplied: f64,

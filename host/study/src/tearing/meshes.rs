@@ -29,10 +29,10 @@ pub struct Tear {
     pub plateau: f64,
     /// The length of the tear at the end (m).
     pub length: f64,
-    /// The energy that is supplied and not stored, for a unit of torn area (J/m²): the toughness, damping, and the waves
+    /// The energy that is supplied and not stored, for a unit of torn area (J/m^2): the toughness, damping, and the waves
     /// that the tear makes.
     pub energy: f64,
-    /// The largest distance of the tear from a straight line, as a fraction of an edge (1).
+    /// The largest distance of the tear from a straight line, as a fraction of an edge.
     pub strayed: f64,
 }
 
@@ -41,16 +41,16 @@ pub struct Tear {
 pub struct Spread {
     /// `toughness` or `thesis`.
     pub law: &'static str,
-    /// Of the mean force (1).
+    /// Of the mean force, relative.
     pub plateau: f64,
-    /// Of the energy (1).
+    /// Of the energy, relative.
     pub energy: f64,
 }
 
 /// The part `mesh`.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeshStudy {
-    /// The toughness of the cloth (J/m²).
+    /// The toughness of the cloth (J/m^2).
     pub toughness: f64,
     /// The tears, law by law.
     pub tears: Vec<Tear>,

@@ -77,11 +77,11 @@ pub(super) struct Torn {
 /// The largest errors of the edits of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct EditErrors {
-    /// Change of the mass, relative (1).
+    /// Change of the mass, relative.
     pub mass: f64,
-    /// Change of the area at rest, relative (1).
+    /// Change of the area at rest, relative.
     pub area: f64,
-    /// Change of the momentum, relative to the mass times the largest speed (1).
+    /// Change of the momentum, relative to the mass times the largest speed.
     pub momentum: f64,
     /// Number of inverted triangles, at rest and in space.
     pub inverted: usize,
