@@ -9,8 +9,7 @@
 //! T(s) = f (1 - s_m / d_c) (s + o) / (s_m + o)      below s_m
 //! ```
 //!
-//! The opening first counts along the direction of the first force. Once the sides are apart, it counts along the line
-//! between them: the sheet turns, and a tear out of the plane opens across the first force. The offset `o` is a ten-thousandth of `d_c`: a pair that
+//! The opening counts along the direction of the first force. The offset `o` is a ten-thousandth of `d_c`: a pair that
 //! has not opened would otherwise be rigid.
 //!
 //! **Energy.** The force of a pair in a step is the work of its law over the step divided by the change of the opening (a
@@ -29,8 +28,6 @@ use crate::lanes::{Node, Real, to_node, to_vec};
 
 /// The offset of the unloading line, as a fraction of `d_c`.
 const OFFSET: f64 = 1e-4;
-/// The distance of the sides from which on their line is the direction of a pair, as a fraction of `d_c`.
-const APART: f64 = 1e-2;
 /// Most rounds of forces and openings in a step.
 const MOST_ROUNDS: usize = 8;
 /// Sweeps over the pairs, and bisections for each.
@@ -112,16 +109,6 @@ impl Pair {
         self.largest = self.largest.max(self.opening);
         // The force at the start of the next step.
         self.force = self.slope() * (self.opening + OFFSET * self.critical);
-    }
-
-    /// Turns the direction to the line between the sides, which are `apart` (m). Returns whether it has changed.
-    fn turn(&mut self, apart: &Vec3) -> bool {
-        let distance = apart.norm();
-        let turns = distance > APART * self.critical;
-        if turns {
-            self.direction = apart / distance;
-        }
-        turns
     }
 
     /// The opening that agrees with the law, where the opening is `free - response force`.
@@ -366,18 +353,15 @@ impl<T: Real> Stepper<T> {
     /// Ends the step for the pairs, and forgets those that have let go. Returns the work that they took (J).
     pub(super) fn open_pairs(&mut self, body: &Body) -> f64 {
         let mut work = 0.0;
-        let mut turned = false;
         for at in 0..self.pairs.list.len() {
             let change = self.moved_by(body, &self.pairs.list[at]);
             let pair = &mut self.pairs.list[at];
             work += pair.force * change;
             pair.advance(pair.force, change);
-            let [a, b] = pair.nodes.map(|node| self.at[node as usize]);
-            turned |= pair.turn(&(b - a));
         }
         let count = self.pairs.list.len();
         self.pairs.list.retain(|pair| !pair.is_over());
-        if turned || self.pairs.list.len() < count {
+        if self.pairs.list.len() < count {
             self.pairs.forget_responses();
         }
         work
