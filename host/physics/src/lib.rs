@@ -69,7 +69,7 @@ pub mod topology;
 
 pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
-pub use body::{Body, BodyConfig, BodyEdit, BodyMap, SheetLawName, SolidLaw};
+pub use body::{Body, BodyConfig, BodyEdit, BodyMap, PieceSums, SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
 pub use cost::Cost;
 pub use element::Elements;
@@ -84,8 +84,8 @@ pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, W
 pub use motion::{
     AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
     IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Pair, Part, Refresher, Starts,
-    StepReport, Stepper, StepperOptions, StepperReport, TearOptions, TearReport, Tearing,
-    TimeScheme, complete_bytes,
+    StepReport, Stepper, StepperOptions, StepperReport, TearLimit, TearOptions, TearReport,
+    Tearing, TimeScheme, complete_bytes,
 };
 pub use team::{Alone, Team};
 

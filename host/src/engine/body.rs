@@ -17,7 +17,8 @@ use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
 use physics::{Body, BodyError, BodyMap, Condensed, HandlePose, HandleReport};
 use rt_core::{
-    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec6, Wrench,
+    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TearLimit, TickRecord, Twist, Vec6,
+    Wrench,
 };
 
 /// Speed of a handle in excess of its hand's speed while it catches up (m/s).
@@ -278,6 +279,7 @@ impl HostBody {
             return Ok(());
         }
         self.condense()?;
+        self.limit();
         self.model.sequence += 1;
         self.model.time_ns = time_ns;
         for (i, reference) in self
@@ -300,7 +302,13 @@ impl HostBody {
         }
         if let Some(stored) = &mut self.stored {
             let elastic = self.solver.elastic_energy(&self.body);
-            stored.publish(&self.body, elastic, &mut self.model);
+            match &mut self.tears {
+                Some(tears) if tears.parting.groups() > 1 => {
+                    let sums = tears.parting.sum(&self.body);
+                    stored.publish_pieces(&self.body, sums, &mut self.model);
+                }
+                _ => stored.publish(&self.body, elastic, &mut self.model),
+            }
             stored.publish_tear_area(&mut self.model);
         }
         if let Some(coupling) = &mut self.coupling {
@@ -378,9 +386,63 @@ impl HostBody {
             .tear(&mut self.body, &mut tears.tearing, &mut self.tally);
         if torn {
             self.model.epoch = self.model.epoch.saturating_add(1);
+            let parted = tears.tearing.report().parted;
+            if let Some(from) = tears.parting.follow(&self.body, parted) {
+                self.part(&from);
+            }
         }
         self.tally.torn = torn;
         self.tally.tear = Some(watch.now_ns().saturating_sub(start));
+    }
+
+    /// Parts the account of energy with the groups of the handles; `from` is the old group of each new group.
+    fn part(&mut self, from: &[u8; MAX_HANDLES]) {
+        let Some(tears) = &mut self.tears else {
+            return;
+        };
+        let elastic = self.solver.elastic_energy(&self.body);
+        let (body, model) = (&self.body, &mut self.model);
+        // The energies of the old groups are those of the latest sums, which the last publication took.
+        let (sums, before) = tears.parting.latest();
+        if let Some(stored) = &self.stored {
+            stored.energies(body, elastic, sums, model, before);
+        }
+        tears.parting.sum(body);
+        tears.parting.name(body, model);
+        let (sums, before) = tears.parting.latest();
+        if let Some(stored) = &mut self.stored {
+            stored.part(before, &from[..sums.len()], body, sums, model);
+        }
+        for reference in &mut self.model.handles[..usize::from(self.model.handle_count)] {
+            self.borne.weight(reference);
+        }
+    }
+
+    /// Says in the model how far the handles can move before the next tear goes on.
+    fn limit(&mut self) {
+        let Some(tears) = &mut self.tears else {
+            return;
+        };
+        let handles = &mut self.model.handles;
+        for handle in handles.iter_mut() {
+            handle.tear_slope = Vec6::zeros();
+        }
+        let tearing = &mut tears.tearing;
+        let limit = self
+            .solver
+            .tear_limit(&self.body, tearing, &mut |handle, motion, slope| {
+                if let Some(handle) = handles.get_mut(handle) {
+                    handle.tear_slope[motion] = slope;
+                }
+            });
+        self.model.tear_limit = match limit {
+            Some(limit) => TearLimit {
+                root: limit.root,
+                critical: limit.critical,
+                area: 0.0,
+            },
+            None => TearLimit::none(),
+        };
     }
 
     /// The tears of the body; `None` for a body that does not tear.

@@ -14,6 +14,7 @@ pub mod choice;
 mod clock;
 pub mod faults;
 pub mod pacer;
+mod parting;
 mod path;
 pub mod plan;
 pub mod recipe;

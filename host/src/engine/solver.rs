@@ -5,8 +5,9 @@ use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use physics::{
     AssembledStepper, Body, Condensed, Condenser, HandlePose, Real, Refresher, ShapeOptions,
-    Shapes, Stepper, Tearing,
+    Shapes, Stepper, TearLimit, Tearing,
 };
+use rt_core::MAX_HANDLES;
 
 /// Most pairs of vertices that let each other go at a time.
 const MOST_PAIRS: usize = 64;
@@ -60,6 +61,17 @@ pub trait Solver: Send {
     /// Lets the tears of `body` grow after a step. Returns whether the topology has changed.
     fn tear(&mut self, _body: &mut Body, _tearing: &mut Tearing, _tally: &mut Tally) -> bool {
         false
+    }
+
+    /// The tip that is nearest to going on, after a condensation. `slope` is called with the handle, the motion and the
+    /// slope of each motion.
+    fn tear_limit(
+        &mut self,
+        _body: &Body,
+        _tearing: &mut Tearing,
+        _slope: &mut dyn FnMut(usize, usize, f64),
+    ) -> Option<TearLimit> {
+        None
     }
 
     /// Reads ahead what a later step will need. Called once after each step, when its model has been published.
@@ -354,6 +366,27 @@ impl<T: Real> Solver for Frozen<T> {
             renewals.begin(body, &self.stepper, tearing.journal());
         }
         tearing.journal().len() > before
+    }
+
+    fn tear_limit(
+        &mut self,
+        body: &Body,
+        tearing: &mut Tearing,
+        slope: &mut dyn FnMut(usize, usize, f64),
+    ) -> Option<TearLimit> {
+        let shapes = &self.shapes;
+        let mut slopes = [0.0; 6 * MAX_HANDLES];
+        let slopes = slopes.get_mut(..shapes.motions().count())?;
+        let limit = tearing.limit(
+            body,
+            &self.stepper,
+            |motion, node| shapes.displacement(motion, node),
+            slopes,
+        )?;
+        for ((handle, motion), found) in shapes.motions().zip(slopes) {
+            slope(handle, motion, *found);
+        }
+        Some(limit)
     }
 
     fn read_ahead(&mut self) {

@@ -19,12 +19,15 @@
 //! example, the sag of a strip gives the potential of its weight to the hands. Models state the released energy, too,
 //! and `c` rises by the same amount.
 //!
+//! A body that **parts into pieces** has such an account for each piece ([`Stored::part`]). The energy that the account
+//! had is divided by the elastic energies of the pieces.
+//!
 //! A body whose material becomes softer from one step to the next stores less at the same shape: `c` changes so that
 //! the body's own energy falls by the ratio of its elastic energies.
 
-use physics::Body;
 use physics::linear::dense::{Clipper, Square};
-use rt_core::{LocalModel, MAX_HANDLES, Vec3};
+use physics::{Body, PieceSums};
+use rt_core::{HandleReference, LocalModel, MAX_HANDLES, PieceEnergy, Vec3};
 
 /// Least stiffness of a motion in the tangent's estimate (N/m). A softer motion counts with this stiffness, so that a
 /// body that yields does not claim unbounded energy.
@@ -46,6 +49,17 @@ pub struct Stored {
     constant: Option<f64>,
     /// The energy released so far (J).
     released: f64,
+    /// The account of each piece, by its number; empty for a whole body.
+    purses: Vec<Purse>,
+}
+
+/// The account of one piece.
+#[derive(Clone, Copy, Debug, Default)]
+struct Purse {
+    /// `c` of the piece (J).
+    constant: f64,
+    /// The energy that the piece has released since the body parted (J).
+    released: f64,
 }
 
 impl Stored {
@@ -60,7 +74,92 @@ impl Stored {
             origins,
             constant: None,
             released: 0.0,
+            purses: Vec::with_capacity(MAX_HANDLES),
         }
+    }
+
+    /// Parts the account into pieces. `before` are the energies that the account had of the pieces until now (J), by the
+    /// number of the old piece; `from` is the old number of each new piece. Each new piece takes a part of the energy of
+    /// its old piece, in proportion to the elastic energy that it stores.
+    pub(super) fn part(
+        &mut self,
+        before: &[f64],
+        from: &[u8],
+        body: &Body,
+        sums: &[PieceSums],
+        model: &LocalModel,
+    ) {
+        self.purses.clear();
+        for (piece, own) in sums.iter().enumerate() {
+            let old = from.get(piece).map_or(0, |&old| usize::from(old));
+            let siblings = || {
+                let all = sums.iter().zip(from);
+                all.filter(|(_, from)| usize::from(**from) == old)
+                    .map(|(sums, _)| sums.elastic)
+            };
+            let whole: f64 = siblings().sum();
+            let share = if whole > 0.0 {
+                own.elastic / whole
+            } else {
+                1.0 / siblings().count().max(1) as f64
+            };
+            let energy = before.get(old).copied().unwrap_or(0.0) * share;
+            let now = own.elastic + own.potential + self.lifted(body, model, Some(piece));
+            self.purses.push(Purse {
+                constant: energy - now,
+                released: 0.0,
+            });
+        }
+    }
+
+    /// The energies of the account (J), by the number of the piece: one number for a whole body.
+    pub(super) fn energies(
+        &self,
+        body: &Body,
+        elastic: f64,
+        sums: &[PieceSums],
+        model: &LocalModel,
+        energies: &mut Vec<f64>,
+    ) {
+        energies.clear();
+        if self.purses.is_empty() {
+            let own = elastic + self.potential(body, model);
+            energies.push(own + self.constant.unwrap_or(-own));
+            return;
+        }
+        for (piece, (sums, purse)) in sums.iter().zip(&self.purses).enumerate() {
+            let own = sums.elastic + sums.potential + self.lifted(body, model, Some(piece));
+            energies.push(own + purse.constant);
+        }
+    }
+
+    /// Writes into `model` the energies of its pieces, whose elastic energies and loads are `sums`.
+    pub(super) fn publish_pieces(
+        &mut self,
+        body: &Body,
+        sums: &[PieceSums],
+        model: &mut LocalModel,
+    ) {
+        let mut whole = 0.0;
+        for (piece, own) in sums.iter().enumerate().take(self.purses.len()) {
+            let tangent = self.tangent(model, Some(piece));
+            let now = own.elastic + own.potential + self.lifted(body, model, Some(piece));
+            let purse = &mut self.purses[piece];
+            let below = (-(now + purse.constant)).max(0.0);
+            purse.constant += below;
+            purse.released += below;
+            let stored = (now + purse.constant).min(tangent).max(0.0);
+            whole += stored;
+            if let Some(out) = model.pieces.get_mut(piece) {
+                *out = PieceEnergy {
+                    stored,
+                    released: purse.released,
+                };
+            }
+        }
+        model.energy = whole;
+        let released: f64 = self.purses.iter().map(|purse| purse.released).sum();
+        model.released = self.released + released;
     }
 
     /// Keeps the stiffness of `model`, which models publish from now on. A turn causes displacements at the lever arm
@@ -81,7 +180,7 @@ impl Stored {
     /// Writes into `model` the energy that hands could recover from `body`, and the energy that the body has
     /// released. The elastic energy of the body is `elastic` (J).
     pub fn publish(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
-        let tangent = self.tangent(model);
+        let tangent = self.tangent(model, None);
         let own = elastic + self.potential(body, model);
         let constant = self.constant.get_or_insert(tangent - own);
         let below = (-(own + *constant)).max(0.0);
@@ -144,23 +243,31 @@ impl Stored {
 
     /// Potential of the loads, less that of the weights on the handles (J), but for a constant.
     fn potential(&self, body: &Body, model: &LocalModel) -> f64 {
-        let weights = model.handles().zip(&self.origins);
-        let lifted: f64 = weights
-            .enumerate()
+        body.load_potential() + self.lifted(body, model, None)
+    }
+
+    /// Minus the potential of the weights on the handles (J), but for a constant: of those on one piece, or of all.
+    fn lifted(&self, body: &Body, model: &LocalModel, piece: Option<usize>) -> f64 {
+        let weights = model.handles().zip(&self.origins).enumerate();
+        let counted = weights.filter(|(_, (handle, _))| is_on(handle, piece));
+        counted
             .map(|(number, (handle, origin))| {
                 let report = body.handle_report(number);
                 let position = report.map_or(*origin, |report| report.pose.position);
                 handle.weight.dot(&(position - origin))
             })
-            .sum();
-        body.load_potential() + lifted
+            .sum()
     }
 
-    /// `F . K^-1 F / 2` (J) with the wrenches of `model` without their weights. The wrenches of the dampers are added
-    /// back, as a reader of the model does.
-    fn tangent(&mut self, model: &LocalModel) -> f64 {
+    /// `F . K^-1 F / 2` (J) with the wrenches of `model` on the handles of one piece, or on all, without their weights.
+    /// The wrenches of the dampers are added back, as a reader of the model does.
+    fn tangent(&mut self, model: &LocalModel, piece: Option<usize>) -> f64 {
         let loads = self.load.chunks_exact_mut(6).zip(&model.damping);
         for ((load, damping), handle) in loads.zip(&model.handles) {
+            if !is_on(handle, piece) {
+                load.fill(0.0);
+                continue;
+            }
             let mut wrench = handle.unweighted();
             for (b, other) in damping.iter().zip(model.handles()) {
                 wrench += b * other.twist.stacked();
@@ -170,4 +277,9 @@ impl Stored {
         self.clipper
             .stored(&self.stiffness, &self.scale, &self.load, SOFTEST)
     }
+}
+
+/// Whether a handle is on a piece, or the piece is the whole body.
+fn is_on(handle: &HandleReference, piece: Option<usize>) -> bool {
+    piece.is_none_or(|piece| usize::from(handle.piece) == piece)
 }

@@ -1,16 +1,19 @@
 //! The tears of one body in the host's loop.
 
+use super::parting::Parting;
 use crate::bodies::{Built, TearSpec};
 use crate::scene::spec::TearLawName;
 use crate::scene::{LoadedScene, SceneError};
 use physics::tear::{TearLaw, TearMaterial};
-use physics::topology::Reserve;
+use physics::topology::{Pieces, Reserve};
 use physics::{Starts, TearOptions, Tearing};
 
 /// The tears of a body.
 pub struct BodyTears {
     /// Tips and edits.
     pub(crate) tearing: Tearing,
+    /// The pieces.
+    pub(super) parting: Parting,
 }
 
 impl BodyTears {
@@ -39,7 +42,13 @@ impl BodyTears {
             let allowed = "a sheet that can tear";
             loaded.source.error(&field, error.to_string(), allowed)
         })?;
-        Ok(Some(Self { tearing }))
+        let parting = Parting::new(body);
+        Ok(parting.map(|parting| Self { tearing, parting }))
+    }
+
+    /// The pieces of the body.
+    pub fn pieces(&self) -> &Pieces {
+        self.parting.pieces()
     }
 
     /// Tips and edits.

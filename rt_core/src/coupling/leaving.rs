@@ -60,7 +60,11 @@ impl Coupling {
             }
         }
         let mut pieces = pending.piece_count();
-        let each = to.handles().zip(before).zip(weights.iter()).zip(0..MAX_HANDLES as u8);
+        let each = to
+            .handles()
+            .zip(before)
+            .zip(weights.iter())
+            .zip(0..MAX_HANDLES as u8);
         for (((old, wrench), weight), index) in each {
             let device = usize::from(old.device);
             let Some(fade) = fades.get_mut(device) else {

@@ -12,6 +12,7 @@
 //! - `build`: the construction of a body at rest from a mesh, materials and handles. `exchange`: the replacement of a
 //!   moving body by one of another material, with other handles and supports, or with another mesh.
 //! - [`load`]: tractions as forces on vertices.
+//! - `pieces`: sums over the pieces of a torn body.
 //! - `energy`, `weight`, `memory`: sums over a body, and the memory that a body takes.
 //! - `guard`: a bound on the energy at the end of a step.
 //! - `rounding`: the uncertainty of positions, forces and energies that rounding causes.
@@ -31,6 +32,7 @@ mod hold;
 pub mod load;
 mod memory;
 mod model;
+mod pieces;
 pub(crate) mod rounding;
 mod state;
 pub(crate) mod support;
@@ -46,6 +48,7 @@ use topology::Topology;
 pub use build::{SheetLawName, SolidLaw};
 pub use edit::BodyEdit;
 pub use exchange::BodyMap;
+pub use pieces::PieceSums;
 
 use crate::Vec3;
 use crate::body::handle::HandleReport;

@@ -215,6 +215,26 @@ impl Reduction {
             .extend(masses.map(|&node| body.model.mass[node as usize]));
     }
 
+    /// The displacement of a node by a column; zero for a node that the shapes do not have yet.
+    pub(crate) fn displacement(&self, column: usize, node: u32) -> Vec3 {
+        let (free, motion) = (self.places.free(), self.columns[column]);
+        match self.places.of_nodes().get(node as usize) {
+            None => Vec3::zeros(),
+            Some(&place) if (place as usize) < free => {
+                let at = 3 * (free * column + place as usize);
+                Vec3::new(self.shapes[at], self.shapes[at + 1], self.shapes[at + 2])
+            }
+            Some(&place) => {
+                let held = place as usize - free;
+                if self.holder[held] as usize == motion.handle {
+                    motion.at(&self.arms[held])
+                } else {
+                    Vec3::zeros()
+                }
+            }
+        }
+    }
+
     /// Whether the reduction was made for a body of this topology.
     pub(crate) fn fits(&self, body: &Body) -> bool {
         self.holder.len() == body.constraints.held_nodes().count()

@@ -160,6 +160,22 @@ impl Shapes {
     }
 }
 
+impl Shapes {
+    /// The handle and the motion of each shape: 0 to 2 are translations, 3 to 5 rotations. Empty before the first model.
+    pub fn motions(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let columns = self.kept.iter().flat_map(|kept| &kept.reduction.columns);
+        columns.map(|column| (column.handle, column.motion))
+    }
+
+    /// The displacement of a node for a unit of the motion of a shape (m per m, m per rad); zero before the first model,
+    /// and for a node that the shapes do not have yet.
+    pub fn displacement(&self, shape: usize, node: u32) -> Vec3 {
+        self.kept
+            .as_ref()
+            .map_or_else(Vec3::zeros, |kept| kept.reduction.displacement(shape, node))
+    }
+}
+
 impl<T: Real> Stepper<T> {
     /// Computes by how much the elastic forces at the end of the last step differ from its linearization, as a rate
     /// (N/s). `missed` is unchanged if no step was taken since the last model. The equation of the step gives `K u`, so

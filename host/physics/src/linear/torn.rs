@@ -36,6 +36,10 @@ const MOST_BLOCKS: usize = 48;
 /// A pivot of `Sigma` below this fraction of the node's own block is rounding error of the old factor.
 const LEAST_PIVOT: f64 = 1e-7;
 
+/// A pivot of `Sigma` is at least this fraction of the node's mass in the matrix. Where triangles are compressed, the
+/// stiffness of their new neighbours may be negative, and a tiny pivot would spoil the preconditioner.
+const LEAST_OF_MASS: f64 = 0.25;
+
 /// Where a new node was before the sheet tore: at `fraction` of the way from one place to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tie {
@@ -70,6 +74,8 @@ struct Row {
     blocks: Vec<(u32, Mat3)>,
     /// Whether the row has changed since the columns were computed.
     changed: bool,
+    /// The mass of the node in the matrix (kg/s^2), as far as it was given.
+    mass: f64,
 }
 
 /// New nodes beside an old factor. Their places follow those of the factor.
@@ -112,6 +118,7 @@ impl TornFactor {
         let row = || Row {
             blocks: Vec::with_capacity(MOST_BLOCKS),
             changed: false,
+            mass: 0.0,
         };
         let (stride, size) = (old + most, 3 * capacity);
         Self {
@@ -197,6 +204,14 @@ impl TornFactor {
             Some(at) => blocks[at].1 += block,
             None if blocks.len() < MOST_BLOCKS => blocks.push((column as u32, *block)),
             None => {}
+        }
+    }
+
+    /// Adds the mass of the new node at `place`, as it is in the matrix (kg/s^2), to its row.
+    pub fn add_mass(&mut self, place: usize, mass: f64) {
+        if self.takes(place) {
+            self.rows[place - self.old].mass = mass;
+            self.add(place, place, &(Mat3::identity() * mass));
         }
     }
 
@@ -369,7 +384,8 @@ impl TornFactor {
                     let place = (self.old + row / 3) as u32;
                     let least = block.filter(|(other, _)| *other == place);
                     let least = least.map(|(_, block)| LEAST_PIVOT * block[(row % 3, row % 3)]);
-                    let least = least.fold(f64::MIN_POSITIVE, f64::max);
+                    let of_mass = LEAST_OF_MASS * self.rows[row / 3].mass;
+                    let least = least.fold(of_mass.max(f64::MIN_POSITIVE), f64::max);
                     own[row] = libm::sqrt(if sum > least { sum } else { least });
                 } else {
                     let other = &above[column * size..column * size + column + 1];

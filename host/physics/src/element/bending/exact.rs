@@ -173,6 +173,17 @@ impl Bending {
         0.5 * squares.sum::<f64>()
     }
 
+    /// Number of triangles.
+    pub(crate) fn count(&self) -> usize {
+        self.facets.len()
+    }
+
+    /// Bending energy (J) of a triangle at node positions `x`.
+    pub(crate) fn energy_of(&self, triangle: usize, x: &[Vec3], nodes: &[u32]) -> f64 {
+        let bent = self.bent(triangle, |vertex| x[nodes[vertex as usize] as usize]);
+        0.5 * bent.curvature.norm_squared()
+    }
+
     /// Memory that it holds beside itself (bytes).
     pub(crate) fn bytes(&self) -> usize {
         self.rotations.bytes()

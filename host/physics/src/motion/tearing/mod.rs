@@ -6,15 +6,18 @@
 //! the edge let go of each other gradually. The edits of several tips are made in the order of the tips, so that two runs
 //! give the same bytes. Nothing is allocated after the construction.
 //!
-//! - `tips`: the tips, and how they grow. `start`: where new tears start. `cost`: what snapping would cost.
+//! - `tips`: the tips, and how they grow. `limit`: how far handles can move until then. `start`: where new tears start. `cost`: what snapping would cost.
 
 mod cost;
+mod limit;
 mod start;
 mod tips;
 
+pub use limit::TearLimit;
 pub use tips::TipState;
 
 use super::stepper::{Pair, Stepper};
+use crate::Vec3;
 use crate::body::Body;
 use crate::error::TearingError;
 use crate::lanes::Real;
@@ -58,6 +61,8 @@ pub struct TearReport {
     pub cut: u64,
     /// Number of vertices that snapped.
     pub snapped: u64,
+    /// Number of edits by which a piece may have come off.
+    pub parted: u64,
     /// Number of tears that started at the strength.
     pub started: u64,
     /// Number of tips at present.
@@ -86,6 +91,8 @@ pub struct Tearing {
     stress: Vec<Symmetric>,
     /// Whether each vertex is about a tip; empty where no tear can start.
     near: Vec<bool>,
+    /// Room for displaced positions (m).
+    displaced: Vec<Vec3>,
     report: TearReport,
     /// All edits so far, in their order.
     journal: Vec<Edit>,
@@ -121,6 +128,7 @@ impl Tearing {
             patch: Patch::new(limits.vertices, limits.triangles),
             stress: vec![[0.0; 3]; triangles],
             near: vec![false; vertices],
+            displaced: Vec::with_capacity(limits.vertices),
             report: TearReport {
                 tips: tips.len(),
                 ..TearReport::default()
@@ -199,6 +207,7 @@ impl Tearing {
         };
         let report = &mut self.report;
         report.edits += done.kinetic + done.potential + elastic;
+        report.parted += u64::from(done.surface.parted);
         report.snapped += done.surface.moved.iter().flatten().count() as u64;
         if let Some(surface) = body.surface() {
             report.cut += surface.divided().len().div_ceil(2) as u64;
