@@ -9,7 +9,8 @@
 //! T(s) = f (1 - s_m / d_c) (s + o) / (s_m + o)      below s_m
 //! ```
 //!
-//! The opening counts along the direction of the first force. The offset `o` is a ten-thousandth of `d_c`: a pair that
+//! The opening counts along the direction of the first force. A sheet may turn until its sides part across or against this
+//! direction. A pair therefore lets go where its sides are `2 d_c` apart, too. The offset `o` is a ten-thousandth of `d_c`: a pair that
 //! has not opened would otherwise be rigid.
 //!
 //! **Energy.** The force of a pair in a step is the work of its law over the step divided by the change of the opening (a
@@ -28,6 +29,8 @@ use crate::lanes::{Node, Real, to_node, to_vec};
 
 /// The offset of the unloading line, as a fraction of `d_c`.
 const OFFSET: f64 = 1e-4;
+/// The distance of the sides at which a pair has let go in any case, as a multiple of `d_c`.
+const FAR: f64 = 2.0;
 /// Most rounds of forces and openings in a step.
 const MOST_ROUNDS: usize = 8;
 /// Sweeps over the pairs, and bisections for each.
@@ -360,7 +363,11 @@ impl<T: Real> Stepper<T> {
             pair.advance(pair.force, change);
         }
         let count = self.pairs.list.len();
-        self.pairs.list.retain(|pair| !pair.is_over());
+        let x = &self.at;
+        self.pairs.list.retain(|pair| {
+            let [a, b] = pair.nodes.map(|node| x[node as usize]);
+            !pair.is_over() && (b - a).norm() < FAR * pair.critical
+        });
         if self.pairs.list.len() < count {
             self.pairs.forget_responses();
         }

@@ -259,7 +259,11 @@ impl Tearing {
             material.toughness * material.thickness * length / twins.clone().count().max(1) as f64;
         let mut first = None;
         for nodes in twins {
+            // The sides of an edge part by at most twice its length before the next edge opens. A force that is so weak that
+            // they would have to part further is raised. Otherwise the tip would wait for them.
             let force = stepper.force_between(body, nodes);
+            let weakest = energy / length;
+            let force = force * (weakest / force.norm()).max(1.0);
             if let Some(pair) = Pair::new(nodes, &force, energy)
                 && stepper.add_pair(pair)
             {
