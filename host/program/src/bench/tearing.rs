@@ -203,7 +203,15 @@ fn print_energy(accounts: &[Account]) {
         .iter()
         .map(|a| format!("{:+.3} %", 100.0 * a.missing()))
         .collect();
-    outln!("| missing of supplied | {} |\n", cells.join(" | "));
+    outln!("| missing of supplied | {} |", cells.join(" | "));
+    let cells: Vec<String> = accounts
+        .iter()
+        .map(|a| format!("{:.0e}", a.rounding()))
+        .collect();
+    outln!(
+        "| the same with what letting go took | {} |\n",
+        cells.join(" | ")
+    );
 }
 
 fn print_meshes(meshes: &[Mesh]) {

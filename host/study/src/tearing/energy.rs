@@ -46,6 +46,12 @@ pub struct Account {
 }
 
 impl Account {
+    /// What the account lacks if the pairs' own work takes the place of the energy of the tear, as a fraction of the
+    /// supplied energy: rounding.
+    pub fn rounding(&self) -> f64 {
+        self.missing() + (self.due - self.pending - self.released) / self.supplied
+    }
+
     /// What the account lacks, as a fraction of the supplied energy.
     pub fn missing(&self) -> f64 {
         let sources = self.supplied + self.edits + self.guard + self.solver;
