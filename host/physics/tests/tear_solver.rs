@@ -448,7 +448,11 @@ impl Run {
             .stepper
             .step(&mut self.body, 1e-3, targets, || false)
             .unwrap();
-        assert!(report.converged, "{} vertices: {report:?}", self.stepper.grown());
+        assert!(
+            report.converged,
+            "{} vertices: {report:?}",
+            self.stepper.grown()
+        );
         report
     }
 
