@@ -13,6 +13,7 @@ use super::slot::{Moment, SlotReader, Watchers};
 use super::socket::{Update, UpdateSender};
 use crate::log;
 use crate::run::observer::{Observed, Observer};
+use crate::run::tears::TearEvents;
 use runner::LatencyReader;
 use runner::link::LogRecord;
 use std::collections::VecDeque;
@@ -30,6 +31,8 @@ pub(crate) struct ViewObserver {
     rate: Rate,
     frames: Frames,
     log: LogTail,
+    /// What tears.
+    tears: TearEvents,
     slot: SlotReader,
     sender: UpdateSender,
     /// What the thread of the viewers has not taken.
@@ -60,12 +63,18 @@ impl ViewObserver {
             rate: Rate::of_frames(),
             frames,
             log: LogTail::default(),
+            tears: TearEvents::default(),
             slot,
             sender,
             waiting: None,
             tick_time,
             rest,
         }
+    }
+
+    /// The observer that also tells viewers of `tears`.
+    pub(crate) fn with_tears(self, tears: TearEvents) -> Self {
+        Self { tears, ..self }
     }
 
     fn send(&mut self) {
@@ -79,7 +88,7 @@ impl ViewObserver {
             None => (surfaces, Box::new(frame)),
             Some((mut before, first)) => {
                 frame.merge_before(*first);
-                before.extend(surfaces);
+                add_newer(&mut before, surfaces);
                 (before, Box::new(frame))
             }
         };
@@ -94,7 +103,13 @@ impl ViewObserver {
 impl Observer for ViewObserver {
     fn take(&mut self, record: LogRecord<'_>) {
         if let LogRecord::Tick(telemetry) = record {
-            self.frames.gatherer.take(&telemetry.into());
+            let tick = telemetry.into();
+            while let Some((event, words)) = self.tears.next() {
+                if let Some(words) = words {
+                    self.frames.gatherer.tear(&tick, &event, &words);
+                }
+            }
+            self.frames.gatherer.take(&tick);
         }
         if self.watched {
             self.log.add(record);
@@ -130,6 +145,12 @@ impl Observer for ViewObserver {
         frames.unsent = self.waiting.map(|(surfaces, frame)| (surfaces, *frame));
         *self.rest.lock().unwrap_or_else(PoisonError::into_inner) = Some(frames);
     }
+}
+
+/// Adds the surfaces `newer` to `surfaces`. Of each body only the newest surface stays.
+fn add_newer(surfaces: &mut Vec<Surface>, newer: Vec<Surface>) {
+    surfaces.retain(|old| newer.iter().all(|new| new.body != old.body));
+    surfaces.extend(newer);
 }
 
 /// Makes frames.
@@ -173,10 +194,12 @@ impl Frames {
         if let Some(moment) = moment {
             self.host = moment.host.clone();
             for (known, body) in self.surfaces.iter_mut().zip(&moment.bodies) {
-                if let Some(now) = &body.changed {
-                    *known = after_change(known, body.epoch, now);
-                    changed.push(known.clone());
-                }
+                *known = match (body.torn.fresh(), &body.changed) {
+                    (Some(torn), _) => torn.clone(),
+                    (None, Some(now)) => after_change(known, body.epoch, now),
+                    (None, None) => continue,
+                };
+                changed.push(known.clone());
             }
             for (body, vertices) in frame.bodies.iter_mut().zip(moment.vertices()) {
                 body.vertices = Some(vertices);
@@ -194,7 +217,7 @@ impl Frames {
             None => (changed, frame),
             Some((mut surfaces, before)) => {
                 frame.merge_before(before);
-                surfaces.extend(changed);
+                add_newer(&mut surfaces, changed);
                 (surfaces, frame)
             }
         };
