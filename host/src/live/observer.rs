@@ -37,6 +37,8 @@ pub(crate) struct ViewObserver {
     sender: UpdateSender,
     /// What the thread of the viewers has not taken.
     waiting: Option<(Vec<Surface>, Box<Frame>)>,
+    /// Surfaces of a frame that was dropped when the last viewer left. The next viewer needs them.
+    owed: Vec<Surface>,
     /// Where the tick's thread leaves its computing times.
     tick_time: TickTime,
     /// Where the frames go at the end of the run.
@@ -67,6 +69,7 @@ impl ViewObserver {
             slot,
             sender,
             waiting: None,
+            owed: Vec::new(),
             tick_time,
             rest,
         }
@@ -79,7 +82,9 @@ impl ViewObserver {
 
     fn send(&mut self) {
         let moment = self.slot.newest();
-        let (surfaces, mut frame) = self.frames.make(moment.as_deref());
+        let (newer, mut frame) = self.frames.make(moment.as_deref());
+        let mut surfaces = std::mem::take(&mut self.owed);
+        add_newer(&mut surfaces, newer);
         if let Some(moment) = moment {
             self.slot.give_back(moment);
         }
@@ -129,7 +134,9 @@ impl Observer for ViewObserver {
             // The first frame begins now, and not at the start of the run or with the viewer before.
             self.frames.skip();
             self.log = LogTail::default();
-            self.waiting = None;
+            if let Some((surfaces, _)) = self.waiting.take() {
+                add_newer(&mut self.owed, surfaces);
+            }
             return;
         }
         if self.rate.is_due(Instant::now()) {
@@ -143,6 +150,7 @@ impl Observer for ViewObserver {
             frames.gatherer.set_tick_time(reader.clone());
         }
         frames.unsent = self.waiting.map(|(surfaces, frame)| (surfaces, *frame));
+        frames.owed = self.owed;
         *self.rest.lock().unwrap_or_else(PoisonError::into_inner) = Some(frames);
     }
 }
@@ -162,6 +170,8 @@ pub(super) struct Frames {
     steps: StepRate,
     /// A frame that the thread of the viewers did not take.
     unsent: Option<(Vec<Surface>, Frame)>,
+    /// Surfaces that the thread of the viewers does not have, before those of `unsent`.
+    owed: Vec<Surface>,
 }
 
 impl Frames {
@@ -173,6 +183,7 @@ impl Frames {
             host: HostState::default(),
             steps: StepRate::default(),
             unsent: None,
+            owed: Vec::new(),
         }
     }
 
@@ -213,14 +224,12 @@ impl Frames {
     /// The last frame of the run, after the last step of `host`.
     pub(super) fn last(&mut self, host: Option<&Moment>) -> (Vec<Surface>, Frame) {
         let (changed, mut frame) = self.make(host);
-        let (surfaces, mut frame) = match self.unsent.take() {
-            None => (changed, frame),
-            Some((mut surfaces, before)) => {
-                frame.merge_before(before);
-                add_newer(&mut surfaces, changed);
-                (surfaces, frame)
-            }
-        };
+        let mut surfaces = std::mem::take(&mut self.owed);
+        if let Some((unsent, before)) = self.unsent.take() {
+            frame.merge_before(before);
+            add_newer(&mut surfaces, unsent);
+        }
+        add_newer(&mut surfaces, changed);
         frame.last = true;
         (surfaces, frame)
     }

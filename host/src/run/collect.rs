@@ -117,6 +117,9 @@ impl Collector {
     fn take_tears(&mut self) {
         while let Some((event, words)) = self.tears.next() {
             let time = event.time_ns as f64 * 1e-9;
+            if let Some((_, marks)) = &mut self.samples {
+                marks.tear(event.body as usize, time);
+            }
             let name = self.body_names.get(event.body as usize);
             if let (Some(words), Some(name)) = (words, name) {
                 push_span(&mut self.spans, time, time, name, &words);
