@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 15] = [
+const OUTPUTS: [Output; 16] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -70,6 +70,12 @@ const OUTPUTS: [Output; 15] = [
         schema: "palpate.stability/1",
         about: "Bodies under extreme conditions.",
         root: "study::stability::Report",
+    },
+    Output {
+        title: "`palpate bench tearing --json`",
+        schema: "palpate.tearing/1",
+        about: "Tears of sheets against fracture mechanics.",
+        root: "study::tearing::TearingStudy",
     },
     Output {
         title: "`palpate bench velocity --json`",

@@ -42,6 +42,21 @@ pub enum StudyError {
     /// A plate cannot be generated.
     #[error(transparent)]
     Plate(#[from] PlateError),
+    /// The vertices of a slit are not joined by edges: it is too near to another one or to a corner.
+    #[error("a slit of a specimen is not made of edges of its mesh")]
+    Slit,
+    /// A tear of a specimen ended before its measurement did.
+    #[error("the tear of a specimen rests before it has the length to be measured")]
+    Rests,
+    /// A patch about the tip of a tear cannot be measured.
+    #[error(transparent)]
+    Tear(#[from] physics::tear::TearError),
+    /// A sheet cannot tear.
+    #[error(transparent)]
+    Tearing(#[from] physics::TearingError),
+    /// A mesh is no surface that can tear.
+    #[error(transparent)]
+    Surface(#[from] physics::topology::SurfaceError),
     /// A mesh has no border.
     #[error(transparent)]
     Mesh(#[from] MeshError),

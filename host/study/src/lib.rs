@@ -10,6 +10,7 @@ mod level;
 pub mod speed;
 pub mod stability;
 pub mod stress;
+pub mod tearing;
 pub mod velocity;
 
 pub use error::StudyError;

@@ -4,6 +4,7 @@ mod accuracy;
 mod extrapolation;
 mod speed;
 mod stability;
+mod tearing;
 mod velocity;
 
 use super::{CommandError, progress_bar};
@@ -26,6 +27,8 @@ enum Benchmark {
     Speed(speed::SpeedArguments),
     /// Stress every law, element and scheme. Fails if a number is not finite or a step creates energy
     Stability(stability::StabilityArguments),
+    /// Tear sheets, and compare onset, force, path and energy with fracture mechanics
+    Tearing(tearing::TearingArguments),
     /// Measure error, noise and delay of each velocity estimator for encoder counts, and the damping that it allows
     Velocity(velocity::VelocityArguments),
 }
@@ -36,6 +39,7 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
         Benchmark::Extrapolation(arguments) => extrapolation::run(arguments),
         Benchmark::Speed(arguments) => speed::run(arguments),
         Benchmark::Stability(arguments) => stability::run(arguments),
+        Benchmark::Tearing(arguments) => tearing::run(arguments),
         Benchmark::Velocity(arguments) => velocity::run(arguments),
     }
 }

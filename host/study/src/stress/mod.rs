@@ -5,7 +5,7 @@
 //! of the body. [`seeds`] compares results of several seeds. [`scene`] compares the schemes on a scene under hands, rates and faults. `palpate stress` repeats each
 //! of them.
 
-mod chance;
+pub(crate) mod chance;
 pub mod devices;
 pub mod faults;
 pub mod hold;

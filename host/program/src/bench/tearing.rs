@@ -1,0 +1,241 @@
+//! `palpate bench tearing`: tears of sheets against fracture mechanics.
+
+use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
+use super::{level, with_bar};
+use host::atomic_file::write_json;
+use host::plot::{self, Marker, Role, Series};
+use std::path::PathBuf;
+use study::tearing::edits::Mesh;
+use study::tearing::energy::Account;
+use study::tearing::kinks::Kink;
+use study::tearing::meshes::{MeshStudy, Tear};
+use study::tearing::{self, Part};
+
+/// Arguments of `palpate bench tearing`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct TearingArguments {
+    /// Run this part only
+    #[arg(long, value_enum, value_name = "PART")]
+    part: Option<PartName>,
+    /// Write the tables as JSON as well
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw the force of each law against the number of triangles (SVG or PNG; part `mesh`)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Use only coarse meshes, in seconds instead of minutes
+    #[arg(long)]
+    quick: bool,
+}
+
+/// The parts, by name.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum PartName {
+    /// Force, energy and start of tears on meshes of several sizes and patterns
+    Mesh,
+    /// The direction of a crack at an angle to the load
+    Path,
+    /// The account of the energy of a tear
+    Energy,
+    /// What tears do to a mesh
+    Meshes,
+}
+
+impl PartName {
+    fn part(self) -> Part {
+        match self {
+            Self::Mesh => Part::Mesh,
+            Self::Path => Part::Path,
+            Self::Energy => Part::Energy,
+            Self::Meshes => Part::Meshes,
+        }
+    }
+}
+
+pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
+        .check()?;
+    let parts = match arguments.part {
+        Some(name) => vec![name.part()],
+        None => Part::ALL.to_vec(),
+    };
+    let level = level(arguments.quick);
+    let found = with_bar(|progress| tearing::run(&parts, level, progress))?;
+    if let Some(mesh) = &found.mesh {
+        print_mesh(mesh);
+    }
+    if let Some(kinks) = &found.path {
+        print_path(kinks);
+    }
+    if let Some(accounts) = &found.energy {
+        print_energy(accounts);
+    }
+    if let Some(meshes) = &found.meshes {
+        print_meshes(meshes);
+    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
+    if let Some(mesh) = &found.mesh {
+        written.write(arguments.plot.as_ref(), |path| {
+            plot::write_picture(path, &chart(&mesh.tears))
+        });
+    }
+    written.end()?;
+    Ok(())
+}
+
+fn print_mesh(found: &MeshStudy) {
+    outln!(
+        "Mesh independence: a notched cloth in two hands; its toughness is {} J/m²\n",
+        found.toughness
+    );
+    outln!("| law | pattern | triangles | peak N | mean force N | energy J/m² | off the line, edges |");
+    outln!("|---|---|---|---|---|---|---|");
+    for tear in &found.tears {
+        outln!(
+            "| `{}` | {} | {} | {:.3} | {:.3} | {:.0} | {:.2} |",
+            tear.law,
+            tear.pattern,
+            tear.triangles,
+            tear.peak,
+            tear.plateau,
+            tear.energy,
+            tear.strayed
+        );
+    }
+    outln!("\nLargest deviation from the mean over all meshes\n");
+    outln!("| law | mean force | energy |");
+    outln!("|---|---|---|");
+    for spread in &found.spreads {
+        outln!(
+            "| `{}` | {:.1} % | {:.1} % |",
+            spread.law,
+            100.0 * spread.plateau,
+            100.0 * spread.energy
+        );
+    }
+    outln!("\nLong clamped strips: the strain at which the tear starts\n");
+    outln!("| pattern | triangles | exact | found | error |");
+    outln!("|---|---|---|---|---|");
+    for start in &found.starts {
+        outln!(
+            "| {} | {} | {:.4} | {:.4} | {:+.1} % |",
+            start.pattern,
+            start.triangles,
+            start.exact,
+            start.found,
+            100.0 * start.error()
+        );
+    }
+    outln!();
+}
+
+fn print_path(kinks: &[Kink]) {
+    outln!("First kink of a crack (degrees), by the angle between crack and load\n");
+    outln!("| pattern | triangles | load | exact | found | error |");
+    outln!("|---|---|---|---|---|---|");
+    for kink in kinks {
+        outln!(
+            "| {} | {} | {} | {:.1} | {:.1}, {:.1} | {:.1} |",
+            kink.pattern,
+            kink.triangles,
+            kink.load,
+            kink.exact,
+            kink.found[0],
+            kink.found[1],
+            kink.error()
+        );
+    }
+    outln!();
+}
+
+fn print_energy(accounts: &[Account]) {
+    type Term = (&'static str, fn(&Account) -> f64);
+    let terms: [Term; 12] = [
+        ("supplied", |a| a.supplied),
+        ("stored: kinetic, elastic, weight", |a| a.stored),
+        ("damping", |a| a.damping),
+        ("toughness times torn area", |a| a.due),
+        ("of it, still to be taken", |a| a.pending),
+        ("taken by letting go", |a| a.released),
+        ("edits (source)", |a| a.edits),
+        ("implicit Euler", |a| a.integrator),
+        ("linearization", |a| a.linearization),
+        ("guard (source)", |a| a.guard),
+        ("solver (source)", |a| a.solver),
+        ("missing", |a| a.missing() * a.supplied),
+    ];
+    outln!("Energy of a whole tear (mJ)\n");
+    let heads: Vec<String> = accounts
+        .iter()
+        .map(|a| format!("{}, {} triangles", a.pattern, a.triangles))
+        .collect();
+    outln!("| term | {} |", heads.join(" | "));
+    outln!("|---|{}", "---|".repeat(accounts.len()));
+    for (name, term) in terms {
+        let cells: Vec<String> = accounts.iter().map(|a| format!("{:.4}", 1e3 * term(a))).collect();
+        outln!("| {name} | {} |", cells.join(" | "));
+    }
+    let cells: Vec<String> = accounts
+        .iter()
+        .map(|a| format!("{:+.3} %", 100.0 * a.missing()))
+        .collect();
+    outln!("| missing of supplied | {} |\n", cells.join(" | "));
+}
+
+fn print_meshes(meshes: &[Mesh]) {
+    outln!("Meshes: what a tear adds, by the largest snap (as a fraction of an edge)\n");
+    outln!(
+        "| pattern | snapping | triangles | added | opened | cut | snapped | smallest angle before, after | off the line, \
+         edges | mass | area | momentum | inverted |"
+    );
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for mesh in meshes {
+        let [opened, cut, snapped] = mesh.counts;
+        outln!(
+            "| {} | {} | {} | {} | {opened} | {cut} | {snapped} | {:.1}°, {:.1}° | {:.2} | {:.0e} | {:.0e} | {:.0e} | {} |",
+            mesh.pattern,
+            mesh.snapping,
+            mesh.triangles[0],
+            mesh.triangles[1],
+            mesh.angles[0],
+            mesh.angles[1],
+            mesh.strayed,
+            mesh.errors.mass,
+            mesh.errors.area,
+            mesh.errors.momentum,
+            mesh.errors.inverted
+        );
+    }
+    outln!();
+}
+
+/// The mean force against the number of triangles: a line for each law and pattern.
+fn chart(tears: &[Tear]) -> String {
+    let mut drawn: Vec<Series> = Vec::new();
+    let lines = tears.chunk_by(|a, b| (a.law, &a.pattern) == (b.law, &b.pattern));
+    for (place, line) in lines.enumerate() {
+        let Some(first) = line.first() else {
+            continue;
+        };
+        drawn.push(Series {
+            name: format!("{}, {}", first.law, first.pattern),
+            points: line.iter().map(|tear| (tear.triangles as f64, tear.plateau)).collect(),
+            marker: Marker::by_place(place),
+            role: Role::Number(place),
+            ..Series::default()
+        });
+    }
+    plot::line_chart_svg(
+        "Mean force of a tear",
+        "triangles",
+        "force of a hand (N)",
+        true,
+        false,
+        &drawn,
+    )
+}

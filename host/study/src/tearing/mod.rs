@@ -1,0 +1,90 @@
+//! Tearing of sheets against fracture mechanics: onset, force, path and energy, on meshes of several sizes and patterns.
+//!
+//! - `delaunay`, `patterns`: the meshes of the specimens. `specimen`: their materials.
+//! - `rig`: a sheet that tears, with its stepper. `pull`: a notched sheet that two hands tear.
+//! - [`meshes`]: force and energy of a tear on different meshes. [`strip`]: the start of a tear in a long strip.
+//! - [`kinks`]: the first kink of a crack at an angle to the load.
+//! - [`energy`]: the account of the energy of a tear.
+//! - [`edits`]: what tears do to a mesh.
+
+mod delaunay;
+pub mod edits;
+pub mod energy;
+pub mod kinks;
+pub mod meshes;
+mod patterns;
+mod pull;
+mod rig;
+mod specimen;
+pub mod strip;
+
+pub use patterns::{Pattern, Patterned, Rectangle, Slit};
+pub use pull::EditErrors;
+pub use specimen::{CLOTH, PAPER, Stuff};
+
+use crate::{Level, StudyError};
+use serde::Serialize;
+
+/// The numbers of triangles of the meshes.
+const SIZES: [usize; 4] = [700, 1400, 2800, 5600];
+
+/// A part of the study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Force, energy and start on different meshes.
+    Mesh,
+    /// The direction of a tear.
+    Path,
+    /// The account of the energy.
+    Energy,
+    /// What tears do to a mesh.
+    Meshes,
+}
+
+impl Part {
+    /// All parts, in their order.
+    pub const ALL: [Self; 4] = [Self::Mesh, Self::Path, Self::Energy, Self::Meshes];
+}
+
+/// The results of the study. A part that did not run is missing.
+#[derive(Clone, Debug, Serialize)]
+pub struct TearingStudy {
+    /// `palpate.tearing/1`.
+    pub schema: &'static str,
+    /// The extent of the computation.
+    pub level: Level,
+    /// Force, energy and start on different meshes.
+    pub mesh: Option<meshes::MeshStudy>,
+    /// The first kinks of cracks.
+    pub path: Option<Vec<kinks::Kink>>,
+    /// The accounts of the energy.
+    pub energy: Option<Vec<energy::Account>>,
+    /// The meshes before and after tears.
+    pub meshes: Option<Vec<edits::Mesh>>,
+}
+
+/// Runs some parts. `progress` receives the fraction done.
+///
+/// # Errors
+/// [`StudyError`].
+pub fn run(parts: &[Part], level: Level, progress: &dyn Fn(f64)) -> Result<TearingStudy, StudyError> {
+    let mut found = TearingStudy {
+        schema: "palpate.tearing/1",
+        level,
+        mesh: None,
+        path: None,
+        energy: None,
+        meshes: None,
+    };
+    let count = parts.len().max(1) as f64;
+    for (number, part) in parts.iter().enumerate() {
+        let progress = |done: f64| progress((number as f64 + done) / count);
+        match part {
+            Part::Mesh => found.mesh = Some(meshes::run(level, &progress)?),
+            Part::Path => found.path = Some(kinks::run(level, &progress)?),
+            Part::Energy => found.energy = Some(energy::run(level, &progress)?),
+            Part::Meshes => found.meshes = Some(edits::run(level, &progress)?),
+        }
+    }
+    Ok(found)
+}

@@ -1,0 +1,98 @@
+//! A sheet that tears, with its stepper: what every run of the study steps in virtual time.
+
+use crate::StudyError;
+use physics::motion::stepper::Ledger;
+use physics::tear::TearMaterial;
+use physics::topology::Reserve;
+use physics::{
+    Body, HandlePose, Starts, Stepper, StepperOptions, StepperReport, TearOptions, TearReport,
+    Tearing,
+};
+
+/// Length of a step (s).
+pub(super) const STEP: f64 = 1e-3;
+/// Most pairs of vertices that let each other go at the same time.
+const MOST_PAIRS: usize = 64;
+
+/// A sheet that tears, with its stepper.
+#[derive(Debug)]
+pub(super) struct Rig {
+    pub(super) body: Body,
+    pub(super) stepper: Stepper<f64>,
+    pub(super) tearing: Tearing,
+    /// The account of all steps.
+    pub(super) ledger: Ledger,
+    /// Kinetic and elastic energy and energy of the weight at the start (J).
+    begin: f64,
+}
+
+impl Rig {
+    /// A sheet whose tears begin at `tips`.
+    pub(super) fn new(
+        mut body: Body,
+        material: TearMaterial,
+        snapping: f64,
+        tips: &[u32],
+    ) -> Result<Self, StudyError> {
+        let room = body.vertex_count().max(400);
+        body.make_tearable(Reserve {
+            vertices: room,
+            triangles: 2 * room,
+        })?;
+        let options = TearOptions {
+            material,
+            starts: Starts::Tips,
+            snapping,
+        };
+        let tearing = Tearing::new(&body, options, tips)?;
+        let options = StepperOptions {
+            tolerance: 1e-8,
+            ..StepperOptions::default()
+        };
+        let mut stepper = Stepper::new(&body, options)?;
+        stepper.reserve_pairs(MOST_PAIRS);
+        stepper.keep_ledger(true);
+        stepper.prepare(&body, STEP)?;
+        let mut rig = Self {
+            body,
+            stepper,
+            tearing,
+            ledger: Ledger::default(),
+            begin: 0.0,
+        };
+        rig.begin = rig.stored();
+        Ok(rig)
+    }
+
+    /// Makes a step with the handles at `targets` at its end.
+    pub(super) fn step(&mut self, targets: &[HandlePose]) -> Result<StepperReport, StudyError> {
+        let report = self.stepper.step(&mut self.body, STEP, targets, || false)?;
+        if let Some(ledger) = self.stepper.ledger() {
+            self.ledger += *ledger;
+        }
+        Ok(report)
+    }
+
+    /// Lets the tears grow.
+    pub(super) fn tear(&mut self) -> TearReport {
+        *self.tearing.advance(&mut self.body, &mut self.stepper)
+    }
+
+    /// Kinetic and elastic energy and energy of the weight, from the start (J).
+    pub(super) fn stored(&self) -> f64 {
+        let elastic = self.stepper.elastic_energy();
+        self.body.kinetic_energy() + elastic + self.body.load_potential() - self.begin
+    }
+
+    /// The energy that pairs of vertices have still to take (J).
+    pub(super) fn pending(&self) -> f64 {
+        let pairs = self.stepper.pairs().iter();
+        pairs.map(|pair| 0.5 * pair.first * pair.critical - pair.work).sum()
+    }
+
+    /// The force of the sheet on a hand (N).
+    pub(super) fn force(&self, hand: usize) -> physics::Vec3 {
+        let report = self.body.handle_report(hand);
+        report.map_or(physics::Vec3::zeros(), |report| report.wrench_on_hand.force)
+    }
+}
