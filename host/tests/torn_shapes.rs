@@ -100,7 +100,7 @@ fn steps() -> Result<Steps, Box<dyn Error>> {
             let numbers = body
                 .positions()
                 .flat_map(|p| [p.x as f32, p.y as f32, p.z as f32]);
-            let triangles = body.surface().map(|surface| surface.triangles());
+            let triangles = body.surface().map(physics::topology::Surface::triangles);
             (
                 numbers.map(f32::to_bits).collect(),
                 triangles.unwrap_or_default().as_flattened().to_vec(),

@@ -71,14 +71,16 @@ pub struct BodyMoment {
 impl Moment {
     /// The present state of `engine`, after the step that was due at `time_ns`. `skipped` is the number of steps left out.
     pub fn of(engine: &Engine, time_ns: u64, skipped: u64) -> Self {
-        let mut moment = Self::default();
-        moment.bodies = (engine.bodies().iter().enumerate())
-            .map(|(index, body)| BodyMoment {
-                positions: Vec::with_capacity(3 * vertex_room(body.body())),
-                torn: TornSurface::new(index, body.body()),
-                ..BodyMoment::default()
-            })
-            .collect();
+        let bodies = engine.bodies().iter().enumerate();
+        let bodies = bodies.map(|(index, body)| BodyMoment {
+            positions: Vec::with_capacity(3 * vertex_room(body.body())),
+            torn: TornSurface::new(index, body.body()),
+            ..BodyMoment::default()
+        });
+        let mut moment = Self {
+            bodies: bodies.collect(),
+            ..Self::default()
+        };
         moment.copy(engine, time_ns, skipped);
         let stats = engine.stats();
         moment.host.medians = [&stats.assemble, &stats.solve, &stats.condense].map(median);

@@ -409,7 +409,7 @@ impl TornFactor {
                         own[row] = libm::sqrt(whole.max(f64::MIN_POSITIVE));
                     }
                 } else {
-                    let other = &above[column * size..column * size + column + 1];
+                    let other = &above[column * size..][..=column];
                     for k in 0..column {
                         sum -= own[k] * other[k];
                     }
@@ -434,7 +434,7 @@ impl TornFactor {
             self.small[column] = vectors::dot_single(&self.columns[start..start + end], &r[..end]);
         }
         for row in 0..joined {
-            let lower = &self.lower[row * size..row * size + row + 1];
+            let lower = &self.lower[row * size..][..=row];
             let mut sum = self.small[row];
             for (l, x) in lower[..row].iter().zip(&self.small) {
                 sum -= l * x;
@@ -442,7 +442,7 @@ impl TornFactor {
             self.small[row] = sum / lower[row];
         }
         for row in (0..joined).rev() {
-            let lower = &self.lower[row * size..row * size + row + 1];
+            let lower = &self.lower[row * size..][..=row];
             let x = self.small[row] / lower[row];
             self.small[row] = x;
             for (l, sum) in lower[..row].iter().zip(&mut self.small) {

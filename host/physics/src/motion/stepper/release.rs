@@ -390,15 +390,8 @@ impl<T: Real> Stepper<T> {
     /// The energy (J) that pairs give back in the step.
     pub(super) fn given_back(&self, body: &Body) -> f64 {
         let pairs = self.pairs.list.iter();
-        let work = pairs.map(|pair| (-pair.force * self.moved_by(body, pair)).max(0.0));
+        let work = pairs.map(|pair| (-pair.force * moved_by(body, pair)).max(0.0));
         work.sum()
-    }
-
-    fn moved_by(&self, body: &Body, pair: &Pair) -> f64 {
-        let [a, b] = pair
-            .nodes
-            .map(|node| body.state.displacement[node as usize]);
-        pair.direction.dot(&(b - a))
     }
 
     /// Ends the step for the pairs, and forgets those that have let go. Returns the work that they took (J).
@@ -406,7 +399,7 @@ impl<T: Real> Stepper<T> {
         let mut work = 0.0;
         let mut has_turned = false;
         for at in 0..self.pairs.list.len() {
-            let change = self.moved_by(body, &self.pairs.list[at]);
+            let change = moved_by(body, &self.pairs.list[at]);
             let pair = &mut self.pairs.list[at];
             work += pair.force * change;
             let [a, b] = pair.nodes.map(|node| self.at[node as usize]);
@@ -423,4 +416,11 @@ impl<T: Real> Stepper<T> {
         }
         work
     }
+}
+
+/// The change of the opening of a pair over the step (m).
+fn moved_by(body: &Body, pair: &Pair) -> f64 {
+    let moved = |node: u32| body.state.displacement[node as usize];
+    let [a, b] = pair.nodes.map(moved);
+    pair.direction.dot(&(b - a))
 }
