@@ -422,7 +422,7 @@ impl Run {
             refresh: false,
             ..StepperOptions::default()
         };
-        let mut stepper = Stepper::new(&body, options).unwrap();
+        let stepper = Stepper::new(&body, options).unwrap();
         let mut run = Self {
             targets: poses(&body, Vec3::zeros()),
             body,

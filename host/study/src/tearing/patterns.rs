@@ -370,7 +370,7 @@ mod tests {
                 );
                 let open = surface.neighbours().iter().flatten();
                 let open = open.filter(|&&n| n == physics::topology::NONE).count() as i64;
-                let edges = (3 * t + open) / 2;
+                let edges = i64::midpoint(3 * t, open);
                 assert_eq!(v - edges + t, 0);
             }
         }
