@@ -30,8 +30,8 @@ fn the_mesh_matters_little_under_the_law_of_toughness() {
     let thesis = spread("thesis");
     assert!(plateau < thesis.0 && energy < thesis.1, "{:?}", found.tears);
     for test in &found.trousers {
-        // Seen: +23 %. The tear grows by edges of 3 mm, and waves take a part of the energy that each releases.
-        assert!(test.error().abs() < 0.35, "{test:?}");
+        // Seen: -1 %. Issue 18 asks for 10 %.
+        assert!(test.error().abs() < 0.1, "{test:?}");
     }
 }
 
