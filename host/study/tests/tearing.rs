@@ -23,10 +23,9 @@ fn the_mesh_matters_little_under_the_law_of_toughness() {
         let found = found.expect("the law");
         (found.plateau, found.energy)
     };
-    // Seen on meshes of 0.7K and 1.4K triangles: 13 and 13 %, and 49 and 46 % under the law of the thesis. A tear is eight
-    // to twelve edges long there, and grows by whole edges.
+    // Seen on meshes of 0.7K and 1.4K triangles: 8.1 and 7.2 %, and 49 and 46 % under the law of the thesis.
     let (plateau, energy) = spread("toughness");
-    assert!(plateau < 0.2 && energy < 0.2, "{:?}", found.tears);
+    assert!(plateau < 0.1 && energy < 0.1, "{:?}", found.tears);
     let thesis = spread("thesis");
     assert!(plateau < thesis.0 && energy < thesis.1, "{:?}", found.tears);
     for test in &found.trousers {
