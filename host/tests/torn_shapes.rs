@@ -22,12 +22,16 @@ use std::time::{Duration, Instant};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
-/// A strip that two hands tear within half a second.
-const SCENE: &str = include_str!("scenes/short_trousers.toml");
+/// A sheet that two hands tear within half a second.
+const SCENE: &str = include_str!("scenes/small_tear.toml");
 const DURATION: f64 = 0.6;
 
 fn scene() -> Result<LoadedScene, Box<dyn Error>> {
-    Ok(Scene::load_texts("trousers.toml", SCENE, &BTreeMap::new())?)
+    Ok(Scene::load_texts(
+        "small_tear.toml",
+        SCENE,
+        &BTreeMap::new(),
+    )?)
 }
 
 /// Runs the scene with frames in `folder/frames` and a log `folder/run.mcap`.
@@ -56,7 +60,7 @@ fn frames_for_other_programs_show_the_triangles_of_the_torn_sheet() -> Outcome {
     let mut before: Option<(usize, usize)> = None;
     let mut grown = 0;
     for number in 0..30 {
-        let name = format!("strip_{number:04}.vtu");
+        let name = format!("sheet_{number:04}.vtu");
         let bytes = fs::read(folder.path().join("frames").join(&name))?;
         let text = String::from_utf8(bytes.clone())?;
         let Mesh::Sheet(mesh) = read_mesh(&name, &bytes)? else {
@@ -77,11 +81,11 @@ fn frames_for_other_programs_show_the_triangles_of_the_torn_sheet() -> Outcome {
         let young = fields.clone().find(|field| field.name == "young");
         let young = &young.ok_or("no modulus")?.values;
         assert_eq!(young.len(), mesh.triangles.len());
-        assert!(young.iter().all(|young| *young == 1e8));
+        assert!(young.iter().all(|young| *young == 4e6));
     }
-    assert!(grown > 3, "the sheet grows in {grown} frames");
+    assert!(grown > 2, "the sheet grows in {grown} frames");
     let added = before.ok_or("no frame")?.0 as u64;
-    let at_first = 26 * 11 + 10;
+    let at_first = 13 * 11 + 2;
     assert!(added > at_first && added <= at_first + 2 * summary.tears[0].edges);
     Ok(())
 }
@@ -121,8 +125,8 @@ fn a_log_has_the_surface_of_every_frame_of_a_torn_sheet() -> Outcome {
     let (mut compared, mut epochs) = (0, Vec::new());
     for number in 0..30_u64 {
         let at = number * 20_000_000 + 19_999_999;
-        let found = log.frame_at("strip", at)?.ok_or("no frame")?;
-        let surface = log.surface_at("strip", at)?.ok_or("no surface")?;
+        let found = log.frame_at("sheet", at)?.ok_or("no frame")?;
+        let surface = log.surface_at("sheet", at)?.ok_or("no surface")?;
         assert_eq!(surface.epoch, found.frame.epoch);
         assert_eq!(3 * surface.vertices as usize, found.positions.len());
         assert_eq!(surface.rest.len(), found.positions.len());
@@ -137,7 +141,7 @@ fn a_log_has_the_surface_of_every_frame_of_a_torn_sheet() -> Outcome {
         epochs.push(surface.epoch);
     }
     epochs.dedup();
-    assert!(compared >= 20 && epochs.len() > 4, "{compared} {epochs:?}");
+    assert!(compared >= 20 && epochs.len() > 3, "{compared} {epochs:?}");
     Ok(())
 }
 
@@ -184,7 +188,7 @@ fn a_viewer_gets_the_newest_surface_with_the_newest_positions() -> Outcome {
     };
     virtual_clock::run_seen(setup, see, |_| {}, |_| {});
     assert_eq!(faults, Vec::<String>::new());
-    assert!(seen > 4, "{seen} surfaces");
+    assert!(seen > 2, "{seen} surfaces");
     Ok(())
 }
 
@@ -205,13 +209,13 @@ fn the_log_holds_every_edit_and_the_summary_says_where_the_tear_started() -> Out
     let energy: f64 = log.tears.iter().map(|edit| edit.energy).sum();
     assert!((energy / tears.energy - 1.0).abs() < 1e-12);
     let length: f64 = log.tears.iter().map(|edit| edit.length).sum();
-    assert!((1e-3 * length / tears.area - 1.0).abs() < 1e-12);
+    assert!((5e-4 * length / tears.area - 1.0).abs() < 1e-12);
     // The tear starts at the end of the notch, and each edit goes on from the end of the edit before.
     let starts: Vec<_> = log.tears.iter().filter(|edit| edit.starts).collect();
     let [start] = starts[..] else {
         return Err(format!("{starts:?}").into());
     };
-    assert!((start.at - Vec3::new(-0.015, 0.0, 0.0)).norm() < 1e-9);
+    assert!((start.at - Vec3::new(0.0, 0.03, 0.0)).norm() < 1e-9);
     for pair in log.tears.windows(2) {
         assert_eq!(pair[1].from, pair[0].tips[0]);
     }
@@ -224,9 +228,14 @@ fn the_log_holds_every_edit_and_the_summary_says_where_the_tear_started() -> Out
     };
     assert_eq!(
         told.description,
-        "strip: a tear started at x -15.0, y 0.0, z 0.0 mm at rest"
+        "sheet: a tear started at x 0.0, y 30.0, z 0.0 mm at rest"
     );
     assert_eq!(told.from, start.time_ns as f64 * 1e-9);
+    // The tear ends at the other border, and the sheet is in two pieces.
+    let pieces: Vec<_> = log.tears.iter().map(|edit| edit.pieces).collect();
+    assert_eq!((pieces[0], pieces.last()), (1, Some(&2)));
+    let mut events = summary.events.iter();
+    assert!(events.any(|event| event.description.contains("came apart")));
     // A player and a viewer show the same event.
     let index = LogIndex::open(Cursor::new(&bytes))?;
     let overview = index.overview().ok_or("an overview")?;

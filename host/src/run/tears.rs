@@ -6,7 +6,7 @@
 
 use crate::engine::body::HostBody;
 use physics::Vec3;
-use physics::topology::{NONE, Pieces};
+use physics::topology::NONE;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// An edit by which a tear of a body grew.
@@ -42,7 +42,8 @@ impl TearEvent {
     /// What a person should hear of, in words; `None` for an edit by which a tear only goes on. `pieces` is the number of
     /// pieces before.
     pub fn words(&self, pieces: u32) -> Option<String> {
-        let [x, y, z] = [self.at.x, self.at.y, self.at.z].map(|x| 1e3 * x);
+        // In tenths of a millimetre. The sum makes a negative zero positive.
+        let [x, y, z] = [self.at.x, self.at.y, self.at.z].map(|x| (1e4 * x).round() / 10.0 + 0.0);
         let at = format!("at x {x:.1}, y {y:.1}, z {z:.1} mm at rest");
         if self.pieces > pieces {
             Some(format!("the sheet came apart {at}: {} pieces", self.pieces))
@@ -59,19 +60,14 @@ impl TearEvent {
 /// The host's end.
 #[derive(Default)]
 pub struct TearTap {
-    /// By body: what is known of a sheet that tears; `None` for any other body.
-    known: Vec<Option<Known>>,
+    /// By body: the number of edits that have been passed on; `None` for a body that does not tear.
+    known: Vec<Option<usize>>,
+    /// By body: the number of pieces at the start.
+    pieces: Vec<u32>,
     /// Those who listen.
     listeners: Vec<SyncSender<TearEvent>>,
     /// Edits that the reserves allow.
     room: usize,
-}
-
-/// What has been passed on of a sheet.
-struct Known {
-    /// Number of edits.
-    edits: usize,
-    pieces: Pieces,
 }
 
 impl TearTap {
@@ -84,14 +80,16 @@ impl TearTap {
                 let surface = body.tears().and_then(|_| body.body().surface())?;
                 // Every edit adds a vertex.
                 room += surface.limits().vertices - surface.vertex_count();
-                Some(Known {
-                    edits: 0,
-                    pieces: Pieces::new(surface),
-                })
+                Some(0)
             })
             .collect();
+        let pieces = bodies.iter().map(|body| {
+            let tears = body.tears();
+            tears.map_or(1, |tears| tears.pieces().count() as u32)
+        });
         known.iter().any(Option::is_some).then(|| Self {
             known,
+            pieces: pieces.collect(),
             listeners: Vec::new(),
             room,
         })
@@ -106,12 +104,8 @@ impl TearTap {
     pub(crate) fn listen(&mut self) -> TearEvents {
         let (sender, receiver) = sync_channel(self.room);
         self.listeners.push(sender);
-        let pieces = self.known.iter().map(|known| {
-            let known = known.as_ref();
-            known.map_or(1, |known| known.pieces.count() as u32)
-        });
         TearEvents {
-            pieces: pieces.collect(),
+            pieces: self.pieces.clone(),
             receiver: Some(receiver),
         }
     }
@@ -123,20 +117,13 @@ impl TearTap {
                 continue;
             };
             let grown = tears.tearing().grown();
-            let Some(newer) = grown.get(known.edits..).filter(|newer| !newer.is_empty()) else {
-                continue;
-            };
+            let newer = grown.get(*known..).unwrap_or_default();
             let body = body.body();
-            if let Some(surface) = body.surface()
-                && newer.iter().any(|grown| grown.parted)
-            {
-                known.pieces.find(surface);
-            }
             for grown in newer {
-                known.edits += 1;
+                *known += 1;
                 let event = TearEvent {
                     body: index,
-                    number: known.edits as u32,
+                    number: *known as u32,
                     step,
                     time_ns,
                     epoch: body.epoch() as u32,
@@ -148,7 +135,7 @@ impl TearTap {
                     length: grown.length,
                     energy: grown.energy,
                     starts: grown.starts,
-                    pieces: known.pieces.count() as u32,
+                    pieces: tears.pieces().count() as u32,
                 };
                 for listener in &self.listeners {
                     // There is room for all edits. It fails after the listener has ended.

@@ -13,10 +13,10 @@ use view::terminal::Model;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
-/// Writes a log of a strip that two hands tear.
+/// Writes a log of a sheet that two hands tear.
 fn log(path: &Path) -> Outcome {
-    let text = include_str!("../../tests/scenes/short_trousers.toml");
-    let scene = Scene::load_texts("trousers.toml", text, &BTreeMap::new())?;
+    let text = include_str!("../../tests/scenes/small_tear.toml");
+    let scene = Scene::load_texts("small_tear.toml", text, &BTreeMap::new())?;
     let options = RunOptions {
         log: Some(path.to_owned()),
         log_frames: Some(100.0),
@@ -79,7 +79,7 @@ fn a_torn_sheet_is_drawn_as_it_was_at_every_moment_of_its_log() -> Outcome {
         assert!(*surface == shape.0 && positions == shape.1, "{at} ns");
     }
     let epochs: BTreeSet<u32> = seen.values().map(|(surface, _)| surface.epoch).collect();
-    assert!(epochs.len() > 5, "{epochs:?}");
+    assert!(epochs.len() > 3, "{epochs:?}");
     assert_eq!(stressed, BTreeSet::from([(false, true), (true, false)]));
     let (first, last) = (&seen[&0].0, &seen[&590_000_000].0);
     assert!(last.vertices > first.vertices);

@@ -16,8 +16,6 @@ pub struct Grown {
     pub length: f64,
     /// The energy that the opened edges take (J); zero under the law `thesis`.
     pub energy: f64,
-    /// Whether the opened edges lead from border to border, so that a part of the sheet may have come off.
-    pub parted: bool,
 }
 
 impl Tearing {
@@ -35,7 +33,6 @@ impl Tearing {
             starts,
             length,
             energy,
-            parted: done.parted,
         });
     }
 }
