@@ -35,15 +35,21 @@ fn every_shipped_scene_loads() -> Outcome {
     assert_eq!(
         names,
         [
+            "banknote",
+            "banknote_shear",
             "cloth",
             "cube",
+            "inclined",
             "inclusion",
             "paddle",
             "pantograph",
+            "perforated",
             "press",
             "sleeve",
             "stretch",
+            "tear_cloth",
             "thread",
+            "trousers",
             "twist",
             "two_people"
         ]

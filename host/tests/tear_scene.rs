@@ -124,7 +124,7 @@ fn a_sheet_without_notches_tears_anywhere_and_a_sheet_without_the_table_nowhere(
     let notch = "[[body.tear.notch]]\nfrom = [0, 0.05, 0]\nto = [0, 0.01, 0]\n";
     let tear = built(&changed(notch, ""))?.tear.ok_or("the sheet tears")?;
     assert_eq!(tear.starts, Starts::Anywhere);
-    assert_eq!(tear.tips, []);
+    assert!(tear.tips.is_empty());
     let table = "[body.tear]\nstrength = 1e5\ntoughness = 1000\n";
     let whole = changed(notch, "").replace(table, "");
     let whole = built(&whole)?;
@@ -423,7 +423,7 @@ fn a_plan_names_the_tearing_and_its_cost_only_where_a_body_tears() -> Outcome {
     let whole = changed(table, "").replace(notch, "");
     assert_eq!(why(&whole)?, [none.clone(), none]);
     let at_tips = why(BASE)?;
-    assert_eq!(at_tips[0].0, false);
+    assert!(!at_tips[0].0);
     assert!(
         at_tips[1].0
             && at_tips[1]

@@ -82,7 +82,7 @@ pub use linear::precondition::Preconditioner;
 pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
-    AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
+    AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Grown, Guess, Integrator,
     IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Pair, Part, Refresher, Starts,
     StepReport, Stepper, StepperOptions, StepperReport, TearLimit, TearOptions, TearReport,
     Tearing, TimeScheme, complete_bytes,

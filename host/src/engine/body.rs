@@ -388,7 +388,7 @@ impl HostBody {
             self.model.epoch = self.model.epoch.saturating_add(1);
             let parted = tears.tearing.report().parted;
             if let Some(from) = tears.parting.follow(&self.body, parted) {
-                self.part(&from);
+                self.part(from);
             }
         }
         self.tally.torn = torn;
@@ -396,7 +396,7 @@ impl HostBody {
     }
 
     /// Parts the account of energy with the groups of the handles; `from` is the old group of each new group.
-    fn part(&mut self, from: &[u8; MAX_HANDLES]) {
+    fn part(&mut self, from: [u8; MAX_HANDLES]) {
         let Some(tears) = &mut self.tears else {
             return;
         };

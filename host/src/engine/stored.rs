@@ -19,7 +19,7 @@
 //! example, the sag of a strip gives the potential of its weight to the hands. Models state the released energy, too,
 //! and `c` rises by the same amount.
 //!
-//! A body that **parts into pieces** has such an account for each piece ([`Stored::part`]). The energy that the account
+//! A body that **parts into pieces** has such an account for each piece (`Stored::part`). The energy that the account
 //! had is divided by the elastic energies of the pieces.
 //!
 //! A body whose material becomes softer from one step to the next stores less at the same shape: `c` changes so that

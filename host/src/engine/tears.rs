@@ -6,7 +6,7 @@ use crate::scene::spec::TearLawName;
 use crate::scene::{LoadedScene, SceneError};
 use physics::tear::{TearLaw, TearMaterial};
 use physics::topology::{Pieces, Reserve};
-use physics::{Starts, TearOptions, Tearing};
+use physics::{Starts, TearOptions, Tearing, TearingError};
 
 /// The tears of a body.
 pub struct BodyTears {
@@ -26,23 +26,13 @@ impl BodyTears {
         index: usize,
         built: &mut Built,
     ) -> Result<Option<Self>, SceneError> {
+        make_tearable(loaded, index, built)?;
         let Some(spec) = &built.tear else {
             return Ok(None);
         };
-        // Every vertex that a cut adds comes with two triangles at most.
-        let reserve = Reserve {
-            vertices: spec.room,
-            triangles: 2 * spec.room,
-        };
-        let body = &mut built.body;
-        let made = body.make_tearable(reserve);
-        let tearing = made.and_then(|()| Tearing::new(body, options(spec), &spec.tips));
-        let tearing = tearing.map_err(|error| {
-            let field = format!("body[{index}].tear");
-            let allowed = "a sheet that can tear";
-            loaded.source.error(&field, error.to_string(), allowed)
-        })?;
-        let parting = Parting::new(body);
+        let tearing = Tearing::new(&built.body, options(spec), &spec.tips);
+        let tearing = tearing.map_err(|error| refused(loaded, index, &error))?;
+        let parting = Parting::new(&built.body);
         Ok(parting.map(|parting| Self { tearing, parting }))
     }
 
@@ -55,6 +45,33 @@ impl BodyTears {
     pub fn tearing(&self) -> &Tearing {
         &self.tearing
     }
+}
+
+/// Gives the scene's body number `index` room for the edits of its tears, if it tears.
+///
+/// # Errors
+/// [`SceneError`], naming the line and the field, for a body that is no sheet that can tear.
+pub(crate) fn make_tearable(
+    loaded: &LoadedScene,
+    index: usize,
+    built: &mut Built,
+) -> Result<(), SceneError> {
+    let Some(spec) = &built.tear else {
+        return Ok(());
+    };
+    // Every vertex that a cut adds comes with two triangles at most.
+    let reserve = Reserve {
+        vertices: spec.room,
+        triangles: 2 * spec.room,
+    };
+    let made = built.body.make_tearable(reserve);
+    made.map_err(|error| refused(loaded, index, &error))
+}
+
+fn refused(loaded: &LoadedScene, index: usize, error: &TearingError) -> SceneError {
+    let field = format!("body[{index}].tear");
+    let allowed = "a sheet that can tear";
+    loaded.source.error(&field, error.to_string(), allowed)
 }
 
 /// The options of the physics for what a scene says about tearing.

@@ -362,6 +362,8 @@ pub enum EventKind {
     StaleModel,
     /// The tick with the largest lateness of the run.
     WorstTick,
+    /// A tear started, reached a border, or parted a sheet.
+    Tear,
 }
 
 /// An event.

@@ -22,6 +22,7 @@ use super::frame::{Event, EventKind, Folded, Frame, Totals};
 use crate::run::Clock;
 use crate::run::device_totals::DeviceSum;
 use crate::run::summary::Distribution;
+use crate::run::tears::TearEvent;
 use crate::scene::LoadedScene;
 use bins::bins;
 use events::{Change, Watch};
@@ -165,6 +166,15 @@ impl Gatherer {
         self.counts.longest_miss = self.counts.longest_miss.max(missed);
         self.counts.lost += ticks.saturating_sub(1);
         missed
+    }
+
+    /// Adds an edit by which a body tore, before the tick that follows the edit. `words` say what happened.
+    pub fn tear(&mut self, tick: &TickView<'_>, event: &TearEvent, words: &str) {
+        let text = match self.body_names.get(event.body as usize) {
+            Some(name) => format!("{name}: {words}"),
+            None => words.to_owned(),
+        };
+        self.push(EventKind::Tear, tick, text);
     }
 
     fn push_change(&mut self, change: Change, tick: &TickView<'_>) {

@@ -18,6 +18,7 @@ pub mod session;
 pub mod slot;
 pub mod socket;
 pub mod surface;
+pub mod torn;
 
 pub use frame::{
     Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,

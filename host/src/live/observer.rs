@@ -13,6 +13,7 @@ use super::slot::{Moment, SlotReader, Watchers};
 use super::socket::{Update, UpdateSender};
 use crate::log;
 use crate::run::observer::{Observed, Observer};
+use crate::run::tears::TearEvents;
 use runner::LatencyReader;
 use runner::link::LogRecord;
 use std::collections::VecDeque;
@@ -30,10 +31,14 @@ pub(crate) struct ViewObserver {
     rate: Rate,
     frames: Frames,
     log: LogTail,
+    /// What tears.
+    tears: TearEvents,
     slot: SlotReader,
     sender: UpdateSender,
     /// What the thread of the viewers has not taken.
     waiting: Option<(Vec<Surface>, Box<Frame>)>,
+    /// Surfaces of a frame that was dropped when the last viewer left. The next viewer needs them.
+    owed: Vec<Surface>,
     /// Where the tick's thread leaves its computing times.
     tick_time: TickTime,
     /// Where the frames go at the end of the run.
@@ -60,17 +65,26 @@ impl ViewObserver {
             rate: Rate::of_frames(),
             frames,
             log: LogTail::default(),
+            tears: TearEvents::default(),
             slot,
             sender,
             waiting: None,
+            owed: Vec::new(),
             tick_time,
             rest,
         }
     }
 
+    /// The observer that also tells viewers of `tears`.
+    pub(crate) fn with_tears(self, tears: TearEvents) -> Self {
+        Self { tears, ..self }
+    }
+
     fn send(&mut self) {
         let moment = self.slot.newest();
-        let (surfaces, mut frame) = self.frames.make(moment.as_deref());
+        let (newer, mut frame) = self.frames.make(moment.as_deref());
+        let mut surfaces = std::mem::take(&mut self.owed);
+        add_newer(&mut surfaces, newer);
         if let Some(moment) = moment {
             self.slot.give_back(moment);
         }
@@ -79,7 +93,7 @@ impl ViewObserver {
             None => (surfaces, Box::new(frame)),
             Some((mut before, first)) => {
                 frame.merge_before(*first);
-                before.extend(surfaces);
+                add_newer(&mut before, surfaces);
                 (before, Box::new(frame))
             }
         };
@@ -94,7 +108,13 @@ impl ViewObserver {
 impl Observer for ViewObserver {
     fn take(&mut self, record: LogRecord<'_>) {
         if let LogRecord::Tick(telemetry) = record {
-            self.frames.gatherer.take(&telemetry.into());
+            let tick = telemetry.into();
+            while let Some((event, words)) = self.tears.next() {
+                if let Some(words) = words {
+                    self.frames.gatherer.tear(&tick, &event, &words);
+                }
+            }
+            self.frames.gatherer.take(&tick);
         }
         if self.watched {
             self.log.add(record);
@@ -114,7 +134,9 @@ impl Observer for ViewObserver {
             // The first frame begins now, and not at the start of the run or with the viewer before.
             self.frames.skip();
             self.log = LogTail::default();
-            self.waiting = None;
+            if let Some((surfaces, _)) = self.waiting.take() {
+                add_newer(&mut self.owed, surfaces);
+            }
             return;
         }
         if self.rate.is_due(Instant::now()) {
@@ -128,8 +150,15 @@ impl Observer for ViewObserver {
             frames.gatherer.set_tick_time(reader.clone());
         }
         frames.unsent = self.waiting.map(|(surfaces, frame)| (surfaces, *frame));
+        frames.owed = self.owed;
         *self.rest.lock().unwrap_or_else(PoisonError::into_inner) = Some(frames);
     }
+}
+
+/// Adds the surfaces `newer` to `surfaces`. Of each body only the newest surface stays.
+fn add_newer(surfaces: &mut Vec<Surface>, newer: Vec<Surface>) {
+    surfaces.retain(|old| newer.iter().all(|new| new.body != old.body));
+    surfaces.extend(newer);
 }
 
 /// Makes frames.
@@ -141,6 +170,8 @@ pub(super) struct Frames {
     steps: StepRate,
     /// A frame that the thread of the viewers did not take.
     unsent: Option<(Vec<Surface>, Frame)>,
+    /// Surfaces that the thread of the viewers does not have, before those of `unsent`.
+    owed: Vec<Surface>,
 }
 
 impl Frames {
@@ -152,6 +183,7 @@ impl Frames {
             host: HostState::default(),
             steps: StepRate::default(),
             unsent: None,
+            owed: Vec::new(),
         }
     }
 
@@ -173,10 +205,12 @@ impl Frames {
         if let Some(moment) = moment {
             self.host = moment.host.clone();
             for (known, body) in self.surfaces.iter_mut().zip(&moment.bodies) {
-                if let Some(now) = &body.changed {
-                    *known = after_change(known, body.epoch, now);
-                    changed.push(known.clone());
-                }
+                *known = match (body.torn.fresh(), &body.changed) {
+                    (Some(torn), _) => torn.clone(),
+                    (None, Some(now)) => after_change(known, body.epoch, now),
+                    (None, None) => continue,
+                };
+                changed.push(known.clone());
             }
             for (body, vertices) in frame.bodies.iter_mut().zip(moment.vertices()) {
                 body.vertices = Some(vertices);
@@ -190,14 +224,12 @@ impl Frames {
     /// The last frame of the run, after the last step of `host`.
     pub(super) fn last(&mut self, host: Option<&Moment>) -> (Vec<Surface>, Frame) {
         let (changed, mut frame) = self.make(host);
-        let (surfaces, mut frame) = match self.unsent.take() {
-            None => (changed, frame),
-            Some((mut surfaces, before)) => {
-                frame.merge_before(before);
-                surfaces.extend(changed);
-                (surfaces, frame)
-            }
-        };
+        let mut surfaces = std::mem::take(&mut self.owed);
+        if let Some((unsent, before)) = self.unsent.take() {
+            frame.merge_before(before);
+            add_newer(&mut surfaces, unsent);
+        }
+        add_newer(&mut surfaces, changed);
         frame.last = true;
         (surfaces, frame)
     }

@@ -8,9 +8,11 @@
 use super::connectivity::mesh_of;
 use super::frame::{HostState, Vertices};
 use super::rate::Rate;
+use super::torn::{TornSurface, vertex_room};
 use crate::engine::Engine;
 use crate::engine::body::HostBody;
 use crate::engine::stats::EngineStats;
+use physics::Body;
 use physics::mesh::Mesh;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
@@ -59,14 +61,26 @@ pub struct BodyMoment {
     pub epoch: u32,
     /// Positions (m), three numbers a vertex.
     pub positions: Vec<f32>,
-    /// The body's mesh at its present positions, where the epoch has changed since the moment before.
+    /// The body's mesh at its present positions, where the epoch has changed since the moment before and no tear is the
+    /// reason.
     pub changed: Option<Box<Mesh>>,
+    /// The body's surface, where a tear has grown since the moment before.
+    pub torn: TornSurface,
 }
 
 impl Moment {
     /// The present state of `engine`, after the step that was due at `time_ns`. `skipped` is the number of steps left out.
     pub fn of(engine: &Engine, time_ns: u64, skipped: u64) -> Self {
-        let mut moment = Self::default();
+        let bodies = engine.bodies().iter().enumerate();
+        let bodies = bodies.map(|(index, body)| BodyMoment {
+            positions: Vec::with_capacity(3 * vertex_room(body.body())),
+            torn: TornSurface::new(index, body.body()),
+            ..BodyMoment::default()
+        });
+        let mut moment = Self {
+            bodies: bodies.collect(),
+            ..Self::default()
+        };
         moment.copy(engine, time_ns, skipped);
         let stats = engine.stats();
         moment.host.medians = [&stats.assemble, &stats.solve, &stats.condense].map(median);
@@ -76,9 +90,9 @@ impl Moment {
     /// The moment with the meshes of the bodies whose epoch is not that of `epochs`.
     pub(super) fn since(mut self, epochs: &[u32], engine: &Engine) -> Self {
         let bodies = self.bodies.iter_mut().zip(engine.bodies());
-        for ((copy, body), known) in bodies.zip(epochs) {
+        for (index, ((copy, body), known)) in bodies.zip(epochs).enumerate() {
             if copy.epoch != *known {
-                copy.changed = mesh_of(body.body()).map(Box::new);
+                copy.copy_mesh(index, body.body());
             }
         }
         self
@@ -96,6 +110,7 @@ impl Moment {
             copy.positions.reserve(3 * positions.len());
             positions.for_each(|x| copy.positions.extend([x.x, x.y, x.z].map(|x| x as f32)));
             copy.changed = None;
+            copy.torn.clear();
         }
         count(&mut self.host, stats, bodies, skipped);
     }
@@ -111,6 +126,15 @@ impl Moment {
             positions: body.positions.clone(),
             stress: Vec::new(),
         })
+    }
+}
+
+impl BodyMoment {
+    /// Adds the surface of `body`, whose epoch has changed.
+    fn copy_mesh(&mut self, index: usize, body: &Body) {
+        if !self.torn.copy(index, body) {
+            self.changed = mesh_of(body).map(Box::new);
+        }
     }
 }
 
@@ -196,11 +220,11 @@ impl SlotWriter {
         moment.copy(engine, time_ns, skipped);
         moment.host.medians = self.medians.at(now, engine.stats());
         let known = moment.bodies.iter_mut().zip(&mut self.epochs);
-        for ((copy, known), body) in known.zip(engine.bodies()) {
+        for (index, ((copy, known), body)) in known.zip(engine.bodies()).enumerate() {
             let epoch = body.body().epoch();
             if *known != epoch {
                 *known = epoch;
-                copy.changed = mesh_of(body.body()).map(Box::new);
+                copy.copy_mesh(index, body.body());
             }
         }
         // There are as many places as buffers.
@@ -246,6 +270,7 @@ impl SlotReader {
             for (next, before) in next.bodies.iter_mut().zip(&mut newest.bodies) {
                 let changed = before.changed.take();
                 next.changed = next.changed.take().or(changed);
+                next.torn.merge_before(&mut before.torn);
             }
             self.give_back(newest);
             newest = next;

@@ -12,6 +12,8 @@
 //!   vertices as a point cloud (`sensor_msgs/msg/PointCloud2`), on `/bodies/NAME/frame` the step and the topology epoch
 //!   of each cloud (`palpate_msgs/msg/BodyFrame`), and on `/bodies/NAME/surface` the surface of each topology epoch
 //!   (`palpate_msgs/msg/Surface`). The time of a frame is the due time of its step. Replays skip these channels.
+//! - With [`LogWriter::add_tears`], the log of a scene with sheets that tear holds every edit of a sheet on the channel
+//!   `/bodies/NAME/tears` (`palpate_msgs/msg/Tear`). The time of a message is the due time of the step.
 //! - The attachment `palpate.overview` at the end summarizes the run ([`overview`]), so that a player opens the log
 //!   by its index ([`index`]). It is not a file of the scene.
 //! - Two logs of the same ticks hold the same bytes: no wall clock and no random number enters.
@@ -29,6 +31,7 @@ mod model;
 pub mod overview;
 mod read;
 mod reading;
+mod tear;
 mod tick;
 
 use std::collections::BTreeMap;
@@ -41,6 +44,7 @@ use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{LocalModel, Telemetry};
 
 use crate::live::Surface;
+use crate::run::tears::TearEvent;
 
 pub use body::BodyFrame;
 pub(crate) use file::LogFile;
@@ -106,6 +110,12 @@ pub fn body_channels(name: &str) -> [ChannelInfo; 3] {
         ChannelInfo::new(frame, body::FRAME_SCHEMA_NAME, body::FRAME_SCHEMA),
         ChannelInfo::new(surface, body::SURFACE_SCHEMA_NAME, body::SURFACE_SCHEMA),
     ]
+}
+
+/// The channel of the edits by which the body with this name tears.
+pub fn tear_channel(name: &str) -> ChannelInfo {
+    let topic = format!("{}/tears", body_topic(name));
+    ChannelInfo::new(topic, tear::SCHEMA_NAME, tear::SCHEMA)
 }
 
 /// The message of the channel `/bodies/NAME` for the positions of a body (m), three numbers a vertex.
@@ -217,6 +227,8 @@ pub struct LogWriter<W: Write + Seek> {
     channels: Channels,
     /// The channels of each body; empty for a log without frames.
     bodies: Vec<BodyChannels>,
+    /// By body: the channel of its tears; `None` for a body that does not tear.
+    tears: Vec<Option<u16>>,
     models: u32,
     /// The present message. The buffer is kept for its capacity.
     message: Vec<u8>,
@@ -250,6 +262,7 @@ impl<W: Write + Seek> LogWriter<W> {
                 writer,
                 channels,
                 bodies: Vec::new(),
+                tears: Vec::new(),
                 models: 0,
                 message: Vec::new(),
                 name,
@@ -272,6 +285,41 @@ impl<W: Write + Seek> LogWriter<W> {
             self.bodies.push(channels);
         }
         Ok(())
+    }
+
+    /// Gives the log channels for the tears of bodies: by body, its name if it tears. The caller does so before the first
+    /// tick.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn add_tears<'a>(
+        &mut self,
+        names: impl IntoIterator<Item = Option<&'a str>>,
+    ) -> Result<(), LogError> {
+        for name in names {
+            let channel = name.map(|name| add_channel(&mut self.writer, &tear_channel(name)));
+            let channel = channel.transpose();
+            let channel = channel.map_err(|error| write_error(&self.name, error))?;
+            self.tears.push(channel);
+        }
+        Ok(())
+    }
+
+    /// Adds an edit by which a body tore. A body without a channel is ignored.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn write_tear(&mut self, event: &TearEvent) -> Result<(), LogError> {
+        let Some(channel_id) = self.tears.get(event.body as usize).copied().flatten() else {
+            return Ok(());
+        };
+        tear::encode(event, &mut self.message);
+        self.put(&MessageHeader {
+            channel_id,
+            sequence: event.number,
+            log_time: event.time_ns,
+            publish_time: event.time_ns,
+        })
     }
 
     /// Adds a frame of a body: `positions` (m), three numbers a vertex. A body without channels is ignored.

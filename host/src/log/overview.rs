@@ -3,6 +3,7 @@
 
 use crate::live::gather::{Checkpoint, Gatherer, TickView};
 use crate::live::{Event, Folded, Totals};
+use crate::run::tears::TearEvent;
 use serde::{Deserialize, Serialize};
 
 /// Version of the overview.
@@ -75,6 +76,11 @@ impl OverviewBuilder {
         let room = MOST_EVENTS.saturating_sub(self.events.len());
         self.more_events += more + events.len().saturating_sub(room) as u64;
         self.events.extend(events.into_iter().take(room));
+    }
+
+    /// Adds an edit by which a body tore, before the tick that follows the edit. `words` say what happened.
+    pub fn tear(&mut self, tick: &TickView<'_>, event: &TearEvent, words: &str) {
+        self.gatherer.tear(tick, event, words);
     }
 
     /// Ends the present piece, if it has ticks.

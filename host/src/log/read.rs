@@ -8,7 +8,8 @@ use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::{LogError, METADATA_NAME, ModelRow, OVERVIEW_NAME, OVERVIEW_TYPE, SCENE_NAME, TickRow};
-use super::{chunks, model, tick};
+use super::{chunks, model, tear, tick};
+use crate::run::tears::TearEvent;
 
 /// A log, read whole.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,6 +24,8 @@ pub struct Log {
     pub rows: Vec<TickRow>,
     /// The local models, in the order of the file.
     pub models: Vec<ModelRow>,
+    /// The edits by which bodies tore, in the order of the file.
+    pub tears: Vec<TearEvent>,
     /// Whether the file has its end; `false` if its writer was killed.
     pub complete: bool,
 }
@@ -89,6 +92,7 @@ struct Parser {
 enum Content {
     Ticks,
     Models,
+    Tears,
 }
 
 /// The content that a schema of this name describes, and the definition of this version.
@@ -96,6 +100,7 @@ fn known_schema(name: &str) -> Option<(Content, &'static str)> {
     match name {
         tick::SCHEMA_NAME => Some((Content::Ticks, tick::SCHEMA)),
         model::SCHEMA_NAME => Some((Content::Models, model::SCHEMA)),
+        tear::SCHEMA_NAME => Some((Content::Tears, tear::SCHEMA)),
         _ => None,
     }
 }
@@ -152,6 +157,9 @@ impl Parser {
                     }
                     Some(Content::Models) => {
                         self.log.models.push(model::decode(&data).ok_or(bad)?);
+                    }
+                    Some(Content::Tears) => {
+                        self.log.tears.push(tear::decode(&data).ok_or(bad)?);
                     }
                     None => {}
                 }

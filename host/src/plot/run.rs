@@ -45,7 +45,7 @@ pub(crate) struct DeviceSeries {
     pub position: Vec<[f64; 3]>,
 }
 
-/// An interval in which the force was not that of the newest model.
+/// An interval in which the force was not that of the newest model, or in which a tear grew.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Mark {
     /// Its beginning (s).
@@ -75,6 +75,8 @@ pub(crate) enum Cause {
     Silent,
     /// The force was not a number.
     NotANumber,
+    /// A tear grew.
+    Torn,
 }
 
 impl Cause {
@@ -87,6 +89,7 @@ impl Cause {
             Self::Limited => "force or slew limited",
             Self::Silent => "device silent",
             Self::NotANumber => "force not a number",
+            Self::Torn => "tear grows",
         }
     }
 
@@ -99,6 +102,7 @@ impl Cause {
             Self::Limited => ink::SKY,
             Self::Silent => RGBColor(0, 0, 0),
             Self::NotANumber => RGBColor(130, 80, 60),
+            Self::Torn => RGBColor(150, 200, 60),
         }
     }
 }

@@ -6,6 +6,7 @@
 use super::device_totals::{DeviceSum, DeviceTotals, acting_limit, old_model};
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
+use super::tears::TearEvents;
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
 use crate::scene::Scene;
@@ -33,7 +34,7 @@ pub(super) struct Sample {
 }
 
 /// Sums up telemetry.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Collector {
     device_names: Vec<String>,
     body_names: Vec<String>,
@@ -43,6 +44,7 @@ pub(super) struct Collector {
     /// By body.
     withheld: Vec<Watch>,
     spans: Vec<Span>,
+    tears: TearEvents,
     /// What a plot shows, if there is one.
     samples: Option<(Vec<Sample>, Marks)>,
     ticks: u64,
@@ -50,8 +52,9 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    /// A collector for the devices and bodies of `scene`. `keep_samples` keeps the samples of a plot.
-    pub(super) fn new(scene: &Scene, keep_samples: bool) -> Self {
+    /// A collector for the devices and bodies of `scene`. `keep_samples` keeps the samples of a plot, and
+    /// `tears` says what tears.
+    pub(super) fn new(scene: &Scene, keep_samples: bool, tears: TearEvents) -> Self {
         let devices = scene.devices.iter();
         let device_names: Vec<_> = devices.clone().map(|device| device.name.clone()).collect();
         let bodies = scene.bodies.iter();
@@ -63,6 +66,7 @@ impl Collector {
             open: vec![None; device_names.len() + body_names.len()],
             withheld: vec![Watch::default(); body_names.len()],
             spans: Vec::new(),
+            tears,
             samples: keep_samples.then(|| (Vec::new(), Marks::new(&device_names, &body_names))),
             ticks: 0,
             end: 0.0,
@@ -98,6 +102,7 @@ impl Collector {
                 push_withheld(&mut self.spans, name, &stretch);
             }
         }
+        self.take_tears();
         if let Some((samples, marks)) = &mut self.samples {
             marks.take(telemetry);
             let devices = telemetry
@@ -108,8 +113,23 @@ impl Collector {
         }
     }
 
+    /// Takes what has torn since the last tick.
+    fn take_tears(&mut self) {
+        while let Some((event, words)) = self.tears.next() {
+            let time = event.time_ns as f64 * 1e-9;
+            if let Some((_, marks)) = &mut self.samples {
+                marks.tear(event.body as usize, time);
+            }
+            let name = self.body_names.get(event.body as usize);
+            if let (Some(words), Some(name)) = (words, name) {
+                push_span(&mut self.spans, time, time, name, &words);
+            }
+        }
+    }
+
     /// Ends the stretches that are still open, and returns the totals.
     pub(super) fn finish(mut self) -> Collected {
+        self.take_tears();
         let names = self.device_names.iter().chain(&self.body_names);
         for (open, name) in self.open.iter().zip(names) {
             if let Some((from, description)) = *open {

@@ -10,11 +10,14 @@ use super::parts::Parts;
 use crate::atomic_file::AtomicFileError;
 use crate::bodies::{self, Built};
 use crate::engine::body::HostBody;
+use crate::engine::tears;
+use crate::live::torn::vertex_room;
 use crate::run::panics;
 use crate::scene::{LoadedScene, Scene};
 use crate::solve::frames::FrameFolder;
 use crate::solve::{Frame, snapshot};
-use physics::{BodyError, Vec3};
+use physics::topology::Edit;
+use physics::{BodyError, TearingError, Vec3};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -85,8 +88,38 @@ impl FrameRateError {
 struct Moment {
     number: usize,
     time_ns: u64,
-    /// By body: positions (m) and velocities (m/s).
-    bodies: Vec<(Vec<Vec3>, Vec<Vec3>)>,
+    /// By body.
+    bodies: Vec<BodyMoment>,
+}
+
+/// The state of one body at one time.
+#[derive(Default)]
+struct BodyMoment {
+    /// Positions (m).
+    positions: Vec<Vec3>,
+    /// Velocities (m/s).
+    velocities: Vec<Vec3>,
+    /// The edits by which the body has torn since the frame before.
+    edits: Vec<Edit>,
+}
+
+impl Moment {
+    /// A moment with room for `bodies`.
+    fn with_room(bodies: &[HostBody]) -> Self {
+        let bodies = bodies.iter().map(|body| {
+            let room = vertex_room(body.body());
+            BodyMoment {
+                positions: Vec::with_capacity(room),
+                velocities: Vec::with_capacity(room),
+                // Every edit adds a vertex.
+                edits: Vec::with_capacity(room - body.body().vertex_count()),
+            }
+        });
+        Self {
+            bodies: bodies.collect(),
+            ..Self::default()
+        }
+    }
 }
 
 /// Frames that are missing, by reason.
@@ -145,6 +178,8 @@ impl Schedule {
 /// The host's end: takes a frame after a step.
 pub struct FrameTap {
     schedule: Schedule,
+    /// By body: the number of edits in the frames so far.
+    edits: Vec<usize>,
     filled: SyncSender<Moment>,
     free: Receiver<Moment>,
     /// Whether the host waits for a free buffer.
@@ -170,11 +205,18 @@ impl FrameTap {
         moment.number = number;
         moment.time_ns = time_ns;
         moment.bodies.resize_with(bodies.len(), Default::default);
-        for ((positions, velocities), body) in moment.bodies.iter_mut().zip(bodies) {
-            positions.clear();
-            positions.extend(body.body().positions());
-            velocities.clear();
-            velocities.extend(body.body().velocities());
+        let copies = moment.bodies.iter_mut().zip(&mut self.edits);
+        for ((copy, known), body) in copies.zip(bodies) {
+            copy.positions.clear();
+            copy.positions.extend(body.body().positions());
+            copy.velocities.clear();
+            copy.velocities.extend(body.body().velocities());
+            copy.edits.clear();
+            let journal = body.tears().map(|tears| tears.tearing().journal());
+            let newer = journal.and_then(|journal| journal.get(*known..));
+            let newer = newer.unwrap_or_default();
+            copy.edits.extend(newer);
+            *known += newer.len();
         }
         // There are as many places as buffers, so that this never waits. It fails after the writer has failed.
         let _ = self.filled.try_send(moment);
@@ -201,6 +243,8 @@ enum FrameError {
     File(#[from] AtomicFileError),
     #[error("a frame cannot be drawn: {0}")]
     Body(#[from] BodyError),
+    #[error("a frame cannot be drawn: {0}")]
+    Tear(#[from] TearingError),
 }
 
 impl FrameWriter {
@@ -217,14 +261,17 @@ impl FrameWriter {
         options.check(&loaded.scene)?;
         // The writer has bodies of its own, in whose elements it computes stresses.
         let built = (0..loaded.scene.bodies.len()).map(|index| bodies::build(loaded, index));
-        let built = built.collect::<Result<Vec<_>, _>>()?;
+        let mut built = built.collect::<Result<Vec<_>, _>>()?;
+        for (index, built) in built.iter_mut().enumerate() {
+            tears::make_tearable(loaded, index, built)?;
+        }
         let folder = FrameFolder::create(&options.folder)?;
         let list = folder.list_file();
         let (filled, frames) = sync_channel(WAITING);
         let (returned, free) = sync_channel(WAITING);
         for _ in 0..WAITING {
             // The channel has as many places.
-            let _ = returned.try_send(Moment::default());
+            let _ = returned.try_send(Moment::with_room(bodies));
         }
         let names = loaded.scene.bodies.iter().map(|body| body.name.clone());
         let drawn = Drawn {
@@ -243,6 +290,7 @@ impl FrameWriter {
         let missing = Arc::<Missing>::default();
         let mut tap = FrameTap {
             schedule: Schedule::new(options.rate),
+            edits: vec![0; bodies.len()],
             filled,
             free,
             waits: clock == Clock::Virtual,
@@ -328,10 +376,13 @@ impl Drawn {
     }
 
     fn write_one(&mut self, moment: &Moment) -> Result<(), FrameError> {
-        for (index, (positions, velocities)) in moment.bodies.iter().enumerate() {
+        for (index, moved) in moment.bodies.iter().enumerate() {
             let built = &mut self.built[index];
-            built.body.set_positions(positions)?;
-            built.body.set_velocities(velocities)?;
+            for edit in &moved.edits {
+                built.body.edit(edit)?;
+            }
+            built.body.set_positions(&moved.positions)?;
+            built.body.set_velocities(&moved.velocities)?;
             self.folder.add(&Frame {
                 body: &self.names[index],
                 number: moment.number,

@@ -9,6 +9,7 @@ use super::frames::{FrameRateError, Missing, Schedule};
 use crate::engine::body::HostBody;
 use crate::live::Surface;
 use crate::live::hello::build_bodies;
+use crate::live::torn::{TornSurface, vertex_room};
 use crate::log::{BodyFrame, LogError, LogWriter};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use physics::mesh::Mesh;
@@ -41,8 +42,24 @@ struct Moment {
 struct BodyMoment {
     frame: BodyFrame,
     positions: Vec<f32>,
-    /// The surface, where this is the first frame of a topology epoch.
+    /// The surface, where this is the first frame of a topology epoch and no tear began it.
     surface: Option<Surface>,
+    /// The surface, where a tear has grown since the frame before.
+    torn: TornSurface,
+}
+
+impl Moment {
+    /// A moment with room for `bodies`.
+    fn with_room(bodies: &[HostBody]) -> Self {
+        let bodies = bodies.iter().enumerate().map(|(index, body)| BodyMoment {
+            positions: Vec::with_capacity(3 * vertex_room(body.body())),
+            torn: TornSurface::new(index, body.body()),
+            ..BodyMoment::default()
+        });
+        Self {
+            bodies: bodies.collect(),
+        }
+    }
 }
 
 /// How the host passes a moment to the log.
@@ -95,7 +112,7 @@ pub(super) fn begin(
     let (returned, free) = sync_channel(waiting);
     for _ in 0..waiting {
         // The channel has as many places.
-        let _ = returned.try_send(Moment::default());
+        let _ = returned.try_send(Moment::with_room(bodies));
     }
     let missing = Arc::<Missing>::default();
     let mut tap = LogTap {
@@ -146,8 +163,12 @@ impl LogTap {
                     .flat_map(|p| [p.x as f32, p.y as f32, p.z as f32]),
             );
             copy.surface = None;
+            copy.torn.clear();
             if *drawn != Some(epoch) {
                 *drawn = Some(epoch);
+                if copy.torn.copy(index as usize, body) {
+                    continue;
+                }
                 copy.surface = Some(Surface::of_mesh(index as usize, epoch, mesh));
             }
         }
@@ -168,7 +189,7 @@ impl LogFrames {
         while let Ok(moment) = self.frames.try_recv() {
             if let Some(log) = &mut log {
                 for body in &moment.bodies {
-                    if let Some(surface) = &body.surface {
+                    if let Some(surface) = body.torn.fresh().or(body.surface.as_ref()) {
                         log.write_surface(surface, body.frame.time_ns)?;
                     }
                     log.write_frame(&body.frame, &body.positions)?;

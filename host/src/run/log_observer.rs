@@ -5,6 +5,7 @@
 use super::Clock;
 use super::log_frames::LogFrames;
 use super::observer::{Observed, Observer};
+use super::tears::TearEvents;
 use crate::live::gather::Gatherer;
 use crate::log::overview::OverviewBuilder;
 use crate::log::{LogError, LogWriter};
@@ -27,6 +28,8 @@ pub(super) struct LogObserver {
     failure: Option<LogError>,
     /// The frames of the bodies; `None` for a log without frames.
     frames: Option<LogFrames>,
+    /// What tears.
+    tears: TearEvents,
     /// The overview at the end of the log.
     overview: OverviewBuilder,
     /// Ticks from one flush to the next.
@@ -36,23 +39,24 @@ pub(super) struct LogObserver {
 }
 
 impl LogObserver {
-    /// An observer for a run of `loaded`. `frames` gives the frames of the bodies. `logged` receives the number of ticks in the log that survive
-    /// this process.
+    /// An observer for a run of `loaded`. `frames` gives the frames of the bodies, and `tears` what tears. `logged` receives
+    /// the number of ticks in the log that survive this process.
     pub(super) fn new(
         log: Writer,
         loaded: &LoadedScene,
         clock: Clock,
-        frames: Option<LogFrames>,
-        logged: Arc<AtomicU64>,
+        (frames, tears): (Option<LogFrames>, TearEvents),
+        logged: &Arc<AtomicU64>,
     ) -> Self {
         Self {
             log: Some(log),
             failure: None,
             frames,
+            tears,
             overview: OverviewBuilder::new(Gatherer::new(loaded, clock)),
             flush_every: (loaded.scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
             taken: 0,
-            logged,
+            logged: Arc::clone(logged),
         }
     }
 
@@ -84,6 +88,12 @@ impl Observer for LogObserver {
             LogRecord::Model(body, model) => self.write(|log| log.write_model(body, model)),
             LogRecord::Tick(telemetry) => {
                 self.write_frames();
+                while let Some((event, words)) = self.tears.next() {
+                    self.write(|log| log.write_tear(&event));
+                    if let Some(words) = words {
+                        self.overview.tear(&telemetry.into(), &event, &words);
+                    }
+                }
                 self.write(|log| log.write(telemetry));
                 self.overview.take(&telemetry.into());
                 self.taken += 1;
@@ -101,6 +111,10 @@ impl Observer for LogObserver {
     /// Ends the log. If the log ended early, adds the reason to the failures.
     fn finish(mut self: Box<Self>, observed: &mut Observed) {
         self.write_frames();
+        // No tick follows the last edits.
+        while let Some((event, _)) = self.tears.next() {
+            self.write(|log| log.write_tear(&event));
+        }
         let overview = self.overview.finish();
         let ended = self.log.map_or(Ok(()), |mut log| {
             log.write_overview(&overview)?;

@@ -1,4 +1,4 @@
-//! The intervals that the plot of a run marks: the force was not that of the newest model.
+//! The intervals that the plot of a run marks: the force was not that of the newest model, or a tear grew.
 
 use crate::plot::{Cause, Mark};
 use rt_core::Telemetry;
@@ -10,6 +10,9 @@ use rt_core::safety::SafetyState;
 const STALLED: f64 = 0.25;
 /// Longest gap within an interval (s). What acts in most ticks is felt as acting in all.
 const GAP: f64 = 0.02;
+/// Longest time from one edge to the next in an interval in which a tear grows (s). Hands tear some hundred edges a
+/// second at most, and ten a second are felt as one tear.
+const TEARING: f64 = 0.1;
 
 /// Collects the intervals tick by tick.
 #[derive(Clone, Debug)]
@@ -18,6 +21,8 @@ pub(super) struct Marks {
     body_names: Vec<String>,
     /// By device; by body, for the age of the model; by body, for the cap.
     open: Vec<Option<Mark>>,
+    /// By body, for its tears.
+    torn: Vec<Option<Mark>>,
     ended: Vec<Mark>,
 }
 
@@ -32,6 +37,7 @@ impl Marks {
             device_names: named(device_names),
             body_names: named(body_names),
             open: vec![None; device_names.len() + 2 * body_names.len()],
+            torn: vec![None; body_names.len()],
             ended: Vec::new(),
         }
     }
@@ -90,9 +96,28 @@ impl Marks {
         }
     }
 
+    /// Takes an edge of the body of index `body` that opened at `time` (s).
+    pub(super) fn tear(&mut self, body: usize, time: f64) {
+        let (Some(open), Some(name)) = (self.torn.get_mut(body), self.body_names.get(body)) else {
+            return;
+        };
+        if let Some(mark) = open.as_mut().filter(|mark| time - mark.to <= TEARING) {
+            mark.to = time;
+            return;
+        }
+        let mark = Mark {
+            from: time,
+            to: time,
+            cause: Cause::Torn,
+            of: name.clone(),
+        };
+        self.ended.extend(open.replace(mark));
+    }
+
     /// All intervals, in the order of their beginnings.
     pub(super) fn finish(mut self) -> Vec<Mark> {
-        self.ended.extend(self.open.into_iter().flatten());
+        let open = self.open.into_iter().chain(self.torn);
+        self.ended.extend(open.flatten());
         self.ended.sort_by(|a, b| a.from.total_cmp(&b.from));
         self.ended
     }
@@ -152,6 +177,18 @@ mod tests {
                 (Cause::Held, 1.3, 1.5),
             ],
         );
+    }
+
+    #[test]
+    fn edges_that_open_soon_after_each_other_are_one_interval() {
+        let mut marks = Marks::new(&[], &["sheet".to_owned()]);
+        for time in [0.2, 0.25, 0.34, 0.5, 0.5] {
+            marks.tear(0, time);
+        }
+        marks.tear(1, 0.6);
+        let found = marks.finish();
+        let found: Vec<_> = found.iter().map(|m| (m.cause, m.from, m.to)).collect();
+        assert_eq!(found, [(Cause::Torn, 0.2, 0.34), (Cause::Torn, 0.5, 0.5)]);
     }
 
     #[test]

@@ -24,6 +24,7 @@ pub mod setup;
 pub mod slow_host;
 pub mod summary;
 mod taps;
+pub mod tears;
 mod tick_outputs;
 pub mod timeline;
 pub mod virtual_clock;
@@ -54,6 +55,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use summary::RunSummary;
+use tears::TearTap;
 
 pub use tick_outputs::TickOutputs;
 
@@ -251,14 +253,18 @@ pub fn run_watched(
         bodies().map(Body::vertex_count).sum(),
     );
     let logged = Arc::default();
+    prepared.taps.tears = TearTap::new(prepared.engine.bodies());
+    let tears = prepared.taps.tears.as_mut();
     let log = log.map(|log| (log, log_frames));
-    let mut observers = observers(loaded, options, seed, others, log, &logged)?;
+    let mut observers = observers(loaded, options, seed, others, (log, tears), &logged)?;
     let session = match view.zip(listener) {
         None => None,
         Some((view, listener)) => {
             let engine = &prepared.engine;
             let (session, host, observer) =
                 Session::begin(view, listener, loaded, options, seed, engine)?;
+            let tears = prepared.taps.tears.as_mut().map(TearTap::listen);
+            let observer = observer.with_tears(tears.unwrap_or_default());
             prepared.taps.view = Some(host);
             observers = observers.with(observer);
             Some(session)
@@ -328,11 +334,17 @@ fn observers(
     options: &RunOptions,
     seed: u64,
     others: Observers,
-    log: Option<(LogFile, Option<LogFrames>)>,
+    (log, mut tears): (Option<(LogFile, Option<LogFrames>)>, Option<&mut TearTap>),
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
-    let collector = Collector::new(scene, options.plot.is_some());
+    let mut listen = || {
+        tears
+            .as_mut()
+            .map(|tears| tears.listen())
+            .unwrap_or_default()
+    };
+    let collector = Collector::new(scene, options.plot.is_some(), listen());
     let observers = options.ticks.observe(scene, others.with(collector))?;
     let Some((file, frames)) = log else {
         return Ok(observers);
@@ -341,7 +353,12 @@ fn observers(
     if frames.is_some() {
         log.add_bodies(scene.bodies.iter().map(|body| body.name.as_str()))?;
     }
-    let log = LogObserver::new(log, loaded, options.clock, frames, Arc::clone(logged));
+    let theirs = listen();
+    if let Some(tears) = tears {
+        let names = scene.bodies.iter().zip(tears.tearing());
+        log.add_tears(names.map(|(body, tears)| tears.then_some(body.name.as_str())))?;
+    }
+    let log = LogObserver::new(log, loaded, options.clock, (frames, theirs), logged);
     Ok(observers.with(log))
 }
 

@@ -4,6 +4,7 @@
 
 use super::frames::FrameTap;
 use super::log_frames::LogTap;
+use super::tears::TearTap;
 use crate::engine::Engine;
 use crate::live::session::HostView;
 
@@ -14,6 +15,8 @@ pub struct Taps {
     pub frames: Option<FrameTap>,
     /// Takes frames of the bodies for the log.
     pub log_frames: Option<LogTap>,
+    /// Passes on what tears; `None` where nothing tears.
+    pub tears: Option<TearTap>,
     /// Shows the bodies to viewers.
     pub view: Option<HostView>,
 }
@@ -27,6 +30,9 @@ impl Taps {
         }
         if let Some(frames) = &mut self.log_frames {
             frames.after_step(time_ns, engine.stats().steps, engine.bodies());
+        }
+        if let Some(tears) = &mut self.tears {
+            tears.after_step(time_ns, engine.stats().steps, engine.bodies());
         }
         if let Some(view) = &mut self.view {
             view.slot.after_step(time_ns, skipped, engine);

@@ -3,6 +3,7 @@
 use crate::bodies::Built;
 use meshio::write_vtu::{Snapshot, Values};
 use physics::mesh::Mesh;
+use physics::topology::Surface;
 use physics::{Mat3, Vec3};
 
 /// The present state of a body, with the positions of the deformed body. Displacements (m) are those from `rest`. A body
@@ -14,6 +15,19 @@ pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Snapshot {
         Mesh::Solid(mesh) => Snapshot::of_solid(mesh),
     };
     let body = &built.body;
+    let torn = body.surface().filter(|_| body.edit_count() > 0);
+    let mut rest = rest;
+    if let Some(surface) = torn {
+        let triangles = surface.triangles().iter();
+        snapshot.cells = triangles.map(|corners| (corners.to_vec(), 5)).collect();
+        for (_, values) in &mut snapshot.in_cells {
+            if let Values::Scalar(values) = values {
+                *values = of_parents(values, surface);
+            }
+        }
+        // A tear adds vertices, and moves those that snap at rest.
+        rest = body.rest_positions();
+    }
     snapshot.positions = body.positions().collect();
     let moved = snapshot.positions.iter().zip(rest);
     let mut at_vertices = |name: &str, values: Vec<Vec3>| {
@@ -47,11 +61,23 @@ pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Snapshot {
         in_cells("stress_top", Values::Tensor(top));
         in_cells("stress_bottom", Values::Tensor(bottom));
     }
-    in_cells("young", Values::Scalar(built.young.clone()));
+    let of_elements = |values: &[f64]| match torn {
+        Some(surface) => of_parents(values, surface),
+        None => values.to_vec(),
+    };
+    in_cells("young", Values::Scalar(of_elements(&built.young)));
     if !built.poisson.is_empty() {
-        in_cells("poisson", Values::Scalar(built.poisson.clone()));
+        in_cells("poisson", Values::Scalar(of_elements(&built.poisson)));
     }
     snapshot
+}
+
+/// The values of the triangles of a torn surface: each has that of its original triangle.
+fn of_parents(values: &[f64], surface: &Surface) -> Vec<f64> {
+    let parents = surface.parents().iter();
+    parents
+        .map(|&parent| values.get(parent as usize).copied().unwrap_or(0.0))
+        .collect()
 }
 
 /// The largest von Mises stress of each element (Pa), in the order of the mesh: of a sheet that bends, on its two faces.

@@ -29,9 +29,9 @@ pub enum StressError {
         bodies: usize,
     },
     /// The topology of the body has changed since the run began, so its elements are not those of the scene.
+    // The text is the same for every number of vertices, so that a sheet that tears on is reported once.
     #[error(
-        "body {body} has {found} vertices, and {expected} in the scene; there are no stresses for a body whose topology \
-         has changed"
+        "body {body} has torn or was changed: it has more vertices or fewer than in the scene, and so no stresses"
     )]
     Topology {
         /// Index of the body.

@@ -1,6 +1,7 @@
 //! Sums over the pieces of a torn body: mass, elastic energy, and the energy of its loads.
 
 use super::Body;
+use super::handle::Handle;
 use crate::topology::{NONE, Pieces};
 
 /// Sums over one piece.
@@ -54,7 +55,7 @@ impl Body {
         pieces: &'a Pieces,
     ) -> impl Iterator<Item = u32> + 'a {
         let held = self.constraints.handles.get(handle);
-        let vertices = held.into_iter().flat_map(|handle| handle.own());
+        let vertices = held.into_iter().flat_map(Handle::own);
         vertices
             .map(|&vertex| pieces.of_vertex(vertex))
             .filter(|&piece| piece != NONE)

@@ -33,8 +33,10 @@ use crate::{Mat3, Vec3};
 /// which costs iterations only.
 const MOST_BLOCKS: usize = 48;
 
-/// A pivot of `Sigma` below this fraction of the node's own block is rounding error of the old factor.
-const LEAST_PIVOT: f64 = 1e-7;
+/// A freedom with a pivot of `Sigma` below this fraction of its own block is left alone with that block. Errors of the old
+/// factor and vertices that snapped, whose triangles the old factor has in other shapes, can make `Sigma` indefinite. A
+/// tiny pivot would blow up all later rows.
+const LEAST_PIVOT: f64 = 1e-3;
 
 /// Where a new node was before the sheet tore: at `fraction` of the way from one place to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +72,8 @@ struct Row {
     blocks: Vec<(u32, Mat3)>,
     /// Whether the row has changed since the columns were computed.
     changed: bool,
+    /// The mass of the node in the matrix (kg/s^2), as far as it was given.
+    mass: f64,
 }
 
 /// New nodes beside an old factor. Their places follow those of the factor.
@@ -112,6 +116,7 @@ impl TornFactor {
         let row = || Row {
             blocks: Vec::with_capacity(MOST_BLOCKS),
             changed: false,
+            mass: 0.0,
         };
         let (stride, size) = (old + most, 3 * capacity);
         Self {
@@ -164,6 +169,24 @@ impl TornFactor {
         self.ties.push(tie);
         self.free
             .push([free.x as f32, free.y as f32, free.z as f32]);
+        // `S` has a row more: the columns of earlier nodes move the new node with the places where it is tied. The columns
+        // of nodes that are such places are given anew.
+        let place = self.old + at;
+        for column in 0..3 * at.min(self.capacity) {
+            let start = self.column_start(column);
+            let column = &mut self.columns[start..start + self.stride];
+            let mut own = [0.0; 4];
+            for (end, weight) in tie.weights() {
+                if weight != 0.0 && end < place {
+                    let from = column[end];
+                    add_times(&mut own, weight, &from);
+                }
+            }
+            for i in 0..3 {
+                own[i] *= self.free[at][i];
+            }
+            column[place] = own;
+        }
         self.begin(at);
         true
     }
@@ -197,6 +220,14 @@ impl TornFactor {
             Some(at) => blocks[at].1 += block,
             None if blocks.len() < MOST_BLOCKS => blocks.push((column as u32, *block)),
             None => {}
+        }
+    }
+
+    /// Adds the mass of the new node at `place`, as it is in the matrix (kg/s^2), to its row.
+    pub fn add_mass(&mut self, place: usize, mass: f64) {
+        if self.takes(place) {
+            self.rows[place - self.old].mass = mass;
+            self.add(place, place, &(Mat3::identity() * mass));
         }
     }
 
@@ -367,12 +398,18 @@ impl TornFactor {
                     }
                     let block = self.rows[row / 3].blocks.iter();
                     let place = (self.old + row / 3) as u32;
-                    let least = block.filter(|(other, _)| *other == place);
-                    let least = least.map(|(_, block)| LEAST_PIVOT * block[(row % 3, row % 3)]);
-                    let least = least.fold(f64::MIN_POSITIVE, f64::max);
-                    own[row] = libm::sqrt(if sum > least { sum } else { least });
+                    let diagonal = block.filter(|(other, _)| *other == place);
+                    let diagonal = diagonal.map(|(_, block)| block[(row % 3, row % 3)]);
+                    let whole = diagonal.fold(self.rows[row / 3].mass, f64::max);
+                    // The comparison takes a pivot that is no number for a bad one, too.
+                    if sum > LEAST_PIVOT * whole {
+                        own[row] = libm::sqrt(sum);
+                    } else {
+                        own[..row].fill(0.0);
+                        own[row] = libm::sqrt(whole.max(f64::MIN_POSITIVE));
+                    }
                 } else {
-                    let other = &above[column * size..column * size + column + 1];
+                    let other = &above[column * size..][..=column];
                     for k in 0..column {
                         sum -= own[k] * other[k];
                     }
@@ -397,7 +434,7 @@ impl TornFactor {
             self.small[column] = vectors::dot_single(&self.columns[start..start + end], &r[..end]);
         }
         for row in 0..joined {
-            let lower = &self.lower[row * size..row * size + row + 1];
+            let lower = &self.lower[row * size..][..=row];
             let mut sum = self.small[row];
             for (l, x) in lower[..row].iter().zip(&self.small) {
                 sum -= l * x;
@@ -405,7 +442,7 @@ impl TornFactor {
             self.small[row] = sum / lower[row];
         }
         for row in (0..joined).rev() {
-            let lower = &self.lower[row * size..row * size + row + 1];
+            let lower = &self.lower[row * size..][..=row];
             let x = self.small[row] / lower[row];
             self.small[row] = x;
             for (l, sum) in lower[..row].iter().zip(&mut self.small) {

@@ -7,7 +7,7 @@ use core::ops::Range;
 use super::NONE;
 use super::advance::AdvanceOptions;
 use super::edit::{Done, Edit, EditError, Growth, Moved};
-use super::surface::{Surface, between, cross, dot, length, minus, twice_area};
+use super::surface::{Shape, Surface, between, cross, dot, length, minus, twice_area};
 use thiserror::Error;
 
 /// A straight notch or slit in the plane of a flat surface at rest.
@@ -303,6 +303,8 @@ impl Surface {
     /// The edge of the border on which a point is, or beside which it is outside, and its place on the edge from 0 to 1.
     /// `None` for a point inside the surface, further from the border than a fraction of an edge.
     fn border_at(&self, point: [f64; 2]) -> Option<([u32; 2], f64)> {
+        // Ahead of the tip of a slit, a point is on the line of the slit's faces, and inside all the same.
+        let outside = !self.shapes.iter().any(|shape| is_in(shape, point));
         let mut nearest = (f64::INFINITY, None);
         for (corners, (shape, neighbours)) in self
             .triangles
@@ -317,11 +319,9 @@ impl Surface {
                 let at = (dot(way, along) / (size * size)).clamp(0.0, 1.0);
                 let foot = [along[0] * at - way[0], along[1] * at - way[1]];
                 if length(foot) < nearest.0 {
-                    // The inside is on the left of an edge of a triangle that is not mirrored.
-                    let sign = twice_area(shape).signum();
-                    let inside = sign * cross(along, way) / size;
+                    let beside = outside || length(foot) <= AT_VERTEX * size;
                     let edge = ([corners[a], corners[b]], at);
-                    nearest = (length(foot), (inside <= AT_VERTEX * size).then_some(edge));
+                    nearest = (length(foot), beside.then_some(edge));
                 }
             }
         }
@@ -358,4 +358,14 @@ impl Surface {
         }
         Ok(())
     }
+}
+
+/// Whether a point is in a triangle of this shape.
+fn is_in(shape: &Shape, point: [f64; 2]) -> bool {
+    let whole = twice_area(shape);
+    (0..3).all(|corner| {
+        let mut part = *shape;
+        part[corner] = point;
+        twice_area(&part) / whole >= 0.0
+    })
 }

@@ -111,16 +111,19 @@ fn print_mesh(found: &MeshStudy) {
         "Mesh independence: a notched cloth in two hands; its toughness is {} J/m²\n",
         found.toughness
     );
-    outln!("| law | pattern | triangles | peak N | mean force N | energy J/m² | off the line, edges |");
-    outln!("|---|---|---|---|---|---|---|");
+    outln!(
+        "| law | pattern | triangles | peak N | mean force N | tear mm | energy J/m² | off the line, edges |"
+    );
+    outln!("|---|---|---|---|---|---|---|---|");
     for tear in &found.tears {
         outln!(
-            "| `{}` | {} | {} | {:.3} | {:.3} | {:.0} | {:.2} |",
+            "| `{}` | {} | {} | {:.3} | {:.3} | {:.1} | {:.0} | {:.2} |",
             tear.law,
             tear.pattern,
             tear.triangles,
             tear.peak,
             tear.plateau,
+            1e3 * tear.length,
             tear.energy,
             tear.strayed
         );
@@ -147,6 +150,19 @@ fn print_mesh(found: &MeshStudy) {
             start.exact,
             start.found,
             100.0 * start.error()
+        );
+    }
+    outln!("\nTrousers: the force of a hand (N)\n");
+    outln!("| pattern | triangles | formula | found | error |");
+    outln!("|---|---|---|---|---|");
+    for test in &found.trousers {
+        outln!(
+            "| {} | {} | {:.4} | {:.4} | {:+.1} % |",
+            test.pattern,
+            test.triangles,
+            test.exact,
+            test.found,
+            100.0 * test.error()
         );
     }
     outln!();
@@ -195,7 +211,10 @@ fn print_energy(accounts: &[Account]) {
     outln!("| term | {} |", heads.join(" | "));
     outln!("|---|{}", "---|".repeat(accounts.len()));
     for (name, term) in terms {
-        let cells: Vec<String> = accounts.iter().map(|a| format!("{:.4}", 1e3 * term(a))).collect();
+        let cells: Vec<String> = accounts
+            .iter()
+            .map(|a| format!("{:.4}", 1e3 * term(a)))
+            .collect();
         outln!("| {name} | {} |", cells.join(" | "));
     }
     let cells: Vec<String> = accounts
@@ -242,7 +261,10 @@ fn chart(tears: &[Tear]) -> String {
         };
         drawn.push(Series {
             name: format!("{}, {}", first.law, first.pattern),
-            points: line.iter().map(|tear| (tear.triangles as f64, tear.plateau)).collect(),
+            points: line
+                .iter()
+                .map(|tear| (tear.triangles as f64, tear.plateau))
+                .collect(),
             marker: Marker::by_place(place),
             role: Role::Number(place),
             ..Series::default()

@@ -385,6 +385,9 @@ const UNITS: &[&str] = &[
     "bytes",
     "bytes/s",
     "m/s^2",
+    "m^2",
+    "J/m^2",
+    "degrees",
     "kg/m^3",
     "1/s",
 ];

@@ -74,8 +74,14 @@ mod tests {
         let triangles = triangulate(&points);
         for triangle in &triangles {
             let corners = triangle.map(|corner| points[corner as usize]);
-            let others = (0_u32..).zip(&points).filter(|(k, _)| !triangle.contains(k));
-            assert!(others.into_iter().all(|(_, &point)| !circle_holds(&corners, point)));
+            let others = (0_u32..)
+                .zip(&points)
+                .filter(|(k, _)| !triangle.contains(k));
+            assert!(
+                others
+                    .into_iter()
+                    .all(|(_, &point)| !circle_holds(&corners, point))
+            );
         }
         // Euler's formula: the border has 2 n - 2 - f edges, and the spiral's last turn forms it.
         let border = 2 * points.len() - 2 - triangles.len();

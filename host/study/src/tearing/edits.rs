@@ -15,7 +15,7 @@ const LENGTH: f64 = 0.032;
 pub struct Mesh {
     /// How the triangles lie.
     pub pattern: String,
-    /// The largest displacement of a vertex that snaps, as a fraction of an edge (1).
+    /// The largest displacement of a vertex that snaps, as a fraction of an edge.
     pub snapping: f64,
     /// Number of triangles before the tear, and how many it added.
     pub triangles: [usize; 2],
@@ -25,7 +25,7 @@ pub struct Mesh {
     pub angles: [f64; 2],
     /// The largest errors of an edit.
     pub errors: EditErrors,
-    /// The largest distance of the tear from a straight line, as a fraction of an edge (1).
+    /// The largest distance of the tear from a straight line, as a fraction of an edge.
     pub strayed: f64,
 }
 

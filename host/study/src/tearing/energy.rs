@@ -18,7 +18,7 @@ pub struct Account {
     pub pattern: String,
     /// Number of triangles before the tear.
     pub triangles: usize,
-    /// Torn area (m²).
+    /// Torn area (m^2).
     pub area: f64,
     /// Work of hands and supports (J).
     pub supplied: f64,
@@ -77,7 +77,7 @@ fn account(pattern: Pattern, triangles: usize) -> Result<Account, StudyError> {
         gravity: 9.81,
         snapping: 0.3,
         length: f64::INFINITY,
-        longest: 4.0,
+        longest: 2.5,
     };
     let torn = pull.run()?;
     let stored = torn.moments.last().map_or(0.0, |moment| moment.stored);

@@ -89,7 +89,10 @@ fn kink(pattern: Pattern, load: Load, exact_kink: f64) -> Result<Kink, StudyErro
         Load::Pull(angle) => (90.0 - angle).to_radians(),
         Load::Shear => 0.0,
     };
-    let end = [0.5 * CRACK * libm::cos(angle), 0.5 * CRACK * libm::sin(angle)];
+    let end = [
+        0.5 * CRACK * libm::cos(angle),
+        0.5 * CRACK * libm::sin(angle),
+    ];
     let slit = Slit {
         from: [-end[0], -end[1]],
         to: end,
@@ -122,7 +125,11 @@ fn kink(pattern: Pattern, load: Load, exact_kink: f64) -> Result<Kink, StudyErro
             Load::Shear => Vec3::new(stress * normal.y, stress * normal.x, 0.0),
         }
     })?;
-    Equilibrium::new(&body, EquilibriumOptions::default())?.solve_loaded(&mut body, &[], &forces)?;
+    Equilibrium::new(&body, EquilibriumOptions::default())?.solve_loaded(
+        &mut body,
+        &[],
+        &forces,
+    )?;
     let x: Vec<Vec3> = body.positions().collect();
     let material = CLOTH.tear(TearLaw::Toughness);
     let mut found = [0.0; 2];
@@ -145,6 +152,9 @@ fn kink(pattern: Pattern, load: Load, exact_kink: f64) -> Result<Kink, StudyErro
 /// The corner of the lower side at the left (-1) or right (1).
 fn lowest(mesh: &physics::mesh::TriMesh, sign: f64) -> u32 {
     let at = Vec3::new(0.5 * sign * SIDE, -0.5 * SIDE, 0.0);
-    let near = mesh.positions.iter().position(|position| (position - at).norm() < 1e-9);
+    let near = mesh
+        .positions
+        .iter()
+        .position(|position| (position - at).norm() < 1e-9);
     near.unwrap_or_default() as u32
 }

@@ -1,19 +1,18 @@
 //! Part `mesh`: force and energy of a tear on meshes of several sizes and patterns, under both laws.
 //!
 //! Fracture mechanics gives one force and one energy for a unit of torn area, whatever the mesh. The force is averaged
-//! over the motion of the hands and the energy over the torn area, between two lengths of the tear.
+//! over the motion of the hands, from the start of the tear on, and the energy over the torn area.
 
 use super::patterns::Pattern;
 use super::pull::Pull;
 use super::specimen::CLOTH;
-use super::{SIZES, strip};
+use super::{SIZES, strip, trousers};
 use crate::{Level, StudyError};
 use physics::tear::TearLaw;
 use serde::Serialize;
 
-/// The lengths of the tear (m) between which force and energy are averaged.
-const FROM: f64 = 0.008;
-const TO: f64 = 0.032;
+/// The time of a run (s): the hands are then 4 cm apart.
+const TIME: f64 = 0.45;
 
 /// A tear on one mesh.
 #[derive(Clone, Debug, Serialize)]
@@ -26,11 +25,14 @@ pub struct Tear {
     pub triangles: usize,
     /// The largest force of a hand (N).
     pub peak: f64,
-    /// The mean force of a hand (N).
+    /// The mean force of a hand from the start of the tear on (N).
     pub plateau: f64,
-    /// The energy that is neither supplied nor stored any more, for a unit of torn area (J/m²).
+    /// The length of the tear at the end (m).
+    pub length: f64,
+    /// The energy that is supplied and not stored, for a unit of torn area (J/m^2): the toughness, damping, and the waves
+    /// that the tear makes.
     pub energy: f64,
-    /// The largest distance of the tear from a straight line, as a fraction of an edge (1).
+    /// The largest distance of the tear from a straight line, as a fraction of an edge.
     pub strayed: f64,
 }
 
@@ -39,16 +41,16 @@ pub struct Tear {
 pub struct Spread {
     /// `toughness` or `thesis`.
     pub law: &'static str,
-    /// Of the mean force (1).
+    /// Of the mean force, relative.
     pub plateau: f64,
-    /// Of the energy (1).
+    /// Of the energy, relative.
     pub energy: f64,
 }
 
 /// The part `mesh`.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeshStudy {
-    /// The toughness of the cloth (J/m²).
+    /// The toughness of the cloth (J/m^2).
     pub toughness: f64,
     /// The tears, law by law.
     pub tears: Vec<Tear>,
@@ -56,6 +58,8 @@ pub struct MeshStudy {
     pub spreads: Vec<Spread>,
     /// The starts of long strips.
     pub starts: Vec<strip::Start>,
+    /// The forces of trousers tests.
+    pub trousers: Vec<trousers::Trousers>,
 }
 
 /// The name of a law.
@@ -97,6 +101,7 @@ pub fn run(level: Level, progress: &dyn Fn(f64)) -> Result<MeshStudy, StudyError
         tears,
         spreads,
         starts: strip::run(level, &SIZES)?,
+        trousers: trousers::run(level)?,
     })
 }
 
@@ -104,7 +109,9 @@ pub fn run(level: Level, progress: &dyn Fn(f64)) -> Result<MeshStudy, StudyError
 fn deviation(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = values.clone().count().max(1);
     let mean = values.clone().sum::<f64>() / count as f64;
-    values.map(|value| (value / mean - 1.0).abs()).fold(0.0, f64::max)
+    values
+        .map(|value| (value / mean - 1.0).abs())
+        .fold(0.0, f64::max)
 }
 
 fn tear(law: TearLaw, pattern: Pattern, triangles: usize) -> Result<Tear, StudyError> {
@@ -115,15 +122,15 @@ fn tear(law: TearLaw, pattern: Pattern, triangles: usize) -> Result<Tear, StudyE
         law,
         gravity: 0.0,
         snapping: 0.3,
-        length: TO,
-        longest: 3.0,
+        length: f64::INFINITY,
+        longest: TIME,
     };
     let torn = pull.run()?;
-    let (Some(first), Some(last)) = (torn.at(FROM), torn.at(TO)) else {
+    let (Some(first), Some(last)) = (torn.at(f64::MIN_POSITIVE), torn.moments.last()) else {
         return Err(StudyError::Rests);
     };
     let supplied = last.supplied - first.supplied;
-    let spent = supplied - (last.stored - first.stored);
+    let spent = last.supplied - last.stored + torn.pending;
     let forces = torn.moments.iter().flat_map(|moment| moment.force);
     Ok(Tear {
         law: name(law),
@@ -131,7 +138,8 @@ fn tear(law: TearLaw, pattern: Pattern, triangles: usize) -> Result<Tear, StudyE
         triangles: torn.triangles[0],
         peak: forces.fold(0.0, f64::max),
         plateau: supplied / (last.opening - first.opening),
-        energy: spent / ((last.torn - first.torn) * CLOTH.thickness),
+        energy: spent / (last.torn * CLOTH.thickness),
+        length: last.torn,
         strayed: torn.strayed / torn.spacing,
     })
 }

@@ -3,6 +3,7 @@
 //! - `delaunay`, `patterns`: the meshes of the specimens. `specimen`: their materials.
 //! - `rig`: a sheet that tears, with its stepper. `pull`: a notched sheet that two hands tear.
 //! - [`meshes`]: force and energy of a tear on different meshes. [`strip`]: the start of a tear in a long strip.
+//!   [`trousers`]: the force of a trousers test.
 //! - [`kinks`]: the first kink of a crack at an angle to the load.
 //! - [`energy`]: the account of the energy of a tear.
 //! - [`edits`]: what tears do to a mesh.
@@ -19,6 +20,7 @@ mod rig;
 pub mod runs;
 mod specimen;
 pub mod strip;
+pub mod trousers;
 
 pub use patterns::{Pattern, Patterned, Rectangle, Slit};
 pub use pull::EditErrors;
@@ -69,7 +71,11 @@ pub struct TearingStudy {
 ///
 /// # Errors
 /// [`StudyError`].
-pub fn run(parts: &[Part], level: Level, progress: &dyn Fn(f64)) -> Result<TearingStudy, StudyError> {
+pub fn run(
+    parts: &[Part],
+    level: Level,
+    progress: &dyn Fn(f64),
+) -> Result<TearingStudy, StudyError> {
     let mut found = TearingStudy {
         schema: "palpate.tearing/1",
         level,

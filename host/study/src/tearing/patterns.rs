@@ -105,7 +105,9 @@ impl Rectangle<'_> {
             let mut on_slit = Vec::new();
             for k in 0..=parts {
                 let at = between(slit.from, slit.to, f64::from(k) / f64::from(parts));
-                let found = points.iter().position(|point| distance(*point, at) < 1e-6 * spacing);
+                let found = points
+                    .iter()
+                    .position(|point| distance(*point, at) < 1e-6 * spacing);
                 on_slit.push(found.unwrap_or(points.len()) as u32);
                 if found.is_none() {
                     points.push(at);
@@ -141,13 +143,19 @@ impl Rectangle<'_> {
             ("top", 1, 0.5 * self.width),
         ];
         for (name, axis, at) in sides {
-            let on_side = (0_u32..).zip(&points).filter(|(_, point)| (point[axis] - at).abs() < 1e-9);
+            let on_side = (0_u32..)
+                .zip(&points)
+                .filter(|(_, point)| (point[axis] - at).abs() < 1e-9);
             mesh.vertex_groups.push(Group {
                 name: name.to_owned(),
                 members: on_side.map(|(vertex, _)| vertex).collect(),
             });
         }
-        Ok(Patterned { mesh, tips, spacing })
+        Ok(Patterned {
+            mesh,
+            tips,
+            spacing,
+        })
     }
 
     /// The points of the border, with the mouths of notches and the marks among them.
@@ -166,7 +174,12 @@ impl Rectangle<'_> {
             let on_side = |mouth: &&[f64; 2]| {
                 (distance(from, **mouth) + distance(**mouth, to) - length).abs() < 1e-9 * length
             };
-            stops.extend(mouths.iter().filter(on_side).map(|mouth| distance(from, *mouth) / length));
+            stops.extend(
+                mouths
+                    .iter()
+                    .filter(on_side)
+                    .map(|mouth| distance(from, *mouth) / length),
+            );
             stops.sort_by(f64::total_cmp);
             for pair in stops.windows(2) {
                 let span = pair[1] - pair[0];
@@ -183,8 +196,8 @@ impl Rectangle<'_> {
     /// The lattice points that are clear of the border and of the slits.
     fn interior(&self, spacing: f64, angle: f64) -> Vec<[f64; 2]> {
         let (x, y) = (0.5 * self.length, 0.5 * self.width);
-        // Without a turn the lattice fits the rectangle.
-        let fit = |size: f64| size / (size / spacing).round().max(1.0);
+        // Without a turn the lattice fits the rectangle, and the axes are lines of it.
+        let fit = |size: f64| size / (2.0 * (0.5 * size / spacing).round().max(1.0));
         let (dx, dy) = if angle == 0.0 {
             (fit(self.length), fit(self.width))
         } else {
@@ -201,7 +214,8 @@ impl Rectangle<'_> {
             for i in -reach..=reach {
                 let (mut along, mut across) = (dx * f64::from(i), dy * f64::from(j));
                 if let Some(chance) = chance {
-                    let n = u64::from((2 * reach + 1) as u32) * (j + reach) as u64 + (i + reach) as u64;
+                    let n =
+                        u64::from((2 * reach + 1) as u32) * (j + reach) as u64 + (i + reach) as u64;
                     along += dx * chance.between(2 * n, -SCATTER, SCATTER);
                     across += dy * chance.between(2 * n + 1, -SCATTER, SCATTER);
                 }
@@ -211,7 +225,8 @@ impl Rectangle<'_> {
                 ];
                 let from_border = (x - at[0].abs()).min(y - at[1].abs());
                 let is_clear = |slit: &Slit| to_slit(slit, at) > CLEAR * spacing;
-                if from_border > CLEAR * spacing.min(dx.min(dy)) && self.slits.iter().all(is_clear) {
+                if from_border > CLEAR * spacing.min(dx.min(dy)) && self.slits.iter().all(is_clear)
+                {
                     points.push(at);
                 }
             }
@@ -227,16 +242,26 @@ fn parts(slit: &Slit, spacing: f64) -> u32 {
 
 /// Opens the edges between the vertices of a slit: all but its tips are doubled. The copies belong to the triangles on its
 /// left.
-fn open(slit: &[u32], points: &mut Vec<[f64; 2]>, triangles: &mut [[u32; 3]]) -> Result<(), StudyError> {
+fn open(
+    slit: &[u32],
+    points: &mut Vec<[f64; 2]>,
+    triangles: &mut [[u32; 3]],
+) -> Result<(), StudyError> {
     let [first, .., last] = *slit else {
         return Err(StudyError::Slit);
     };
-    let is_edge = |pair: &[u32]| triangles.iter().any(|corners| pair.iter().all(|v| corners.contains(v)));
+    let is_edge = |pair: &[u32]| {
+        triangles
+            .iter()
+            .any(|corners| pair.iter().all(|v| corners.contains(v)))
+    };
     if !slit.windows(2).all(is_edge) {
         return Err(StudyError::Slit);
     }
     let (from, to) = (points[first as usize], points[last as usize]);
-    let side = |at: [f64; 2]| (to[0] - from[0]) * (at[1] - from[1]) - (to[1] - from[1]) * (at[0] - from[0]);
+    let side = |at: [f64; 2]| {
+        (to[0] - from[0]) * (at[1] - from[1]) - (to[1] - from[1]) * (at[0] - from[0])
+    };
     // At a tip all triangles stay one fan.
     let is_tip = [first, last].map(|end| !is_open(end, triangles));
     for &vertex in slit {
@@ -263,7 +288,12 @@ fn open(slit: &[u32], points: &mut Vec<[f64; 2]>, triangles: &mut [[u32; 3]]) ->
 /// Whether a vertex is on the border: it has more neighbours than triangles.
 fn is_open(vertex: u32, triangles: &[[u32; 3]]) -> bool {
     let about = triangles.iter().filter(|corners| corners.contains(&vertex));
-    let mut neighbours: Vec<u32> = about.clone().flatten().copied().filter(|&v| v != vertex).collect();
+    let mut neighbours: Vec<u32> = about
+        .clone()
+        .flatten()
+        .copied()
+        .filter(|&v| v != vertex)
+        .collect();
     neighbours.sort_unstable();
     neighbours.dedup();
     neighbours.len() > about.count()
@@ -296,7 +326,12 @@ mod tests {
             corners.map(|v| [mesh.positions[v as usize].x, mesh.positions[v as usize].y])
         };
         let shapes: Vec<_> = mesh.triangles.iter().map(flat).collect();
-        let surface = Surface::new(mesh.positions.len(), &mesh.triangles, &shapes, Reserve::default());
+        let surface = Surface::new(
+            mesh.positions.len(),
+            &mesh.triangles,
+            &shapes,
+            Reserve::default(),
+        );
         surface.expect("a surface")
     }
 
@@ -329,10 +364,13 @@ mod tests {
                 assert!(smallest > 15.0, "{pattern:?} {triangles}: {smallest}");
                 // The notch has one tip, and the slit has two. The rectangle with a slit has no other hole.
                 assert_eq!(made.tips.len(), 3);
-                let (v, t) = (surface.vertex_count() as i64, surface.triangle_count() as i64);
+                let (v, t) = (
+                    surface.vertex_count() as i64,
+                    surface.triangle_count() as i64,
+                );
                 let open = surface.neighbours().iter().flatten();
                 let open = open.filter(|&&n| n == physics::topology::NONE).count() as i64;
-                let edges = (3 * t + open) / 2;
+                let edges = i64::midpoint(3 * t, open);
                 assert_eq!(v - edges + t, 0);
             }
         }

@@ -19,7 +19,7 @@ pub(super) const SIDE: f64 = 0.08;
 pub(super) const NOTCH: f64 = 0.02;
 const GRIP: f64 = 0.016;
 /// Speed of each hand (m/s), and the time in which it is reached (s).
-const SPEED: f64 = 0.04;
+const SPEED: f64 = 0.05;
 const RAMP: f64 = 0.1;
 
 /// What is torn, and how.
@@ -77,11 +77,11 @@ pub(super) struct Torn {
 /// The largest errors of the edits of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct EditErrors {
-    /// Change of the mass, relative (1).
+    /// Change of the mass, relative.
     pub mass: f64,
-    /// Change of the area at rest, relative (1).
+    /// Change of the area at rest, relative.
     pub area: f64,
-    /// Change of the momentum, relative to the mass times the largest speed (1).
+    /// Change of the momentum, relative to the mass times the largest speed.
     pub momentum: f64,
     /// Number of inverted triangles, at rest and in space.
     pub inverted: usize,
@@ -95,9 +95,14 @@ impl Torn {
 }
 
 /// Whether the triangles at a vertex lie above the x-axis.
-fn is_above(mesh: &TriMesh, vertex: u32) -> bool {
-    let about = mesh.triangles.iter().filter(|corners| corners.contains(&vertex));
-    let heights = about.flatten().map(|&corner| mesh.positions[corner as usize].y);
+pub(super) fn is_above(mesh: &TriMesh, vertex: u32) -> bool {
+    let about = mesh
+        .triangles
+        .iter()
+        .filter(|corners| corners.contains(&vertex));
+    let heights = about
+        .flatten()
+        .map(|&corner| mesh.positions[corner as usize].y);
     heights.sum::<f64>() > 0.0
 }
 
@@ -143,14 +148,25 @@ impl Pull {
             ..BodyConfig::default()
         };
         let mut body = Body::sheet(mesh, &[self.stuff.elastic()], config, &hands)?;
-        let held: Vec<u32> = hands.iter().flat_map(|hand| hand.vertices.clone()).collect();
+        let held: Vec<u32> = hands
+            .iter()
+            .flat_map(|hand| hand.vertices.clone())
+            .collect();
         hold_flat(&mut body, &held)?;
         let material = self.stuff.tear(self.law);
         let mut rig = Rig::new(body, material, self.snapping, &made.tips)?;
-        let surface_of = |body: &Body| body.surface().map_or([0.0; 3], |surface| {
-            let area: f64 = (0..surface.triangle_count() as u32).map(|t| surface.area(t)).sum();
-            [area, surface.smallest_angle().to_degrees(), surface.triangle_count() as f64]
-        });
+        let surface_of = |body: &Body| {
+            body.surface().map_or([0.0; 3], |surface| {
+                let area: f64 = (0..surface.triangle_count() as u32)
+                    .map(|t| surface.area(t))
+                    .sum();
+                [
+                    area,
+                    surface.smallest_angle().to_degrees(),
+                    surface.triangle_count() as f64,
+                ]
+            })
+        };
         let first = surface_of(&rig.body);
         let mass = rig.body.total_mass();
         let mut torn = Torn {
@@ -185,7 +201,10 @@ impl Pull {
                 torn.edits.momentum = torn.edits.momentum.max(change);
                 let [area, angle, _] = surface_of(&rig.body);
                 torn.edits.area = torn.edits.area.max((area / first[0] - 1.0).abs());
-                torn.edits.mass = torn.edits.mass.max((rig.body.total_mass() / mass - 1.0).abs());
+                torn.edits.mass = torn
+                    .edits
+                    .mass
+                    .max((rig.body.total_mass() / mass - 1.0).abs());
                 torn.angles[1] = torn.angles[1].min(angle);
                 torn.edits.inverted = torn.edits.inverted.max(rig.body.inverted_count());
             }
@@ -221,7 +240,8 @@ fn strayed(body: &Body, length: f64) -> f64 {
     };
     let rest = body.rest_positions();
     let origins = surface.origins().iter().enumerate();
-    let torn = origins.filter(|(_, origin)| matches!(origin, physics::topology::Origin::Twin { .. }));
+    let torn =
+        origins.filter(|(_, origin)| matches!(origin, physics::topology::Origin::Twin { .. }));
     let places = torn.filter_map(|(vertex, _)| rest.get(vertex));
     let within = places.filter(|at| at.x < -0.5 * SIDE + NOTCH + length);
     within.map(|at| at.y.abs()).fold(0.0, f64::max)

@@ -66,11 +66,25 @@ impl Rig {
 
     /// Makes a step with the handles at `targets` at its end.
     pub(super) fn step(&mut self, targets: &[HandlePose]) -> Result<StepperReport, StudyError> {
+        self.renew()?;
         let report = self.stepper.step(&mut self.body, STEP, targets, || false)?;
         if let Some(ledger) = self.stepper.ledger() {
             self.ledger += *ledger;
         }
         Ok(report)
+    }
+
+    /// Makes a factor of the present topology, if this would pay.
+    fn renew(&mut self) -> Result<(), StudyError> {
+        if self.stepper.wants_factor() {
+            let mut mirror = self.body.clone();
+            mirror.reassemble();
+            let mut fresh = Stepper::new(&mirror, self.stepper.options)?;
+            fresh.prepare(&mirror, STEP)?;
+            fresh.adopt(&mut self.stepper, &mut self.body)?;
+            self.stepper = fresh;
+        }
+        Ok(())
     }
 
     /// Lets the tears grow.
@@ -87,7 +101,9 @@ impl Rig {
     /// The energy that pairs of vertices have still to take (J).
     pub(super) fn pending(&self) -> f64 {
         let pairs = self.stepper.pairs().iter();
-        pairs.map(|pair| 0.5 * pair.first * pair.critical - pair.work).sum()
+        pairs
+            .map(|pair| 0.5 * pair.first * pair.critical - pair.work)
+            .sum()
     }
 
     /// The force of the sheet on a hand (N).

@@ -7,14 +7,14 @@ use physics::tear::{Driving, Intensity, Patch, RINGS, Sheet, TearLaw, TearMateri
 use physics::topology::{Reserve, Surface};
 use physics::{Body, BodyConfig, Material, Vec3};
 
-/// Soft cloth. Its toughness is an estimate: a tear takes 0.8 J per metre.
+/// Soft cloth. Its toughness is an estimate: a tear takes 0.2 J per metre.
 pub const CLOTH: Stuff = Stuff {
     young: 0.4e6,
     poisson: 0.3,
     thickness: 0.8e-3,
     density: 300.0,
-    strength: 0.2e6,
-    toughness: 1000.0,
+    strength: 0.1e6,
+    toughness: 250.0,
 };
 
 /// Paper of a banknote; strength and toughness are estimates. A tear takes 1.6 J per metre.
@@ -92,9 +92,18 @@ pub(super) fn surface(mesh: &TriMesh) -> Result<Surface, StudyError> {
         let position = mesh.positions[corner as usize];
         [position.x, position.y]
     };
-    let shapes: Vec<_> = mesh.triangles.iter().map(|corners| corners.map(at)).collect();
+    let shapes: Vec<_> = mesh
+        .triangles
+        .iter()
+        .map(|corners| corners.map(at))
+        .collect();
     let count = mesh.positions.len();
-    Ok(Surface::new(count, &mesh.triangles, &shapes, Reserve::default())?)
+    Ok(Surface::new(
+        count,
+        &mesh.triangles,
+        &shapes,
+        Reserve::default(),
+    )?)
 }
 
 /// What drives the tear at `tip` of a sheet at positions `x` (m): energy release rate and stress intensities.
@@ -130,7 +139,9 @@ pub(super) fn side<'a>(made: &'a Patterned, name: &str) -> &'a [u32] {
 
 /// A sheet held flat: all vertices but `held` are guided along z.
 pub(super) fn hold_flat(body: &mut Body, held: &[u32]) -> Result<(), StudyError> {
-    let all: Vec<u32> = (0..body.vertex_count() as u32).filter(|v| !held.contains(v)).collect();
+    let all: Vec<u32> = (0..body.vertex_count() as u32)
+        .filter(|v| !held.contains(v))
+        .collect();
     body.add_support(&all, [false, false, true])?;
     Ok(())
 }

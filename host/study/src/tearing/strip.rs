@@ -24,9 +24,9 @@ pub struct Start {
     pub pattern: String,
     /// Number of triangles.
     pub triangles: usize,
-    /// The exact strain (1).
+    /// The exact strain, relative to the height.
     pub exact: f64,
-    /// The strain found (1).
+    /// The strain found, relative to the height.
     pub found: f64,
 }
 

@@ -64,7 +64,7 @@ pub struct Player<R> {
     stresses: Stresses,
     /// Whether frames have stresses.
     stressed: bool,
-    /// The surfaces that were sent, one a body and topology epoch.
+    /// The surfaces that were sent last, one a body. A display keeps one surface a body, too.
     surfaces: Vec<Surface>,
     frame: Frame,
     /// Messages that were made and not taken.

@@ -10,12 +10,12 @@ impl<R: Read + Seek + Send> Player<R> {
         let mut frame = self.gatherer.frame();
         frame.number = self.number;
         frame.totals = self.totals(frame.totals);
-        // The gatherer learns the worst tick of the whole log only at the end.
-        let worst = self.overview.events.iter().find(|event| {
-            event.kind == EventKind::WorstTick
+        // The gatherer learns the worst tick of the whole log only at the end, and sees no tears.
+        let others = self.overview.events.iter().filter(|event| {
+            matches!(event.kind, EventKind::WorstTick | EventKind::Tear)
                 && (frame.folded.first..=frame.folded.last).contains(&event.tick)
         });
-        frame.events.extend(worst.cloned());
+        frame.events.extend(others.cloned());
         for (index, state) in frame.bodies.iter_mut().enumerate() {
             state.vertices = self.vertices(index, frame.time_ns)?;
         }
@@ -42,7 +42,7 @@ impl<R: Read + Seek + Send> Player<R> {
         Ok(())
     }
 
-    /// The vertices of a body at a time. A surface that was not sent yet is sent first.
+    /// The vertices of a body at a time. The surface of their epoch is sent first, unless it was the last one sent.
     fn vertices(&mut self, index: usize, time_ns: u64) -> Result<Option<Vertices>, PlayerError> {
         let Some(name) = self.facts.bodies.get(index) else {
             return Ok(None);
@@ -68,6 +68,7 @@ impl<R: Read + Seek + Send> Player<R> {
                     epoch,
                     ..surface
                 };
+                self.surfaces.retain(|before| before.body != body);
                 self.surfaces.push(surface.clone());
                 self.waiting.push_back(Message::Surface(surface));
             }

@@ -12,8 +12,6 @@ use std::time::{Duration, Instant};
 pub const SPAN: f64 = 10.0;
 /// Events that are kept.
 const EVENTS: usize = 1000;
-/// Surfaces that are kept: those of the last topology epochs.
-const SURFACES: usize = 64;
 
 /// How a source ended.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,10 +97,12 @@ impl Model {
         if surface.rest.len() == 3 * surface.vertices as usize {
             self.widen(surface.rest.as_chunks().0);
         }
-        self.surfaces.insert((surface.body, surface.epoch), surface);
-        while self.surfaces.len() > SURFACES {
-            self.surfaces.pop_first();
-        }
+        // The vertices of its epoch come after the surface. Until then, the surface before is drawn.
+        let (body, shown) = (surface.body, self.vertices(surface.body as usize));
+        let shown = shown.map(|vertices| vertices.epoch);
+        self.surfaces
+            .retain(|(of, epoch), _| *of != body || Some(*epoch) == shown);
+        self.surfaces.insert((body, surface.epoch), surface);
     }
 
     fn take_frame(&mut self, mut frame: Frame) {
@@ -268,5 +268,6 @@ pub(super) fn kind(kind: EventKind) -> (char, &'static str) {
         EventKind::MissedDeadline => ('M', "missed"),
         EventKind::StaleModel => ('S', "stale"),
         EventKind::WorstTick => ('W', "worst"),
+        EventKind::Tear => ('R', "tear"),
     }
 }

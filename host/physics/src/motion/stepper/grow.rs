@@ -11,7 +11,6 @@
 //! [`TornFactor`]: crate::linear::torn::TornFactor
 
 use super::Stepper;
-use crate::Mat3;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::element;
@@ -321,8 +320,7 @@ impl<T: Real> Stepper<T> {
             });
         }
         for place in *first..self.free {
-            let mass = Mat3::identity() * (factors.0 * self.mass[place]);
-            factor.add(place, place, &mass);
+            factor.add_mass(place, factors.0 * self.mass[place]);
         }
         let (team, solves) = (self.team, &mut self.solves);
         factor.update(&self.mask[..(*first).min(self.mask.len())], |z| {

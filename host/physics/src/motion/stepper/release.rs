@@ -9,7 +9,8 @@
 //! T(s) = f (1 - s_m / d_c) (s + o) / (s_m + o)      below s_m
 //! ```
 //!
-//! The opening counts along the direction of the first force. The offset `o` is a ten-thousandth of `d_c`: a pair that
+//! The opening counts along the direction of the first force, and along the line between the two vertices once they are
+//! apart: a sheet that is torn out of its plane turns meanwhile. The offset `o` is a ten-thousandth of `d_c`: a pair that
 //! has not opened would otherwise be rigid.
 //!
 //! **Energy.** The force of a pair in a step is the work of its law over the step divided by the change of the opening (a
@@ -30,6 +31,12 @@ use crate::lanes::{Node, Real, to_node, to_vec};
 const OFFSET: f64 = 1e-4;
 /// Most rounds of forces and openings in a step.
 const MOST_ROUNDS: usize = 8;
+/// The opening from which on the force acts along the opening, as a fraction of the opening at which it is lost.
+const TURNS: f64 = 0.01;
+/// A turn by less than the root of this number (rad) is left for a later step, so that responses need not be computed.
+const SAME: f64 = 1e-4;
+/// The largest force with which the sides of a pair press on each other, as a multiple of its first force.
+const MOST_PRESSED: f64 = 10.0;
 /// Sweeps over the pairs, and bisections for each.
 const SWEEPS: usize = 30;
 const BISECTIONS: usize = 60;
@@ -53,6 +60,8 @@ pub struct Pair {
     pub force: f64,
     /// The work that the pair has taken from the body so far (J).
     pub work: f64,
+    /// The distance of the vertices at the end of the step (m), once the direction follows them; 0 before.
+    turned: f64,
 }
 
 impl Pair {
@@ -71,6 +80,7 @@ impl Pair {
             largest: 0.0,
             force: first,
             work: 0.0,
+            turned: 0.0,
         })
     }
 
@@ -106,9 +116,29 @@ impl Pair {
     pub fn advance(&mut self, force: f64, change: f64) {
         self.work += force * change;
         self.opening += change;
+        if self.turned > 0.0 {
+            self.opening = self.turned;
+        }
         self.largest = self.largest.max(self.opening);
         // The force at the start of the next step.
         self.force = self.slope() * (self.opening + OFFSET * self.critical);
+    }
+
+    /// Turns the direction of the force to that of the opening `apart` (m) at the end of a step, before the step
+    /// [ends](Self::advance). Returns whether it has turned.
+    fn turn(&mut self, apart: &Vec3) -> bool {
+        let size = apart.norm();
+        if size < TURNS * self.critical {
+            return false;
+        }
+        // The step ends with the whole distance for its opening. The difference is of second order in the turn.
+        self.turned = size;
+        let direction = apart / size;
+        let is_other = (direction - self.direction).norm_squared() > SAME;
+        if is_other {
+            self.direction = direction;
+        }
+        is_other
     }
 
     /// The opening that agrees with the law, where the opening is `free - response force`.
@@ -149,6 +179,8 @@ pub(super) struct Pairs {
     /// Forces to be solved for (N), and openings as they would be without a change of the forces (m).
     forces: Vec<f64>,
     openings: Vec<f64>,
+    /// Changes of the forces in the last round (N).
+    changes: Vec<f64>,
 }
 
 impl Pairs {
@@ -161,6 +193,7 @@ impl Pairs {
             are_known: false,
             forces: vec![0.0; most],
             openings: vec![0.0; most],
+            changes: vec![0.0; most],
         }
     }
 
@@ -193,7 +226,7 @@ impl Pairs {
                 let pair = &self.list[row];
                 free += responses[row] * pair.force;
                 let opening = pair.meet(free, responses[row]);
-                let force = pair.mean_force(opening);
+                let force = pair.mean_force(opening).max(-MOST_PRESSED * pair.first);
                 changed = changed.max((force - self.forces[row]).abs());
                 self.forces[row] = force;
             }
@@ -323,6 +356,7 @@ impl<T: Real> Stepper<T> {
             for at in 0..self.pairs.list.len() {
                 let (pair, force) = (self.pairs.list[at], self.pairs.forces[at]);
                 self.load_pair(&pair, force - pair.force);
+                self.pairs.changes[at] = force - pair.force;
                 self.pairs.list[at].force = force;
             }
             let limits = Limits {
@@ -333,31 +367,47 @@ impl<T: Real> Stepper<T> {
             report.iterations += again.iterations;
             report.residual = again.residual;
             report.converged = again.converged;
+            self.learn_responses();
+        }
+    }
+
+    /// Corrects the responses by the last round. The factor is older than the matrix: an opening may respond more than
+    /// the factor says, and rounds with too small a response would overshoot more each time.
+    fn learn_responses(&mut self) {
+        let most = self.pairs.most;
+        for at in 0..self.pairs.list.len() {
+            let pair = &self.pairs.list[at];
+            let opening = pair.opening + self.opens(pair, |place| to_vec(&self.u[place]));
+            let found = (self.pairs.openings[at] - opening) / self.pairs.changes[at];
+            let response = &mut self.pairs.responses[at * most + at];
+            // The comparison drops a change of zero.
+            if found > *response && found.is_finite() {
+                *response = found;
+            }
         }
     }
 
     /// The energy (J) that pairs give back in the step.
     pub(super) fn given_back(&self, body: &Body) -> f64 {
         let pairs = self.pairs.list.iter();
-        let work = pairs.map(|pair| (-pair.force * self.moved_by(body, pair)).max(0.0));
+        let work = pairs.map(|pair| (-pair.force * moved_by(body, pair)).max(0.0));
         work.sum()
-    }
-
-    fn moved_by(&self, body: &Body, pair: &Pair) -> f64 {
-        let [a, b] = pair
-            .nodes
-            .map(|node| body.state.displacement[node as usize]);
-        pair.direction.dot(&(b - a))
     }
 
     /// Ends the step for the pairs, and forgets those that have let go. Returns the work that they took (J).
     pub(super) fn open_pairs(&mut self, body: &Body) -> f64 {
         let mut work = 0.0;
+        let mut has_turned = false;
         for at in 0..self.pairs.list.len() {
-            let change = self.moved_by(body, &self.pairs.list[at]);
+            let change = moved_by(body, &self.pairs.list[at]);
             let pair = &mut self.pairs.list[at];
             work += pair.force * change;
+            let [a, b] = pair.nodes.map(|node| self.at[node as usize]);
+            has_turned |= pair.turn(&(b - a));
             pair.advance(pair.force, change);
+        }
+        if has_turned {
+            self.pairs.forget_responses();
         }
         let count = self.pairs.list.len();
         self.pairs.list.retain(|pair| !pair.is_over());
@@ -366,4 +416,11 @@ impl<T: Real> Stepper<T> {
         }
         work
     }
+}
+
+/// The change of the opening of a pair over the step (m).
+fn moved_by(body: &Body, pair: &Pair) -> f64 {
+    let moved = |node: u32| body.state.displacement[node as usize];
+    let [a, b] = pair.nodes.map(moved);
+    pair.direction.dot(&(b - a))
 }

@@ -6,13 +6,16 @@
 //! the edge let go of each other gradually. The edits of several tips are made in the order of the tips, so that two runs
 //! give the same bytes. Nothing is allocated after the construction.
 //!
-//! - `tips`: the tips, and how they grow. `limit`: how far handles can move until then. `start`: where new tears start. `cost`: what snapping would cost.
+//! - `tips`: the tips, and how they grow. `limit`: how far handles can move until then.
+//! - `start`: where new tears start. `cost`: what snapping would cost. `grown`: what each edit did.
 
 mod cost;
+mod grown;
 mod limit;
 mod start;
 mod tips;
 
+pub use grown::Grown;
 pub use limit::TearLimit;
 pub use tips::TipState;
 
@@ -96,6 +99,8 @@ pub struct Tearing {
     report: TearReport,
     /// All edits so far, in their order.
     journal: Vec<Edit>,
+    /// What each of them did.
+    grown: Vec<Grown>,
 }
 
 impl Tearing {
@@ -135,6 +140,7 @@ impl Tearing {
             },
             // Every edit adds a vertex.
             journal: Vec::with_capacity(limits.vertices - surface.vertex_count()),
+            grown: Vec::with_capacity(limits.vertices - surface.vertex_count()),
         })
     }
 
@@ -223,9 +229,12 @@ impl Tearing {
             .sum();
         report.opened += done.surface.opened.iter().flatten().count() as u64;
         report.area += length * material.thickness;
-        if material.law == TearLaw::Toughness {
-            report.due += length * material.thickness * material.toughness;
-        }
+        let energy = match material.law {
+            TearLaw::Toughness => length * material.thickness * material.toughness,
+            TearLaw::Thesis => 0.0,
+        };
+        report.due += energy;
+        self.note(edit.tip, &done.surface, length, energy);
         let pair = self.tie(body, stepper, &done.surface, length);
         for (end, &vertex) in ends.iter_mut().zip(&done.surface.tips) {
             *end = TipState { vertex, pair };

@@ -101,8 +101,9 @@ impl Tearing {
                 let waits = tip
                     .pair
                     .is_some_and(|nodes| stepper.pairs().iter().any(|pair| pair.nodes == nodes));
-                // The comparison stops for a rate that is no number.
-                if waits || !(drive.rate >= self.options.material.toughness) {
+                // The comparison is false for a rate that is no number.
+                let goes_on = drive.rate >= self.options.material.toughness;
+                if waits || !goes_on {
                     break;
                 }
                 let turned = drive.direction + self.kink(drive.rate);

@@ -13,7 +13,7 @@ const STATES = {
   limited: ["▲", "warn"], slewed: ["▲", "warn"], held: ["■", "bad"], too_fast: ["▲", "bad"], out_of_reach: ["▲", "bad"],
   device_stale: ["✕", "bad"], not_a_number: ["✕", "bad"],
 };
-const KINDS = { trip: ["▲", "trip"], missed_deadline: ["✕", "missed deadline"], stale_model: ["◐", "stale model"], worst_tick: ["◆", "worst tick"] };
+const KINDS = { trip: ["▲", "trip"], missed_deadline: ["✕", "missed deadline"], stale_model: ["◐", "stale model"], worst_tick: ["◆", "worst tick"], tear: ["✂", "tear"] };
 
 function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);

@@ -66,6 +66,8 @@ export class View {
     this.held = false;
     this.range = [0, 0];
     this.bodies = [];
+    /** By body: the connectivity of an epoch whose vertices have not come. */
+    this.next = [];
     this.hands = [];
     this.handles = [];
     this.radius = 0.1;
@@ -112,6 +114,7 @@ export class View {
     this.hello = hello;
     for (const body of this.bodies) this.remove(body);
     this.bodies = [];
+    this.next = [];
     this.framed = false;
     this.newtons = 0;
     for (const { group } of this.hands) this.scene.remove(group);
@@ -158,8 +161,15 @@ export class View {
     body.wire.geometry.dispose();
   }
 
-  /** Takes the connectivity of a body. */
+  /** Takes the connectivity of a body. A body in motion is drawn as before until the vertices of the new epoch come. */
   surface(surface) {
+    if (this.bodies[surface.body]?.shown) this.next[surface.body] = surface;
+    else this.put(surface);
+  }
+
+  /** Draws a body with this connectivity, at rest until the next frame. */
+  put(surface) {
+    delete this.next[surface.body];
     this.remove(this.bodies[surface.body]);
     const position = new THREE.BufferAttribute(new Float32Array(surface.rest), 3).setUsage(THREE.DynamicDrawUsage);
     const normal = new THREE.BufferAttribute(new Float32Array(3 * surface.vertices), 3).setUsage(THREE.DynamicDrawUsage);
@@ -192,6 +202,7 @@ export class View {
   /** Takes a frame. */
   frame(frame) {
     frame.bodies.forEach(({ vertices }, index) => {
+      if (vertices && this.next[index]?.epoch === vertices.epoch) this.put(this.next[index]);
       const body = this.bodies[index];
       if (!vertices || !body) return;
       if (vertices.epoch !== body.surface.epoch || vertices.count !== body.surface.vertices) {
