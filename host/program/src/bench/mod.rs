@@ -5,6 +5,7 @@ mod extrapolation;
 mod speed;
 mod stability;
 mod tearing;
+mod tearing_runs;
 mod velocity;
 
 use super::{CommandError, progress_bar};

@@ -3,7 +3,7 @@
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
-use super::{level, with_bar};
+use super::{level, tearing_runs, with_bar};
 use host::atomic_file::write_json;
 use host::plot::{self, Marker, Role, Series};
 use std::path::PathBuf;
@@ -11,6 +11,7 @@ use study::tearing::edits::Mesh;
 use study::tearing::energy::Account;
 use study::tearing::kinks::Kink;
 use study::tearing::meshes::{MeshStudy, Tear};
+use study::tearing::runs::RunPart;
 use study::tearing::{self, Part};
 
 /// Arguments of `palpate bench tearing`.
@@ -21,13 +22,14 @@ pub(super) struct TearingArguments {
     part: Option<PartName>,
     /// Write the tables as JSON as well
     #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Draw the force of each law against the number of triangles (SVG or PNG; part `mesh`)
+    pub(super) json: Option<PathBuf>,
+    /// Draw the force of each law against the number of triangles, or the force over a tear (SVG or PNG; parts `mesh`
+    /// and `figure`)
     #[arg(long, value_name = "FILE")]
-    plot: Option<PathBuf>,
-    /// Use only coarse meshes, in seconds instead of minutes
+    pub(super) plot: Option<PathBuf>,
+    /// Use only coarse meshes and short runs, in seconds instead of minutes
     #[arg(long)]
-    quick: bool,
+    pub(super) quick: bool,
 }
 
 /// The parts, by name.
@@ -41,15 +43,30 @@ enum PartName {
     Energy,
     /// What tears do to a mesh
     Meshes,
+    /// The force over a tear of the cloth scene
+    Figure,
+    /// The times of the steps of the scenes of cloth and banknote
+    Table,
+    /// The force error of slow hosts in the cloth scene
+    Feel,
+}
+
+/// A part of one of the two studies.
+enum Either {
+    Sheets(Part),
+    Runs(RunPart),
 }
 
 impl PartName {
-    fn part(self) -> Part {
+    fn part(self) -> Either {
         match self {
-            Self::Mesh => Part::Mesh,
-            Self::Path => Part::Path,
-            Self::Energy => Part::Energy,
-            Self::Meshes => Part::Meshes,
+            Self::Mesh => Either::Sheets(Part::Mesh),
+            Self::Path => Either::Sheets(Part::Path),
+            Self::Energy => Either::Sheets(Part::Energy),
+            Self::Meshes => Either::Sheets(Part::Meshes),
+            Self::Figure => Either::Runs(RunPart::Figure),
+            Self::Table => Either::Runs(RunPart::Table),
+            Self::Feel => Either::Runs(RunPart::Feel),
         }
     }
 }
@@ -59,8 +76,9 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
         .file("--json", arguments.json.as_ref(), Format::Json)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .check()?;
-    let parts = match arguments.part {
-        Some(name) => vec![name.part()],
+    let parts = match arguments.part.map(PartName::part) {
+        Some(Either::Runs(part)) => return tearing_runs::run(arguments, part),
+        Some(Either::Sheets(part)) => vec![part],
         None => Part::ALL.to_vec(),
     };
     let level = level(arguments.quick);

@@ -5,6 +5,7 @@ mod faults;
 mod hold;
 mod scene;
 mod seeds;
+mod tearing;
 mod wall;
 
 use super::outputs::{Declared, Format};
@@ -37,6 +38,8 @@ enum Study {
     Scene(scene::SceneArguments),
     /// Print results of several seeds of a study side by side, with their spread over the seeds
     Seeds(seeds::SeedsArguments),
+    /// Tear random sheets under random hands, rates and stalls, and check energy, edits and repetition
+    Tearing(tearing::TearingArguments),
 }
 
 /// The arguments of all stress studies.
@@ -87,6 +90,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
         Study::Hold(arguments) => hold::run(arguments),
         Study::Scene(arguments) => scene::run(arguments),
         Study::Seeds(arguments) => seeds::run(arguments),
+        Study::Tearing(arguments) => tearing::run(arguments),
     }
 }
 

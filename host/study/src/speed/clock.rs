@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// Processor time of this thread (s). The time of other programs is not included. A reading takes a system call, some
 /// 0.3 us.
-pub(super) fn cpu_time() -> f64 {
+pub(crate) fn cpu_time() -> f64 {
     let now = clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
 }
@@ -27,7 +27,7 @@ pub struct Times {
 
 impl Times {
     /// The distribution of `times`; not a number if there are none.
-    pub(super) fn of(mut times: Vec<f64>) -> Self {
+    pub(crate) fn of(mut times: Vec<f64>) -> Self {
         times.sort_unstable_by(f64::total_cmp);
         let at = |fraction: f64| {
             // The least time that the fraction `fraction` of all times does not exceed.

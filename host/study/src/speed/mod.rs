@@ -8,7 +8,7 @@
 
 mod calibration;
 mod ceiling;
-mod clock;
+pub(crate) mod clock;
 mod cube;
 mod kernels;
 mod machine;

@@ -3,7 +3,7 @@
 //! [`jobs`] runs the many cells of a study on all cores and machines. [`devices`] are the devices of a study. [`wall`] maps a stiff wall inside the tick.
 //! [`faults`] gives the tick input that should never occur. [`hold`] checks that the rendered force is the force
 //! of the body. [`seeds`] compares results of several seeds. [`scene`] compares the schemes on a scene under hands, rates and faults. `palpate stress` repeats each
-//! of them.
+//! of them. [`tearing`] tears random sheets.
 
 pub(crate) mod chance;
 pub mod devices;
@@ -12,4 +12,5 @@ pub mod hold;
 pub mod jobs;
 pub mod scene;
 pub mod seeds;
+pub mod tearing;
 pub mod wall;

@@ -7,6 +7,7 @@
 //! - [`kinks`]: the first kink of a crack at an angle to the load.
 //! - [`energy`]: the account of the energy of a tear.
 //! - [`edits`]: what tears do to a mesh.
+//! - [`runs`]: tears in whole runs of the shipped scenes.
 
 mod delaunay;
 pub mod edits;
@@ -16,6 +17,7 @@ pub mod meshes;
 mod patterns;
 mod pull;
 mod rig;
+pub mod runs;
 mod specimen;
 pub mod strip;
 pub mod trousers;

@@ -1,0 +1,217 @@
+//! `palpate bench tearing --part figure|table|feel`: tears in whole runs of the shipped scenes.
+
+use super::super::CommandError;
+use super::super::written::Written;
+use super::tearing::TearingArguments;
+use super::{level, with_bar};
+use host::atomic_file::write_json;
+use host::plot::{self, Panel, Role, Series};
+use study::tearing::runs::feel::Feel;
+use study::tearing::runs::figure::Course;
+use study::tearing::runs::table::Row;
+use study::tearing::runs::{self, RunPart};
+
+pub(super) fn run(arguments: &TearingArguments, part: RunPart) -> Result<(), CommandError> {
+    let level = level(arguments.quick);
+    let found = with_bar(|progress| runs::run(part, level, progress))?;
+    if let Some(course) = &found.figure {
+        print_figure(course);
+    }
+    if let Some(rows) = &found.table {
+        print_table(rows);
+    }
+    if let Some(feel) = &found.feel {
+        print_feel(feel);
+    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
+    if let Some(course) = &found.figure {
+        written.write(arguments.plot.as_ref(), |path| {
+            plot::write_picture(path, &chart(course))
+        });
+    }
+    written.end()?;
+    Ok(())
+}
+
+fn print_figure(course: &Course) {
+    outln!(
+        "Force over a tear: {}; {} edits, {:.0} mm² torn, {} faults\n",
+        course.scene,
+        course.edits,
+        1e6 * course.area,
+        course.faults
+    );
+    outln!("| hand | rise N/m | onset mm | peak N | plateau N | deviation N | plateau / peak |");
+    outln!("|---|---|---|---|---|---|---|");
+    for (hand, fraction) in course.fractions().into_iter().enumerate() {
+        outln!(
+            "| {} | {:.0} | {:.1} | {:.3} | {:.3} | {:.3} | {:.2} |",
+            hand + 1,
+            course.rise[hand],
+            1e3 * course.onset[hand],
+            course.peak[hand],
+            course.plateau[hand],
+            course.spread[hand],
+            fraction
+        );
+    }
+    outln!();
+}
+
+/// The thesis's times of the finite elements, and of the tears before and after the first edit (ms; table 4.1).
+const THESIS: [(&str, usize, [f64; 3]); 2] = [
+    ("cloth", 1400, [8.7, 3.6, 2.2]),
+    ("banknote", 1900, [11.0, 4.5, 2.3]),
+];
+
+fn print_table(rows: &[Row]) {
+    outln!("Median time of a step (ms): thesis, table 4.1, and here, on one thread\n");
+    outln!(
+        "| scene | triangles | collision | FEM | tearing, before/after | local model | total, before/after |"
+    );
+    outln!("|---|---|---|---|---|---|---|");
+    for (row, (name, triangles, [fem, before, after])) in rows.iter().zip(THESIS) {
+        outln!(
+            "| thesis, {name} | {triangles} | | {fem} | {before}/{after} | | {:.1}/{:.1} |",
+            fem + before,
+            fem + after
+        );
+        outln!(
+            "| {} | {} | | {:.3} | {:.3}/{:.3} | {:.3} | {:.3} |",
+            row.scene,
+            row.triangles,
+            1e3 * row.fem.median,
+            1e3 * row.tear_before.median,
+            1e3 * row.tear_after.median,
+            1e3 * row.model.median,
+            1e3 * row.total.median
+        );
+    }
+    outln!("\nProcessor time of whole steps, edits included (ms)\n");
+    outln!(
+        "| scene | median | 99 % | 99.9 % | worst | under 1 ms | tearing | local models | edits | step with an edit, median, worst |"
+    );
+    outln!("|---|---|---|---|---|---|---|---|---|---|");
+    for row in rows {
+        outln!(
+            "| {} | {:.3} | {:.3} | {:.3} | {:.3} | {:.2} % | {:.1} % | {:.1} % | {} | {:.3}, {:.3} |",
+            row.scene,
+            1e3 * row.total.median,
+            1e3 * row.total.p99,
+            1e3 * row.total.p999,
+            1e3 * row.total.worst,
+            100.0 * row.in_time,
+            100.0 * row.tear_share,
+            100.0 * row.model_share,
+            row.torn,
+            1e3 * row.total_edit.median,
+            1e3 * row.total_edit.worst
+        );
+    }
+    outln!("\nEach part (ms): median, 99 %, worst\n");
+    outln!("| scene | FEM | tears before | tears after | tears with an edit | local model |");
+    outln!("|---|---|---|---|---|---|");
+    for row in rows {
+        let cell = |times: &study::speed::Times| {
+            format!(
+                "{:.3}, {:.3}, {:.3}",
+                1e3 * times.median,
+                1e3 * times.p99,
+                1e3 * times.worst
+            )
+        };
+        outln!(
+            "| {} | {} | {} | {} | {} | {} |",
+            row.scene,
+            cell(&row.fem),
+            cell(&row.tear_before),
+            cell(&row.tear_after),
+            cell(&row.tear_edit),
+            cell(&row.model)
+        );
+    }
+    outln!("\nIterations of a step: mean, most\n");
+    outln!(
+        "| scene | before the tear | in the step after an edit | in other steps | new factors | faults |"
+    );
+    outln!("|---|---|---|---|---|---|");
+    for row in rows {
+        let cells = row.iterations.map(|i| format!("{:.2}, {}", i.mean, i.most));
+        outln!(
+            "| {} | {} | {} | {} |",
+            row.scene,
+            cells.join(" | "),
+            row.renewed,
+            row.faults
+        );
+    }
+    outln!();
+}
+
+fn print_feel(feel: &Feel) {
+    outln!(
+        "Force of a running tear under slow hosts: {}; plateau {:.3} N, from {:.2} to {:.2} s\n",
+        feel.scene,
+        feel.plateau,
+        feel.window[0],
+        feel.window[1]
+    );
+    outln!(
+        "| host Hz | tear limit | median error | 95 % | worst N | ripple 20-400 Hz N | edits | torn area | faults |"
+    );
+    outln!("|---|---|---|---|---|---|---|---|---|");
+    for cell in &feel.cells {
+        outln!(
+            "| {} | {} | {:.2} % | {:.2} % | {:.3} | {:.4} | {} | {:.3} | {} |",
+            cell.rate,
+            if cell.limited { "yes" } else { "no" },
+            100.0 * cell.median,
+            100.0 * cell.p95,
+            cell.worst,
+            cell.ripple,
+            cell.torn,
+            cell.area,
+            cell.faults
+        );
+    }
+    outln!();
+}
+
+/// Force over the displacement of the hands, and over time.
+fn chart(course: &Course) -> String {
+    let hands = ["first hand", "second hand"];
+    let lines = |x: fn(&runs::figure::Sample, usize) -> f64| -> Vec<Series> {
+        let lines = hands.iter().enumerate().map(|(hand, name)| Series {
+            name: (*name).to_owned(),
+            points: course
+                .samples
+                .iter()
+                .step_by(4)
+                .map(|sample| (x(sample, hand), sample.force[hand]))
+                .collect(),
+            role: Role::Number(hand),
+            ..Series::default()
+        });
+        lines.collect()
+    };
+    let panel = |x_label: &str, series: Vec<Series>| Panel {
+        x_label: x_label.to_owned(),
+        y_label: "force on the hand (N)".to_owned(),
+        series,
+        ..Panel::default()
+    };
+    let panels = [
+        panel(
+            "displacement of the hand (mm)",
+            lines(|sample, hand| 1e3 * sample.moved[hand]),
+        ),
+        panel("time (s)", lines(|sample, _| sample.time)),
+    ];
+    let [first, second] = course.fractions();
+    let subtitle = format!(
+        "{}: peak {:.2} and {:.2} N, plateau at {first:.2} and {second:.2} of the peak",
+        course.scene, course.peak[0], course.peak[1]
+    );
+    plot::panels_svg("Force during a tear", &subtitle, 2, &panels)
+}

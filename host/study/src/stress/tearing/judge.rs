@@ -1,0 +1,211 @@
+//! What a run of a random tear must not do.
+
+use host::engine::Engine;
+use host::engine::body::HostBody;
+use host::run::setup::Running;
+use physics::tear::Sheet;
+use physics::tear::strength::{Symmetric, cannot_start, highest, stresses};
+use physics::topology::Edit;
+use physics::{PieceSums, TearReport};
+use rt_core::Telemetry;
+use runner::TickLoop;
+use sim::NetEnergy;
+
+/// The largest net energy of the hands (J).
+pub const NET_ENERGY: f64 = 1e-3;
+
+/// The account of the hands of one piece, since the sheet parted.
+struct Piece {
+    hands: Vec<usize>,
+    /// Work on each hand when the sheet parted (J).
+    before: Vec<f64>,
+    net: NetEnergy,
+}
+
+/// Follows a run.
+pub(super) struct Judge {
+    /// A checksum over all ticks (FNV-1a).
+    checksum: u64,
+    /// All edits.
+    pub(super) journal: Vec<Edit>,
+    /// What tore.
+    pub(super) report: TearReport,
+    /// Number of pieces at the end.
+    pub(super) pieces: usize,
+    /// The largest force (N).
+    pub(super) peak: f64,
+    whole: NetEnergy,
+    parts: Vec<Piece>,
+    stress: Vec<Symmetric>,
+    /// The first tick in which a value was not finite.
+    infinite: Option<u64>,
+    /// The first tick in which a skipped test would have found a start.
+    missed: Option<u64>,
+    faults: u64,
+    first_fault: Option<String>,
+    panicked: Option<String>,
+}
+
+impl Judge {
+    pub(super) fn new(engine: &Engine) -> Self {
+        let bodies = engine.bodies().iter();
+        let stored = bodies.map(|body| body.body().total_energy()).sum();
+        let surfaces = engine
+            .bodies()
+            .iter()
+            .filter_map(|body| body.body().surface());
+        let triangles = surfaces.map(|surface| surface.limits().triangles).max();
+        Self {
+            checksum: 0xcbf2_9ce4_8422_2325,
+            journal: Vec::new(),
+            report: TearReport::default(),
+            pieces: 1,
+            peak: 0.0,
+            whole: NetEnergy::new(stored),
+            parts: Vec::new(),
+            stress: vec![[0.0; 3]; triangles.unwrap_or(0)],
+            infinite: None,
+            missed: None,
+            faults: 0,
+            first_fault: None,
+            panicked: None,
+        }
+    }
+
+    /// Takes a tick.
+    pub(super) fn see(&mut self, tick: &TickLoop, telemetry: &Telemetry, engine: Option<&Engine>) {
+        let mut finite = true;
+        let mut works = Vec::with_capacity(tick.devices.len());
+        for (device, shown) in tick.devices.iter().zip(&telemetry.devices) {
+            let force = shown.wrench.force;
+            let place = shown.pose.position;
+            for value in force.iter().chain(place.iter()) {
+                finite &= value.is_finite();
+                for byte in value.to_bits().to_le_bytes() {
+                    self.checksum = (self.checksum ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+                }
+            }
+            self.peak = self.peak.max(force.norm());
+            works.push(device.probe().map_or(f64::NAN, |probe| probe.on_hand));
+        }
+        self.whole.observe(works.iter().copied());
+        let body = engine.and_then(|engine| engine.bodies().first());
+        if let Some(body) = body {
+            let positions = body.body().node_positions();
+            finite &= positions.iter().flatten().all(|x| x.is_finite());
+            if self.misses(body) {
+                self.missed = self.missed.or(Some(telemetry.tick));
+            }
+            self.part(body, &works);
+        }
+        for part in &mut self.parts {
+            let hands = part.hands.iter().zip(&part.before);
+            let got =
+                hands.map(|(hand, before)| works.get(*hand).map_or(0.0, |work| work - before));
+            part.net.observe(got);
+        }
+        if !finite {
+            self.infinite = self.infinite.or(Some(telemetry.tick));
+        }
+    }
+
+    /// Whether the energy density rules out a start although a free vertex reaches the strength.
+    fn misses(&mut self, body: &HostBody) -> bool {
+        let Some((tears, surface)) = body.tears().zip(body.body().surface()) else {
+            return false;
+        };
+        let (body, material) = (body.body(), tears.tearing().options().material);
+        let sheet = Sheet::from(surface);
+        let density = stresses(&sheet, body.node_positions(), &material, &mut self.stress);
+        let is_free = |vertex: u32| !body.is_held(vertex);
+        cannot_start(density, &material)
+            && highest(&sheet, &self.stress, material.strength, is_free).is_some()
+    }
+
+    /// Begins accounts of the pieces that hands hold, when the sheet parts between hands.
+    fn part(&mut self, body: &HostBody, works: &[f64]) {
+        let Some(tears) = body.tears() else {
+            return;
+        };
+        let (body, pieces) = (body.body(), tears.pieces());
+        self.pieces = pieces.count();
+        let mut held: Vec<(u32, Vec<usize>)> = Vec::new();
+        for hand in 0..works.len() {
+            let Some(piece) = body.pieces_of_handle(hand, pieces).next() else {
+                continue;
+            };
+            match held.iter_mut().find(|(other, _)| *other == piece) {
+                Some((_, hands)) => hands.push(hand),
+                None => held.push((piece, vec![hand])),
+            }
+        }
+        if held.len() < 2 || held.len() == self.parts.len() {
+            return;
+        }
+        let mut sums = vec![PieceSums::default(); pieces.count()];
+        body.sums_of_pieces(pieces, &mut sums);
+        let moving = body.kinetic_energy();
+        self.parts = held
+            .into_iter()
+            .map(|(piece, hands)| {
+                let elastic = sums.get(piece as usize).map_or(0.0, |sums| sums.elastic);
+                Piece {
+                    before: hands.iter().map(|hand| works[*hand]).collect(),
+                    net: NetEnergy::new(elastic + moving),
+                    hands,
+                }
+            })
+            .collect();
+    }
+
+    /// Ends the run.
+    pub(super) fn end(&mut self, running: &Running) {
+        let engine = &running.host.engine;
+        let stats = engine.stats();
+        (self.faults, self.first_fault) = (stats.faults, stats.first_fault.clone());
+        self.panicked.clone_from(&running.panicked);
+        if let Some(tears) = engine.bodies().first().and_then(HostBody::tears) {
+            self.report = *tears.tearing().report();
+            self.journal = tears.tearing().journal().to_vec();
+        }
+    }
+
+    /// The checksum over all ticks.
+    pub(super) fn bytes(&self) -> u64 {
+        self.checksum
+    }
+
+    /// The largest net energy of the hands of the whole sheet and of its pieces (J).
+    pub(super) fn net_energy(&self) -> f64 {
+        let parts = self.parts.iter().map(|part| part.net.largest());
+        parts.fold(self.whole.largest(), f64::max)
+    }
+
+    /// What the run did, but must not do.
+    pub(super) fn failures(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        if let Some(tick) = self.infinite {
+            found.push(format!("a value is not finite in tick {tick}"));
+        }
+        if let Some(tick) = self.missed {
+            found.push(format!(
+                "a stress test that was skipped in tick {tick} would have found a start"
+            ));
+        }
+        let net = self.net_energy();
+        if net.is_nan() || net > NET_ENERGY {
+            found.push(format!("the hands got {:.2} mJ of net energy", 1e3 * net));
+        }
+        if self.faults > 0 {
+            let first = self.first_fault.as_deref().unwrap_or_default();
+            found.push(format!(
+                "{} faults of the host; the first: {first}",
+                self.faults
+            ));
+        }
+        if let Some(panic) = &self.panicked {
+            found.push(format!("the host panicked: {panic}"));
+        }
+        found
+    }
+}

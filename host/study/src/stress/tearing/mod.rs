@@ -1,0 +1,116 @@
+//! Random tears: small sheets of many materials in many hands, at many rates, under a host that stalls.
+//!
+//! The scene of a cell is drawn from the cell's number (`draw`). It runs under virtual time with simulated devices,
+//! twice. [`CellResult::failures`] names what a run must not do:
+//!
+//! - The states of bodies and devices are finite, and the host has no fault.
+//! - The hands get no more net energy than [`NET_ENERGY`]. There is no gravity and the body starts at rest, so all energy
+//!   comes from the hands. From the time on when the sheet parts, the hands of each piece may get what the piece has
+//!   stored at this time, and no more.
+//! - Both runs are equal to the byte, and make the same edits.
+//! - A stress test that was skipped would have found nothing: wherever the largest energy density rules out a start, no
+//!   free vertex reaches the strength. So a run without skipping makes the same edits in the same order.
+
+mod draw;
+mod judge;
+
+pub use draw::{Draw, Hold};
+pub use judge::NET_ENERGY;
+
+use crate::StudyError;
+use host::engine::faults::{FaultKind, Faults, HostFault};
+use host::run::{setup, virtual_clock};
+use host::scene::{LoadedScene, Scene};
+use judge::Judge;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The result of a cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellResult {
+    /// What was drawn.
+    pub draw: Draw,
+    /// Edges that opened.
+    pub opened: u64,
+    /// Tears that started at the strength.
+    pub started: u64,
+    /// Number of pieces of the sheet at the end.
+    pub pieces: usize,
+    /// Whether the room for new vertices was used up.
+    pub full: bool,
+    /// The largest force that a device held (N).
+    pub peak: f64,
+    /// Net energy that the hands of the whole sheet, or of one of its pieces, got at most (J).
+    pub net_energy: f64,
+    /// What the runs must not do, but did.
+    pub failures: Vec<String>,
+}
+
+/// The scene of a cell of the study of `seed`.
+///
+/// # Errors
+/// [`StudyError`] if the scene cannot be built.
+pub fn scene(seed: u64, cell: u64) -> Result<LoadedScene, StudyError> {
+    let text = Draw::new(seed, cell).scene();
+    Ok(Scene::load_texts("cell.toml", &text, &BTreeMap::new())?)
+}
+
+/// Runs a cell of the study of `seed`.
+pub fn cell(seed: u64, cell: u64) -> CellResult {
+    let draw = Draw::new(seed, cell);
+    let [first, second] = [(); 2].map(|()| run(seed, cell, &draw));
+    let mut result = CellResult {
+        draw,
+        opened: 0,
+        started: 0,
+        pieces: 0,
+        full: false,
+        peak: 0.0,
+        net_energy: 0.0,
+        failures: Vec::new(),
+    };
+    match first.and_then(|first| Ok((first, second?))) {
+        Err(error) => result.failures.push(error.to_string()),
+        Ok((first, second)) => {
+            if first.bytes() != second.bytes() {
+                result.failures.push("two runs differ".to_owned());
+            }
+            if first.journal != second.journal {
+                result
+                    .failures
+                    .push("two runs make different edits".to_owned());
+            }
+            (result.opened, result.started) = (first.report.opened, first.report.started);
+            (result.pieces, result.full) = (first.pieces, first.report.full);
+            result.peak = finite(first.peak);
+            result.net_energy = finite(first.net_energy());
+            result.failures.extend(first.failures());
+        }
+    }
+    result
+}
+
+/// JSON has no number for what is not finite.
+fn finite(value: f64) -> f64 {
+    if value.is_finite() { value } else { f64::MAX }
+}
+
+fn run(seed: u64, cell: u64, draw: &Draw) -> Result<Judge, StudyError> {
+    let loaded = scene(seed, cell)?;
+    let mut setup = setup::setup(&loaded, loaded.scene.duration, loaded.scene.seed)?;
+    let stalls = draw.stall.iter().map(|[at, duration]| HostFault {
+        kind: FaultKind::Stall,
+        at: *at,
+        duration: *duration,
+    });
+    setup.faults = Faults::new(stalls.collect());
+    let mut judge = Judge::new(&setup.engine);
+    let running = virtual_clock::run_seen(
+        setup,
+        |tick, telemetry, engine| judge.see(tick, telemetry, engine),
+        |_| {},
+        |_| {},
+    );
+    judge.end(&running);
+    Ok(judge)
+}

@@ -1,0 +1,273 @@
+//! The force of a running tear under slow hosts, against the force of a host that steps and publishes in every tick.
+//!
+//! The hands follow the waypoints of the scene, so every host meets the same motion. A coupling with the scheme `capped`
+//! renders the models of each host, with the limit that tears set to the extrapolation and without it. There is no
+//! device, no latency and no encoder.
+
+use super::hands::Hands;
+use crate::StudyError;
+use host::engine::Engine;
+use host::engine::build::{self, How};
+use host::engine::pacer::Pacer;
+use host::engine::stats::WallStopwatch;
+use host::scene::LoadedScene;
+use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::{
+    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Scheme, TearLimit, Vec6, Wrench,
+};
+use serde::Serialize;
+
+/// Period of the tick (s).
+const TICK: f64 = 1e-3;
+/// Rates of the hosts (Hz). The last is that of the reference.
+pub const RATES: [f64; 4] = [60.0, 125.0, 250.0, 1000.0];
+/// The frequencies that count as ripple (Hz).
+const BAND: [f64; 2] = [20.0, 400.0];
+
+/// The result of one host.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cell {
+    /// Steps and publications a second (Hz).
+    pub rate: f64,
+    /// Whether the models say how far they may be extrapolated before a tear goes on.
+    pub limited: bool,
+    /// Median error of the force on a hand, as a fraction of the plateau (1).
+    pub median: f64,
+    /// 95th percentile of the error, as a fraction of the plateau (1).
+    pub p95: f64,
+    /// Largest error of the force on a hand (N).
+    pub worst: f64,
+    /// Ripple of the force along the pull from 20 to 400 Hz (N, RMS): the larger of the hands.
+    pub ripple: f64,
+    /// Steps in which the topology changed.
+    pub torn: u64,
+    /// Torn area, as a fraction of that of the reference (1).
+    pub area: f64,
+    /// Faults of the host.
+    pub faults: u64,
+}
+
+/// The results of the part.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Feel {
+    /// Name of the scene.
+    pub scene: String,
+    /// Mean force on a hand while the tear runs, of the reference (N).
+    pub plateau: f64,
+    /// The time from the first to the last edit of the reference (s).
+    pub window: [f64; 2],
+    /// All hosts. The reference has no error, but a ripple.
+    pub cells: Vec<Cell>,
+}
+
+/// One host with its couplings.
+struct Rival {
+    engine: Engine,
+    pacer: Pacer,
+    couplings: [Coupling; 2],
+    /// The force on each hand (N) in each tick, by coupling.
+    forces: [Vec<[rt_core::Vec3; 2]>; 2],
+}
+
+impl Rival {
+    fn new(loaded: &LoadedScene, rate: f64) -> Result<Self, StudyError> {
+        let mut loaded = loaded.clone();
+        let host = &mut loaded.scene.host;
+        (host.step_rate, host.publish_rate, host.latency) = (rate, rate, 0.0);
+        let coupling = || {
+            Coupling::new(CouplingConfig {
+                scheme: Scheme::Capped,
+                period: TICK,
+                blend: 0.5,
+                // Models are never late here.
+                age_limit: 1.0,
+                decay: 0.1,
+                recovery: 0.1,
+                hold_damping: [0.0; MAX_DEVICES],
+                passivity: PassivityConfig::new(TICK),
+            })
+        };
+        Ok(Self {
+            engine: Engine::new(build::bodies(&loaded, How::default())?),
+            pacer: Pacer::new(rate, 1),
+            couplings: [coupling(), coupling()],
+            forces: [Vec::new(), Vec::new()],
+        })
+    }
+
+    /// Makes the steps that are due by the time of the tick, and renders.
+    fn tick(&mut self, hands: &Hands, number: u64, time_ns: u64, watch: &WallStopwatch) {
+        self.engine.follow(&hands.record(number, time_ns));
+        while self.pacer.due().time_ns <= time_ns {
+            let due = self.pacer.due();
+            let [free, limited] = &mut self.couplings;
+            self.engine.step(due, watch, |_, model| {
+                // A refusal would appear as an error of the force.
+                let _ = free.accept(&unlimited(model));
+                let _ = limited.accept(model);
+            });
+            self.pacer.done(due.time_ns);
+        }
+        let poses = hands.at(time_ns as f64 * 1e-9);
+        for (coupling, forces) in self.couplings.iter_mut().zip(&mut self.forces) {
+            let wrenches: [Wrench; MAX_HANDLES] = coupling.tick(time_ns, &poses);
+            let mut held = [Wrench::zero(); MAX_DEVICES];
+            for (held, wrench) in held.iter_mut().zip(&wrenches).take(poses.len()) {
+                *held = *wrench;
+            }
+            coupling.hold(&held, &[1.0; MAX_DEVICES]);
+            forces.push([0, 1].map(|hand| wrenches[hand].force));
+        }
+    }
+
+    fn area(&self) -> f64 {
+        self.engine.stats().tears.iter().map(|tear| tear.area).sum()
+    }
+}
+
+/// The model without the limit of the tears.
+fn unlimited(model: &LocalModel) -> LocalModel {
+    let mut model = *model;
+    model.tear_limit = TearLimit::none();
+    for handle in &mut model.handles {
+        handle.tear_slope = Vec6::zeros();
+    }
+    model
+}
+
+/// Runs the scene for at most `most` seconds.
+///
+/// # Errors
+/// [`StudyError`] if the scene cannot be built.
+pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Feel, StudyError> {
+    let duration = loaded.scene.duration.min(most);
+    let ticks = (duration / TICK).round() as u64;
+    let rivals = RATES.iter().map(|rate| Rival::new(loaded, *rate));
+    let mut rivals: Vec<Rival> = rivals.collect::<Result<_, _>>()?;
+    let Some(reference) = rivals.last() else {
+        return Ok(empty(loaded));
+    };
+    let hands = Hands::new(loaded, &reference.engine)?;
+    let ways = hands.directions(duration);
+    let watch = WallStopwatch::start();
+    // The first and the last tick with an edit of the reference.
+    let mut window: Option<[usize; 2]> = None;
+    for number in 1..=ticks {
+        let torn = rivals.last().map_or(0, |rival| rival.engine.stats().torn);
+        for rival in &mut rivals {
+            rival.tick(&hands, number, number * 1_000_000, &watch);
+        }
+        if rivals
+            .last()
+            .is_some_and(|rival| rival.engine.stats().torn > torn)
+        {
+            let at = number as usize - 1;
+            window = Some([window.map_or(at, |[first, _]| first), at]);
+        }
+        progress(number as f64 / ticks as f64);
+    }
+    let Some(([first, last], reference)) = window.zip(rivals.last()) else {
+        return Ok(empty(loaded));
+    };
+    let span = first..=last;
+    let exact = &reference.forces[1][span.clone()];
+    let norms = exact.iter().flatten().map(|force| force.norm());
+    let plateau = norms.sum::<f64>() / (2 * exact.len()) as f64;
+    let area = reference.area();
+    let mut cells = Vec::new();
+    for (rival, rate) in rivals.iter().zip(RATES) {
+        for limited in [false, true] {
+            let forces = &rival.forces[usize::from(limited)][span.clone()];
+            let pairs = forces.iter().flatten().zip(exact.iter().flatten());
+            let mut errors: Vec<f64> = pairs.map(|(force, exact)| (force - exact).norm()).collect();
+            errors.sort_by(f64::total_cmp);
+            let at = |part: f64| errors[((errors.len() - 1) as f64 * part) as usize];
+            let ripples = ways.iter().take(2).enumerate().map(|(hand, way)| {
+                let along: Vec<f64> = forces.iter().map(|force| way.dot(&force[hand])).collect();
+                band(&along)
+            });
+            cells.push(Cell {
+                rate,
+                limited,
+                median: at(0.5) / plateau,
+                p95: at(0.95) / plateau,
+                worst: at(1.0),
+                ripple: ripples.fold(0.0, f64::max),
+                torn: rival.engine.stats().torn,
+                area: rival.area() / area,
+                faults: rival.engine.stats().faults,
+            });
+        }
+    }
+    Ok(Feel {
+        scene: loaded.scene.name.clone(),
+        plateau,
+        window: [first, last].map(|tick| (tick + 1) as f64 * TICK),
+        cells,
+    })
+}
+
+/// The result where nothing tears.
+fn empty(loaded: &LoadedScene) -> Feel {
+    Feel {
+        scene: loaded.scene.name.clone(),
+        plateau: 0.0,
+        window: [0.0; 2],
+        cells: Vec::new(),
+    }
+}
+
+/// The RMS value of the parts of `values` (one a tick) with frequencies in [`BAND`], by a discrete Fourier transform
+/// under a Hann window, after the straight line through the values was taken away.
+fn band(values: &[f64]) -> f64 {
+    let n = values.len();
+    if n < 100 {
+        return 0.0;
+    }
+    let middle = 0.5 * (n - 1) as f64;
+    let mean = values.iter().sum::<f64>() / n as f64;
+    let about = |k: usize| k as f64 - middle;
+    let [products, squares] = (0..n).fold([0.0; 2], |[p, s], k| {
+        [p + about(k) * values[k], s + about(k) * about(k)]
+    });
+    let slope = products / squares;
+    let turn = std::f64::consts::TAU / n as f64;
+    let window = |k: usize| 0.5 - 0.5 * libm::cos(turn * k as f64);
+    let power = (0..n).map(|k| window(k) * window(k)).sum::<f64>();
+    let rest: Vec<f64> = (0..n)
+        .map(|k| (values[k] - mean - slope * about(k)) * window(k))
+        .collect();
+    let bins = (1..n / 2).filter(|bin| {
+        let frequency = *bin as f64 / (n as f64 * TICK);
+        (BAND[0]..=BAND[1]).contains(&frequency)
+    });
+    let squares = bins.map(|bin| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (k, value) in rest.iter().enumerate() {
+            // The angle is reduced as an integer, so that it stays exact.
+            let angle = turn * ((bin * k) % n) as f64;
+            re += value * libm::cos(angle);
+            im += value * libm::sin(angle);
+        }
+        2.0 * (re * re + im * im)
+    });
+    (squares.sum::<f64>() / (n as f64 * power)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ripple_of_a_sine_is_its_own_inside_the_band_and_none_outside() {
+        let sine = |frequency: f64| -> Vec<f64> {
+            let angle = std::f64::consts::TAU * frequency * TICK;
+            (0..1000)
+                .map(|k| 3.0 + 0.01 * f64::from(k) + libm::sin(angle * f64::from(k)))
+                .collect()
+        };
+        // The RMS value of a sine is 1 / sqrt(2). The window spreads it over three bins.
+        assert!((band(&sine(100.0)) - 0.5_f64.sqrt()).abs() < 1e-3);
+        assert!(band(&sine(5.0)) < 1e-3);
+    }
+}
