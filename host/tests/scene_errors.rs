@@ -322,7 +322,7 @@ name = "base"
   x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `solve`, `gravity`, `body`, `device`
 [body.material]
   -> [body.metal]
-  x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `position`, `rotation`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`
+  x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `position`, `rotation`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`, `tear`
 hand = {}
   ->
   x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` suffices)

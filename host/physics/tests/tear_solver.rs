@@ -524,7 +524,11 @@ fn a_torn_sheet_takes_few_iterations_more() {
             "{} vertices, snapping {snapping}: {iterations:?}",
             run.stepper.grown()
         );
-        assert!(iterations.iter().all(|&count| count <= 20));
+        // Openings and cuts cost a few iterations, however many. The factor has a vertex that snapped in another shape: each
+        // costs up to two more, until the stepper is renewed.
+        let most = |step: usize| if snapping > 0.0 { 8 + 2 * step } else { 8 };
+        let few = iterations.iter().enumerate();
+        assert!(few.into_iter().all(|(step, &count)| count <= most(step)));
     }
 }
 

@@ -62,6 +62,8 @@ pub struct Pair {
     pub work: f64,
     /// The distance of the vertices at the end of the step (m), once the direction follows them; 0 before.
     turned: f64,
+    /// The area below the law (J): `first critical / 2`.
+    energy: f64,
 }
 
 impl Pair {
@@ -81,6 +83,7 @@ impl Pair {
             force: first,
             work: 0.0,
             turned: 0.0,
+            energy,
         })
     }
 
@@ -116,12 +119,26 @@ impl Pair {
     pub fn advance(&mut self, force: f64, change: f64) {
         self.work += force * change;
         self.opening += change;
-        if self.turned > 0.0 {
-            self.opening = self.turned;
-        }
         self.largest = self.largest.max(self.opening);
         // The force at the start of the next step.
         self.force = self.slope() * (self.opening + OFFSET * self.critical);
+        if self.turned > self.largest {
+            self.widen();
+        }
+    }
+
+    /// Takes the distance of the vertices for the opening. Across the force they have parted without work, so the law is
+    /// drawn anew from the present force, with the energy that the pair has still to take.
+    fn widen(&mut self) {
+        let left = self.energy - self.area(self.largest);
+        let (opening, force) = (self.turned, self.force);
+        let critical = opening + 2.0 * left / force;
+        let first = force * critical / (critical - opening);
+        if left > 0.0 && force > 0.0 && first.is_finite() {
+            self.energy = left + 0.5 * (first + force) * opening;
+            (self.first, self.critical) = (first, critical);
+            (self.opening, self.largest) = (opening, opening);
+        }
     }
 
     /// Turns the direction of the force to that of the opening `apart` (m) at the end of a step, before the step
@@ -131,7 +148,6 @@ impl Pair {
         if size < TURNS * self.critical {
             return false;
         }
-        // The step ends with the whole distance for its opening. The difference is of second order in the turn.
         self.turned = size;
         let direction = apart / size;
         let is_other = (direction - self.direction).norm_squared() > SAME;
