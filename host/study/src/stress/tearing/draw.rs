@@ -2,6 +2,7 @@
 
 use super::super::chance::Chance;
 use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
 
 /// Length and width of the sheet (m).
 const SIDE: f64 = 0.1;
@@ -198,19 +199,22 @@ snapping = {:?}
         );
         if self.notch > 0 {
             let depth = half - self.notch as f64 * spacing[1];
-            text += &format!(
+            let _ = write!(
+                text,
                 "\n[[body.tear.notch]]\nfrom = [0.0, {half:?}, 0.0]\nto = [0.0, {depth:?}, 0.0]\n"
             );
         }
         for (name, [x0, y0, x1, y1]) in ["left", "right"].into_iter().zip(boxes) {
-            text += &format!(
+            let _ = write!(
+                text,
                 "\n[[body.handle]]\nname = \"{name}\"\nbox = [[{x0:?}, {y0:?}, -0.001], [{x1:?}, {y1:?}, 0.001]]\n\
                  device = \"{name}\"\n"
             );
         }
         let [from, to] = MOVES;
         for (name, [x, y, z]) in ["left", "right"].into_iter().zip(self.moves) {
-            text += &format!(
+            let _ = write!(
+                text,
                 "\n[[device]]\nname = \"{name}\"\nmodel = \"omega3\"\n\n[device.hand]\ngrip = \"firm\"\n\
                  tremor = 0.0001\nwaypoints = [[{from:?}, 0.0, 0.0, 0.0], [{to:?}, {x:?}, {y:?}, {z:?}]]\n"
             );

@@ -64,7 +64,7 @@ pub struct Feel {
 struct Rival {
     engine: Engine,
     pacer: Pacer,
-    couplings: [Coupling; 2],
+    couplings: Vec<Coupling>,
     /// The force on each hand (N) in each tick, by coupling.
     forces: [Vec<[rt_core::Vec3; 2]>; 2],
 }
@@ -90,7 +90,7 @@ impl Rival {
         Ok(Self {
             engine: Engine::new(build::bodies(&loaded, How::default())?),
             pacer: Pacer::new(rate, 1),
-            couplings: [coupling(), coupling()],
+            couplings: vec![coupling(), coupling()],
             forces: [Vec::new(), Vec::new()],
         })
     }
@@ -100,7 +100,9 @@ impl Rival {
         self.engine.follow(&hands.record(number, time_ns));
         while self.pacer.due().time_ns <= time_ns {
             let due = self.pacer.due();
-            let [free, limited] = &mut self.couplings;
+            let [free, limited] = self.couplings.as_mut_slice() else {
+                return;
+            };
             self.engine.step(due, watch, |_, model| {
                 // A refusal would appear as an error of the force.
                 let _ = free.accept(&unlimited(model));
@@ -171,7 +173,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
     };
     let span = first..=last;
     let exact = &reference.forces[1][span.clone()];
-    let norms = exact.iter().flatten().map(|force| force.norm());
+    let norms = exact.iter().flatten().map(rt_core::Vec3::norm);
     let plateau = norms.sum::<f64>() / (2 * exact.len()) as f64;
     let area = reference.area();
     let mut cells = Vec::new();

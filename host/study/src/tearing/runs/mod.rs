@@ -87,7 +87,7 @@ pub fn run(part: RunPart, level: Level, progress: &dyn Fn(f64)) -> Result<Tearin
         RunPart::Table => {
             let scenes = [CLOTH, BANKNOTE];
             let rows = scenes.iter().enumerate().map(|(number, scene)| {
-                let progress = |done: f64| progress((number as f64 + done) / 2.0);
+                let progress = |done: f64| progress(f64::midpoint(number as f64, done));
                 table::run(&load(*scene)?, most, &progress)
             });
             found.table = Some(rows.collect::<Result<_, _>>()?);
