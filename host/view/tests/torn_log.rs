@@ -80,7 +80,9 @@ fn a_torn_sheet_is_drawn_as_it_was_at_every_moment_of_its_log() -> Outcome {
     }
     let epochs: BTreeSet<u32> = seen.values().map(|(surface, _)| surface.epoch).collect();
     assert!(epochs.len() > 3, "{epochs:?}");
-    assert_eq!(stressed, BTreeSet::from([(false, true), (true, false)]));
+    // No stress is shown once the sheet has torn.
+    assert!(stressed.contains(&(false, true)) && stressed.contains(&(true, false)));
+    assert!(!stressed.contains(&(true, true)), "{stressed:?}");
     let (first, last) = (&seen[&0].0, &seen[&590_000_000].0);
     assert!(last.vertices > first.vertices);
 
