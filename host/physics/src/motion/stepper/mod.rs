@@ -199,8 +199,9 @@ impl<T: Real> Stepper<T> {
         let matrix = body.assembly.stiffness.renumbered(&rank);
         let mut kernels = sets(body, &place, |set| element::kernel(set, &matrix, &rest));
         let bending = body.model.bending.as_ref();
-        if let Some(bending) = bending {
-            kernels.push(Box::new(bending.kernel(&rank, &rest)));
+        let bent = bending.map(|bending| bending.kernel(&rank, &rest));
+        if let Some(bent) = &bent {
+            kernels.push(Box::new(bent.clone()));
         }
         let guided = body
             .constraints
@@ -235,8 +236,9 @@ impl<T: Real> Stepper<T> {
         let mut elements;
         if spare.vertices == 0 {
             elements = sets(body, &place, |set| element::divided(set, &matrix, &rest));
-            if let Some(bending) = bending {
-                elements.push(Divided::Whole(Box::new(bending.kernel(&rank, &rest))));
+            // A clone shares the constants of the refresher's kernel.
+            if let Some(bent) = bent {
+                elements.push(Divided::Whole(Box::new(bent)));
             }
         } else {
             let first = body.constraints.nodes().next().unwrap_or(0) as u32;
