@@ -11,8 +11,8 @@ use crate::{Level, StudyError};
 use physics::tear::TearLaw;
 use serde::Serialize;
 
-/// The time of a run (s): the hands are then 4 cm apart.
-const TIME: f64 = 0.45;
+/// The time of a run (s): the hands are then 6 cm apart.
+const TIME: f64 = 0.8;
 
 /// A tear on one mesh.
 #[derive(Clone, Debug, Serialize)]

@@ -14,12 +14,14 @@ use physics::tear::TearLaw;
 use physics::{Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, TearReport, Vec3};
 use serde::Serialize;
 
-/// The side of the square (m), the length of its notch (m), and the length of border that each hand holds (m).
-pub(super) const SIDE: f64 = 0.08;
-pub(super) const NOTCH: f64 = 0.02;
+/// Length and width of the sheet (m), the length of its notch (m), and the length of border that each hand holds (m). The
+/// two arms beside the notch bend in the plane, so that the driving force falls fast as the tear grows.
+pub(super) const LENGTH: f64 = 0.16;
+pub(super) const WIDTH: f64 = 0.08;
+pub(super) const NOTCH: f64 = 0.03;
 const GRIP: f64 = 0.016;
 /// Speed of each hand (m/s), and the time in which it is reached (s).
-const SPEED: f64 = 0.05;
+const SPEED: f64 = 0.04;
 const RAMP: f64 = 0.1;
 
 /// What is torn, and how.
@@ -110,16 +112,16 @@ impl Pull {
     /// The mesh, with the tip of the notch.
     pub(super) fn mesh(&self) -> Result<super::Patterned, StudyError> {
         let slit = Slit {
-            from: [-0.5 * SIDE, 0.0],
-            to: [-0.5 * SIDE + NOTCH, 0.0],
+            from: [-0.5 * LENGTH, 0.0],
+            to: [-0.5 * LENGTH + NOTCH, 0.0],
         };
         let rectangle = Rectangle {
-            length: SIDE,
-            width: SIDE,
+            length: LENGTH,
+            width: WIDTH,
             triangles: self.triangles,
             pattern: self.pattern,
             slits: &[slit],
-            marks: &[[-0.5 * SIDE, GRIP], [-0.5 * SIDE, -GRIP]],
+            marks: &[[-0.5 * LENGTH, GRIP], [-0.5 * LENGTH, -GRIP]],
         };
         rectangle.mesh()
     }
@@ -243,6 +245,6 @@ fn strayed(body: &Body, length: f64) -> f64 {
     let torn =
         origins.filter(|(_, origin)| matches!(origin, physics::topology::Origin::Twin { .. }));
     let places = torn.filter_map(|(vertex, _)| rest.get(vertex));
-    let within = places.filter(|at| at.x < -0.5 * SIDE + NOTCH + length);
+    let within = places.filter(|at| at.x < -0.5 * LENGTH + NOTCH + length);
     within.map(|at| at.y.abs()).fold(0.0, f64::max)
 }

@@ -1,7 +1,7 @@
 //! A sheet that tears, with its stepper: what every run of the study steps in virtual time.
 
 use crate::StudyError;
-use physics::motion::stepper::Ledger;
+use physics::motion::stepper::{Ledger, Pair};
 use physics::tear::TearMaterial;
 use physics::topology::Reserve;
 use physics::{
@@ -101,9 +101,7 @@ impl Rig {
     /// The energy that pairs of vertices have still to take (J).
     pub(super) fn pending(&self) -> f64 {
         let pairs = self.stepper.pairs().iter();
-        pairs
-            .map(|pair| 0.5 * pair.first * pair.critical - pair.work)
-            .sum()
+        pairs.map(Pair::left).sum()
     }
 
     /// The force of the sheet on a hand (N).

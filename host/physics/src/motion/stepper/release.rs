@@ -2,20 +2,25 @@
 //!
 //! A pair first keeps the force that its two sides exerted on each other, and loses it with the largest opening so far
 //! (the linear law of G. T. Camacho and M. Ortiz, "Computational modelling of impact damage in brittle materials", 1996,
-//! with unloading to the origin):
+//! with unloading to the origin). With the largest opening `D` and the force `e` there:
 //!
 //! ```text
-//! T(s) = f (1 - s / d_c)                            where the opening s is the largest so far, s_m
-//! T(s) = f (1 - s_m / d_c) (s + o) / (s_m + o)      below s_m
+//! T(s) = e (d_c - s) / (d_c - D)      beyond D
+//! T(s) = e (s + o) / (D + o)          below D
 //! ```
 //!
-//! The opening counts along the direction of the first force, and along the line between the two vertices once they are
-//! apart: a sheet that is torn out of its plane turns meanwhile. The offset `o` is a ten-thousandth of `d_c`: a pair that
-//! has not opened would otherwise be rigid.
+//! At first `D = 0`, `e` is the first force `f`, and `d_c = 2 E / f` for a pair that takes the energy `E`. The offset `o`
+//! is a ten-thousandth of `d_c`: a pair that has not opened would otherwise be rigid.
+//!
+//! **Direction.** The opening counts along the direction of the first force, and along the line between the two vertices
+//! once they are apart: a sheet that is torn out of its plane turns meanwhile. The opening is the sum of the changes along
+//! the direction of each step. A motion across the force does no work, and does not open the pair.
 //!
 //! **Energy.** The force of a pair in a step is the work of its law over the step divided by the change of the opening (a
-//! discrete gradient: O. Gonzalez, "Time integration and discrete Hamiltonian systems", 1996). The work of a pair over
-//! its life is then the area below its law, `f d_c / 2`, whatever the steps.
+//! discrete gradient: O. Gonzalez, "Time integration and discrete Hamiltonian systems", 1996). After each step `d_c` is
+//! chosen so that the area that is left below the law is the energy that the pair has not yet taken. The work of a pair
+//! over its life is therefore its energy, whatever the steps, and even if a step was solved roughly. The last step of a
+//! pair may err; [`Stepper::take_surplus`] returns this error, for the next pair to make good.
 //!
 //! **Solution.** The forces enter the equation of the step as loads. Its solution and the response of the openings to the
 //! forces give a small nonlinear system for the forces, with one unknown a pair, which has a solution for any stiffness of
@@ -60,10 +65,12 @@ pub struct Pair {
     pub force: f64,
     /// The work that the pair has taken from the body so far (J).
     pub work: f64,
-    /// The distance of the vertices at the end of the step (m), once the direction follows them; 0 before.
-    turned: f64,
-    /// The area below the law (J): `first critical / 2`.
-    energy: f64,
+    /// The energy that the pair takes over its life (J).
+    pub energy: f64,
+    /// The force at the largest opening (N).
+    strength: f64,
+    /// The offset of the unloading line (m).
+    offset: f64,
 }
 
 impl Pair {
@@ -82,8 +89,9 @@ impl Pair {
             largest: 0.0,
             force: first,
             work: 0.0,
-            turned: 0.0,
             energy,
+            strength: first,
+            offset: OFFSET * critical,
         })
     }
 
@@ -92,63 +100,68 @@ impl Pair {
         self.largest >= self.critical
     }
 
-    /// The work of a growing opening from 0 to `s` (J).
-    fn area(&self, s: f64) -> f64 {
-        let s = s.min(self.critical);
-        self.first * (s - 0.5 * s * s / self.critical)
+    /// The energy that the pair has not yet taken (J). A pair that has let go has none but the error of its last step.
+    pub fn left(&self) -> f64 {
+        self.energy - self.work
+    }
+
+    /// The work of an opening that grows from the largest so far to `s` (J).
+    fn beyond(&self, s: f64) -> f64 {
+        let width = self.critical - self.largest;
+        let grown = s.min(self.critical) - self.largest;
+        self.strength * grown * (1.0 - 0.5 * grown / width)
     }
 
     /// The slope of the unloading line (N/m).
     fn slope(&self) -> f64 {
-        let left = (1.0 - self.largest / self.critical).max(0.0);
-        self.first * left / (self.largest + OFFSET * self.critical)
+        if self.is_over() {
+            return 0.0;
+        }
+        self.strength / (self.largest + self.offset)
+    }
+
+    /// The work of an opening that grows from `self.opening` to the largest so far (J).
+    fn below(&self) -> f64 {
+        let [end, start] = [self.largest, self.opening].map(|s| (s + self.offset).powi(2));
+        0.5 * self.slope() * (end - start)
     }
 
     /// The mean force (N) over a change of the opening to `s` (m).
     pub fn mean_force(&self, s: f64) -> f64 {
-        let (slope, offset) = (self.slope(), OFFSET * self.critical);
         if s <= self.largest {
-            return slope * (0.5 * (self.opening + s) + offset);
+            return self.slope() * (0.5 * (self.opening + s) + self.offset);
         }
-        let ends = [self.largest, self.opening].map(|s| (s + offset) * (s + offset));
-        let below = 0.5 * slope * (ends[0] - ends[1]);
-        (below + self.area(s) - self.area(self.largest)) / (s - self.opening)
+        (self.below() + self.beyond(s)) / (s - self.opening)
     }
 
     /// Ends a step with the mean force `force` (N) over which the opening has changed by `change` (m).
     pub fn advance(&mut self, force: f64, change: f64) {
         self.work += force * change;
         self.opening += change;
-        self.largest = self.largest.max(self.opening);
+        if self.opening > self.largest {
+            let width = self.critical - self.largest;
+            let left = (self.critical - self.opening).max(0.0);
+            self.strength *= left / width;
+            self.largest = self.opening;
+        }
+        if self.is_over() {
+            self.force = 0.0;
+            return;
+        }
+        // The energy that is left fits below the law.
+        let beyond = (self.left() - self.below()).max(0.0);
+        self.critical = self.largest + 2.0 * beyond / self.strength;
         // The force at the start of the next step.
-        self.force = self.slope() * (self.opening + OFFSET * self.critical);
-        if self.turned > self.largest {
-            self.widen();
-        }
+        self.force = self.slope() * (self.opening + self.offset);
     }
 
-    /// Takes the distance of the vertices for the opening. Across the force they have parted without work, so the law is
-    /// drawn anew from the present force, with the energy that the pair has still to take.
-    fn widen(&mut self) {
-        let left = self.energy - self.area(self.largest);
-        let (opening, force) = (self.turned, self.force);
-        let critical = opening + 2.0 * left / force;
-        let first = force * critical / (critical - opening);
-        if left > 0.0 && force > 0.0 && first.is_finite() {
-            self.energy = left + 0.5 * (first + force) * opening;
-            (self.first, self.critical) = (first, critical);
-            (self.opening, self.largest) = (opening, opening);
-        }
-    }
-
-    /// Turns the direction of the force to that of the opening `apart` (m) at the end of a step, before the step
-    /// [ends](Self::advance). Returns whether it has turned.
+    /// Turns the direction of the force to that of the opening `apart` (m) at the end of a step. Returns whether it has
+    /// turned.
     fn turn(&mut self, apart: &Vec3) -> bool {
         let size = apart.norm();
         if size < TURNS * self.critical {
             return false;
         }
-        self.turned = size;
         let direction = apart / size;
         let is_other = (direction - self.direction).norm_squared() > SAME;
         if is_other {
@@ -160,8 +173,8 @@ impl Pair {
     /// The opening that agrees with the law, where the opening is `free - response force`.
     fn meet(&self, free: f64, response: f64) -> f64 {
         // Below the largest opening the law is linear.
-        let (slope, offset) = (self.slope(), OFFSET * self.critical);
-        let below = free - response * slope * (0.5 * self.opening + offset);
+        let slope = self.slope();
+        let below = free - response * slope * (0.5 * self.opening + self.offset);
         let below = below / (1.0 + 0.5 * response * slope);
         if below <= self.largest || free <= self.largest {
             return below.min(self.largest);
@@ -197,6 +210,8 @@ pub(super) struct Pairs {
     openings: Vec<f64>,
     /// Changes of the forces in the last round (N).
     changes: Vec<f64>,
+    /// The energy that pairs took too little in their last steps (J).
+    surplus: f64,
 }
 
 impl Pairs {
@@ -210,6 +225,7 @@ impl Pairs {
             forces: vec![0.0; most],
             openings: vec![0.0; most],
             changes: vec![0.0; most],
+            surplus: 0.0,
         }
     }
 
@@ -272,6 +288,12 @@ impl<T: Real> Stepper<T> {
     pub fn clear_pairs(&mut self) {
         self.pairs.list.clear();
         self.pairs.forget_responses();
+    }
+
+    /// The energy (J) that the pairs that have let go since the last call took too little (positive) or too much
+    /// (negative) in their last steps.
+    pub fn take_surplus(&mut self) -> f64 {
+        core::mem::take(&mut self.pairs.surplus)
     }
 
     /// Adds a pair. Returns whether there was [room](Self::reserve_pairs).
@@ -426,7 +448,14 @@ impl<T: Real> Stepper<T> {
             self.pairs.forget_responses();
         }
         let count = self.pairs.list.len();
-        self.pairs.list.retain(|pair| !pair.is_over());
+        let surplus = &mut self.pairs.surplus;
+        self.pairs.list.retain(|pair| {
+            let is_over = pair.is_over();
+            if is_over {
+                *surplus += pair.left();
+            }
+            !is_over
+        });
         if self.pairs.list.len() < count {
             self.pairs.forget_responses();
         }

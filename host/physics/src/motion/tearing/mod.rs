@@ -261,11 +261,13 @@ impl Tearing {
         if material.law == TearLaw::Thesis {
             return None;
         }
-        // Vertices that were doubled share the energy of the edges. In most edits there is only one, the old tip.
+        // Vertices that were doubled share the energy of the edges. In most edits there is only one, the old tip. The
+        // errors of earlier pairs are made good.
         let twins = done.vertices.clone();
         let twins = twins.filter_map(|vertex| body.twin_of(vertex).map(|of| [of, vertex]));
-        let energy =
-            material.toughness * material.thickness * length / twins.clone().count().max(1) as f64;
+        let due = material.toughness * material.thickness * length;
+        let energy = (due + stepper.take_surplus()).max(0.5 * due);
+        let energy = energy / twins.clone().count().max(1) as f64;
         let mut first = None;
         for nodes in twins {
             // The sides of an edge part by at most twice its length before the next edge opens. A force that is so weak that
