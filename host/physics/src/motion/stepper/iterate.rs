@@ -57,6 +57,7 @@ impl<T: Real> Stepper<T> {
             for set in &mut self.elements {
                 set.product(self.team, T::of(stiffness_factor), &self.p, &mut self.q);
             }
+            self.add_springs();
             let places = (&self.p[..free], &self.q[..free]);
             let curvature = team::runs(self.team, places, RUN, &mut self.sums, &|(p, q)| {
                 vectors::dot(p, q)

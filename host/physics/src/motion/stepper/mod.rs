@@ -514,6 +514,7 @@ impl<T: Real> Stepper<T> {
             set.product(self.team, factor, &self.u, &mut self.residual);
         }
         self.add_pairs();
+        self.load_springs();
         let held = self.u[self.held..].iter().flatten();
         let moved = !self.mask.is_empty() || held.copied().any(|u| u != T::ZERO);
         let guess = self.norm();

@@ -6,21 +6,20 @@
 //!
 //! ```text
 //! T(s) = e (d_c - s) / (d_c - D)      beyond D
-//! T(s) = e (s + o) / (D + o)          below D
+//! T(s) = e s / D                      below D
 //! ```
 //!
-//! At first `D = 0`, `e` is the first force `f`, and `d_c = 2 E / f` for a pair that takes the energy `E`. The offset `o`
-//! is a ten-thousandth of `d_c`: a pair that has not opened would otherwise be rigid.
+//! **Direction.** The opening is the length of a vector: the one from the first vertex to the second, plus an offset along
+//! the first force. The force acts along this vector, so that it follows a sheet that turns. At first `s = D` is the
+//! length of the offset, a twentieth of `d_c`; without the offset a pair that has not opened would be rigid and have no
+//! direction. The force `T(s) / s` per length across the vector is that of a spring. The spring is part of the matrix of
+//! the step: a light vertex that moves out of the plane would swing from step to step otherwise.
 //!
-//! **Direction.** The opening counts along the direction of the first force, and along the line between the two vertices
-//! once they are apart: a sheet that is torn out of its plane turns meanwhile. The opening is the sum of the changes along
-//! the direction of each step. A motion across the force does no work, and does not open the pair.
-//!
-//! **Energy.** The force of a pair in a step is the work of its law over the step divided by the change of the opening (a
-//! discrete gradient: O. Gonzalez, "Time integration and discrete Hamiltonian systems", 1996). After each step `d_c` is
-//! chosen so that the area that is left below the law is the energy that the pair has not yet taken. The work of a pair
-//! over its life is therefore its energy, whatever the steps, and even if a step was solved roughly. The last step of a
-//! pair may err; [`Stepper::take_surplus`] returns this error, for the next pair to make good.
+//! **Energy.** The force of a pair that opens further is the work of its law over the step divided by the change of the
+//! opening. A pair that unloads takes the force at the end of the step, which lets no oscillation last. After each step
+//! `d_c` is chosen so that the area that is left below the law is the energy that the pair has not yet taken. The work of
+//! a pair over its life is therefore its energy, whatever the steps, and even if a step was solved roughly. The last step
+//! of a pair may err; [`Stepper::take_surplus`] returns this error, for the next pair to make good.
 //!
 //! **Solution.** The forces enter the equation of the step as loads. Its solution and the response of the openings to the
 //! forces give a small nonlinear system for the forces, with one unknown a pair, which has a solution for any stiffness of
@@ -32,16 +31,12 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::lanes::{Node, Real, to_node, to_vec};
 
-/// The offset of the unloading line, as a fraction of `d_c`.
-const OFFSET: f64 = 1e-4;
+/// The length of the offset, as a fraction of the opening at which the force is lost.
+const OFFSET: f64 = 0.05;
 /// Most rounds of forces and openings in a step.
 const MOST_ROUNDS: usize = 8;
-/// The opening from which on the force acts along the opening, as a fraction of the opening at which it is lost.
-const TURNS: f64 = 0.01;
-/// A turn by less than the root of this number (rad) is left for a later step, so that responses need not be computed.
-const SAME: f64 = 1e-4;
-/// The largest force with which the sides of a pair press on each other, as a multiple of its first force.
-const MOST_PRESSED: f64 = 10.0;
+/// A turn by less than the root of this number (rad) changes responses too little to compute them anew.
+const SAME: f64 = 0.01;
 /// Sweeps over the pairs, and bisections for each.
 const SWEEPS: usize = 30;
 const BISECTIONS: usize = 60;
@@ -51,17 +46,16 @@ const BISECTIONS: usize = 60;
 pub struct Pair {
     /// The vertices.
     pub nodes: [u32; 2],
-    /// The unit direction of the force on the first vertex, towards the second.
-    pub direction: Vec3,
+    /// The vector from the first vertex to the second, plus the offset (m).
+    pub apart: Vec3,
     /// The first force (N).
     pub first: f64,
     /// The opening at which the force is lost (m).
     pub critical: f64,
-    /// The opening along `direction` (m).
-    pub opening: f64,
     /// The largest opening so far (m).
     pub largest: f64,
-    /// The force at the end of the last step (N).
+    /// The force on the first vertex along [`direction`](Self::direction) (N): at the start of a step, and, while the step
+    /// is solved, the mean over the step.
     pub force: f64,
     /// The work that the pair has taken from the body so far (J).
     pub work: f64,
@@ -69,8 +63,11 @@ pub struct Pair {
     pub energy: f64,
     /// The force at the largest opening (N).
     strength: f64,
-    /// The offset of the unloading line (m).
-    offset: f64,
+    /// The unit direction of the force on the first vertex at the start of the step.
+    direction: Vec3,
+    /// The stiffness across the direction (N/m), and the force across it on the first vertex at the end of the step (N).
+    across: f64,
+    sideways: Vec3,
 }
 
 impl Pair {
@@ -78,26 +75,39 @@ impl Pair {
     /// there is no force, or no energy: such a pair lets go at once.
     pub fn new(nodes: [u32; 2], force: &Vec3, energy: f64) -> Option<Self> {
         let first = force.norm();
-        let critical = 2.0 * energy / first;
+        // The area beyond the offset is the energy.
+        let critical = 2.0 * energy / (first * (1.0 - OFFSET));
+        let largest = OFFSET * critical;
         let is_finite = critical.is_finite() && first.is_finite();
-        (is_finite && critical > 0.0 && first > 0.0).then(|| Self {
+        (is_finite && largest > 0.0 && first > 0.0).then(|| Self {
             nodes,
-            direction: force / first,
+            apart: force * (largest / first),
             first,
             critical,
-            opening: 0.0,
-            largest: 0.0,
+            largest,
             force: first,
             work: 0.0,
             energy,
             strength: first,
-            offset: OFFSET * critical,
+            direction: force / first,
+            across: first / largest,
+            sideways: Vec3::zeros(),
         })
     }
 
     /// Whether the pair has let go.
     pub fn is_over(&self) -> bool {
         self.largest >= self.critical
+    }
+
+    /// The unit direction of the force on the first vertex.
+    pub fn direction(&self) -> Vec3 {
+        self.direction
+    }
+
+    /// The opening (m): the length of the vector between the vertices, with the offset.
+    pub fn opening(&self) -> f64 {
+        self.apart.norm()
     }
 
     /// The energy that the pair has not yet taken (J). A pair that has let go has none but the error of its last step.
@@ -114,73 +124,55 @@ impl Pair {
 
     /// The slope of the unloading line (N/m).
     fn slope(&self) -> f64 {
-        if self.is_over() {
-            return 0.0;
-        }
-        self.strength / (self.largest + self.offset)
+        self.strength / self.largest
     }
 
-    /// The work of an opening that grows from `self.opening` to the largest so far (J).
-    fn below(&self) -> f64 {
-        let [end, start] = [self.largest, self.opening].map(|s| (s + self.offset).powi(2));
-        0.5 * self.slope() * (end - start)
-    }
-
-    /// The mean force (N) over a change of the opening to `s` (m).
-    pub fn mean_force(&self, s: f64) -> f64 {
+    /// The force of a step (N) in which the opening along the direction changes to `s` (m).
+    pub fn step_force(&self, s: f64) -> f64 {
         if s <= self.largest {
-            return self.slope() * (0.5 * (self.opening + s) + self.offset);
+            return self.slope() * s;
         }
-        (self.below() + self.beyond(s)) / (s - self.opening)
+        let opening = self.opening();
+        let below = self.strength * (self.largest - opening);
+        (below + self.beyond(s)) / (s - opening)
     }
 
-    /// Ends a step with the mean force `force` (N) over which the opening has changed by `change` (m).
-    pub fn advance(&mut self, force: f64, change: f64) {
-        self.work += force * change;
-        self.opening += change;
-        if self.opening > self.largest {
+    /// Ends a step with the force `force` (N) along the direction, in which the second vertex has moved by `change` (m)
+    /// from the first.
+    pub fn advance(&mut self, force: f64, change: &Vec3) {
+        self.work += (self.direction * force + self.sideways).dot(change);
+        self.apart += change;
+        let opening = self.opening();
+        if opening > self.largest {
             let width = self.critical - self.largest;
-            let left = (self.critical - self.opening).max(0.0);
-            self.strength *= left / width;
-            self.largest = self.opening;
+            self.strength *= (self.critical - opening).max(0.0) / width;
+            self.largest = opening;
         }
-        if self.is_over() {
-            self.force = 0.0;
-            return;
-        }
+        self.sideways = Vec3::zeros();
         // The energy that is left fits below the law.
-        let beyond = (self.left() - self.below()).max(0.0);
-        self.critical = self.largest + 2.0 * beyond / self.strength;
-        // The force at the start of the next step.
-        self.force = self.slope() * (self.opening + self.offset);
+        let slope = self.slope();
+        let below = 0.5 * slope * (self.largest * self.largest - opening * opening);
+        let beyond = (self.left() - below).max(0.0);
+        self.critical = if self.strength > 0.0 {
+            self.largest + 2.0 * beyond / self.strength
+        } else {
+            self.largest
+        };
+        (self.force, self.across) = (slope * opening, slope);
+        if opening > 0.0 {
+            self.direction = self.apart / opening;
+        }
     }
 
-    /// Turns the direction of the force to that of the opening `apart` (m) at the end of a step. Returns whether it has
-    /// turned.
-    fn turn(&mut self, apart: &Vec3) -> bool {
-        let size = apart.norm();
-        if size < TURNS * self.critical {
-            return false;
-        }
-        let direction = apart / size;
-        let is_other = (direction - self.direction).norm_squared() > SAME;
-        if is_other {
-            self.direction = direction;
-        }
-        is_other
-    }
-
-    /// The opening that agrees with the law, where the opening is `free - response force`.
+    /// The opening along the direction that agrees with the law, where it is `free - response force` (m).
     fn meet(&self, free: f64, response: f64) -> f64 {
         // Below the largest opening the law is linear.
-        let slope = self.slope();
-        let below = free - response * slope * (0.5 * self.opening + self.offset);
-        let below = below / (1.0 + 0.5 * response * slope);
+        let below = free / (1.0 + response * self.slope());
         if below <= self.largest || free <= self.largest {
             return below.min(self.largest);
         }
         // The first sign change. A law that falls linearly crosses at most once before it is zero.
-        let off = |s: f64| s - free + response * self.mean_force(s);
+        let off = |s: f64| s - free + response * self.step_force(s);
         let (mut low, mut high) = (self.largest, free);
         if self.critical < high && off(self.critical) >= 0.0 {
             high = self.critical;
@@ -195,6 +187,11 @@ impl Pair {
         }
         0.5 * (low + high)
     }
+
+    /// The force across the direction on the first vertex (N) after a change of the vector between the vertices (m).
+    fn sideways(&self, change: &Vec3) -> Vec3 {
+        (change - self.direction * self.direction.dot(change)) * self.across
+    }
 }
 
 /// The pairs of a body, with the responses of their openings.
@@ -205,6 +202,8 @@ pub(super) struct Pairs {
     /// The response of each opening to each force (m/N), by rows of `most`; those that are not known are computed first.
     responses: Vec<f64>,
     are_known: bool,
+    /// The directions to which the responses belong.
+    directions: Vec<Vec3>,
     /// Forces to be solved for (N), and openings as they would be without a change of the forces (m).
     forces: Vec<f64>,
     openings: Vec<f64>,
@@ -222,6 +221,7 @@ impl Pairs {
             most,
             responses: vec![0.0; most * most],
             are_known: false,
+            directions: vec![Vec3::zeros(); most],
             forces: vec![0.0; most],
             openings: vec![0.0; most],
             changes: vec![0.0; most],
@@ -258,7 +258,7 @@ impl Pairs {
                 let pair = &self.list[row];
                 free += responses[row] * pair.force;
                 let opening = pair.meet(free, responses[row]);
-                let force = pair.mean_force(opening).max(-MOST_PRESSED * pair.first);
+                let force = pair.step_force(opening);
                 changed = changed.max((force - self.forces[row]).abs());
                 self.forces[row] = force;
             }
@@ -320,11 +320,37 @@ impl<T: Real> Stepper<T> {
         (acting[0] + acting[1]) * (mass[0] / (mass[0] + mass[1])) - acting[0]
     }
 
-    /// Adds `force` (N) of a pair to the residual.
-    fn load_pair(&mut self, pair: &Pair, force: f64) {
+    /// By how much (m/N) the distance of two vertices along a unit direction grows where a force that holds them together
+    /// falls. The value is that of the factor, for one step.
+    pub fn response_between(&mut self, nodes: [u32; 2], direction: &Vec3) -> f64 {
+        self.push_apart(nodes, direction);
+        let [a, b] = nodes.map(|node| self.responded(node));
+        direction.dot(&(b - a))
+    }
+
+    /// Solves, in `z`, for the displacements under a unit force that parts two vertices.
+    fn push_apart(&mut self, nodes: [u32; 2], direction: &Vec3) {
+        self.z.fill([0.0; 4]);
+        for (node, sign) in nodes.into_iter().zip([-1.0, 1.0]) {
+            let place = self.place[node as usize] as usize;
+            if place < self.free {
+                self.z[place] = to_node(&(direction * sign));
+            }
+        }
+        self.solve_factor();
+    }
+
+    /// The displacement of a vertex in `z`.
+    fn responded(&self, node: u32) -> Vec3 {
+        let place = self.place[node as usize] as usize;
+        self.z.get(place).map_or_else(Vec3::zeros, to_vec)
+    }
+
+    /// Adds the force `force` (N) on the first vertex of a pair, and the opposite one on the second, to the residual.
+    fn load_pair(&mut self, pair: &Pair, force: &Vec3) {
         for (node, sign) in pair.nodes.into_iter().zip([1.0, -1.0]) {
             let r = &mut self.residual[self.place[node as usize] as usize];
-            let load: Node<T> = to_node(&(pair.direction * (sign * force)));
+            let load: Node<T> = to_node(&(force * sign));
             for i in 0..4 {
                 r[i] += load[i];
             }
@@ -335,14 +361,43 @@ impl<T: Real> Stepper<T> {
     pub(super) fn add_pairs(&mut self) {
         for at in 0..self.pairs.list.len() {
             let pair = self.pairs.list[at];
-            self.load_pair(&pair, pair.force);
+            self.load_pair(&pair, &(pair.direction * pair.force + pair.sideways));
         }
     }
 
-    /// The change of the opening of a pair by the displacements `u` (m).
-    fn opens(&self, pair: &Pair, u: impl Fn(usize) -> Vec3) -> f64 {
+    /// Takes the forces of the springs of all pairs over the displacements `u` from the residual.
+    pub(super) fn load_springs(&mut self) {
+        for at in 0..self.pairs.list.len() {
+            let pair = self.pairs.list[at];
+            let change = self.parts(&pair, |place| to_vec(&self.u[place]));
+            self.load_pair(&pair, &pair.sideways(&change));
+        }
+    }
+
+    /// Adds the product of the springs of all pairs with `p` to `q`.
+    pub(super) fn add_springs(&mut self) {
+        for pair in &self.pairs.list {
+            let places = pair.nodes.map(|node| self.place[node as usize] as usize);
+            let [a, b] = places.map(|place| to_vec(&self.p[place]));
+            let force = pair.sideways(&(b - a));
+            for (place, sign) in places.into_iter().zip([-1.0, 1.0]) {
+                let load: Node<T> = to_node(&(force * sign));
+                for i in 0..4 {
+                    self.q[place][i] += load[i];
+                }
+            }
+        }
+    }
+
+    /// The change of the vector between the vertices of a pair by the displacements `u` (m).
+    fn parts(&self, pair: &Pair, u: impl Fn(usize) -> Vec3) -> Vec3 {
         let [a, b] = pair.nodes.map(|node| u(self.place[node as usize] as usize));
-        pair.direction.dot(&(b - a))
+        b - a
+    }
+
+    /// The change of the opening of a pair along its direction by the displacements `u` (m).
+    fn opens(&self, pair: &Pair, u: impl Fn(usize) -> Vec3) -> f64 {
+        pair.direction.dot(&self.parts(pair, u))
     }
 
     /// Computes the responses of the openings, with the factor in place of the matrix.
@@ -352,19 +407,13 @@ impl<T: Real> Stepper<T> {
         }
         let (count, most) = (self.pairs.list.len(), self.pairs.most);
         for column in 0..count {
-            self.z.fill([0.0; 4]);
             let pair = self.pairs.list[column];
-            for (node, sign) in pair.nodes.into_iter().zip([-1.0, 1.0]) {
-                let place = self.place[node as usize] as usize;
-                if place < self.free {
-                    self.z[place] = to_node(&(pair.direction * sign));
-                }
-            }
-            self.solve_factor();
+            self.pairs.directions[column] = pair.direction;
+            self.push_apart(pair.nodes, &pair.direction);
             for row in 0..count {
-                let response = self.opens(&self.pairs.list[row], |place| {
-                    self.z.get(place).map_or_else(Vec3::zeros, to_vec)
-                });
+                let pair = &self.pairs.list[row];
+                let [a, b] = pair.nodes.map(|node| self.responded(node));
+                let response = pair.direction.dot(&(b - a));
                 self.pairs.responses[row * most + column] = response;
             }
         }
@@ -384,7 +433,7 @@ impl<T: Real> Stepper<T> {
         for _ in 0..MOST_ROUNDS {
             for at in 0..self.pairs.list.len() {
                 let pair = &self.pairs.list[at];
-                let opening = pair.opening + self.opens(pair, |place| to_vec(&self.u[place]));
+                let opening = pair.opening() + self.opens(pair, |place| to_vec(&self.u[place]));
                 self.pairs.openings[at] = opening;
             }
             let change = self.pairs.agree();
@@ -393,7 +442,7 @@ impl<T: Real> Stepper<T> {
             }
             for at in 0..self.pairs.list.len() {
                 let (pair, force) = (self.pairs.list[at], self.pairs.forces[at]);
-                self.load_pair(&pair, force - pair.force);
+                self.load_pair(&pair, &(pair.direction * (force - pair.force)));
                 self.pairs.changes[at] = force - pair.force;
                 self.pairs.list[at].force = force;
             }
@@ -407,6 +456,11 @@ impl<T: Real> Stepper<T> {
             report.converged = again.converged;
             self.learn_responses();
         }
+        for at in 0..self.pairs.list.len() {
+            let pair = &self.pairs.list[at];
+            let change = self.parts(pair, |place| to_vec(&self.u[place]));
+            self.pairs.list[at].sideways = pair.sideways(&change);
+        }
     }
 
     /// Corrects the responses by the last round. The factor is older than the matrix: an opening may respond more than
@@ -415,7 +469,7 @@ impl<T: Real> Stepper<T> {
         let most = self.pairs.most;
         for at in 0..self.pairs.list.len() {
             let pair = &self.pairs.list[at];
-            let opening = pair.opening + self.opens(pair, |place| to_vec(&self.u[place]));
+            let opening = pair.opening() + self.opens(pair, |place| to_vec(&self.u[place]));
             let found = (self.pairs.openings[at] - opening) / self.pairs.changes[at];
             let response = &mut self.pairs.responses[at * most + at];
             // The comparison drops a change of zero.
@@ -428,7 +482,10 @@ impl<T: Real> Stepper<T> {
     /// The energy (J) that pairs give back in the step.
     pub(super) fn given_back(&self, body: &Body) -> f64 {
         let pairs = self.pairs.list.iter();
-        let work = pairs.map(|pair| (-pair.force * moved_by(body, pair)).max(0.0));
+        let work = pairs.map(|pair| {
+            let force = pair.direction * pair.force + pair.sideways;
+            (-force.dot(&moved_by(body, pair))).max(0.0)
+        });
         work.sum()
     }
 
@@ -436,13 +493,11 @@ impl<T: Real> Stepper<T> {
     pub(super) fn open_pairs(&mut self, body: &Body) -> f64 {
         let mut work = 0.0;
         let mut has_turned = false;
-        for at in 0..self.pairs.list.len() {
-            let change = moved_by(body, &self.pairs.list[at]);
-            let pair = &mut self.pairs.list[at];
-            work += pair.force * change;
-            let [a, b] = pair.nodes.map(|node| self.at[node as usize]);
-            has_turned |= pair.turn(&(b - a));
-            pair.advance(pair.force, change);
+        for (pair, direction) in self.pairs.list.iter_mut().zip(&self.pairs.directions) {
+            work -= pair.work;
+            pair.advance(pair.force, &moved_by(body, pair));
+            work += pair.work;
+            has_turned |= (pair.direction - direction).norm_squared() > SAME;
         }
         if has_turned {
             self.pairs.forget_responses();
@@ -463,9 +518,9 @@ impl<T: Real> Stepper<T> {
     }
 }
 
-/// The change of the opening of a pair over the step (m).
-fn moved_by(body: &Body, pair: &Pair) -> f64 {
+/// The change of the vector between the vertices of a pair over the step (m).
+fn moved_by(body: &Body, pair: &Pair) -> Vec3 {
     let moved = |node: u32| body.state.displacement[node as usize];
     let [a, b] = pair.nodes.map(moved);
-    pair.direction.dot(&(b - a))
+    b - a
 }

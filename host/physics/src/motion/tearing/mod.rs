@@ -33,6 +33,10 @@ pub const MOST_TIPS: usize = 32;
 /// Most edges by which a tip goes on after one step.
 const MOST_EDGES: usize = 4;
 
+/// The largest factor by which a pair's first force is larger than the present force. A force that falls linearly from
+/// twice the present force has the present force as its mean.
+const MOST_STRONGER: f64 = 2.0;
+
 /// Where tears may start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Starts {
@@ -270,11 +274,10 @@ impl Tearing {
         let energy = energy / twins.clone().count().max(1) as f64;
         let mut first = None;
         for nodes in twins {
-            // The sides of an edge part by at most twice its length before the next edge opens. A force that is so weak that
-            // they would have to part further is raised. Otherwise the tip would wait for them.
             let force = stepper.force_between(body, nodes);
+            let factor = self.stronger(stepper, nodes, &force, energy);
             let weakest = energy / length;
-            let force = force * (weakest / force.norm()).max(1.0);
+            let force = force * factor;
             if let Some(pair) = Pair::new(nodes, &force, energy)
                 && stepper.add_pair(pair)
             {
@@ -282,6 +285,33 @@ impl Tearing {
             }
         }
         first
+    }
+
+    /// The factor by which a pair's first force is larger than the present one, so that the pair lets go once the sheet
+    /// gives up its energy. A sheet whose opening responds by `R` to a force gives up `R f^2 / 2` where a force `f` falls.
+    /// On an uneven mesh this can be much less than the energy, although the tip is driven by the toughness. A pair with
+    /// the present force would then hold on until its opening is far larger than a crack opens, and the tip would wait for
+    /// it. The pair is rigid below its first force, so nothing jumps.
+    ///
+    /// The factor is at most [`MOST_STRONGER`]. A sheet that hands tear by their motion, as trousers, gives up almost no
+    /// energy of its own: the hands supply the energy at about the present force.
+    fn stronger<T: Real>(
+        &self,
+        stepper: &mut Stepper<T>,
+        nodes: [u32; 2],
+        force: &Vec3,
+        energy: f64,
+    ) -> f64 {
+        let size = force.norm();
+        let response = stepper.response_between(nodes, &(force / size));
+        let needed = (2.0 * energy / response).sqrt();
+        // No comparison holds for a value that is not a number.
+        let factor = needed / size;
+        if factor > 1.0 {
+            factor.min(MOST_STRONGER)
+        } else {
+            1.0
+        }
     }
 }
 
