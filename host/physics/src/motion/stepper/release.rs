@@ -317,6 +317,19 @@ impl<T: Real> Stepper<T> {
         }
     }
 
+    /// Gives the pairs the forces of their laws at the openings of the guess. The solution then finds the forces near
+    /// those that agree with it, and few iterations correct them.
+    pub(super) fn foresee_pairs(&mut self) {
+        for at in 0..self.pairs.list.len() {
+            let pair = &self.pairs.list[at];
+            let opening = pair.opening + self.opens(pair, |place| to_vec(&self.u[place]));
+            let force = pair.mean_force(opening).max(-MOST_PRESSED * pair.first);
+            if force.is_finite() {
+                self.pairs.list[at].force = force;
+            }
+        }
+    }
+
     /// The change of the opening of a pair by the displacements `u` (m).
     fn opens(&self, pair: &Pair, u: impl Fn(usize) -> Vec3) -> f64 {
         let [a, b] = pair.nodes.map(|node| u(self.place[node as usize] as usize));

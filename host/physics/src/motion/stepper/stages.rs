@@ -117,6 +117,7 @@ impl<T: Real> Stepper<T> {
         }
         self.stepped = None;
         self.prescribe(body, h, targets);
+        self.foresee_pairs();
         let reference = self.start(body, h, factors.0, factors.1);
         let goal = self.options.tolerance * reference;
         // A body at rest whose residual is only rounding stays where it is.
