@@ -84,13 +84,16 @@ impl Recipe {
         let mut stepper = Stepper::new(body, self.options)?;
         stepper.team = team(self.threads);
         stepper.prepare(body, self.step)?;
-        let shapes = self.condenses.then(|| ShapeOptions {
-            max_iterations: match self.options.preconditioner {
-                Preconditioner::Complete => ShapeOptions::default().max_iterations,
-                Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,
-            },
-            ..ShapeOptions::default()
-        });
+        let shapes = self
+            .condenses
+            .then(|| match (body.surface(), self.options.preconditioner) {
+                (Some(_), Preconditioner::Complete) => super::tears::SHAPES,
+                (None, Preconditioner::Complete) => ShapeOptions::default(),
+                (_, Preconditioner::Incomplete) => ShapeOptions {
+                    max_iterations: INCOMPLETE_SHAPE_ITERATIONS,
+                    ..ShapeOptions::default()
+                },
+            });
         let beside = Beside::new(self.real, self.step);
         Ok(Frozen::new(
             stepper,

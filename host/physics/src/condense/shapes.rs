@@ -17,17 +17,20 @@ use crate::motion::stepper::{Limits, Stepper};
 pub struct ShapeOptions {
     /// The residual of a shape to reach, as a fraction of the forces that cause the shape.
     pub tolerance: f64,
-    /// The largest number of iterations for a shape in one update.
+    /// The largest number of iterations for a shape in one update. The first computation of the shapes has at least 50.
     pub max_iterations: usize,
     /// The number of shapes that are updated with each model, in turn. The first model computes all of them.
     pub at_a_time: usize,
 }
 
+/// The least number of iterations that the first computation of a shape may take.
+const FIRST_ITERATIONS: usize = 50;
+
 impl Default for ShapeOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-5,
-            max_iterations: 50,
+            max_iterations: FIRST_ITERATIONS,
             at_a_time: usize::MAX,
         }
     }
@@ -219,6 +222,12 @@ impl<T: Real> Stepper<T> {
             options.at_a_time.min(left)
         };
         shapes.current += turns;
+        // The shapes begin at zero: few iterations would leave them far from their goal for many models.
+        let max_iterations = if cold {
+            options.max_iterations.max(FIRST_ITERATIONS)
+        } else {
+            options.max_iterations
+        };
         let mut report = ShapeReport::default();
         for _ in 0..turns {
             let column = shapes.next;
@@ -233,7 +242,7 @@ impl<T: Real> Stepper<T> {
             let limits = Limits {
                 goal,
                 start: goal,
-                max_iterations: options.max_iterations,
+                max_iterations,
             };
             let found = self.iterate(shapes.factors, limits, &mut || false);
             self.keep(shapes, column);

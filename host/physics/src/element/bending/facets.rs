@@ -11,7 +11,7 @@ use super::curvature::VECTORS;
 use super::exact::Bending;
 use super::kernels::{Blocks, Curved, Rest, State, linearize, product};
 use super::patch::Sided;
-use super::scalar::{ScalarMatrix, add_product, add_transposed, differences, set_product};
+use super::scalar::{ScalarMatrix, add_product, differences, set_product};
 use super::torn_facets::Followed;
 use crate::element::Torn;
 use crate::element::kernel::Kernel;
@@ -181,11 +181,7 @@ impl<T: Real> Kernel<T> for BentFacets<T> {
         self.pull.fill([T::ZERO; 4]);
         let blocks = (&plan.blocks, &mut *self.state);
         let energy = linearize(blocks, (d, &self.theta), (force, &mut self.pull));
-        if self.followed.is_none() {
-            add_product(&plan.back, &self.pull, force);
-        } else {
-            add_transposed(&plan.derivatives, &self.pull, force);
-        }
+        add_product(&plan.back, &self.pull, force);
         energy.to_f64()
     }
 
@@ -195,11 +191,7 @@ impl<T: Real> Kernel<T> for BentFacets<T> {
         self.pull.fill([T::ZERO; 4]);
         let blocks = (&plan.blocks, &*self.state);
         product(blocks, factor, (u, &self.theta), (y, &mut self.pull));
-        if self.followed.is_none() {
-            add_product(&plan.back, &self.pull, y);
-        } else {
-            add_transposed(&plan.derivatives, &self.pull, y);
-        }
+        add_product(&plan.back, &self.pull, y);
     }
 
     fn add_to(&self, matrix: &mut BlockMatrix) {

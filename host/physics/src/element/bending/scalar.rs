@@ -111,6 +111,38 @@ impl<T: Real> ScalarMatrix<T> {
         }
     }
 
+    /// Becomes the transpose of `matrix`, with `rows` rows, in the order of [`transposed`](Self::transposed). Entries without
+    /// weight are left out. Nothing is allocated where there is [room](Self::make_room).
+    pub(crate) fn transpose(&mut self, matrix: &Self, rows: usize) {
+        // The number of entries of each row, then the end of each row, and then, as the rows fill from behind, its start.
+        self.row_start.clear();
+        self.row_start.resize(rows + 1, 0);
+        for (&column, &weight) in matrix.columns.iter().zip(&matrix.weights) {
+            if weight != T::ZERO {
+                self.row_start[column as usize] += 1;
+            }
+        }
+        let mut end = 0;
+        for start in &mut self.row_start {
+            end += *start;
+            *start = end;
+        }
+        self.columns.clear();
+        self.columns.resize(end as usize, 0);
+        self.weights.clear();
+        self.weights.resize(end as usize, T::ZERO);
+        for row in (0..matrix.rows()).rev() {
+            for (column, weight) in matrix.row(row) {
+                if weight != T::ZERO {
+                    let start = &mut self.row_start[column as usize];
+                    *start -= 1;
+                    self.columns[*start as usize] = row as u32;
+                    self.weights[*start as usize] = weight;
+                }
+            }
+        }
+    }
+
     /// Where its arrays are in memory.
     #[cfg(test)]
     pub(crate) fn addresses(&self) -> [usize; 3] {
@@ -183,18 +215,6 @@ pub(crate) fn set_product<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &
 pub(crate) fn add_product<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
     for (ends, y) in matrix.row_start.windows(2).zip(y) {
         *y = plus(*y, row(matrix, ends, u));
-    }
-}
-
-/// Adds the product of the transpose with `u` to `y`. A matrix whose rows change has no stored transpose.
-pub(crate) fn add_transposed<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
-    for (ends, u) in matrix.row_start.windows(2).zip(u) {
-        let range = ends[0] as usize..ends[1] as usize;
-        let columns = &matrix.columns[range.clone()];
-        for (&column, &weight) in columns.iter().zip(&matrix.weights[range]) {
-            let y = &mut y[column as usize];
-            *y = plus(*y, u.map(|c| weight * c));
-        }
     }
 }
 

@@ -66,6 +66,11 @@ impl<T: Real> BentFacets<T> {
         let curved = if from.curved.is_empty() { 0 } else { blocks };
         let mut derivatives = self.plan.derivatives.clone();
         derivatives.make_room(rows, entries);
+        // Each corner of each triangle may become a node of its own.
+        let nodes = followed.rest.len().max(3 * triangles);
+        let mut back = ScalarMatrix::default();
+        back.make_room(nodes, entries);
+        back.transpose(&derivatives, followed.rest.len());
         self.plan = Arc::new(Plan {
             count: self.plan.count,
             blocks: Blocks {
@@ -75,13 +80,11 @@ impl<T: Real> BentFacets<T> {
                 curved: with_room(&from.curved, curved),
             },
             derivatives,
-            back: ScalarMatrix::default(),
+            back,
         });
         make_room(&mut self.state, blocks);
         make_room(&mut self.theta, rows);
         make_room(&mut self.pull, rows);
-        // Each corner of each triangle may become a node of its own.
-        let nodes = followed.rest.len().max(3 * triangles);
         make_room(&mut followed.rest, nodes);
         make_room(&mut followed.lanes, triangles);
         true
@@ -116,6 +119,7 @@ impl<T: Real> BentFacets<T> {
             let entries = entries.map(|(column, weight)| (column, T::of(weight)));
             plan.derivatives.set_row(row as usize, entries);
         }
+        plan.back.transpose(&plan.derivatives, rest.len());
         self.theta.resize(plan.derivatives.rows(), [T::ZERO; 4]);
         self.pull.resize(plan.derivatives.rows(), [T::ZERO; 4]);
         while lanes.len() < exact.triangles.len() {

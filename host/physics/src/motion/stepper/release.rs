@@ -33,8 +33,9 @@ use crate::lanes::{Node, Real, to_node, to_vec};
 
 /// The length of the offset, as a fraction of the opening at which the force is lost.
 const OFFSET: f64 = 0.05;
-/// Most rounds of forces and openings in a step.
-const MOST_ROUNDS: usize = 8;
+/// Most rounds of forces and openings in a step, and iterations of a round.
+const MOST_ROUNDS: usize = 16;
+const ROUND: usize = 2;
 /// A turn by less than the root of this number (rad) changes responses too little to compute them anew.
 const SAME: f64 = 0.01;
 /// Sweeps over the pairs, and bisections for each.
@@ -389,6 +390,19 @@ impl<T: Real> Stepper<T> {
         }
     }
 
+    /// Gives the pairs the forces of their laws at the openings of the guess. The solution then finds the forces near
+    /// those that agree with it, and few iterations correct them.
+    pub(super) fn foresee_pairs(&mut self) {
+        for at in 0..self.pairs.list.len() {
+            let pair = &self.pairs.list[at];
+            let opening = pair.opening() + self.opens(pair, |place| to_vec(&self.u[place]));
+            let force = pair.step_force(opening);
+            if force.is_finite() {
+                self.pairs.list[at].force = force;
+            }
+        }
+    }
+
     /// The change of the vector between the vertices of a pair by the displacements `u` (m).
     fn parts(&self, pair: &Pair, u: impl Fn(usize) -> Vec3) -> Vec3 {
         let [a, b] = pair.nodes.map(|node| u(self.place[node as usize] as usize));
@@ -420,47 +434,67 @@ impl<T: Real> Stepper<T> {
         self.pairs.are_known = true;
     }
 
-    /// Lets the forces of the pairs follow the openings at the end of the step that has been solved, and solves again
-    /// until both agree.
+    /// Solves the equation of the step together with the forces of the pairs. A round of few iterations is followed by the
+    /// forces that agree with its openings: an exact solution for forces that still change would be of no use.
     pub(super) fn let_go(
         &mut self,
         factors: (f64, f64),
         limits: Limits,
-        report: &mut StepperReport,
         out_of_time: &mut impl FnMut() -> bool,
-    ) {
+    ) -> StepperReport {
         self.respond();
-        for _ in 0..MOST_ROUNDS {
+        let few = |done: usize| (limits.max_iterations - done).min(ROUND);
+        let first = Limits {
+            max_iterations: few(0),
+            ..limits
+        };
+        let mut report = self.iterate(factors, first, out_of_time);
+        for round in 0..MOST_ROUNDS {
             for at in 0..self.pairs.list.len() {
                 let pair = &self.pairs.list[at];
                 let opening = pair.opening() + self.opens(pair, |place| to_vec(&self.u[place]));
                 self.pairs.openings[at] = opening;
             }
             let change = self.pairs.agree();
-            if change <= limits.goal || change.is_nan() {
+            let agrees = change <= limits.goal || change.is_nan();
+            let left = limits.max_iterations - report.iterations;
+            if agrees && (report.converged || left == 0) {
                 break;
             }
-            for at in 0..self.pairs.list.len() {
-                let (pair, force) = (self.pairs.list[at], self.pairs.forces[at]);
-                self.load_pair(&pair, &(pair.direction * (force - pair.force)));
-                self.pairs.changes[at] = force - pair.force;
-                self.pairs.list[at].force = force;
+            if !agrees {
+                for at in 0..self.pairs.list.len() {
+                    let (pair, force) = (self.pairs.list[at], self.pairs.forces[at]);
+                    self.load_pair(&pair, &(pair.direction * (force - pair.force)));
+                    self.pairs.changes[at] = force - pair.force;
+                    self.pairs.list[at].force = force;
+                }
             }
+            let is_last = agrees || round + 1 == MOST_ROUNDS;
             let limits = Limits {
                 start: limits.goal,
+                max_iterations: if is_last {
+                    left
+                } else {
+                    few(report.iterations)
+                },
                 ..limits
             };
+            let was_solved = report.converged;
             let again = self.iterate(factors, limits, out_of_time);
             report.iterations += again.iterations;
             report.residual = again.residual;
             report.converged = again.converged;
-            self.learn_responses();
+            // Otherwise the openings have changed by the residual, too.
+            if !agrees && was_solved && report.converged {
+                self.learn_responses();
+            }
         }
         for at in 0..self.pairs.list.len() {
             let pair = &self.pairs.list[at];
             let change = self.parts(pair, |place| to_vec(&self.u[place]));
             self.pairs.list[at].sideways = pair.sideways(&change);
         }
+        report
     }
 
     /// Corrects the responses by the last round. The factor is older than the matrix: an opening may respond more than

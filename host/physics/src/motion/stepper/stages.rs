@@ -117,6 +117,7 @@ impl<T: Real> Stepper<T> {
         }
         self.stepped = None;
         self.prescribe(body, h, targets);
+        self.foresee_pairs();
         let reference = self.start(body, h, factors.0, factors.1);
         let goal = self.options.tolerance * reference;
         // A body at rest whose residual is only rounding stays where it is.
@@ -147,16 +148,11 @@ impl<T: Real> Stepper<T> {
         let mut step = self.begun(Stage::Constrained)?;
         if !step.report.asleep {
             let reference = step.report.reference;
-            step.report = self.iterate(step.factors, step.limits, &mut out_of_time);
-            if !self.pairs.is_empty() {
-                let Underway {
-                    factors,
-                    limits,
-                    report,
-                    ..
-                } = &mut step;
-                self.let_go(*factors, *limits, report, &mut out_of_time);
-            }
+            step.report = if self.pairs.is_empty() {
+                self.iterate(step.factors, step.limits, &mut out_of_time)
+            } else {
+                self.let_go(step.factors, step.limits, &mut out_of_time)
+            };
             step.report.reference = reference;
             self.unfinished = !step.report.converged;
             self.stale |= self.is_slow(&step.report);
