@@ -98,10 +98,10 @@ impl Rig {
         self.body.kinetic_energy() + elastic + self.body.load_potential() - self.begin
     }
 
-    /// The energy that pairs of vertices have still to take (J).
+    /// The energy that pairs of vertices have still to take (J), with the error of those that have let go.
     pub(super) fn pending(&self) -> f64 {
         let pairs = self.stepper.pairs().iter();
-        pairs.map(Pair::left).sum()
+        pairs.map(Pair::left).sum::<f64>() + self.stepper.surplus()
     }
 
     /// The force of the sheet on a hand (N).

@@ -291,8 +291,13 @@ impl<T: Real> Stepper<T> {
         self.pairs.forget_responses();
     }
 
-    /// The energy (J) that the pairs that have let go since the last call took too little (positive) or too much
-    /// (negative) in their last steps.
+    /// The energy (J) that the pairs that have let go since the last [`take_surplus`](Self::take_surplus) took too little
+    /// (positive) or too much (negative) in their last steps.
+    pub fn surplus(&self) -> f64 {
+        self.pairs.surplus
+    }
+
+    /// Returns the [surplus](Self::surplus), and begins anew.
     pub fn take_surplus(&mut self) -> f64 {
         core::mem::take(&mut self.pairs.surplus)
     }
