@@ -276,7 +276,6 @@ impl Tearing {
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
             let factor = self.stronger(stepper, nodes, &force, energy);
-            let weakest = energy / length;
             let force = force * factor;
             if let Some(pair) = Pair::new(nodes, &force, energy)
                 && stepper.add_pair(pair)
