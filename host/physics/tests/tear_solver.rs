@@ -460,7 +460,10 @@ impl Run {
     fn edit(&mut self, snapping: f64, turn: f64) -> (Edit, Done) {
         let surface = self.body.surface().unwrap();
         let angle = surface.straight_ahead(self.tip) + turn;
-        let options = AdvanceOptions { snapping };
+        let options = AdvanceOptions {
+            snapping,
+            opening: 0.0,
+        };
         let edit = surface.advance(self.tip, angle, options, |_| true).unwrap();
         let done = self.body.edit(&edit).unwrap().surface;
         self.tip = done.tips[0];

@@ -94,5 +94,6 @@ pub fn options(spec: &TearSpec) -> TearOptions {
             crate::scene::spec::Starts::Anywhere => Starts::Anywhere,
         },
         snapping: spec.snapping,
+        skips: true,
     }
 }
