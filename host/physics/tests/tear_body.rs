@@ -57,7 +57,10 @@ fn tear(
     for count in 0..12 {
         let surface = body.surface().expect("a surface");
         let angle = surface.straight_ahead(tip) + 0.6 * libm::sin(f64::from(count));
-        let options = AdvanceOptions { snapping };
+        let options = AdvanceOptions {
+            snapping,
+            opening: 0.0,
+        };
         let Some(edit) = surface.advance(tip, angle, options, |_| true) else {
             break;
         };
@@ -174,7 +177,10 @@ fn a_tear_does_not_part_a_handle() {
         .advance(
             tip,
             surface.straight_ahead(tip),
-            AdvanceOptions { snapping: 0.0 },
+            AdvanceOptions {
+                snapping: 0.0,
+                opening: 0.0,
+            },
             |_| true,
         )
         .expect("an edit");
@@ -209,7 +215,10 @@ fn a_reserve_that_is_used_up_is_an_error_and_nothing_changes() {
             .advance(
                 tip,
                 surface.straight_ahead(tip),
-                AdvanceOptions { snapping: 0.0 },
+                AdvanceOptions {
+                    snapping: 0.0,
+                    opening: 0.0,
+                },
                 |_| true,
             )
             .expect("an edit");

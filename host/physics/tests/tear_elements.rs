@@ -72,7 +72,10 @@ fn tear(body: &mut Body, snapping: f64, mut look: impl FnMut(f64, &Body)) -> usi
     for step in 0..12 {
         let surface = body.surface().expect("a surface");
         let angle = surface.straight_ahead(tip) + 0.6 * libm::sin(f64::from(step));
-        let options = AdvanceOptions { snapping };
+        let options = AdvanceOptions {
+            snapping,
+            opening: 0.0,
+        };
         let Some(edit) = surface.advance(tip, angle, options, |_| true) else {
             break;
         };

@@ -11,8 +11,14 @@ use physics::topology::{
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-const CUTTING: AdvanceOptions = AdvanceOptions { snapping: 0.0 };
-const SNAPPING: AdvanceOptions = AdvanceOptions { snapping: 0.35 };
+const CUTTING: AdvanceOptions = AdvanceOptions {
+    snapping: 0.0,
+    opening: 0.0,
+};
+const SNAPPING: AdvanceOptions = AdvanceOptions {
+    snapping: 0.35,
+    opening: 0.0,
+};
 const AMPLE: Reserve = Reserve {
     vertices: 4000,
     triangles: 4000,
@@ -618,7 +624,16 @@ fn ten_thousand_random_tears_stay_manifold() {
 
 #[test]
 fn a_straight_tear_follows_its_path() {
-    for (options, seed) in [(CUTTING, 1), (SNAPPING, 2)] {
+    let loose = |options| AdvanceOptions {
+        opening: 0.15,
+        ..options
+    };
+    for (options, seed) in [
+        (CUTTING, 1),
+        (SNAPPING, 2),
+        (loose(CUTTING), 3),
+        (loose(SNAPPING), 4),
+    ] {
         let mut random = Random(seed);
         let n = 40;
         for jitter in [0.0, 0.25] {
@@ -643,9 +658,8 @@ fn a_straight_tear_follows_its_path() {
             }
             surface.check().unwrap();
             println!(
-                "snapping {}, jitter {jitter}: {farthest:.2} of an edge aside in {steps} edits, {} triangles added, \
+                "{options:?}, jitter {jitter}: {farthest:.2} of an edge aside in {steps} edits, {} triangles added, \
                  smallest angle {:.1} degrees",
-                options.snapping,
                 surface.triangle_count() - before,
                 surface.smallest_angle().to_degrees()
             );
@@ -750,7 +764,13 @@ fn snapping_adds_two_triangles_where_cutting_adds_eight() {
         let added = surface.triangle_count() - before;
         (added, surface.smallest_angle().to_degrees())
     };
-    let (cut, snapped) = (tear(CUTTING), tear(AdvanceOptions { snapping: 0.45 }));
+    let (cut, snapped) = (
+        tear(CUTTING),
+        tear(AdvanceOptions {
+            snapping: 0.45,
+            opening: 0.0,
+        }),
+    );
     println!("triangles added and smallest angle: {cut:?} by cutting, {snapped:?} by snapping");
     assert_eq!((cut.0, snapped.0), (8, 2));
     assert!(snapped.1 > 18.0);

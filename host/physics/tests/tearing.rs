@@ -94,6 +94,7 @@ fn start_of_strip(nx: u32, ny: u32) -> f64 {
         material: law(toughness),
         starts: Starts::Tips,
         snapping: 0.3,
+        skips: true,
     };
     let mut tearing = Tearing::new(&body, options, &[tip]).expect("tears");
     body.reassemble();
@@ -124,5 +125,66 @@ fn a_tear_in_a_long_strip_starts_at_the_strain_of_griffith() {
         let found = start_of_strip(nx, ny);
         // The third ring errs by -4.4 to +0.5 % in G, so by up to 2.2 % in strain.
         assert!((found - 1.0).abs() < 0.03, "{nx} x {ny}: {found}");
+    }
+}
+
+/// The edits of a sheet that two hands pull until it tears from nothing.
+fn torn_from_nothing(material: Material, pattern: Pattern, skips: bool) -> Vec<Edit> {
+    let mesh = sheet(0.12, 0.08, 12, 8, pattern).expect("a sheet");
+    let config = BodyConfig {
+        gravity: Vec3::zeros(),
+        mass_damping: 20.0,
+        ..BodyConfig::default()
+    };
+    let handles = [handle(&mesh, "left"), handle(&mesh, "right")];
+    let mut body = Body::sheet(&mesh, &[material], config, &handles).expect("a sheet");
+    body.make_tearable(RESERVE).expect("tearable");
+    let options = TearOptions {
+        material: TearMaterial {
+            // Reached at a strain of about 4 %.
+            strength: 0.04 * material.young,
+            toughness: 1e-5 * material.young,
+            thickness: material.thickness,
+            young: material.young,
+            poisson: material.poisson,
+            law: TearLaw::Toughness,
+        },
+        starts: Starts::Anywhere,
+        snapping: 0.3,
+        skips,
+    };
+    let mut tearing = Tearing::new(&body, options, &[]).expect("tears");
+    let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).expect("a stepper");
+    stepper.reserve_pairs(32);
+    for step in 0..600 {
+        let aside = Vec3::new(0.5 * 0.12 * 0.08 * f64::from(step) / 600.0, 0.0, 0.0);
+        let targets = [HandlePose::at(-aside), HandlePose::at(aside)];
+        stepper
+            .step(&mut body, 2e-3, &targets, || false)
+            .expect("a step");
+        if tearing.advance(&mut body, &mut stepper).opened > 20 {
+            break;
+        }
+    }
+    tearing.journal().to_vec()
+}
+
+#[test]
+fn a_sheet_tears_alike_whether_or_not_strength_is_skipped_below_the_bound() {
+    let cases = [
+        (1e6, 0.3, Pattern::Alternating),
+        (2e5, 0.0, Pattern::Regular),
+        (5e6, 0.45, Pattern::Alternating),
+    ];
+    for (young, poisson, pattern) in cases {
+        let material = Material {
+            young,
+            poisson,
+            ..CLOTH
+        };
+        let [with, without] =
+            [true, false].map(|skips| torn_from_nothing(material, pattern, skips));
+        assert!(with.len() >= 5, "{pattern:?}: {} edits", with.len());
+        assert_eq!(with, without);
     }
 }

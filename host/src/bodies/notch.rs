@@ -149,6 +149,8 @@ pub(super) fn cut(
     let may_move = |vertex: u32| fixed.get(vertex as usize) == Some(&false);
     let options = AdvanceOptions {
         snapping: tear.snapping,
+        // A notch is as straight as the scene says.
+        opening: 0.0,
     };
     let mut cuts = Cuts::default();
     for (number, notch) in tear.notches.iter().enumerate() {

@@ -105,5 +105,6 @@ pub fn options(spec: &TearSpec) -> TearOptions {
             crate::scene::spec::Starts::Anywhere => Starts::Anywhere,
         },
         snapping: spec.snapping,
+        skips: true,
     }
 }

@@ -145,7 +145,10 @@ fn edit(body: &mut Body, snapping: f64, random: &mut Random) -> bool {
     let surface = body.surface().unwrap();
     let tip = random.below(surface.vertex_count()) as u32;
     let angle = (random.number() + 0.5) * surface.total_angle(tip);
-    let options = AdvanceOptions { snapping };
+    let options = AdvanceOptions {
+        snapping,
+        opening: 0.0,
+    };
     let grown = if surface.on_border(tip) {
         surface.advance(tip, angle, options, |_| true)
     } else {

@@ -141,6 +141,8 @@ pub(super) struct Node {
     /// Area (m^2) times the columns of the deformation gradient.
     pub(super) f: [Vec3; 2],
     pub(super) area: f64,
+    /// Whether the vertex is on a border, for instance on a face of the tear.
+    pub(super) on_border: bool,
 }
 
 const NOTHING: Node = Node {
@@ -148,6 +150,7 @@ const NOTHING: Node = Node {
     planar: [0.0; 2],
     f: [Vec3::new(0.0, 0.0, 0.0); 2],
     area: 0.0,
+    on_border: false,
 };
 
 impl Field {
@@ -207,10 +210,11 @@ impl Patch {
     fn sum_nodes(&mut self) {
         self.field.nodes.resize(self.inner, NOTHING);
         for (laid, state) in self.triangles.iter().zip(&self.field.triangles) {
-            for (&place, &g) in laid.corners.iter().zip(&state.gradients) {
+            for (k, (&place, &g)) in laid.corners.iter().zip(&state.gradients).enumerate() {
                 let Some(node) = self.field.nodes.get_mut(place as usize) else {
                     continue;
                 };
+                node.on_border |= laid.open[(k + 1) % 3] || laid.open[(k + 2) % 3];
                 node.force -= state.traction_in_space(g) * state.area;
                 let planar = state.traction(g);
                 node.planar[0] -= planar[0] * state.area;

@@ -14,6 +14,10 @@
 //! [`driving`](super::driving), two further sums take off the forces at vertices and the border within the rings. The
 //! known field is that of straight faces. Within the rings behind a kink it is continued past the angle pi.
 //!
+//! Forces at vertices on a face count as part of the tip. They are those of the pairs behind the tip that let go: they
+//! hold the faces together and hide the tip from the load, as the cohesive zone of a sharp tip does. The path follows the
+//! field about this zone.
+//!
 //! Triangles of constant strain act like a tip that lies about half an edge behind its vertex. Both intensities err by this
 //! shift (in a clamped strip of 6 to 16 cells across by 11 to 4 %), their ratio much less: use the ratio for the path and
 //! [`Driving`](super::Driving) for the energy.
@@ -178,7 +182,8 @@ impl Patch {
             });
             // The known field has no value at the tip. The force on it takes part through the other corners alone.
             for (k, &corner) in laid.corners.iter().enumerate() {
-                if corner == 0 || corner as usize >= self.inner {
+                let node = self.field.nodes.get(corner as usize);
+                if corner == 0 || node.is_none_or(|node| node.on_border) {
                     continue;
                 }
                 let g = state.gradients[k];

@@ -5,21 +5,42 @@ use super::cut::THINNEST;
 use super::edit::{Edit, Growth};
 use super::surface::{Surface, angle, between, cross, dot, length, minus};
 
-/// An edge opens as it is where its far end is off the path by this fraction of its length or less (0.6 degrees).
+/// An edge always opens as it is where its far end is off the path by this fraction of its length or less (0.6 degrees).
 const NEGLIGIBLE: f64 = 0.01;
 
-/// A cut is good where all angles of the new triangles have at least this size (rad): 8 degrees.
-const GOOD: f64 = 0.14;
+/// How good a cut has to be.
+struct Quality {
+    /// The least angle of the new triangles (rad).
+    good: f64,
+    /// The fraction of the edge that a cut keeps between itself and the ends, if a cut elsewhere would make thin triangles.
+    clear: f64,
+}
 
-/// A cut keeps this fraction of the edge between itself and the ends, if a cut elsewhere would make thin triangles.
-const CLEAR: f64 = 0.15;
+/// A tear that turns back to its path may leave the path for good triangles by an angle of this sine: 20 degrees.
+const MOST_OFF: f64 = 0.342;
+
+/// For tears that turn back to their path: 15 degrees.
+const LOOSE: Quality = Quality {
+    good: 0.262,
+    clear: 0.3,
+};
+
+/// For tears that stay on their path as well as they can: 8 degrees.
+const EXACT: Quality = Quality {
+    good: 0.14,
+    clear: 0.15,
+};
 
 /// How [`Surface::advance`] follows a direction.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AdvanceOptions {
     /// How far a vertex may move at rest onto the path, as a fraction of the shortest edge at the vertex: 0 without
     /// snapping, at most 0.5.
     pub snapping: f64,
+    /// How far the far end of an edge may lie off the path so that the edge opens as it is, as a fraction of its length. The
+    /// caller then has to turn back to the path, see [`Surface::edge_of`]. In return cuts leave better triangles. At 0 only
+    /// edges on the path open.
+    pub opening: f64,
 }
 
 impl Surface {
@@ -132,7 +153,7 @@ impl Surface {
         }
         let opens = |end: &End| self.opens(tip, end.vertex);
         let nearest = &near[0];
-        if opens(nearest) && nearest.aside <= NEGLIGIBLE * nearest.size {
+        if opens(nearest) && nearest.aside <= options.opening.max(NEGLIGIBLE) * nearest.size {
             return Some(Growth::Open { to: nearest.vertex });
         }
         for end in &near {
@@ -153,12 +174,25 @@ impl Surface {
             fits.then_some(Growth::Cut { edge, at })
         };
         // Beside a cut near an end of the edge, a thin triangle would remain: the edge to this end opens instead.
-        let inner = crossing.clamp(CLEAR, 1.0 - CLEAR);
         let open = |end: &End| opens(end).then_some(Growth::Open { to: end.vertex });
-        cut(crossing, GOOD)
-            .or_else(|| cut(inner, GOOD))
+        let exact = crossing.clamp(EXACT.clear, 1.0 - EXACT.clear);
+        let near_path = || {
+            let inner = crossing.clamp(LOOSE.clear, 1.0 - LOOSE.clear);
+            let keeps = |sine: f64| sine <= MOST_OFF;
+            cut(crossing, LOOSE.good)
+                .or_else(|| cut(inner, LOOSE.good).filter(|_| keeps(off(&ends, inner))))
+                .or_else(|| open(nearest).filter(|_| keeps(nearest.sine) && nearest.cosine > 0.0))
+        };
+        let loose = if options.opening > 0.0 {
+            near_path()
+        } else {
+            None
+        };
+        loose
+            .or_else(|| cut(crossing, EXACT.good))
+            .or_else(|| cut(exact, EXACT.good))
             .or_else(|| open(nearest))
-            .or_else(|| cut(inner, THINNEST))
+            .or_else(|| cut(exact, THINNEST))
             .or_else(|| open(&near[1]))
             .or_else(|| cut(0.5, THINNEST))
     }
@@ -166,6 +200,19 @@ impl Surface {
     /// Whether there is an edge from the tip that is on no border.
     fn opens(&self, tip: u32, to: u32) -> bool {
         !self.edge_between(tip, to).contains(&NONE)
+    }
+
+    /// The mean length at rest of the edges at a vertex (m); 0 for a vertex of no triangle.
+    pub fn mean_edge(&self, vertex: u32) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for corner in self.fan(vertex) {
+            let (shape, k) = (self.shape(corner.triangle), corner.corner);
+            for far in [1, 2] {
+                sum += length(minus(shape[(k + far) % 3], shape[k]));
+                count += 1.0;
+            }
+        }
+        if count > 0.0 { sum / count } else { 0.0 }
     }
 
     /// The length at rest of the shortest edge at a vertex (m).
@@ -177,6 +224,13 @@ impl Surface {
         });
         lengths.fold(f64::INFINITY, f64::min)
     }
+}
+
+/// The sine of the angle between the path and the direction to a point of the edge between two ends.
+fn off(ends: &[End; 2], at: f64) -> f64 {
+    let point = |end: &End| [end.size * end.cosine, end.left * end.aside];
+    let [along, left] = between(point(&ends[0]), point(&ends[1]), at);
+    left.abs() / libm::hypot(along, left)
 }
 
 /// An end of the edge opposite to the tip, as seen from the tip.

@@ -29,7 +29,7 @@
 //! let (mut tip, mut edges) = (0, 0);
 //! while tip != NONE {
 //!     let direction = surface.straight_ahead(tip);
-//!     let options = AdvanceOptions { snapping: 0.4 };
+//!     let options = AdvanceOptions { snapping: 0.4, opening: 0.0 };
 //!     let edit = surface.advance(tip, direction, options, |_| true).ok_or("no way on")?;
 //!     let done = surface.edit(&edit)?;
 //!     tip = done.tips[0];

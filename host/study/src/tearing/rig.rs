@@ -43,6 +43,7 @@ impl Rig {
             material,
             starts: Starts::Tips,
             snapping,
+            skips: true,
         };
         let tearing = Tearing::new(&body, options, tips)?;
         let options = StepperOptions {

@@ -16,7 +16,7 @@
 //! the step: a light vertex that moves out of the plane would swing from step to step otherwise.
 //!
 //! **Energy.** The force of a pair that opens further is the work of its law over the step divided by the change of the
-//! opening. A pair that unloads takes the force at the end of the step, which lets no oscillation last. After each step
+//! opening. A pair that closes takes the force at the end of the step, which lets no oscillation last. After each step
 //! `d_c` is chosen so that the area that is left below the law is the energy that the pair has not yet taken. The work of
 //! a pair over its life is therefore its energy, whatever the steps, and even if a step was solved roughly. The last step
 //! of a pair may err; [`Stepper::take_surplus`] returns this error, for the next pair to make good.
@@ -98,7 +98,7 @@ impl Pair {
 
     /// Whether the pair has let go.
     pub fn is_over(&self) -> bool {
-        self.largest >= self.critical
+        self.opening() >= self.critical
     }
 
     /// The unit direction of the force on the first vertex.
@@ -119,6 +119,9 @@ impl Pair {
     /// The work of an opening that grows from the largest so far to `s` (J).
     fn beyond(&self, s: f64) -> f64 {
         let width = self.critical - self.largest;
+        if width <= 0.0 {
+            return 0.0;
+        }
         let grown = s.min(self.critical) - self.largest;
         self.strength * grown * (1.0 - 0.5 * grown / width)
     }
@@ -130,12 +133,20 @@ impl Pair {
 
     /// The force of a step (N) in which the opening along the direction changes to `s` (m).
     pub fn step_force(&self, s: f64) -> f64 {
-        if s <= self.largest {
+        let opening = self.opening();
+        if s <= opening {
             return self.slope() * s;
         }
+        if s <= self.largest {
+            return 0.5 * self.slope() * (opening + s);
+        }
+        (self.below() + self.beyond(s)) / (s - opening)
+    }
+
+    /// The work of an opening that grows to the largest so far (J).
+    fn below(&self) -> f64 {
         let opening = self.opening();
-        let below = self.strength * (self.largest - opening);
-        (below + self.beyond(s)) / (s - opening)
+        0.5 * self.slope() * (self.largest - opening) * (self.largest + opening)
     }
 
     /// Ends a step with the force `force` (N) along the direction, in which the second vertex has moved by `change` (m)
@@ -146,20 +157,25 @@ impl Pair {
         let opening = self.opening();
         if opening > self.largest {
             let width = self.critical - self.largest;
-            self.strength *= (self.critical - opening).max(0.0) / width;
+            let left = (self.critical - opening).max(0.0);
+            self.strength = if width > 0.0 {
+                self.strength * left / width
+            } else {
+                0.0
+            };
             self.largest = opening;
         }
         self.sideways = Vec3::zeros();
-        // The energy that is left fits below the law.
-        let slope = self.slope();
-        let below = 0.5 * slope * (self.largest * self.largest - opening * opening);
-        let beyond = (self.left() - below).max(0.0);
-        self.critical = if self.strength > 0.0 {
-            self.largest + 2.0 * beyond / self.strength
-        } else {
-            self.largest
-        };
-        (self.force, self.across) = (slope * opening, slope);
+        // The energy that is left fits below the law. If it does not reach beyond the largest opening, the force is smaller.
+        let (left, below) = (self.left().max(0.0), self.below());
+        self.critical = self.largest;
+        if left > below && self.strength > 0.0 {
+            self.critical += 2.0 * (left - below) / self.strength;
+        } else if below > 0.0 {
+            self.strength *= left / below;
+        }
+        self.across = self.slope();
+        self.force = self.across * opening;
         if opening > 0.0 {
             self.direction = self.apart / opening;
         }
@@ -168,7 +184,13 @@ impl Pair {
     /// The opening along the direction that agrees with the law, where it is `free - response force` (m).
     fn meet(&self, free: f64, response: f64) -> f64 {
         // Below the largest opening the law is linear.
-        let below = free / (1.0 + response * self.slope());
+        let (opening, slope) = (self.opening(), self.slope());
+        let shrunk = free / (1.0 + response * slope);
+        if shrunk <= opening {
+            return shrunk;
+        }
+        let half = 0.5 * response * slope;
+        let below = (free - half * opening) / (1.0 + half);
         if below <= self.largest || free <= self.largest {
             return below.min(self.largest);
         }

@@ -41,19 +41,22 @@ impl Tearing {
         if material.law == TearLaw::Thesis {
             return None;
         }
-        let mut nearest: Option<(u32, f64)> = None;
+        let mut nearest: Option<(TipState, f64)> = None;
         for number in 0..self.tips.len() {
-            let TipState { vertex, pair } = self.tips[number];
-            if pair.is_some_and(|nodes| stepper.pairs().iter().any(|pair| pair.nodes == nodes)) {
+            let tip = self.tips[number];
+            if tip
+                .pair
+                .is_some_and(|nodes| stepper.pairs().iter().any(|pair| pair.nodes == nodes))
+            {
                 continue;
             }
-            let rate = self.drive(body, vertex).map_or(0.0, |drive| drive.rate);
+            let rate = self.drive(body, &tip).map_or(0.0, |drive| drive.rate);
             if rate > nearest.map_or(LEAST * material.toughness, |(_, rate)| rate) {
-                nearest = Some((vertex, rate));
+                nearest = Some((tip, rate));
             }
         }
-        let (vertex, rate) = nearest?;
-        self.drive(body, vertex)?;
+        let (tip, rate) = nearest?;
+        self.drive(body, &tip)?;
         let root = libm::sqrt(rate);
         let x = body.node_positions();
         self.displaced.clear();

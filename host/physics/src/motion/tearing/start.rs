@@ -5,13 +5,13 @@
 //! triangles without limit, and the energy release rate decides about the tip.
 
 use super::tips::ahead;
-use super::{MOST_TIPS, Tearing, sheet};
+use super::{Course, MOST_TIPS, Tearing, sheet};
 use crate::body::Body;
 use crate::lanes::Real;
 use crate::motion::stepper::Stepper;
 use crate::tear::RINGS;
 use crate::tear::strength::{Candidate, cannot_start, highest, stresses};
-use crate::topology::{Edit, NONE, Surface};
+use crate::topology::{Edit, Growth, NONE, Surface};
 
 impl Tearing {
     /// Starts a tear where the stress is highest, if it reaches the strength.
@@ -25,7 +25,7 @@ impl Tearing {
         let material = self.options.material;
         let view = sheet(surface);
         let density = stresses(&view, body.node_positions(), &material, &mut self.stress);
-        if cannot_start(density, &material) {
+        if self.options.skips && cannot_start(density, &material) {
             return;
         }
         self.mark_tips(surface);
@@ -34,39 +34,58 @@ impl Tearing {
             return;
         };
         self.report.stress = found.stress;
-        let Some(edit) = self.beginning(body, surface, &found) else {
+        let Some((edit, courses)) = self.beginning(body, surface, &found) else {
             return;
         };
-        let Some(tips) = self.make(body, stepper, &edit) else {
+        let Some(mut tips) = self.make(body, stepper, &edit) else {
             return;
         };
         self.report.started += 1;
+        for (tip, course) in tips.iter_mut().zip(courses) {
+            tip.course = course;
+        }
         let new = tips.into_iter().filter(|tip| tip.vertex != NONE);
         self.tips.extend(new);
     }
 
-    /// The edit by which a tear starts at a vertex.
-    fn beginning(&self, body: &Body, surface: &Surface, found: &Candidate) -> Option<Edit> {
+    /// The edit by which a tear starts at a vertex, and the courses of its tips.
+    fn beginning(
+        &self,
+        body: &Body,
+        surface: &Surface,
+        found: &Candidate,
+    ) -> Option<(Edit, [Course; 2])> {
         let vertex = found.vertex;
+        let [x, y] = found.along;
+        let both = [[x, y], [-x, -y]];
+        let direction = both
+            .into_iter()
+            .find_map(|along| surface.fan_angle(vertex, found.triangle, along))?;
         let may_move = |vertex: u32| !body.is_held(vertex) && !self.is_tip(vertex);
         let choose = |snaps: bool| {
             let options = self.advance_options(snaps);
-            if !surface.on_border(vertex) {
-                let direction = surface.fan_angle(vertex, found.triangle, found.along)?;
-                return surface.begin_slit(vertex, direction, options, may_move);
+            if surface.on_border(vertex) {
+                surface.advance(vertex, direction, options, may_move)
+            } else {
+                surface.begin_slit(vertex, direction, options, may_move)
             }
-            let [x, y] = found.along;
-            let inwards = [[x, y], [-x, -y]];
-            let direction = inwards
-                .into_iter()
-                .find_map(|along| surface.fan_angle(vertex, found.triangle, along))?;
-            surface.advance(vertex, direction, options, may_move)
         };
-        let edit = choose(true)?;
-        if self.is_cheap(body, &edit) {
-            return Some(edit);
+        let mut edit = choose(true)?;
+        if !self.is_cheap(body, &edit) {
+            edit = choose(false)?;
         }
-        choose(false)
+        let course = |growth: Option<Growth>, path: f64| {
+            let edge = growth.and_then(|growth| surface.edge_of(vertex, &growth));
+            edge.map_or_else(Course::default, |(angle, length)| {
+                Course::default().after(angle, length, path)
+            })
+        };
+        let opposite = direction + 0.5 * surface.total_angle(vertex);
+        let courses = [
+            course(Some(edit.ahead), direction),
+            course(edit.behind, opposite),
+        ];
+        Some((edit, courses))
     }
 
     /// Marks the vertices about each tip, up to the ring after the last one of the integrals.

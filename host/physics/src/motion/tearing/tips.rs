@@ -9,24 +9,64 @@ use crate::tear::strength::{candidate, onwards};
 use crate::tear::{Intensity, RINGS, Tip};
 use crate::topology::{Edit, NONE, Surface};
 
+/// The largest angle by which an edge turns back to the path (rad): 45 degrees.
+const MOST_BACK: f64 = core::f64::consts::FRAC_PI_4;
+
 /// A tip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TipState {
     /// The vertex.
     pub vertex: u32,
     /// The pair of vertices behind the tip that lets each other go; `None` at the end of a notch and under a law without
     /// letting go.
     pub pair: Option<[u32; 2]>,
+    /// Where the path of the tear runs.
+    pub course: Course,
+}
+
+/// Where the path of a tear runs, as seen from its tip.
+///
+/// The path is the line that the stress intensities ask for. Edges of the mesh follow it as far as good triangles allow,
+/// so the tip lies beside the path, and the last edge has another direction. The tear turns back to its path, so such
+/// errors do not add up.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Course {
+    /// The distance of the tip from the path (m): positive if the tip is on the left.
+    pub aside: f64,
+    /// The angle from the direction of the last edge to that of the path (rad), counterclockwise.
+    pub turned: f64,
+}
+
+impl Course {
+    /// The angle by which the next edge turns from the path so that it leads back (rad), where edges have about the
+    /// length `reach` (m).
+    fn back(&self, reach: f64) -> f64 {
+        -libm::atan2(self.aside, reach).clamp(-MOST_BACK, MOST_BACK)
+    }
+
+    /// The course after an edge of the fan angle `angle` (rad) and of this `length` (m), where the path has the fan angle
+    /// `path` (rad).
+    pub(super) fn after(&self, angle: f64, length: f64, path: f64) -> Self {
+        let (sine, cosine) = (libm::sin(path - angle), libm::cos(path - angle));
+        Self {
+            aside: self.aside - length * sine,
+            turned: libm::atan2(sine, cosine),
+        }
+    }
 }
 
 impl TipState {
     /// A tip at the end of a notch.
     pub(super) fn new(vertex: u32) -> Self {
-        Self { vertex, pair: None }
+        Self {
+            vertex,
+            pair: None,
+            course: Course::default(),
+        }
     }
 }
 
-/// What drives a tip: the energy release rate straight ahead (J/m²) and the fan angle of its path (rad).
+/// What drives a tip: the energy release rate along its path (J/m²) and the fan angle of this path (rad).
 pub(super) struct Drive {
     pub(super) rate: f64,
     pub(super) direction: f64,
@@ -43,10 +83,15 @@ pub(super) fn ahead(surface: &Surface, vertex: u32) -> Option<Tip> {
 }
 
 impl Tearing {
-    /// What drives the tip at `vertex`; `None` for a tip that is held or outside of the surface.
-    pub(super) fn drive(&mut self, body: &Body, vertex: u32) -> Option<Drive> {
+    /// What drives a tip; `None` for a tip that is held or outside of the surface.
+    ///
+    /// The tear counts as straight along its path. The direction of the last edge would make the stress intensities err
+    /// by the angle between both: triangles do not resolve the field about a kink of one edge.
+    pub(super) fn drive(&mut self, body: &Body, tip: &TipState) -> Option<Drive> {
         let surface = body.surface()?;
-        let tip = ahead(surface, vertex)?;
+        let vertex = tip.vertex;
+        let direction = surface.straight_ahead(vertex) + tip.course.turned;
+        let tip = Tip::at(surface, vertex, direction)?;
         let others = &self.tips;
         let barred = |found: u32| {
             body.is_held(found) || (found != vertex && others.iter().any(|tip| tip.vertex == found))
@@ -58,7 +103,7 @@ impl Tearing {
         measured.ok()?;
         Some(Drive {
             rate: self.patch.driving().rate(),
-            direction: surface.straight_ahead(vertex),
+            direction,
         })
     }
 
@@ -74,6 +119,15 @@ impl Tearing {
             return Some(edit);
         }
         advance(false)
+    }
+
+    /// The edit by which a tip goes on along the path of this fan angle (rad), and the course after the edit.
+    fn growth_along(&self, body: &Body, tip: &TipState, path: f64) -> Option<(Edit, Course)> {
+        let surface = body.surface()?;
+        let back = tip.course.back(surface.mean_edge(tip.vertex));
+        let edit = self.growth(body, tip.vertex, path + back)?;
+        let (angle, length) = surface.edge_of(tip.vertex, &edit.ahead)?;
+        Some((edit, tip.course.after(angle, length, path)))
     }
 
     /// The angle by which a tip turns that is driven by the energy release rate `rate` (J/m²).
@@ -94,7 +148,7 @@ impl Tearing {
         let mut number = 0;
         while let Some(&(mut tip)) = self.tips.get(number) {
             for _ in 0..MOST_EDGES {
-                let Some(drive) = self.drive(body, tip.vertex) else {
+                let Some(drive) = self.drive(body, &tip) else {
                     break;
                 };
                 self.report.driving = self.report.driving.max(drive.rate);
@@ -106,13 +160,14 @@ impl Tearing {
                 if waits || !goes_on {
                     break;
                 }
-                let turned = drive.direction + self.kink(drive.rate);
-                let Some(edit) = self.growth(body, tip.vertex, turned) else {
+                let path = drive.direction + self.kink(drive.rate);
+                let Some((edit, course)) = self.growth_along(body, &tip, path) else {
                     break;
                 };
-                let Some([next, _]) = self.make(body, stepper, &edit) else {
+                let Some([mut next, _]) = self.make(body, stepper, &edit) else {
                     break;
                 };
+                next.course = course;
                 // A met tip before this one has been removed.
                 number = self
                     .tips
