@@ -232,3 +232,30 @@ fn row<T: Real>(matrix: &ScalarMatrix<T>, ends: &[u32], u: &[Node<T>]) -> Node<T
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_transpose_made_in_place_is_the_transpose_without_the_entries_of_no_weight() {
+        let rows = [vec![(2, 1.0), (0, 2.0)], vec![], vec![(2, 3.0), (4, 4.0)]];
+        let (mut roomy, mut exact) = (ScalarMatrix::<f64>::default(), ScalarMatrix::default());
+        for row in &rows {
+            roomy.push_roomy(row.iter().copied(), row.len() + 2);
+            exact.push(row.iter().copied());
+        }
+        let expected = exact.transposed(5);
+        let mut found = ScalarMatrix::default();
+        found.make_room(5, roomy.entries());
+        let before = found.addresses();
+        // The second time it replaces the first.
+        for _ in 0..2 {
+            found.transpose(&roomy, 5);
+            assert_eq!(found.row_start, expected.row_start);
+            assert_eq!(found.columns, expected.columns);
+            assert_eq!(found.weights, expected.weights);
+        }
+        assert_eq!(found.addresses(), before);
+    }
+}
