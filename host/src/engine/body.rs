@@ -2,6 +2,7 @@
 
 mod landing;
 
+use super::balance::Balance;
 use super::beside::Beside;
 use super::borne::Borne;
 use super::change::Rebuild;
@@ -205,6 +206,10 @@ impl HostBody {
         self.solver = other.solver;
         self.recipe = other.recipe;
         (self.beside, self.joining) = (None, None);
+        if let Some(tears) = &mut self.tears {
+            // The same shape stores another energy.
+            tears.balance = Balance::default();
+        }
         Ok(())
     }
 
@@ -226,6 +231,9 @@ impl HostBody {
         self.time_ns = self.newest_ns.map(|newest| self.clock.step(newest));
         self.behind = self.aim(self.time_ns.unwrap_or(0));
         self.sound = false;
+        if let Some(tears) = &self.tears {
+            tears.balance.check()?;
+        }
         self.solver
             .predict(&mut self.body, self.step, watch, &mut self.tally)?;
         self.sound = true;
@@ -263,6 +271,7 @@ impl HostBody {
         }
         self.solver.finish(&mut self.body, watch, &mut self.tally)?;
         self.tear(watch);
+        self.weigh()?;
         let solved = watch.now_ns();
 
         // Before the first record the state has no time.
@@ -393,6 +402,15 @@ impl HostBody {
         }
         self.tally.torn = torn;
         self.tally.tear = Some(watch.now_ns().saturating_sub(start));
+    }
+
+    /// Checks the energy of a body that tears.
+    fn weigh(&mut self) -> Result<(), StepFault> {
+        let Some(tears) = &mut self.tears else {
+            return Ok(());
+        };
+        let elastic = self.solver.elastic_energy(&self.body);
+        tears.balance.take(&self.body, elastic, self.step)
     }
 
     /// Parts the account of energy with the groups of the handles; `from` is the old group of each new group.

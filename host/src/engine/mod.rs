@@ -5,6 +5,7 @@
 //! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
 //! caller passes; nothing in the state depends on this time.
 
+mod balance;
 mod beside;
 pub mod body;
 pub mod borne;

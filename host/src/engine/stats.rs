@@ -45,6 +45,20 @@ pub enum StepFault {
     /// The body refused its state.
     #[error("body: {0}")]
     Body(#[from] BodyError),
+    /// The state of a body that tears is no longer finite. The body stands still from then on.
+    #[error("the state is no longer finite; the body stands still from now on")]
+    NotFinite,
+    /// The energy of a body that tears grew without work of hands. The body stands still from then on.
+    #[error(
+        "the state diverges: the body has gained {gained:.3} J, though the hands did {work:.3} J of work; the body \
+         stands still from now on"
+    )]
+    Diverged {
+        /// The energy that the body has gained since the start (J).
+        gained: f64,
+        /// The sum of the magnitudes of the work of the hands (J).
+        work: f64,
+    },
 }
 
 /// Counts and times of one body's part of a step. Bodies are stepped beside each other, so each has a tally of its own.

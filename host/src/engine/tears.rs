@@ -1,5 +1,6 @@
 //! The tears of one body in the host's loop.
 
+use super::balance::Balance;
 use super::parting::Parting;
 use crate::bodies::{Built, TearSpec};
 use crate::scene::spec::TearLawName;
@@ -25,6 +26,8 @@ pub struct BodyTears {
     pub(crate) tearing: Tearing,
     /// The pieces.
     pub(super) parting: Parting,
+    /// The balance of energy.
+    pub(super) balance: Balance,
 }
 
 impl BodyTears {
@@ -44,7 +47,11 @@ impl BodyTears {
         let tearing = Tearing::new(&built.body, options(spec), &spec.tips);
         let tearing = tearing.map_err(|error| refused(loaded, index, &error))?;
         let parting = Parting::new(&built.body);
-        Ok(parting.map(|parting| Self { tearing, parting }))
+        Ok(parting.map(|parting| Self {
+            tearing,
+            parting,
+            balance: Balance::default(),
+        }))
     }
 
     /// The pieces of the body.

@@ -3,9 +3,8 @@
 use study::stress::tearing::{NET_ENERGY, cell};
 
 #[test]
-#[ignore = "each cell takes ten seconds or more while publications of torn sheets are slow"]
 fn random_tears_stay_finite_repeat_and_give_the_hands_no_energy() {
-    for number in 0..4 {
+    for number in 0..3 {
         let found = cell(1, number);
         assert!(found.failures.is_empty(), "{number}: {found:?}");
         assert!(found.net_energy <= NET_ENERGY);
