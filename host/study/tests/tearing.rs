@@ -12,7 +12,6 @@ fn a_crack_at_an_angle_to_the_load_turns_as_the_largest_hoop_stress_says() {
 }
 
 #[test]
-#[ignore = "the spread is 19 to 35 % on tears of one or two edges; the aim of 10 % is not reached"]
 fn the_mesh_matters_little_under_the_law_of_toughness() {
     let found = meshes::run(Level::Quick, &|_| ()).expect("tears");
     for start in &found.starts {
@@ -24,14 +23,13 @@ fn the_mesh_matters_little_under_the_law_of_toughness() {
         let found = found.expect("the law");
         (found.plateau, found.energy)
     };
-    // Seen on meshes of 0.7K and 1.4K triangles, whose tears have one or two edges: 19 and 35 %, and 67 and 75 % under the
-    // law of the thesis. The aim is 10 %.
+    // Issue 18 asks for 10 %.
     let (plateau, energy) = spread("toughness");
     assert!(plateau < 0.1 && energy < 0.1, "{:?}", found.tears);
     let thesis = spread("thesis");
     assert!(plateau < thesis.0, "{:?}", found.tears);
     for test in &found.trousers {
-        // Seen: -1 %. Issue 18 asks for 10 %.
+        // Issue 18 asks for 10 %.
         assert!(test.error().abs() < 0.1, "{test:?}");
     }
 }
@@ -45,11 +43,11 @@ fn the_account_of_a_whole_tear_closes() {
 }
 
 #[test]
-#[ignore = "pairs that turn take 107 % of it: an unloading pair gives back what it did not take"]
 fn letting_go_takes_the_toughness_times_the_torn_area() {
     for account in energy::run(Level::Quick, &|_| ()).expect("accounts") {
         let taken = (account.released + account.pending) / account.due;
-        assert!((taken - 1.0).abs() < 0.05, "{account:?}");
+        // The sum of some thousand steps.
+        assert!((taken - 1.0).abs() < 1e-9, "{account:?}");
     }
 }
 

@@ -25,7 +25,7 @@ const WIDTH: f64 = 0.04;
 const CUT: f64 = 0.04;
 /// Time in which the legs are turned (s), and the speed of each hand afterwards (m/s).
 const TURN: f64 = 0.6;
-const SPEED: f64 = 0.04;
+const SPEED: f64 = 0.02;
 /// The lengths of the tear (m) between which the force is averaged.
 const FROM: f64 = 0.008;
 const TO: f64 = 0.03;
@@ -99,7 +99,7 @@ fn test(pattern: Pattern, triangles: usize) -> Result<Trousers, StudyError> {
     let config = BodyConfig {
         gravity: Vec3::zeros(),
         mass_damping: 5.0,
-        stiffness_damping: 5e-4,
+        stiffness_damping: 1e-4,
         ..BodyConfig::default()
     };
     let body = Body::sheet(mesh, &[CLOTH.elastic()], config, &[leg(true), leg(false)])?;

@@ -1,19 +1,19 @@
 //! What snapping would cost.
 //!
 //! A vertex that moves at rest samples the deformation of the sheet elsewhere. In a field that varies, this changes the
-//! elastic energy of its triangles, and the lumped masses change the kinetic energy. An edge is cut instead where the
-//! change would exceed a small fraction of the energy that the torn edge takes.
+//! elastic energy of its triangles, and the lumped masses change the kinetic energy. An edge is cut instead where either
+//! energy would rise by more than a small fraction of the energy that the torn edge takes.
 
 use super::Tearing;
 use crate::body::Body;
 use crate::tear::fields::stretch;
 use crate::topology::{Edit, Growth, Surface};
 
-/// The largest change of energy by snapping, as a fraction of the toughness times the area of the edge.
+/// The largest rise of energy by snapping, as a fraction of the toughness times the area of the edge.
 const MOST: f64 = 1e-3;
 
 impl Tearing {
-    /// Whether the snapping of an edit changes elastic and kinetic energy little, or the edit does not snap.
+    /// Whether the snapping of an edit raises elastic and kinetic energy little, or the edit does not snap.
     pub(super) fn is_cheap(&self, body: &Body, edit: &Edit) -> bool {
         let Some(surface) = body.surface() else {
             return false;
@@ -89,6 +89,6 @@ impl Tearing {
         };
         let seen = surface.foresee_snap(tip, vertex, shift, &mut add);
         let most = MOST * material.toughness * material.thickness * length;
-        seen.is_ok() && elastic.abs() <= most && kinetic.abs() <= most
+        seen.is_ok() && elastic <= most && kinetic <= most
     }
 }
