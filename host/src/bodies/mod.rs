@@ -25,7 +25,7 @@ use physics::{
 pub(crate) use mount::is_mounted;
 pub use mount::{Mount, mount};
 pub use survey::warnings;
-pub use tear::{Drop, TearSpec};
+pub use tear::TearSpec;
 pub use tool::{Tool, bodies_held, tools};
 
 /// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any

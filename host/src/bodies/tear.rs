@@ -7,8 +7,8 @@ use super::notch::Cuts;
 use crate::scene::plausible::Warning;
 use crate::scene::spec::{Starts, TearLawName};
 use crate::scene::{LoadedScene, SceneError};
-use physics::mesh::{Bounds, Mesh};
-use physics::{HandleSpec, Material, Vec3};
+use physics::mesh::Mesh;
+use physics::{HandleSpec, Material};
 
 /// The longest edge that shows the strength, as a multiple of Irwin's length.
 const COARSE: f64 = 10.0;
@@ -32,17 +32,6 @@ pub struct TearSpec {
     pub snapping: f64,
     /// How many vertices tears may add.
     pub room: usize,
-    /// When a piece without a hand is dropped; `None`: never.
-    pub drop: Option<Drop>,
-}
-
-/// When a piece without a hand is dropped: once all its vertices have left a sphere.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drop {
-    /// Centre of the sphere (m): that of the box around the body at rest.
-    pub centre: Vec3,
-    /// Radius of the sphere (m).
-    pub distance: f64,
 }
 
 /// The tearing of a body, `None` for a body that does not tear.
@@ -64,7 +53,6 @@ pub(super) fn build(
     alike(loaded, index, materials)?;
     free(loaded, index, &notched.cuts, handles)?;
     let positions = notched.mesh.positions();
-    let centre = Bounds::of(positions).map_or(Vec3::zeros(), |b| 0.5 * (b.min + b.max));
     Ok(Some(TearSpec {
         law: tear.law,
         strength: tear.strength,
@@ -74,10 +62,6 @@ pub(super) fn build(
         tips: notched.cuts.tips.clone(),
         snapping: tear.snapping,
         room: tear.room(positions.len()),
-        drop: tear.drop_unused.then_some(Drop {
-            centre,
-            distance: tear.drop_distance,
-        }),
     }))
 }
 

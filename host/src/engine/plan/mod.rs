@@ -60,8 +60,6 @@ pub struct TearPlan {
     pub tips: usize,
     /// Number of vertices that tears may add.
     pub room: usize,
-    /// Whether pieces that no hand holds are dropped once they have left the scene.
-    pub drops: bool,
 }
 
 impl TearPlan {
@@ -71,7 +69,6 @@ impl TearPlan {
             starts: tear.starts,
             tips: tear.tips.len(),
             room: tear.room,
-            drops: tear.drop.is_some(),
         }
     }
 }

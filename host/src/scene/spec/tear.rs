@@ -5,8 +5,6 @@ use serde::{Deserialize, Serialize};
 
 /// Distance of a snap, as a fraction of the edge, where the scene gives none.
 const SNAPPING: f64 = 0.3;
-/// Distance at which a piece without a hand has left the scene (m), where the scene gives none.
-const LEAVES: f64 = 1.0;
 
 /// `[body.tear]`: the tearing of an isotropic sheet. A body without this table does not tear.
 #[derive(Clone, Debug, Deserialize)]
@@ -33,12 +31,6 @@ pub struct Tear {
     /// How many vertices tears may add. Default: see [`Tear::room`].
     #[serde(default, deserialize_with = "check::optional_room")]
     pub room: Option<usize>,
-    /// Whether pieces that no hand holds are dropped once they have left the scene.
-    #[serde(default = "yes")]
-    pub drop_unused: bool,
-    /// Distance of a piece from the centre of the body at rest at which the piece has left the scene (m).
-    #[serde(default = "leaves", deserialize_with = "check::positive")]
-    pub drop_distance: f64,
     /// Straight cuts that the sheet has at the start.
     #[serde(default, rename = "notch", deserialize_with = "check::tables")]
     pub notches: Vec<Notch>,
@@ -46,14 +38,6 @@ pub struct Tear {
 
 fn snapping() -> f64 {
     SNAPPING
-}
-
-fn yes() -> bool {
-    true
-}
-
-fn leaves() -> f64 {
-    LEAVES
 }
 
 impl Tear {
