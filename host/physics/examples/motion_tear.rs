@@ -218,6 +218,7 @@ fn tears_of(sheet: &Sheet, body: &mut Body, tip: u32) -> Result<Tearing, Box<dyn
         },
         starts: Starts::Tips,
         snapping: 0.3,
+        skips: true,
     };
     Ok(Tearing::new(body, options, &[tip])?)
 }

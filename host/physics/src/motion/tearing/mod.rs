@@ -286,7 +286,7 @@ impl Tearing {
         let mut first = None;
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
-            let factor = self.stronger(stepper, nodes, &force, energy);
+            let factor = stronger(stepper, nodes, &force, energy);
             let force = force * factor;
             if let Some(pair) = Pair::new(nodes, &force, energy)
                 && stepper.add_pair(pair)
@@ -296,32 +296,26 @@ impl Tearing {
         }
         first
     }
+}
 
-    /// The factor by which a pair's first force is larger than the present one, so that the pair lets go once the sheet
-    /// gives up its energy. A sheet whose opening responds by `R` to a force gives up `R f^2 / 2` where a force `f` falls.
-    /// On an uneven mesh this can be much less than the energy, although the tip is driven by the toughness. A pair with
-    /// the present force would then hold on until its opening is far larger than a crack opens, and the tip would wait for
-    /// it. The pair is rigid below its first force, so nothing jumps.
-    ///
-    /// The factor is at most [`MOST_STRONGER`]. A sheet that hands tear by their motion, as trousers, gives up almost no
-    /// energy of its own: the hands supply the energy at about the present force.
-    fn stronger<T: Real>(
-        &self,
-        stepper: &mut Stepper<T>,
-        nodes: [u32; 2],
-        force: &Vec3,
-        energy: f64,
-    ) -> f64 {
-        let size = force.norm();
-        let response = stepper.response_between(nodes, &(force / size));
-        let needed = (2.0 * energy / response).sqrt();
-        // No comparison holds for a value that is not a number.
-        let factor = needed / size;
-        if factor > 1.0 {
-            factor.min(MOST_STRONGER)
-        } else {
-            1.0
-        }
+/// The factor by which a pair's first force is larger than the present one, so that the pair lets go once the sheet
+/// gives up its energy. A sheet whose opening responds by `R` to a force gives up `R f^2 / 2` where a force `f` falls.
+/// On an uneven mesh this can be much less than the energy, although the tip is driven by the toughness. A pair with
+/// the present force would then hold on until its opening is far larger than a crack opens, and the tip would wait for
+/// it. The pair is rigid below its first force, so nothing jumps.
+///
+/// The factor is at most [`MOST_STRONGER`]. A sheet that hands tear by their motion, as trousers, gives up almost no
+/// energy of its own: the hands supply the energy at about the present force.
+fn stronger<T: Real>(stepper: &mut Stepper<T>, nodes: [u32; 2], force: &Vec3, energy: f64) -> f64 {
+    let size = force.norm();
+    let response = stepper.response_between(nodes, &(force / size));
+    let needed = (2.0 * energy / response).sqrt();
+    // No comparison holds for a value that is not a number.
+    let factor = needed / size;
+    if factor > 1.0 {
+        factor.min(MOST_STRONGER)
+    } else {
+        1.0
     }
 }
 
