@@ -105,17 +105,16 @@ fn a_scene_gives_its_law_its_material_and_its_defaults() -> Outcome {
     assert_eq!(tear.snapping, 0.3);
     // 231 vertices and the twins of the notch: 15 is the root of 225 to 255.
     assert_eq!(tear.room, 64 + 6 * 15);
-    assert_eq!(tear.drop.ok_or("pieces are dropped")?.distance, 1.0);
     assert!(tear.materials.iter().all(|m| m.young == 1e6));
 
-    let all = "law = \"thesis\"\nstarts = \"anywhere\"\nsnapping = 0\nroom = 50\ndrop_unused = false\nstrength = 2e5";
+    let all = "law = \"thesis\"\nstarts = \"anywhere\"\nsnapping = 0\nroom = 50\nstrength = 2e5";
     let tear = built(&changed("strength = 1e5", all))?.tear;
     let tear = tear.ok_or("the sheet tears")?;
     assert_eq!(
         (tear.law, tear.starts),
         (TearLawName::Thesis, Starts::Anywhere)
     );
-    assert_eq!((tear.snapping, tear.room, tear.drop), (0.0, 50, None));
+    assert_eq!((tear.snapping, tear.room), (0.0, 50));
     Ok(())
 }
 
