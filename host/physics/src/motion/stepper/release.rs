@@ -36,8 +36,8 @@ const OFFSET: f64 = 0.05;
 /// Most rounds of forces and openings in a step, and iterations of a round.
 const MOST_ROUNDS: usize = 16;
 const ROUND: usize = 2;
-/// A force agrees with its opening if it is off by less than this fraction of the first force.
-const AGREES: f64 = 1e-3;
+/// The rounding error of the energy that a pair gives back, as a fraction of its energy.
+const ROUNDING: f64 = 1e-3;
 /// A turn by less than the root of this number (rad) changes responses too little to compute them anew.
 const SAME: f64 = 0.01;
 /// Sweeps over the pairs, and bisections for each.
@@ -146,6 +146,12 @@ impl Pair {
             return 0.5 * self.slope() * (opening + s);
         }
         (self.below() + self.beyond(s)) / (s - opening)
+    }
+
+    /// The energy that the pair can give back (J).
+    fn stored(&self) -> f64 {
+        let opening = self.opening();
+        0.5 * self.slope() * opening * opening
     }
 
     /// The work of an opening that grows to the largest so far (J).
@@ -544,16 +550,15 @@ impl<T: Real> Stepper<T> {
         report
     }
 
-    /// Lets the pairs go at once whose forces do not agree with their openings after all rounds. A light piece that has come
-    /// off responds so much that the factor knows nothing of it. Its pair would throw it otherwise, and the energy would
-    /// come from nowhere.
+    /// Lets the pairs go at once that would give back more energy than they store. Their forces do not agree with their
+    /// openings after all rounds: a light piece that has come off responds more than the old factor says, and a pair would
+    /// throw it.
     fn drop_strays(&mut self) {
         for at in 0..self.pairs.list.len() {
             let pair = self.pairs.list[at];
-            let opening = pair.opening() + self.opens(&pair, |place| to_vec(&self.u[place]));
-            let stray = (pair.step_force(opening) - pair.force).abs();
-            // The comparison is false for a force that is not a number.
-            if stray <= AGREES * pair.first {
+            let given = -pair.force * self.opens(&pair, |place| to_vec(&self.u[place]));
+            // The comparison is false for a value that is not a number.
+            if given <= pair.stored() + ROUNDING * pair.energy {
                 continue;
             }
             self.load_pair(&pair, &(pair.direction * -pair.force));
@@ -583,9 +588,7 @@ impl<T: Real> Stepper<T> {
         let pairs = self.pairs.list.iter();
         let work = pairs.map(|pair| {
             let force = pair.direction * pair.force + pair.sideways;
-            // A pair gives back no more than it stores.
-            let stored = 0.5 * pair.slope() * pair.opening() * pair.opening();
-            (-force.dot(&moved_by(body, pair))).clamp(0.0, stored)
+            (-force.dot(&moved_by(body, pair))).clamp(0.0, pair.stored())
         });
         work.sum()
     }
@@ -607,7 +610,8 @@ impl<T: Real> Stepper<T> {
         let surplus = &mut self.pairs.surplus;
         self.pairs.list.retain(|pair| {
             let is_over = pair.is_over();
-            if is_over {
+            // The energy of a pair that was dropped is lost: the next pair cannot take it.
+            if is_over && !pair.is_dropped {
                 *surplus += pair.left();
             }
             !is_over
