@@ -61,7 +61,9 @@ fn a_strict_run_without_its_privileges_does_not_start() {
     let granted = palpate(&["--duration", "0.05"])
         .output()
         .expect("the program runs");
-    let all = !text(&granted.stdout).contains("  note ");
+    // A busy machine adds a note on steps that the host left out.
+    let is_missing = |line: &str| line.contains("  note ") && !line.contains("the host left out");
+    let all = !text(&granted.stdout).lines().any(is_missing);
     let output = palpate(&["--strict=privileges", "--duration", "0.05"])
         .output()
         .expect("the program runs");
