@@ -11,9 +11,9 @@ use physics::Body;
 /// Energy of a body (J) over what it may have, as a multiple of the work of the hands. A step counts the work with the
 /// force at its end, which at a blow is a multiple of the mean force.
 const MOST: f64 = 4.0;
-/// Energy that a body may gain in any case (J): the work of a hand over a centimetre with a force of 10 N. After a stall of
-/// the host a hand is centimetres further, and a single long step counts its work roughly.
-const SLACK: f64 = 0.1;
+/// Energy that a body may gain in any case (J). It is larger than what the solver's tolerance leaves in a run, and a hand
+/// does as much work over a centimetre with a force of 1 N.
+const SLACK: f64 = 0.01;
 
 /// Follows the energy of a body.
 #[derive(Clone, Debug, Default)]

@@ -463,11 +463,6 @@ impl HostBody {
         };
     }
 
-    /// The topology epoch of the body, as its local models have it.
-    pub fn epoch(&self) -> u32 {
-        self.model.epoch
-    }
-
     /// The tears of the body; `None` for a body that does not tear.
     pub fn tears(&self) -> Option<&BodyTears> {
         self.tears.as_ref()

@@ -36,8 +36,6 @@ pub(super) struct Judge {
     pub(super) peak: f64,
     whole: NetEnergy,
     parts: Vec<Piece>,
-    /// The epoch with which the hands part, until the tick has a model of it.
-    parting: Option<u32>,
     stress: Vec<Symmetric>,
     /// The first tick in which a value was not finite.
     infinite: Option<u64>,
@@ -65,7 +63,6 @@ impl Judge {
             peak: 0.0,
             whole: NetEnergy::new(stored),
             parts: Vec::new(),
-            parting: None,
             stress: vec![[0.0; 3]; triangles.unwrap_or(0)],
             infinite: None,
             missed: None,
@@ -99,7 +96,7 @@ impl Judge {
             if self.misses(body) {
                 self.missed = self.missed.or(Some(telemetry.tick));
             }
-            self.part(body, &works, telemetry.bodies[0].epoch);
+            self.part(body, &works);
         }
         for part in &mut self.parts {
             let hands = part.hands.iter().zip(&part.before);
@@ -125,13 +122,11 @@ impl Judge {
             && highest(&sheet, &self.stress, material.strength, is_free).is_some()
     }
 
-    /// Begins accounts of the pieces that hands hold, when the sheet has parted between hands and the tick has a model of
-    /// the parts: one of this `epoch`. Before, the tick has one account, which [`Self::whole`] follows.
-    fn part(&mut self, body: &HostBody, works: &[f64], epoch: u32) {
+    /// Begins accounts of the pieces that hands hold, when the sheet parts between hands.
+    fn part(&mut self, body: &HostBody, works: &[f64]) {
         let Some(tears) = body.tears() else {
             return;
         };
-        let parted_at = body.epoch();
         let (body, pieces) = (body.body(), tears.pieces());
         self.pieces = pieces.count();
         let mut held: Vec<(u32, Vec<usize>)> = Vec::new();
@@ -147,10 +142,6 @@ impl Judge {
         if held.len() < 2 || held.len() == self.parts.len() {
             return;
         }
-        if epoch < *self.parting.get_or_insert(parted_at) {
-            return;
-        }
-        self.parting = None;
         let mut sums = vec![PieceSums::default(); pieces.count()];
         body.sums_of_pieces(pieces, &mut sums);
         let moving = body.kinetic_energy();
