@@ -315,7 +315,7 @@ fn a_pair_takes_its_energy_on_every_path() {
         while !pair.is_over() {
             // The opening grows and shrinks along the line between the vertices.
             let opening = pair.opening();
-            let change = pair.critical * (0.02 + 0.1 * random.signed());
+            let change = pair.critical * (0.02 + 0.2 * random.signed());
             let next = f64::max(0.0, opening + change);
             let force = pair.step_force(next);
             pair.advance(force, &(pair.direction() * (next - opening)));
