@@ -1,6 +1,5 @@
 //! A step gives the same bytes for every team: alone, in the other order, and on two, three and four threads.
 
-use alloc_count::calls::{Counting, count};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::team::Work;
@@ -8,9 +7,6 @@ use physics::{
     Alone, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Preconditioner,
     Real, SolidLaw, SolidMaterial, Stepper, StepperOptions, Team, Vec3,
 };
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// Does the second piece of work first.
 #[derive(Debug)]
@@ -135,27 +131,4 @@ fn every_team_gives_the_same_bytes_for_other_elements() {
         same_for_all::<f64>("quadratic", &body, incomplete);
     }
     same_for_all::<f64>("sheet", &cloth(), Preconditioner::Complete);
-}
-
-#[test]
-fn steps_on_several_threads_allocate_nothing() {
-    let mut body = solid(SolidLaw::Corotational, [24, 10, 10], false);
-    let pool = rayon_core::ThreadPoolBuilder::new().num_threads(3);
-    let found = pool.build().unwrap().install(|| {
-        let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
-        stepper.team = &Pool;
-        let mut poses = [
-            HandlePose::at(Vec3::x() * -0.05),
-            HandlePose::at(Vec3::x() * 0.05),
-        ];
-        let mut run = |steps| {
-            for _ in 0..steps {
-                poses[1].position.y += 1e-5;
-                stepper.step(&mut body, 5e-3, &poses, || false).unwrap();
-            }
-        };
-        run(3);
-        count(|| run(10))
-    });
-    assert_eq!(found, 0);
 }
