@@ -1,0 +1,88 @@
+//! Loads per length as forces on vertices: totals, moments, and stress in balance with itself.
+
+use crate::common;
+
+use common::irregular;
+use physics::body::load::edge_traction;
+use physics::mesh::MeshError;
+use physics::mesh::generate_plate::{HoledPlate, Rays, plate_with_hole};
+use physics::{Mat3, Vec3};
+
+#[test]
+fn an_edge_receives_the_exact_force_and_moment_of_a_quadratic_load() {
+    let mesh = irregular(7, 4, 0.1, 0.04, 0.2, 3);
+    let end: Vec<u32> = (0_u32..)
+        .zip(&mesh.positions)
+        .filter(|(_, x)| x.x > 0.1 - 1e-9)
+        .map(|(vertex, _)| vertex)
+        .collect();
+    let load = |at: &Vec3, normal: &Vec3| {
+        assert!((normal - Vec3::x()).norm() < 1e-12);
+        Vec3::new(3.0 * at.y * at.y, 2.0, at.y)
+    };
+    let (forces, length) = edge_traction(&mesh, &end, load).unwrap();
+    // The tolerance is a few roundings.
+    assert!((length - 0.04).abs() < 1e-15);
+    let total: Vec3 = forces.iter().sum();
+    assert!((total - Vec3::new(0.04_f64.powi(3), 0.08, 0.0008)).norm() < 1e-15);
+    let moment: Vec3 = forces
+        .iter()
+        .zip(&mesh.positions)
+        .map(|(f, x)| x.cross(f))
+        .sum();
+    // The moment about z is x f_y less the integral of y 3 y^2.
+    assert!((moment.z - (0.1 * 0.08 - 0.75 * 0.04_f64.powi(4))).abs() < 1e-15);
+    let on_end = |vertex: u32| end.contains(&vertex);
+    assert!(
+        (0_u32..)
+            .zip(&forces)
+            .all(|(v, f)| on_end(v) || *f == Vec3::zeros())
+    );
+}
+
+#[test]
+fn a_uniform_stress_on_a_plate_with_a_hole_has_no_resultant() {
+    let plate = HoledPlate {
+        width: 0.3,
+        height: 0.2,
+        radius: 0.05,
+        around: 7,
+        outward: 4,
+        growth: 1.15,
+        rays: Rays::Equal,
+    };
+    let mesh = plate_with_hole(&plate).unwrap();
+    let all: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    let stress = Mat3::new(3.0, -0.5, 0.0, -0.5, 1.0, 0.0, 0.0, 0.0, 0.0);
+    let (forces, _) = edge_traction(&mesh, &all, |_, normal| stress * normal).unwrap();
+    let total: Vec3 = forces.iter().sum();
+    let moment: Vec3 = forces
+        .iter()
+        .zip(&mesh.positions)
+        .map(|(f, x)| x.cross(f))
+        .sum();
+    // The sums have some fifty terms of 0.1, which round.
+    assert!(
+        total.norm() < 1e-14 && moment.norm() < 1e-14,
+        "{total} {moment}"
+    );
+    // The forces point outward everywhere. The virial of a uniform pressure is minus twice the area.
+    let (forces, _) = edge_traction(&mesh, &all, |_, normal| -*normal).unwrap();
+    let virial: f64 = forces
+        .iter()
+        .zip(&mesh.positions)
+        .map(|(f, x)| x.dot(f))
+        .sum();
+    assert!((virial + 2.0 * mesh.area()).abs() < 1e-14, "{virial}");
+}
+
+#[test]
+fn vertices_that_do_not_exist_carry_nothing_and_three_triangles_have_no_border() {
+    let mut mesh = irregular(3, 2, 0.1, 0.04, 0.0, 3);
+    let (forces, length) = edge_traction(&mesh, &[900, 901], |_, _| Vec3::x()).unwrap();
+    assert!(length == 0.0 && forces.iter().all(|f| *f == Vec3::zeros()));
+    mesh.positions.push(Vec3::z());
+    mesh.triangles.push([0, 5, 12]);
+    let crowded = edge_traction(&mesh, &[], |_, _| Vec3::x());
+    assert!(matches!(crowded, Err(MeshError::CrowdedEdge { .. })));
+}

@@ -1,0 +1,7 @@
+//! Tests of `condense`. They are one program, because each program compiles the generic solvers anew.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod drift;
+mod perturbation;

@@ -1,0 +1,20 @@
+//! Tests of `motion`. They are one program, because each program compiles the generic solvers anew.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod beam;
+mod calculix;
+mod equilibrium;
+mod guard;
+mod guess;
+mod incomplete;
+mod integrator;
+mod inverted;
+mod rounding;
+mod stability;
+mod stages;
+mod step;
+mod stepper;
+mod strip;
+mod team;

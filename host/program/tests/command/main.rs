@@ -1,0 +1,22 @@
+//! The commands from outside: their output, their files and their exit codes. They are one program, so that long commands run side by side.
+
+#[path = "../../../tests/solve_support/mod.rs"]
+mod solve_support;
+
+mod accuracy;
+mod bad_meshes;
+mod compare;
+mod lost_logs;
+mod outputs;
+mod overrides;
+mod paper;
+mod program;
+mod replay;
+mod solve;
+mod stress_hold;
+mod stress_options;
+mod stress_scene;
+mod stress_wall;
+mod tables;
+mod units;
+mod view_run;

@@ -1,0 +1,29 @@
+//! Whole runs of the host: what they compute, and what they show and store. They are one program, because each program compiles the generic solvers anew and is linked anew.
+
+#[path = "../rig/mod.rs"]
+mod rig;
+
+mod body_change;
+mod energy;
+mod few_axes;
+mod hands;
+mod host_body;
+mod late_link;
+mod limits;
+mod live_socket;
+mod live_truth;
+mod log_frames;
+mod log_on_disk;
+mod mounting;
+mod observers;
+mod replay;
+mod replay_fields;
+mod run_frames;
+mod run_table;
+mod schemes;
+mod slow_host;
+mod solvers;
+mod summary;
+mod threads;
+mod tool;
+mod torn_shapes;

@@ -1,0 +1,12 @@
+//! Scenes: what their files say, and how wrong files are refused. They are one program, because each program compiles the generic solvers anew and is linked anew.
+
+mod flat_pattern;
+mod fuzz_corpus;
+mod placement;
+mod plan;
+mod plausible;
+mod scene_edits;
+mod scene_errors;
+mod scene_files;
+mod tear_scene;
+mod thread;
