@@ -78,6 +78,12 @@ const OUTPUTS: [Output; 16] = [
         root: "study::tearing::TearingStudy",
     },
     Output {
+        title: "`palpate bench tearing --part figure --json` (and `table`, `feel`)",
+        schema: "palpate.tearing_runs/1",
+        about: "Tears in whole runs of scenes.",
+        root: "study::tearing::runs::TearingRuns",
+    },
+    Output {
         title: "`palpate bench velocity --json`",
         schema: "palpate.velocity/1",
         about: "Errors of the estimate of velocity.",
@@ -106,6 +112,12 @@ const OUTPUTS: [Output; 16] = [
         schema: "",
         about: "A line for each cell.",
         root: "study::stress::scene::CellResult",
+    },
+    Output {
+        title: "`palpate stress tearing --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "study::stress::tearing::CellResult",
     },
     Output {
         title: "`palpate stress seeds --json`",

@@ -23,7 +23,8 @@ const LENGTH: f64 = 0.12;
 /// The sleeve of `host/scenes/meshes/sleeve.obj`, at a radius of 0.06 m. Its two pieces lie side by side, with a gap.
 /// Texture coordinates are in centimetres.
 fn sleeve() -> String {
-    let mut text = "# A sleeve of two pieces, written by host/tests/scene/flat_pattern.rs.\n".to_owned();
+    let mut text =
+        "# A sleeve of two pieces, written by host/tests/scene/flat_pattern.rs.\n".to_owned();
     for j in 0..=ALONG {
         for i in 0..AROUND {
             let (s, c) = (TAU * f64::from(i) / f64::from(AROUND)).sin_cos();

@@ -1,7 +1,5 @@
 //! Tears that grow by themselves: where they start, and what they take.
 
-use crate::common;
-
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::tear::{TearLaw, TearMaterial};

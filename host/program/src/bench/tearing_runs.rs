@@ -158,13 +158,14 @@ fn print_feel(feel: &Feel) {
         feel.window[1]
     );
     outln!(
-        "| host Hz | tear limit | median error | 95 % | worst N | ripple 20-400 Hz N | edits | torn area | faults |"
+        "| steps Hz | publications Hz | tear limit | median error | 95 % | worst N | ripple 20-400 Hz N | edits | torn area | faults |"
     );
-    outln!("|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|");
     for cell in &feel.cells {
         outln!(
-            "| {} | {} | {:.2} % | {:.2} % | {:.3} | {:.4} | {} | {:.3} | {} |",
-            cell.rate,
+            "| {} | {} | {} | {:.2} % | {:.2} % | {:.3} | {:.4} | {} | {:.3} | {} |",
+            cell.step_rate,
+            cell.publish_rate,
             if cell.limited { "yes" } else { "no" },
             100.0 * cell.median,
             100.0 * cell.p95,

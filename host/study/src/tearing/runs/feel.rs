@@ -1,5 +1,8 @@
 //! The force of a running tear under slow hosts, against the force of a host that steps and publishes in every tick.
 //!
+//! Some hosts make the same steps as the reference and publish rarely: their error is that of the extrapolation. The
+//! other hosts also step rarely: their error contains that of the long steps, after which the tear is elsewhere.
+//!
 //! The hands follow the waypoints of the scene, so every host meets the same motion. A coupling with the scheme `capped`
 //! renders the models of each host, with the limit that tears set to the extrapolation and without it. There is no
 //! device, no latency and no encoder.
@@ -19,16 +22,26 @@ use serde::Serialize;
 
 /// Period of the tick (s).
 const TICK: f64 = 1e-3;
-/// Rates of the hosts (Hz). The last is that of the reference.
-pub const RATES: [f64; 4] = [60.0, 125.0, 250.0, 1000.0];
+/// Steps a second (Hz) of the hosts, and the steps for each publication. The last is the reference.
+pub const HOSTS: [(f64, u64); 7] = [
+    (1000.0, 16),
+    (1000.0, 8),
+    (1000.0, 4),
+    (60.0, 1),
+    (125.0, 1),
+    (250.0, 1),
+    (1000.0, 1),
+];
 /// The frequencies that count as ripple (Hz).
 const BAND: [f64; 2] = [20.0, 400.0];
 
 /// The result of one host.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cell {
-    /// Steps and publications a second (Hz).
-    pub rate: f64,
+    /// Steps a second (Hz).
+    pub step_rate: f64,
+    /// Publications a second (Hz).
+    pub publish_rate: f64,
     /// Whether the models say how far they may be extrapolated before a tear goes on.
     pub limited: bool,
     /// Median error of the force on a hand, as a fraction of the plateau (1).
@@ -70,10 +83,10 @@ struct Rival {
 }
 
 impl Rival {
-    fn new(loaded: &LoadedScene, rate: f64) -> Result<Self, StudyError> {
+    fn new(loaded: &LoadedScene, (rate, steps): (f64, u64)) -> Result<Self, StudyError> {
         let mut loaded = loaded.clone();
         let host = &mut loaded.scene.host;
-        (host.step_rate, host.publish_rate, host.latency) = (rate, rate, 0.0);
+        (host.step_rate, host.publish_rate, host.latency) = (rate, rate / steps as f64, 0.0);
         let coupling = || {
             Coupling::new(CouplingConfig {
                 scheme: Scheme::Capped,
@@ -89,7 +102,7 @@ impl Rival {
         };
         Ok(Self {
             engine: Engine::new(build::bodies(&loaded, How::default())?),
-            pacer: Pacer::new(rate, 1),
+            pacer: Pacer::new(rate, steps),
             couplings: vec![coupling(), coupling()],
             forces: [Vec::new(), Vec::new()],
         })
@@ -144,7 +157,7 @@ fn unlimited(model: &LocalModel) -> LocalModel {
 pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Feel, StudyError> {
     let duration = loaded.scene.duration.min(most);
     let ticks = (duration / TICK).round() as u64;
-    let rivals = RATES.iter().map(|rate| Rival::new(loaded, *rate));
+    let rivals = HOSTS.iter().map(|host| Rival::new(loaded, *host));
     let mut rivals: Vec<Rival> = rivals.collect::<Result<_, _>>()?;
     let Some(reference) = rivals.last() else {
         return Ok(empty(loaded));
@@ -177,7 +190,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
     let plateau = norms.sum::<f64>() / (2 * exact.len()) as f64;
     let area = reference.area();
     let mut cells = Vec::new();
-    for (rival, rate) in rivals.iter().zip(RATES) {
+    for (rival, (rate, steps)) in rivals.iter().zip(HOSTS) {
         for limited in [false, true] {
             let forces = &rival.forces[usize::from(limited)][span.clone()];
             let pairs = forces.iter().flatten().zip(exact.iter().flatten());
@@ -189,7 +202,8 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
                 band(&along)
             });
             cells.push(Cell {
-                rate,
+                step_rate: rate,
+                publish_rate: rate / steps as f64,
                 limited,
                 median: at(0.5) / plateau,
                 p95: at(0.95) / plateau,
