@@ -35,18 +35,26 @@ impl<T: Real> Stepper<T> {
         if !self.pairs.is_empty() {
             work += self.given_back(body);
         }
-        report.held_back = self.end_where_energy_allows(body, h, (before, after), work);
-        if report.held_back > 0.0 {
+        let again = self.end_where_energy_allows(
+            body,
+            h,
+            factors,
+            ((before, after), work),
+            report,
+            out_of_time,
+        )?;
+        let is_linear = report.held_back == 0.0 && !again;
+        if !is_linear {
             self.pull_at_the_end(body, h);
             body.take_grip_from(h, |node| self.pull(node));
         }
         self.stepped = Some(Stepped {
             length: h,
-            whole: !breaks && report.held_back == 0.0,
+            whole: !breaks && is_linear,
         });
         body.report_step(h, targets, |node| self.pull(node));
         let release = self.open_pairs(body);
-        self.end_account(body, h, release, (breaks, report.held_back));
+        self.end_account(body, h, release, (breaks, is_linear));
         let state = &mut body.state;
         let nodes = (
             &mut *state.x,
@@ -92,31 +100,39 @@ impl<T: Real> Stepper<T> {
         -to_vec(&self.residual[self.place[node] as usize])
     }
 
-    /// Linearizes at the end of the step. A step that would add energy is shortened first. Returns the fraction of the
-    /// displacement that is held back. The energies are those before the step and at the end of the whole step, where
-    /// the elements are linearized on entry.
+    /// Linearizes at the end of the step. A step that would add energy is shortened first. Where no shorter step is
+    /// allowed, because hands move so far that one linearization does not hold, the equation is solved again. The
+    /// energies are those before the step and at the end of the whole step, where the elements are linearized on entry,
+    /// beside an upper bound of the `work` of hands (J). Returns whether the equation was solved again.
     fn end_where_energy_allows(
         &mut self,
         body: &mut Body,
         h: f64,
-        (before, after): (Energy, Energy),
-        work: f64,
-    ) -> f64 {
+        factors: (f64, f64),
+        ((before, after), mut work): ((Energy, Energy), f64),
+        report: &mut StepperReport,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) -> Result<bool, StepError> {
         let mut guard = body.state.guard;
         guard.begin(before);
         let mut whole = Some(after);
         let held = guard.hold_back(body, work, |body| {
             whole.take().unwrap_or_else(|| self.energy_ahead(body, h))
         });
+        report.held_back = 1.0 - held.kept;
         // The linearization must belong to the step's end, and the last evaluation belongs to another displacement.
-        let after = if held.returned {
+        let mut after = if held.returned {
             self.energy_ahead(body, h)
         } else {
             held.energy
         };
+        let again = work > 0.0 && !guard.allows(body, after, work);
+        if again {
+            (work, after) = self.solve_again(body, h, factors, &guard, report, out_of_time)?;
+        }
         guard.end(after, work);
         body.state.guard = guard;
-        1.0 - held.kept
+        Ok(again)
     }
 
     /// Energy at the end of the present displacement. The elements are linearized there.
