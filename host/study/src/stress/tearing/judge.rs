@@ -63,6 +63,9 @@ pub(super) struct Judge {
     parts: Vec<Piece>,
     /// Work on each hand so far (J).
     works: Vec<f64>,
+    /// Mass of each device (kg), and the kinetic energy of this mass (J).
+    masses: Vec<f64>,
+    moving: Vec<f64>,
     /// The models in which the sheet has parted and that no tick has used yet.
     coming: Vec<Parts>,
     stress: Vec<Symmetric>,
@@ -76,7 +79,8 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    pub(super) fn new(engine: &Engine) -> Self {
+    /// For devices of these moving masses (kg).
+    pub(super) fn new(engine: &Engine, masses: Vec<f64>) -> Self {
         let bodies = engine.bodies().iter();
         let stored = bodies.map(|body| body.body().total_energy()).sum();
         let surfaces = engine
@@ -93,6 +97,8 @@ impl Judge {
             whole: NetEnergy::new(stored),
             parts: Vec::new(),
             works: Vec::new(),
+            moving: vec![0.0; masses.len()],
+            masses,
             coming: Vec::new(),
             stress: vec![[0.0; 3]; triangles.unwrap_or(0)],
             infinite: None,
@@ -119,6 +125,13 @@ impl Judge {
             self.peak = self.peak.max(force.norm());
             self.works
                 .push(device.probe().map_or(f64::NAN, |probe| probe.on_hand));
+        }
+        let devices = tick.devices.iter().zip(&self.masses);
+        for (moving, (device, mass)) in self.moving.iter_mut().zip(devices) {
+            let speed = device
+                .probe()
+                .map_or(0.0, |probe| probe.twist.linear.norm());
+            *moving = 0.5 * mass * speed * speed;
         }
         self.whole.observe(self.works.iter().copied());
         let body = engine.and_then(|engine| engine.bodies().first());
@@ -163,7 +176,7 @@ impl Judge {
 
     /// Follows the accounts of the pieces in a tick, and begins them when the sheet parts.
     fn account(&mut self, telemetry: &Telemetry) {
-        let works = &self.works;
+        let (works, moving) = (&self.works, &self.moving);
         for part in &mut self.parts {
             let hands = part.hands.iter().zip(&part.before);
             part.net
@@ -192,9 +205,11 @@ impl Judge {
                 } else {
                     1.0 / count
                 };
+                // The work on a hand contains what the moving mass of its device gives it.
+                let moving: f64 = hands.iter().map(|hand| moving[*hand]).sum();
                 Piece {
                     before: hands.iter().map(|hand| works[*hand]).collect(),
-                    net: NetEnergy::new(stored * share),
+                    net: NetEnergy::new(stored * share + moving),
                     hands,
                 }
             })

@@ -6,8 +6,8 @@
 //! - The states of bodies and devices are finite, and the host has no fault.
 //! - The hands get no more net energy than [`NET_ENERGY`]. There is no gravity and the body starts at rest, so all energy
 //!   comes from the hands. From the tick on in which the sheet parts for the hands, the hands of each piece may get what
-//!   the rendered piece stores at this time, and no more. The energy of the rendered sheet counts up to the energy that
-//!   the hands have supplied.
+//!   the rendered piece stores at this time and what the moving masses of their devices have, and no more. The energy of
+//!   the rendered sheet counts up to the energy that the hands have supplied.
 //! - Both runs are equal to the byte, and make the same edits.
 //! - A stress test that was skipped would have found nothing: wherever the largest energy density rules out a start, no
 //!   free vertex reaches the strength. So a run without skipping makes the same edits in the same order.
@@ -106,7 +106,8 @@ fn run(seed: u64, cell: u64, draw: &Draw) -> Result<Judge, StudyError> {
         duration: *duration,
     });
     setup.faults = Faults::new(stalls.collect());
-    let judge = RefCell::new(Judge::new(&setup.engine));
+    let masses = loaded.models.iter().map(|model| model.mass).collect();
+    let judge = RefCell::new(Judge::new(&setup.engine, masses));
     let running = virtual_clock::run_seen(
         setup,
         |tick, telemetry, engine| judge.borrow_mut().see(tick, telemetry, engine),
