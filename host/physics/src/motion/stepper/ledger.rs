@@ -234,11 +234,11 @@ impl<T: Real> Stepper<T> {
         }
         ledger.mass_damping *= body.model.config.mass_damping / h;
         ledger.euler_elastic = -ledger.elastic - force;
-        if !is_linear {
-            ledger.guard = left;
-        } else {
+        if is_linear {
             ledger.solver = left;
             ledger.linearization = force - account.force + account.stiffness;
+        } else {
+            ledger.guard = left;
         }
         account.edits = 0.0;
         account.last = ledger;
