@@ -16,7 +16,7 @@
 use super::{Limits, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
-use crate::body::guard::{Energy, Guard};
+use crate::body::guard::Energy;
 use crate::error::StepError;
 use crate::lanes::{Real, to_vec};
 
@@ -26,7 +26,7 @@ const STRAY: f64 = 0.015;
 /// Most linearizations after the first. Each of them leaves about the square of the fraction that was left before.
 const MOST_CORRECTIONS: usize = 2;
 /// Most further solutions of a step whose energy is not allowed. In the random tears one sufficed, seldom two.
-const MOST_SOLUTIONS: usize = 4;
+pub(super) const MOST_SOLUTIONS: usize = 4;
 /// Inverted elements store energy. A body with less than this fraction of the energy that presses the whole body flat
 /// is not checked.
 const TURNED: f64 = 0.05;
@@ -145,15 +145,14 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// Solves the equation again, from the displacement of `body` and linearized at its end, until `guard` allows the
-    /// energy. Returns the work of hands and supports over the step (J), and the energy at the end. The work is that of
-    /// the forces at the end, with which implicit Euler adds no energy.
+    /// Solves the equation again, from the displacement of `body` and linearized at its end. Returns the work of hands and
+    /// supports over the step (J), and the energy at the end. The work is that of the forces at the end, with which
+    /// implicit Euler adds no energy.
     pub(crate) fn solve_again(
         &mut self,
         body: &mut Body,
         h: f64,
         factors: (f64, f64),
-        guard: &Guard,
         report: &mut StepperReport,
         out_of_time: &mut impl FnMut() -> bool,
     ) -> Result<(f64, Energy), StepError> {
@@ -164,22 +163,15 @@ impl<T: Real> Stepper<T> {
             max_iterations: self.options.max_iterations,
         };
         self.pull_at_the_end(body, h);
-        let mut left = MOST_SOLUTIONS;
-        loop {
-            let solved = self.iterate(factors, limits, out_of_time);
-            self.lean_pairs();
-            report.iterations += solved.iterations;
-            report.residual = solved.residual;
-            report.converged = solved.converged;
-            self.take(body, h, report)?;
-            let after = self.energy_ahead(body, h);
-            self.pull_at_the_end(body, h);
-            let work = self.supplied(body) + self.given_back(body);
-            left -= 1;
-            if left == 0 || guard.allows(body, after, work) {
-                return Ok((work, after));
-            }
-        }
+        let solved = self.iterate(factors, limits, out_of_time);
+        self.lean_pairs();
+        report.iterations += solved.iterations;
+        report.residual = solved.residual;
+        report.converged = solved.converged;
+        self.take(body, h, report)?;
+        let after = self.energy_ahead(body, h);
+        self.pull_at_the_end(body, h);
+        Ok((self.supplied(body) + self.given_back(body), after))
     }
 
     /// The work of hands and supports on the body over the step (J), from the residual.

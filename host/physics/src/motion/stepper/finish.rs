@@ -1,5 +1,6 @@
 //! The end of a step: the reports on hands and supports, and the bound on the energy.
 
+use super::correct::MOST_SOLUTIONS;
 use super::{RUN, Stepped, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
@@ -101,7 +102,8 @@ impl<T: Real> Stepper<T> {
     }
 
     /// Linearizes at the end of the step. A step that would add energy is shortened first. Where no shorter step is
-    /// allowed, because hands move so far that one linearization does not hold, the equation is solved again. The
+    /// allowed, because hands move so far that one linearization does not hold, the equation is solved again, and the
+    /// new motion is shortened where it would add energy. The
     /// energies are those before the step and at the end of the whole step, where the elements are linearized on entry,
     /// beside an upper bound of the `work` of hands (J). Returns whether the equation was solved again.
     fn end_where_energy_allows(
@@ -115,24 +117,29 @@ impl<T: Real> Stepper<T> {
     ) -> Result<bool, StepError> {
         let mut guard = body.state.guard;
         guard.begin(before);
-        let mut whole = Some(after);
-        let held = guard.hold_back(body, work, |body| {
-            whole.take().unwrap_or_else(|| self.energy_ahead(body, h))
-        });
-        report.held_back = 1.0 - held.kept;
-        // The linearization must belong to the step's end, and the last evaluation belongs to another displacement.
-        let mut after = if held.returned {
-            self.energy_ahead(body, h)
-        } else {
-            held.energy
+        let hands_work = work > 0.0;
+        let (mut whole, mut solutions) = (Some(after), 0);
+        let after = loop {
+            let held = guard.hold_back(body, work, |body| {
+                whole.take().unwrap_or_else(|| self.energy_ahead(body, h))
+            });
+            report.held_back = 1.0 - held.kept;
+            // The linearization must belong to the step's end, and the last evaluation belongs to another displacement.
+            let after = if held.returned {
+                self.energy_ahead(body, h)
+            } else {
+                held.energy
+            };
+            if !hands_work || solutions == MOST_SOLUTIONS || guard.allows(body, after, work) {
+                break after;
+            }
+            solutions += 1;
+            let (again, energy) = self.solve_again(body, h, factors, report, out_of_time)?;
+            (work, whole) = (again, Some(energy));
         };
-        let again = work > 0.0 && !guard.allows(body, after, work);
-        if again {
-            (work, after) = self.solve_again(body, h, factors, &guard, report, out_of_time)?;
-        }
         guard.end(after, work);
         body.state.guard = guard;
-        Ok(again)
+        Ok(solutions > 0)
     }
 
     /// Energy at the end of the present displacement. The elements are linearized there.
