@@ -354,13 +354,15 @@ impl Coupling {
             self.from.energy = 0.0;
             self.from.energy = stored + self.from.work(&self.from.deviations(devices), ahead);
         }
-        if let Some(former) = by_piece.filter(|_| stored.is_some()) {
-            let stored = division.map_or(former, |division| division.of(&former));
-            self.keep_stored(&stored, ahead, devices);
+        let by_piece = by_piece.filter(|_| stored.is_some());
+        let by_piece =
+            by_piece.map(|former| division.map_or(former, |division| division.of(&former)));
+        if let Some(stored) = &by_piece {
+            self.keep_stored(stored, ahead, devices);
         }
         self.to.copy_used_from(&self.pending);
         self.passivity.begin(self.to.energy);
-        self.part_account(division.as_ref());
+        self.part_account(division.as_ref(), by_piece.as_ref());
         self.passivity.note_stored(self.to.energy.max(0.0));
         self.ahead = ahead;
         self.blend_step = 1.0 / ticks;

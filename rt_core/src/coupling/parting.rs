@@ -107,10 +107,15 @@ impl Coupling {
         }
     }
 
-    /// Parts the account as the pieces part, and takes the released energy that the newest model states.
-    pub(super) fn part_account(&mut self, division: Option<&Division>) {
+    /// Parts the account as the pieces part, and takes the released energy that the newest model states. `stored` (J) is
+    /// the energy that the model rendered so far stores in each new piece.
+    pub(super) fn part_account(
+        &mut self,
+        division: Option<&Division>,
+        stored: Option<&[f64; MAX_HANDLES]>,
+    ) {
         if let Some(division) = division {
-            self.passivity.part(division, self.to.handles());
+            self.passivity.part(division, stored, self.to.handles());
             self.passivity.begin_released(&self.to.pieces);
         } else if self.is_torn() {
             self.passivity.release_by_piece(&self.to.pieces);

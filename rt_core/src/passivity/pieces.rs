@@ -5,9 +5,12 @@
 //! Each piece therefore has its own credit, and the cap treats each piece as it treats a body.
 //!
 //! **Division.** Pieces only divide. When a piece parts, its credit parts in proportion to the energy that each new
-//! piece stores, as the host publishes it; in equal parts where none stores any. The credits of the parts add up to that
-//! of the piece. The work that weights have spared belongs to a hand and follows the hand. The hands of a piece can
-//! therefore get no more than these hands and the share of their piece have paid for, plus the allowance of the cap.
+//! piece stores, as the host publishes it; in equal parts where none stores any. A part keeps no more credit than the
+//! energy that the rendered model stores in it at this time, and the allowance: the hands have supplied the rest, too,
+//! but the tear has taken it. Without this bound the hands of a piece could get back energy that was lost, as long as
+//! the cap has not forgotten it. The work that weights have spared belongs to a hand and follows the hand. The hands of
+//! a piece can therefore get no more than they have paid for since and what the piece stored when it parted, plus the
+//! allowance of the cap.
 //!
 //! A piece that no hand of the former model holds begins with the allowance alone, for no hand has supplied its energy.
 //! Pieces that grow together, which no tear can cause, add their credits.
@@ -63,6 +66,8 @@ pub(crate) struct Division {
     fractions: [[f64; MAX_HANDLES]; MAX_HANDLES],
     /// Whether each new piece comes from a former one.
     continues: [bool; MAX_HANDLES],
+    /// Whether each new piece comes from a former one that has parted.
+    is_part: [bool; MAX_HANDLES],
     /// Number of new pieces.
     count: usize,
 }
@@ -73,6 +78,7 @@ impl Division {
     pub(crate) fn between(old: &LocalModel, new: &LocalModel) -> Self {
         let mut fractions = [[0.0; MAX_HANDLES]; MAX_HANDLES];
         let mut continues = [false; MAX_HANDLES];
+        let mut is_part = [false; MAX_HANDLES];
         let mut mark = |from: u8, to: u8| {
             if let Some(continues) = continues.get_mut(usize::from(to)) {
                 *continues = true;
@@ -93,6 +99,9 @@ impl Division {
         }
         for row in &mut fractions {
             let parts = row.iter().sum::<f64>();
+            for (is_part, part) in is_part.iter_mut().zip(row.iter()) {
+                *is_part |= parts > 1.0 && *part > 0.0;
+            }
             let weights = new.pieces.iter().map(|piece| piece.stored.max(0.0));
             let whole = row
                 .iter()
@@ -110,6 +119,7 @@ impl Division {
         Self {
             fractions,
             continues,
+            is_part,
             count: usize::from(new.piece_count()),
         }
     }
@@ -139,10 +149,12 @@ impl Division {
 }
 
 impl Passivity {
-    /// Parts the accounts as the pieces part. `handles` are those of the new model.
+    /// Parts the accounts as the pieces part. `stored` (J) is the energy that the model rendered so far stores in each new
+    /// piece; `None` for a scheme without a cap. `handles` are those of the new model.
     pub(crate) fn part<'a>(
         &mut self,
         division: &Division,
+        stored: Option<&[f64; MAX_HANDLES]>,
         handles: impl Iterator<Item = &'a HandleReference>,
     ) {
         let former = self.pieces;
@@ -168,6 +180,13 @@ impl Passivity {
         for hand in &self.hands {
             if let Some(part) = parts.get_mut(hand.piece) {
                 part.spared += hand.spared;
+            }
+        }
+        let each = parts.iter_mut().zip(division.is_part);
+        for ((part, is_part), stored) in each.zip(stored.into_iter().flatten()) {
+            if is_part {
+                let backed = stored + self.config.allowance + part.spared.max(0.0);
+                part.credit = part.credit.min(backed);
             }
         }
         for (former, row) in former.iter().zip(&division.fractions) {

@@ -1,10 +1,17 @@
-//! Further linearizations of a step in which elements are inverted and the step's end differs from the prediction.
+//! Further linearizations of a step whose end differs from the prediction: where elements are inverted, and where hands
+//! move so far in the step that one linearization adds energy.
 //!
-//! A body with inverted elements passes close to saddles of its energy. There the small errors of one linearization
+//! **Inverted elements.** A body with inverted elements passes close to saddles of its energy. There the small errors of one linearization
 //! decide where the body comes to rest: in its right shape, or in a balance in which an element stays inverted. The
 //! equation is then linearized again at the step's end and solved for the remaining imbalance. This is Newton's method
 //! for implicit Euler. Elsewhere, and where a hand moves the body, one linearization is enough, and this module costs
 //! nothing.
+//!
+//! **Hands that move far.** The motion of a hand is prescribed. Where it turns elements by a large angle in a step, the
+//! linearized elements become longer, and the step adds energy. The guard shortens such a step, but a shorter motion of
+//! the other vertices stretches the elements beside the hand even more, so that no fraction of the motion may be allowed.
+//! The equation is then linearized at the step's end and solved again. Its solution is that of implicit Euler, which adds
+//! no energy beyond the work of the forces at the end.
 
 use super::{Limits, Stepper, StepperReport};
 use crate::Vec3;
@@ -18,6 +25,8 @@ use crate::lanes::{Real, to_vec};
 const STRAY: f64 = 0.015;
 /// Most linearizations after the first. Each of them leaves about the square of the fraction that was left before.
 const MOST_CORRECTIONS: usize = 2;
+/// Most further solutions of a step whose energy is not allowed. In the random tears one sufficed, seldom two.
+pub(super) const MOST_SOLUTIONS: usize = 4;
 /// Inverted elements store energy. A body with less than this fraction of the energy that presses the whole body flat
 /// is not checked.
 const TURNED: f64 = 0.05;
@@ -134,6 +143,51 @@ impl<T: Real> Stepper<T> {
             Some(result) => Ok(result),
             None => Ok((self.take(body, h, report)?, self.energy_ahead(body, h))),
         }
+    }
+
+    /// Solves the equation again, from the displacement of `body` and linearized at its end. Returns the work of hands and
+    /// supports over the step (J), and the energy at the end. The work is that of the forces at the end, with which
+    /// implicit Euler adds no energy.
+    pub(crate) fn solve_again(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        factors: (f64, f64),
+        report: &mut StepperReport,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) -> Result<(f64, Energy), StepError> {
+        let goal = self.options.tolerance * report.reference;
+        let limits = Limits {
+            goal,
+            start: goal,
+            max_iterations: self.options.max_iterations,
+        };
+        self.pull_at_the_end(body, h);
+        let solved = self.iterate(factors, limits, out_of_time);
+        self.lean_pairs();
+        report.iterations += solved.iterations;
+        report.residual = solved.residual;
+        report.converged = solved.converged;
+        self.take(body, h, report)?;
+        let after = self.energy_ahead(body, h);
+        self.pull_at_the_end(body, h);
+        Ok((self.supplied(body) + self.given_back(body), after))
+    }
+
+    /// The work of hands and supports on the body over the step (J), from the residual.
+    fn supplied(&self, body: &Body) -> f64 {
+        let mut work = 0.0;
+        for place in self.taken_places() {
+            let u = body.state.displacement[self.node[place] as usize];
+            let pull = -to_vec(&self.residual[place]);
+            if place >= self.held {
+                work += pull.dot(&u);
+            } else if let Some(mask) = self.mask.get(place) {
+                let fixed = Vec3::repeat(1.0) - to_vec(mask);
+                work += pull.component_mul(&fixed).dot(&u);
+            }
+        }
+        work
     }
 
     /// The displacement of a free place along its free axes (m).

@@ -1,5 +1,6 @@
 //! The end of a step: the reports on hands and supports, and the bound on the energy.
 
+use super::correct::MOST_SOLUTIONS;
 use super::{RUN, Stepped, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
@@ -35,18 +36,26 @@ impl<T: Real> Stepper<T> {
         if !self.pairs.is_empty() {
             work += self.given_back(body);
         }
-        report.held_back = self.end_where_energy_allows(body, h, (before, after), work);
-        if report.held_back > 0.0 {
+        let again = self.end_where_energy_allows(
+            body,
+            h,
+            factors,
+            ((before, after), work),
+            report,
+            out_of_time,
+        )?;
+        let is_linear = report.held_back == 0.0 && !again;
+        if !is_linear {
             self.pull_at_the_end(body, h);
             body.take_grip_from(h, |node| self.pull(node));
         }
         self.stepped = Some(Stepped {
             length: h,
-            whole: !breaks && report.held_back == 0.0,
+            whole: !breaks && is_linear,
         });
         body.report_step(h, targets, |node| self.pull(node));
         let release = self.open_pairs(body);
-        self.end_account(body, h, release, (breaks, report.held_back));
+        self.end_account(body, h, release, (breaks, is_linear));
         let state = &mut body.state;
         let nodes = (
             &mut *state.x,
@@ -92,31 +101,45 @@ impl<T: Real> Stepper<T> {
         -to_vec(&self.residual[self.place[node] as usize])
     }
 
-    /// Linearizes at the end of the step. A step that would add energy is shortened first. Returns the fraction of the
-    /// displacement that is held back. The energies are those before the step and at the end of the whole step, where
-    /// the elements are linearized on entry.
+    /// Linearizes at the end of the step. A step that would add energy is shortened first. Where no shorter step is
+    /// allowed, because hands move so far that one linearization does not hold, the equation is solved again, and the
+    /// new motion is shortened where it would add energy. The
+    /// energies are those before the step and at the end of the whole step, where the elements are linearized on entry,
+    /// beside an upper bound of the `work` of hands (J). Returns whether the equation was solved again.
     fn end_where_energy_allows(
         &mut self,
         body: &mut Body,
         h: f64,
-        (before, after): (Energy, Energy),
-        work: f64,
-    ) -> f64 {
+        factors: (f64, f64),
+        ((before, after), mut work): ((Energy, Energy), f64),
+        report: &mut StepperReport,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) -> Result<bool, StepError> {
         let mut guard = body.state.guard;
         guard.begin(before);
-        let mut whole = Some(after);
-        let held = guard.hold_back(body, work, |body| {
-            whole.take().unwrap_or_else(|| self.energy_ahead(body, h))
-        });
-        // The linearization must belong to the step's end, and the last evaluation belongs to another displacement.
-        let after = if held.returned {
-            self.energy_ahead(body, h)
-        } else {
-            held.energy
+        let hands_work = work > 0.0;
+        let (mut whole, mut solutions) = (Some(after), 0);
+        let after = loop {
+            let held = guard.hold_back(body, work, |body| {
+                whole.take().unwrap_or_else(|| self.energy_ahead(body, h))
+            });
+            report.held_back = 1.0 - held.kept;
+            // The linearization must belong to the step's end, and the last evaluation belongs to another displacement.
+            let after = if held.returned {
+                self.energy_ahead(body, h)
+            } else {
+                held.energy
+            };
+            if !hands_work || solutions == MOST_SOLUTIONS || guard.allows(body, after, work) {
+                break after;
+            }
+            solutions += 1;
+            let (again, energy) = self.solve_again(body, h, factors, report, out_of_time)?;
+            (work, whole) = (again, Some(energy));
         };
         guard.end(after, work);
         body.state.guard = guard;
-        1.0 - held.kept
+        Ok(solutions > 0)
     }
 
     /// Energy at the end of the present displacement. The elements are linearized there.

@@ -10,7 +10,7 @@
 //! linearization  u . (f1 - f0 + K0 u)
 //! damping        h alpha |v1|^2_M  and  h beta v1 . K0 v1
 //! supplied       - u . r on held nodes and guided axes
-//! solver         - u . r on the other axes, or guard where the guard has shortened the step
+//! solver         - u . r on the other axes, or guard where the step was shortened or solved again
 //! ```
 //!
 //! Each term is computed by its formula. The sum of all, [`Ledger::missing`], is rounding. The account costs a product
@@ -47,7 +47,8 @@ pub struct Ledger {
     pub euler_elastic: f64,
     /// Loss by the linearization of the elastic forces.
     pub linearization: f64,
-    /// Work of the guard, which shortens steps that would add energy.
+    /// Work of the guard, which shortens steps that would add energy, and of the residual that is left where such a step
+    /// is solved again.
     pub guard: f64,
     /// Work of the residual that the solver left.
     pub solver: f64,
@@ -181,11 +182,11 @@ impl<T: Real> Stepper<T> {
 
     /// Ends the account of a step of `h` seconds, before the body takes its velocities: pairs took the work `release`
     /// (J). A step that was corrected has no account.
-    pub(super) fn end_account(&mut self, body: &Body, h: f64, release: f64, report: (bool, f64)) {
+    pub(super) fn end_account(&mut self, body: &Body, h: f64, release: f64, report: (bool, bool)) {
         let Some(mut account) = self.ledger.take() else {
             return;
         };
-        let (is_corrected, held_back) = report;
+        let (is_corrected, is_linear) = report;
         let u = &body.state.displacement;
         let kinetic = body.kinetic_energy_of(|node| u[node] / h);
         let loads = body.load_potential_at(&self.at);
@@ -197,7 +198,7 @@ impl<T: Real> Stepper<T> {
             self.ledger = Some(account);
             return;
         }
-        if held_back > 0.0 {
+        if !is_linear {
             // The damping of the shortened step is that at its end, as are its elastic forces.
             account.stiffness = self
                 .sum_forces(|place, stepper| to_vec(&stepper.u[place]))
@@ -233,11 +234,11 @@ impl<T: Real> Stepper<T> {
         }
         ledger.mass_damping *= body.model.config.mass_damping / h;
         ledger.euler_elastic = -ledger.elastic - force;
-        if held_back > 0.0 {
-            ledger.guard = left;
-        } else {
+        if is_linear {
             ledger.solver = left;
             ledger.linearization = force - account.force + account.stiffness;
+        } else {
+            ledger.guard = left;
         }
         account.edits = 0.0;
         account.last = ledger;

@@ -542,12 +542,17 @@ impl<T: Real> Stepper<T> {
                 self.learn_responses();
             }
         }
+        self.lean_pairs();
+        report
+    }
+
+    /// Gives the pairs the forces of their springs over the displacements `u`.
+    pub(super) fn lean_pairs(&mut self) {
         for at in 0..self.pairs.list.len() {
             let pair = &self.pairs.list[at];
             let change = self.parts(pair, |place| to_vec(&self.u[place]));
             self.pairs.list[at].sideways = pair.sideways(&change);
         }
-        report
     }
 
     /// Lets the pairs go at once that would give back more energy than they store. Their forces do not agree with their

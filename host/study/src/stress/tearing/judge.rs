@@ -3,23 +3,48 @@
 use host::engine::Engine;
 use host::engine::body::HostBody;
 use host::run::setup::Running;
+use physics::TearReport;
 use physics::tear::Sheet;
 use physics::tear::strength::{Symmetric, cannot_start, highest, stresses};
 use physics::topology::Edit;
-use physics::{PieceSums, TearReport};
-use rt_core::Telemetry;
+use rt_core::{LocalModel, Telemetry};
 use runner::TickLoop;
+use runner::link::LogRecord;
 use sim::NetEnergy;
 
 /// The largest net energy of the hands (J).
 pub const NET_ENERGY: f64 = 1e-3;
 
-/// The account of the hands of one piece, since the sheet parted.
+/// The account of the hands of one piece, since the sheet parted for the hands: since the first tick that renders a model
+/// with this piece. Before, the hands are joined by a sheet that is whole for them, and one hand may do work on another.
 struct Piece {
     hands: Vec<usize>,
     /// Work on each hand when the sheet parted (J).
     before: Vec<f64>,
     net: NetEnergy,
+}
+
+/// The hands of each piece of a published model, with the energy that the model says the piece stores (J).
+struct Parts {
+    sequence: u64,
+    pieces: Vec<(Vec<usize>, f64)>,
+}
+
+impl Parts {
+    fn of(model: &LocalModel) -> Self {
+        let energies = model.pieces.iter().take(usize::from(model.piece_count()));
+        let mut pieces: Vec<_> = energies
+            .map(|energy| (Vec::new(), energy.stored.max(0.0)))
+            .collect();
+        for handle in model.handles() {
+            let (hands, _) = &mut pieces[usize::from(handle.piece)];
+            hands.push(usize::from(handle.device));
+        }
+        Self {
+            sequence: model.sequence,
+            pieces,
+        }
+    }
 }
 
 /// Follows a run.
@@ -36,6 +61,13 @@ pub(super) struct Judge {
     pub(super) peak: f64,
     whole: NetEnergy,
     parts: Vec<Piece>,
+    /// Work on each hand so far (J).
+    works: Vec<f64>,
+    /// Mass of each device (kg), and the kinetic energy of this mass (J).
+    masses: Vec<f64>,
+    moving: Vec<f64>,
+    /// The models in which the sheet has parted and that no tick has used yet.
+    coming: Vec<Parts>,
     stress: Vec<Symmetric>,
     /// The first tick in which a value was not finite.
     infinite: Option<u64>,
@@ -47,7 +79,8 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    pub(super) fn new(engine: &Engine) -> Self {
+    /// For devices of these moving masses (kg).
+    pub(super) fn new(engine: &Engine, masses: Vec<f64>) -> Self {
         let bodies = engine.bodies().iter();
         let stored = bodies.map(|body| body.body().total_energy()).sum();
         let surfaces = engine
@@ -63,6 +96,10 @@ impl Judge {
             peak: 0.0,
             whole: NetEnergy::new(stored),
             parts: Vec::new(),
+            works: Vec::new(),
+            moving: vec![0.0; masses.len()],
+            masses,
+            coming: Vec::new(),
             stress: vec![[0.0; 3]; triangles.unwrap_or(0)],
             infinite: None,
             missed: None,
@@ -75,7 +112,7 @@ impl Judge {
     /// Takes a tick.
     pub(super) fn see(&mut self, tick: &TickLoop, telemetry: &Telemetry, engine: Option<&Engine>) {
         let mut finite = true;
-        let mut works = Vec::with_capacity(tick.devices.len());
+        self.works.clear();
         for (device, shown) in tick.devices.iter().zip(&telemetry.devices) {
             let force = shown.wrench.force;
             let place = shown.pose.position;
@@ -86,9 +123,17 @@ impl Judge {
                 }
             }
             self.peak = self.peak.max(force.norm());
-            works.push(device.probe().map_or(f64::NAN, |probe| probe.on_hand));
+            self.works
+                .push(device.probe().map_or(f64::NAN, |probe| probe.on_hand));
         }
-        self.whole.observe(works.iter().copied());
+        let devices = tick.devices.iter().zip(&self.masses);
+        for (moving, (device, mass)) in self.moving.iter_mut().zip(devices) {
+            let speed = device
+                .probe()
+                .map_or(0.0, |probe| probe.twist.linear.norm());
+            *moving = 0.5 * mass * speed * speed;
+        }
+        self.whole.observe(self.works.iter().copied());
         let body = engine.and_then(|engine| engine.bodies().first());
         if let Some(body) = body {
             let positions = body.body().node_positions();
@@ -96,13 +141,9 @@ impl Judge {
             if self.misses(body) {
                 self.missed = self.missed.or(Some(telemetry.tick));
             }
-            self.part(body, &works);
-        }
-        for part in &mut self.parts {
-            let hands = part.hands.iter().zip(&part.before);
-            let got =
-                hands.map(|(hand, before)| works.get(*hand).map_or(0.0, |work| work - before));
-            part.net.observe(got);
+            if let Some(tears) = body.tears() {
+                self.pieces = tears.pieces().count();
+            }
         }
         if !finite {
             self.infinite = self.infinite.or(Some(telemetry.tick));
@@ -122,36 +163,53 @@ impl Judge {
             && highest(&sheet, &self.stress, material.strength, is_free).is_some()
     }
 
-    /// Begins accounts of the pieces that hands hold, when the sheet parts between hands.
-    fn part(&mut self, body: &HostBody, works: &[f64]) {
-        let Some(tears) = body.tears() else {
+    /// Takes what the log gets: models before the ticks that use them, ticks after [`see`](Self::see).
+    pub(super) fn log(&mut self, record: LogRecord<'_>) {
+        match record {
+            LogRecord::Model(_, model) if model.piece_count() > 1 => {
+                self.coming.push(Parts::of(model));
+            }
+            LogRecord::Model(..) => {}
+            LogRecord::Tick(telemetry) => self.account(telemetry),
+        }
+    }
+
+    /// Follows the accounts of the pieces in a tick, and begins them when the sheet parts.
+    fn account(&mut self, telemetry: &Telemetry) {
+        let (works, moving) = (&self.works, &self.moving);
+        for part in &mut self.parts {
+            let hands = part.hands.iter().zip(&part.before);
+            part.net
+                .observe(hands.map(|(hand, before)| works[*hand] - before));
+        }
+        let [body, ..] = &telemetry.bodies;
+        let used = self
+            .coming
+            .iter()
+            .rposition(|m| m.sequence == body.sequence);
+        let Some(used) = used else {
             return;
         };
-        let (body, pieces) = (body.body(), tears.pieces());
-        self.pieces = pieces.count();
-        let mut held: Vec<(u32, Vec<usize>)> = Vec::new();
-        for hand in 0..works.len() {
-            let Some(piece) = body.pieces_of_handle(hand, pieces).next() else {
-                continue;
-            };
-            match held.iter_mut().find(|(other, _)| *other == piece) {
-                Some((_, hands)) => hands.push(hand),
-                None => held.push((piece, vec![hand])),
-            }
-        }
-        if held.len() < 2 || held.len() == self.parts.len() {
+        let parts = self.coming.drain(..=used).next_back();
+        let Some(parts) = parts.filter(|parts| parts.pieces.len() != self.parts.len()) else {
             return;
-        }
-        let mut sums = vec![PieceSums::default(); pieces.count()];
-        body.sums_of_pieces(pieces, &mut sums);
-        let moving = body.kinetic_energy();
-        self.parts = held
-            .into_iter()
-            .map(|(piece, hands)| {
-                let elastic = sums.get(piece as usize).map_or(0.0, |sums| sums.elastic);
+        };
+        // The rendered sheet stores no more than the hands have supplied.
+        let stored = body.energy.stored.min(-self.whole.now()).max(0.0);
+        let whole: f64 = parts.pieces.iter().map(|(_, stored)| stored).sum();
+        let count = parts.pieces.len() as f64;
+        self.parts = (parts.pieces.into_iter())
+            .map(|(hands, own)| {
+                let share = if whole > 0.0 {
+                    own / whole
+                } else {
+                    1.0 / count
+                };
+                // The work on a hand contains what the moving mass of its device gives it.
+                let moving: f64 = hands.iter().map(|hand| moving[*hand]).sum();
                 Piece {
                     before: hands.iter().map(|hand| works[*hand]).collect(),
-                    net: NetEnergy::new(elastic + moving),
+                    net: NetEnergy::new(stored * share + moving),
                     hands,
                 }
             })

@@ -5,8 +5,9 @@
 //!
 //! - The states of bodies and devices are finite, and the host has no fault.
 //! - The hands get no more net energy than [`NET_ENERGY`]. There is no gravity and the body starts at rest, so all energy
-//!   comes from the hands. From the time on when the sheet parts, the hands of each piece may get what the piece has
-//!   stored at this time, and no more.
+//!   comes from the hands. From the tick on in which the sheet parts for the hands, the hands of each piece may get what
+//!   the rendered piece stores at this time and what the moving masses of their devices have, and no more. The energy of
+//!   the rendered sheet counts up to the energy that the hands have supplied.
 //! - Both runs are equal to the byte, and make the same edits.
 //! - A stress test that was skipped would have found nothing: wherever the largest energy density rules out a start, no
 //!   free vertex reaches the strength. So a run without skipping makes the same edits in the same order.
@@ -23,6 +24,7 @@ use host::run::{setup, virtual_clock};
 use host::scene::{LoadedScene, Scene};
 use judge::Judge;
 use serde::{Deserialize, Serialize};
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 /// The result of a cell.
@@ -104,13 +106,15 @@ fn run(seed: u64, cell: u64, draw: &Draw) -> Result<Judge, StudyError> {
         duration: *duration,
     });
     setup.faults = Faults::new(stalls.collect());
-    let mut judge = Judge::new(&setup.engine);
+    let masses = loaded.models.iter().map(|model| model.mass).collect();
+    let judge = RefCell::new(Judge::new(&setup.engine, masses));
     let running = virtual_clock::run_seen(
         setup,
-        |tick, telemetry, engine| judge.see(tick, telemetry, engine),
-        |_| {},
+        |tick, telemetry, engine| judge.borrow_mut().see(tick, telemetry, engine),
+        |record| judge.borrow_mut().log(record),
         |_| {},
     );
+    let mut judge = judge.into_inner();
     judge.end(&running);
     Ok(judge)
 }
