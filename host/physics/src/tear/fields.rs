@@ -207,6 +207,14 @@ impl Patch {
         Ok(())
     }
 
+    /// The unit normal of the sheet at the tip, by the triangles at it; zero before [`Patch::measure`].
+    pub fn normal(&self) -> Vec3 {
+        let states = self.triangles.iter().zip(&self.field.triangles);
+        let at_tip = states.filter(|(laid, _)| laid.corners.contains(&0));
+        let sum: Vec3 = at_tip.map(|(_, state)| state.normal * state.area).sum();
+        sum.try_normalize(0.0).unwrap_or_else(Vec3::zeros)
+    }
+
     fn sum_nodes(&mut self) {
         self.field.nodes.resize(self.inner, NOTHING);
         for (laid, state) in self.triangles.iter().zip(&self.field.triangles) {

@@ -27,6 +27,16 @@ pub const PAPER: Stuff = Stuff {
     toughness: 16e3,
 };
 
+/// Rubber. All values are estimates. A tear takes 4 J per metre.
+pub(super) const RUBBER: Stuff = Stuff {
+    young: 1e7,
+    poisson: 0.3,
+    thickness: 2e-3,
+    density: 1000.0,
+    strength: 1e6,
+    toughness: 2000.0,
+};
+
 /// The material of a sheet that tears.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stuff {

@@ -37,6 +37,10 @@ const MOST_EDGES: usize = 4;
 /// twice the present force has the present force as its mean.
 const MOST_STRONGER: f64 = 2.0;
 
+/// The largest opening at which a pair out of the plane has let go, in lengths of its edge. With 2, the sides of
+/// trousers without stiffness against bending hold on until the legs have stretched, and the force is 20 % larger.
+const WIDEST: f64 = 4.0 / 3.0;
+
 /// How far an edge that opens may lead off the path, as a fraction of its length (8.6 degrees). The torn area is larger
 /// than that of the path by 1 % at most, and cuts near vertices, which leave short edges, are rare.
 const OPENING: f64 = 0.15;
@@ -282,11 +286,13 @@ impl Tearing {
         let twins = twins.filter_map(|vertex| body.twin_of(vertex).map(|of| [of, vertex]));
         let due = material.toughness * material.thickness * length;
         let energy = (due + stepper.take_surplus()).max(0.5 * due);
-        let energy = energy / twins.clone().count().max(1) as f64;
+        let count = twins.clone().count().max(1) as f64;
+        let (energy, length) = (energy / count, length / count);
+        let normal = self.patch.normal();
         let mut first = None;
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
-            let factor = stronger(stepper, nodes, &force, energy);
+            let factor = stronger(stepper, nodes, &force, (energy, length), &normal);
             let force = force * factor;
             if let Some(pair) = Pair::new(nodes, &force, energy)
                 && stepper.add_pair(pair)
@@ -299,19 +305,41 @@ impl Tearing {
 }
 
 /// The factor by which a pair's first force is larger than the present one, so that the pair lets go once the sheet
-/// gives up its energy. A sheet whose opening responds by `R` to a force gives up `R f^2 / 2` where a force `f` falls.
-/// On an uneven mesh this can be much less than the energy, although the tip is driven by the toughness. A pair with
-/// the present force would then hold on until its opening is far larger than a crack opens, and the tip would wait for
-/// it. The pair is rigid below its first force, so nothing jumps.
+/// gives up its energy. The pair is rigid below its first force, so nothing jumps. The factor is at most
+/// [`MOST_STRONGER`].
 ///
-/// The factor is at most [`MOST_STRONGER`]. A sheet that hands tear by their motion, as trousers, gives up almost no
-/// energy of its own: the hands supply the energy at about the present force.
-fn stronger<T: Real>(stepper: &mut Stepper<T>, nodes: [u32; 2], force: &Vec3, energy: f64) -> f64 {
+/// **In the plane.** A sheet whose opening responds by `R` to a force gives up `R f^2 / 2` where a force `f` falls. On an
+/// uneven mesh this can be much less than the energy, although the tip is driven by the toughness. A pair with the
+/// present force would then hold on until its opening is far larger than a crack opens, and the tip would wait for it.
+///
+/// **Out of the plane,** as trousers tear, the sheet gives up almost no energy of its own: the hands supply the energy at
+/// about the present force, and a larger force would only hold them back. But the two sides of an edge of the length `a`
+/// are `2 a` apart at most when the tip has reached the next vertex. The pair has to let go before: an opening of
+/// [`WIDEST`] takes the energy if the first force is large enough.
+///
+/// A force that is inclined to the sheet by 30 degrees or more counts as out of the plane. Below, the square of its part
+/// across the sheet mixes both.
+fn stronger<T: Real>(
+    stepper: &mut Stepper<T>,
+    nodes: [u32; 2],
+    force: &Vec3,
+    (energy, length): (f64, f64),
+    normal: &Vec3,
+) -> f64 {
     let size = force.norm();
-    let response = stepper.response_between(nodes, &(force / size));
-    let needed = (2.0 * energy / response).sqrt();
-    // No comparison holds for a value that is not a number.
-    let factor = needed / size;
+    let direction = force / size;
+    let response = stepper.response_between(nodes, &direction);
+    let by_response = at_least_one((2.0 * energy / response).sqrt() / size);
+    let by_length = at_least_one(2.0 * energy / (WIDEST * length * size));
+    // A square of 1/4 is 30 degrees.
+    let across = (4.0 * direction.dot(normal).powi(2)).min(1.0);
+    let factor = by_response + (by_length - by_response) * across;
+    // The comparison is false for a value that is not a number.
+    if factor > 1.0 { factor } else { 1.0 }
+}
+
+/// A factor between 1 and [`MOST_STRONGER`]; 1 for a value that is not a number.
+fn at_least_one(factor: f64) -> f64 {
     if factor > 1.0 {
         factor.min(MOST_STRONGER)
     } else {
