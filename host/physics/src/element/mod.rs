@@ -22,6 +22,7 @@ pub mod elements;
 pub(crate) mod kernel;
 pub(crate) mod parts;
 pub(crate) mod placed;
+pub mod precision;
 pub mod tet;
 pub mod tet10;
 pub mod tet4;
@@ -81,7 +82,7 @@ listed!(Tet, QuadraticTet, Triangle);
 
 impl VectorForm {
     /// The kernel of the elements, with the slots of their blocks in `matrix`.
-    fn kernel<T: Real>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
+    fn generic_kernel<T: Real>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
         match self {
             Self::HookeanTets(frame, tets) => tet4::kernel(frame, tets, matrix),
             Self::HookeanQuadraticTets(frame, tets) => tet10::kernel(frame, &tets, matrix),
@@ -91,6 +92,11 @@ impl VectorForm {
             }
             Self::CorotationalTriangles(triangles) => triangles::kernel(&triangles, matrix),
         }
+    }
+
+    /// The kernel of the elements, compiled in this crate.
+    fn kernel<T: Real>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
+        T::kernel(self, matrix).0
     }
 
     /// The parts of a large set, each with the places of its nodes; none for a small set. The nodes are at `rest` (m).

@@ -1,5 +1,6 @@
 //! Numbers of single or double precision.
 
+use crate::element::precision::Precision;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -18,6 +19,7 @@ pub trait Real:
     + SubAssign
     + Send
     + Sync
+    + Precision
     + 'static
 {
     /// The precision of differences of large numbers, at least this one.

@@ -1,4 +1,4 @@
-//! The laws of tearing: energy release rates and paths of sheets in equilibrium, strength, letting go.
+//! The laws of tearing: energy release rates and paths of sheets in equilibrium, and strength.
 
 use crate::common;
 
@@ -9,9 +9,7 @@ use common::{Random, Split, grid, on_border, tight};
 use physics::mesh::TriMesh;
 use physics::tear::fields::stretch;
 use physics::tear::strength::{cannot_start, highest, onwards, principal, stresses};
-use physics::tear::{
-    Candidate, Patch, RINGS, Release, Sheet, TearError, TearLaw, TearMaterial, Tip,
-};
+use physics::tear::{Candidate, Patch, RINGS, Sheet, TearError, TearLaw, TearMaterial, Tip};
 use physics::topology::{Edit, Growth, NONE, Origin, Reserve, Surface};
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, Vec3};
 use proptest::prelude::*;
@@ -685,8 +683,6 @@ fn wrong_parameters_are_named() {
         }),
         "poisson"
     );
-    assert!(Release::new(&Vec3::zeros(), 0.01, &RUBBER).is_err());
-    assert!(Release::new(&Vec3::x(), 0.0, &RUBBER).is_err());
 }
 
 #[test]
@@ -758,59 +754,7 @@ fn an_evaluation_allocates_nothing() {
     assert_eq!(found, 0);
 }
 
-#[test]
-fn a_pair_keeps_its_force_at_first_and_none_when_it_has_let_go() {
-    let force = Vec3::new(0.0, 3.0, 4.0);
-    let length = 0.01;
-    let mut pair = Release::new(&force, length, &RUBBER).unwrap();
-    // Half of the force times the limit is the energy: 1 mJ.
-    assert!((pair.limit() - 2.0 * 1e-3 / 5.0).abs() < 1e-18);
-    assert!((pair.force(&Vec3::zeros()) - force).norm() < 1e-15);
-    assert!(!pair.has_let_go());
-    let end = force * (pair.limit() / 5.0 * 1.001);
-    let done = pair.finish(&Vec3::zeros(), &end);
-    assert!(pair.has_let_go() && pair.force(&end) == Vec3::zeros());
-    assert!((done.given_up - 1e-3).abs() < 1e-15 && done.stored == 0.0);
-    let thesis = TearMaterial {
-        law: TearLaw::Thesis,
-        ..RUBBER
-    };
-    let pair = Release::new(&force, length, &thesis).unwrap();
-    assert!(pair.has_let_go() && pair.force(&Vec3::zeros()) == Vec3::zeros());
-    assert_eq!(pair.given_up(), 0.0);
-}
-
 proptest! {
-    #[test]
-    fn a_pair_takes_exactly_its_energy_in_any_history(
-        openings in prop::collection::vec(prop::array::uniform3(-1.0..1.0_f64), 1..60),
-        newtons in 0.01..100.0_f64,
-        length in 1e-4..0.1_f64,
-    ) {
-        let mut pair = Release::new(&(Vec3::x() * newtons), length, &RUBBER).unwrap();
-        let energy = RUBBER.toughness * RUBBER.thickness * length;
-        let limit = pair.limit();
-        let (mut at, mut work, mut stored, mut given_up) = (Vec3::zeros(), 0.0, 0.0, 0.0);
-        let mut before = 0.0;
-        for opening in openings.iter().map(|o| Vec3::from(*o) * (0.4 * limit)).chain([Vec3::y() * (2.0 * limit)]) {
-            let mean = pair.mean_force(&at, &opening).dot(&(opening - at));
-            let done = pair.finish(&at, &opening);
-            // The work of the mean force is that of the law, to the rounding of the sums.
-            prop_assert!((mean - done.work).abs() < 1e-10 * energy, "{mean} {}", done.work);
-            prop_assert!(done.given_up >= 0.0);
-            work += mean;
-            stored += done.stored;
-            given_up += done.given_up;
-            prop_assert!(pair.given_up() >= before);
-            before = pair.given_up();
-            at = opening;
-        }
-        prop_assert!(pair.has_let_go());
-        prop_assert!((given_up - energy).abs() < 1e-12 * energy);
-        prop_assert!(stored.abs() < 1e-12 * energy);
-        prop_assert!((work - energy).abs() < 1e-9 * energy);
-    }
-
     #[test]
     fn no_vertex_that_reaches_the_strength_is_ruled_out(
         seed in any::<u64>(),

@@ -388,6 +388,7 @@ const UNITS: &[&str] = &[
     "m^2",
     "J/m^2",
     "degrees",
+    "kg/m^2",
     "kg/m^3",
     "1/s",
 ];

@@ -41,7 +41,7 @@ pub struct Draw {
     pub thesis: bool,
     /// Whether tears start anywhere.
     pub anywhere: bool,
-    /// The largest snap.
+    /// The largest displacement by which a vertex snaps onto the path, as a fraction of the shortest edge at it.
     pub snapping: f64,
     /// Where the hands hold the sheet.
     pub hold: Hold,

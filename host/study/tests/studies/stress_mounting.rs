@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use study::stress::hold::judge;
 use study::stress::scene::{SCHEMES, Study};
 
-const SHEET: &str = include_str!("../../scenes/stress/sheet.toml");
+const SHEET: &str = include_str!("../../../scenes/stress/sheet.toml");
 
 /// The sheet, with `mounting` for both devices, and with the targets of its two hands.
 fn sheet(mounting: [&str; 2], targets: [&str; 2]) -> LoadedScene {

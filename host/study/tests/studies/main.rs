@@ -1,0 +1,12 @@
+//! Tests of the studies, one program: the generic code of the solvers is compiled once, and the tests run side by side.
+
+mod accuracy;
+mod extrapolation;
+mod stability;
+mod stress_hold;
+mod stress_mounting;
+mod stress_scene;
+mod tearing;
+mod tearing_runs;
+mod truth;
+mod velocity;
