@@ -27,6 +27,8 @@ mod page;
 use markdown::Page;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 
 /// The root of the repository.
 fn root() -> PathBuf {
@@ -47,14 +49,26 @@ fn pages() -> Vec<PathBuf> {
 
 #[test]
 fn every_block_of_every_page_does_what_it_says() {
-    let mut faults = Vec::new();
-    for path in pages() {
-        let page = Page::read(&path);
-        // Pages with long commands of their own have tests of their own.
-        if !["tutorial.md", "jobs.md"].contains(&page.name.as_str()) {
-            faults.extend(page::check(&page, tempfile::tempdir().unwrap().path()));
+    let pages = pages();
+    let next = AtomicUsize::new(0);
+    // Two pages at a time. Each page has a folder of its own.
+    let check = || {
+        let mut faults = Vec::new();
+        while let Some(path) = pages.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let page = Page::read(path);
+            // Pages with long commands of their own have tests of their own.
+            if !["tutorial.md", "jobs.md"].contains(&page.name.as_str()) {
+                faults.extend(page::check(&page, tempfile::tempdir().unwrap().path()));
+            }
         }
-    }
+        faults
+    };
+    let faults = thread::scope(|scope| {
+        let other = scope.spawn(check);
+        let mut faults = check();
+        faults.extend(other.join().unwrap());
+        faults
+    });
     assert!(faults.is_empty(), "{}", faults.join("\n\n"));
 }
 
