@@ -13,7 +13,7 @@ use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Node, Real, SolidLaw,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Node, Precision, SolidLaw,
     SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
@@ -65,7 +65,7 @@ fn cloth() -> Body {
 }
 
 /// Small displacements that differ from node to node.
-fn waves<T: Real>(count: usize) -> Vec<Node<T>> {
+fn waves<T: Precision>(count: usize) -> Vec<Node<T>> {
     let wave = |k: usize| T::of(1e-4 * (0.7 * k as f64).sin());
     (0..count)
         .map(|node| {
@@ -79,14 +79,14 @@ fn waves<T: Real>(count: usize) -> Vec<Node<T>> {
         .collect()
 }
 
-fn tets<T: Real>(body: &Body) -> Tets<T> {
+fn tets<T: Precision>(body: &Body) -> Tets<T> {
     let Some(VectorForm::HookeanTets(_, tets)) = body.elements()[0].vector_form() else {
         panic!("no tetrahedra");
     };
     Tets::new(tets.into_iter())
 }
 
-fn triangles<T: Real>(body: &Body) -> Triangles<T> {
+fn triangles<T: Precision>(body: &Body) -> Triangles<T> {
     let form = body.elements()[0].vector_form();
     let Some(VectorForm::CorotationalTriangles(triangles)) = form else {
         panic!("no triangles");
@@ -95,7 +95,7 @@ fn triangles<T: Real>(body: &Body) -> Triangles<T> {
 }
 
 #[divan::bench(types = [f64, f32])]
-fn tets_linearize<T: Real>(bencher: Bencher) {
+fn tets_linearize<T: Precision>(bencher: Bencher) {
     let body = cube();
     let (mut tets, d) = (tets::<T>(&body), waves(body.vertex_count()));
     let mut force = waves(body.vertex_count());
@@ -103,7 +103,7 @@ fn tets_linearize<T: Real>(bencher: Bencher) {
 }
 
 #[divan::bench(types = [f64, f32])]
-fn tets_product<T: Real>(bencher: Bencher) {
+fn tets_product<T: Precision>(bencher: Bencher) {
     let body = cube();
     let (tets, u) = (tets::<T>(&body), waves(body.vertex_count()));
     let mut y = waves(body.vertex_count());
@@ -111,7 +111,7 @@ fn tets_product<T: Real>(bencher: Bencher) {
 }
 
 #[divan::bench(types = [f64, f32])]
-fn triangles_linearize<T: Real>(bencher: Bencher) {
+fn triangles_linearize<T: Precision>(bencher: Bencher) {
     let body = cloth();
     let (mut triangles, d) = (triangles::<T>(&body), waves(body.vertex_count()));
     let mut force = waves(body.vertex_count());
@@ -119,7 +119,7 @@ fn triangles_linearize<T: Real>(bencher: Bencher) {
 }
 
 #[divan::bench(types = [f64, f32])]
-fn triangles_product<T: Real>(bencher: Bencher) {
+fn triangles_product<T: Precision>(bencher: Bencher) {
     let body = cloth();
     let (triangles, u) = (triangles::<T>(&body), waves(body.vertex_count()));
     let mut y = waves(body.vertex_count());
@@ -158,7 +158,7 @@ fn panels_refresh(bencher: Bencher, name: &str) {
 }
 
 #[divan::bench(args = ["cube", "cloth"], types = [f64, f32])]
-fn whole_step<T: Real>(bencher: Bencher, name: &str) {
+fn whole_step<T: Precision>(bencher: Bencher, name: &str) {
     let mut body = if name == "cube" { cube() } else { cloth() };
     let options = StepperOptions {
         sleep_speed: 0.0,

@@ -6,9 +6,9 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Border, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
-    HandleSpec, Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, ShapeOptions,
-    Shapes, SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, TimeScheme, Vec3,
-    Weave,
+    HandleSpec, Integrator, IntegratorOptions, Material, Part, Precision, Preconditioner,
+    ShapeOptions, Shapes, SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions,
+    TimeScheme, Vec3, Weave,
 };
 
 #[global_allocator]
@@ -134,7 +134,7 @@ fn linearized_steps_and_condensations_allocate_nothing() {
 }
 
 /// The fast step allocates nothing, either, with local models, new factors, waking and falling asleep.
-fn fast_steps_allocate_nothing<T: Real>(preconditioner: Preconditioner) {
+fn fast_steps_allocate_nothing<T: Precision>(preconditioner: Preconditioner) {
     for (name, mut body, ends) in bodies() {
         let options = StepperOptions {
             preconditioner,

@@ -73,6 +73,7 @@ pub use body::{Body, BodyConfig, BodyEdit, BodyMap, PieceSums, SheetLawName, Sol
 pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
 pub use cost::Cost;
 pub use element::Elements;
+pub use element::precision::Precision;
 pub use error::{BodyError, CondenseError, StepError, TearingError};
 pub use lanes::{Node, Real};
 pub use linear::block_matrix::BlockMatrix;

@@ -7,7 +7,7 @@ use super::solver::{Assembled, Frozen, Solver};
 use super::stats::StepFault;
 use super::threads::team;
 use crate::scene::spec::{Scene, SolverName};
-use physics::{Body, Condenser, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
+use physics::{Body, Condenser, Precision, Preconditioner, ShapeOptions, Stepper, StepperOptions};
 
 /// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred. The limit
 /// keeps a condensation from delaying the steps for a small gain in accuracy.
@@ -80,7 +80,7 @@ impl Recipe {
         })
     }
 
-    fn frozen<T: Real>(&self, body: &Body) -> Result<Frozen<T>, StepFault> {
+    fn frozen<T: Precision>(&self, body: &Body) -> Result<Frozen<T>, StepFault> {
         let mut stepper = Stepper::new(body, self.options)?;
         stepper.team = team(self.threads);
         stepper.prepare(body, self.step)?;

@@ -12,7 +12,7 @@ use super::beside::{Beside, Lost, Work};
 use super::stats::StepFault;
 use physics::team::Team;
 use physics::topology::Edit;
-use physics::{Body, Real, Stepper, StepperOptions, Vec3};
+use physics::{Body, Precision, Stepper, StepperOptions, Vec3};
 
 /// The work of one renewal, with the mirror.
 pub(super) struct Renewal<T> {
@@ -33,7 +33,7 @@ pub(super) struct Renewal<T> {
     spent: Option<Stepper<T>>,
 }
 
-impl<T: Real> Work for Box<Renewal<T>> {
+impl<T: Precision> Work for Box<Renewal<T>> {
     const THREAD: &'static str = "topology";
     const TIME: f64 = 0.02;
 
@@ -43,7 +43,7 @@ impl<T: Real> Work for Box<Renewal<T>> {
     }
 }
 
-impl<T: Real> Renewal<T> {
+impl<T: Precision> Renewal<T> {
     fn make(&mut self) -> Result<Stepper<T>, StepFault> {
         for edit in self.edits.drain(..) {
             // The body has made the same edit.
@@ -78,7 +78,7 @@ pub(super) struct Renewals<T> {
     idle: Option<Box<Renewal<T>>>,
 }
 
-impl<T: Real> Renewals<T> {
+impl<T: Precision> Renewals<T> {
     /// Renewals of the stepper of `body`, whose edits count from now on. Steps take `h` seconds.
     pub(super) fn new(body: &Body, stepper: &Stepper<T>, real: bool, h: f64, edits: usize) -> Self {
         let room = body

@@ -4,7 +4,7 @@ use super::beside::{Beside, Work};
 use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use physics::{
-    AssembledStepper, Body, Condensed, Condenser, HandlePose, Real, Refresher, ShapeOptions,
+    AssembledStepper, Body, Condensed, Condenser, HandlePose, Precision, Refresher, ShapeOptions,
     Shapes, Stepper, TearLimit, Tearing,
 };
 use rt_core::MAX_HANDLES;
@@ -189,7 +189,7 @@ impl Solver for Assembled {
 }
 
 /// A new factor.
-impl<T: Real> Work for Box<Refresher<T>> {
+impl<T: Precision> Work for Box<Refresher<T>> {
     const THREAD: &'static str = "factor";
     const TIME: f64 = 0.01;
 
@@ -229,7 +229,7 @@ pub(super) struct Frozen<T> {
     real: bool,
 }
 
-impl<T: Real> Frozen<T> {
+impl<T: Precision> Frozen<T> {
     /// A solver whose `stepper` makes only its first factor; `beside` makes the others. The `options` are those of
     /// the shapes, if the scheme uses them. Steps take `h` seconds of the body's time; under the `real` clock they may
     /// take `budget_ns` (ns).
@@ -270,7 +270,7 @@ impl<T: Real> Frozen<T> {
     }
 }
 
-impl<T: Real> Solver for Frozen<T> {
+impl<T: Precision> Solver for Frozen<T> {
     fn predict(
         &mut self,
         body: &mut Body,

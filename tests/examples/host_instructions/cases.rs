@@ -7,7 +7,7 @@
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Budget, Freedom, HandlePose, HandleSpec, Material, Real,
+    Body, BodyConfig, Border, Budget, Freedom, HandlePose, HandleSpec, Material, Precision,
     ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 use std::error::Error;
@@ -184,7 +184,7 @@ fn strip() -> Result<Pulled, Failure> {
 }
 
 /// A stepper in steady motion, with a factor that is [`AGE`] steps old, and a fixed number of further iterations.
-fn settled<T: Real>(pulled: &mut Pulled) -> Result<Stepper<T>, Failure> {
+fn settled<T: Precision>(pulled: &mut Pulled) -> Result<Stepper<T>, Failure> {
     let options = StepperOptions {
         // The refresh is counted by itself.
         refresh: false,
@@ -221,7 +221,7 @@ fn solved(residual: f64) -> Result<(), Failure> {
     .into())
 }
 
-fn step<T: Real>(mut pulled: Pulled) -> Result<Case, Failure> {
+fn step<T: Precision>(mut pulled: Pulled) -> Result<Case, Failure> {
     let mut stepper = settled::<T>(&mut pulled)?;
     pulled.pull();
     Ok(Case::new(pulled.body.element_count(), move || {

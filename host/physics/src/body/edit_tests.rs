@@ -2,8 +2,9 @@
 
 use super::{Body, BodyConfig, SheetLawName};
 use crate::element::parts::Divided;
+use crate::element::precision::Precision;
 use crate::element::{Torn, tearable};
-use crate::lanes::{Node, Real, to_node, to_vec};
+use crate::lanes::{Node, to_node, to_vec};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::material::{Material, Tangent};
 use crate::mesh::TriMesh;
@@ -121,7 +122,7 @@ fn by_place<V: Copy>(values: &[V], place: &[u32]) -> Vec<V> {
 }
 
 /// The sets of `body` as a stepper computes them, with room for edits.
-fn kernels<T: Real>(body: &Body) -> Vec<Divided<T>> {
+fn kernels<T: Precision>(body: &Body) -> Vec<Divided<T>> {
     let place = places(body.state.x.len());
     let rest = by_place(&body.model.rest, &place);
     let mut set = body.model.elements[0].boxed();
@@ -177,7 +178,7 @@ fn near(found: &[Vec3], expected: &[Vec3], tolerance: f64, what: &str) {
 }
 
 /// Compares a torn body and its kernels with a body that is built of its triangles, in a random state.
-fn compare<T: Real>(
+fn compare<T: Precision>(
     kind: Kind,
     torn: &Body,
     kernels: &mut [Divided<T>],
@@ -294,7 +295,7 @@ fn compare<T: Real>(
     );
 }
 
-fn follow_random_edits<T: Real>(kind: Kind, bending: f64, seed: u64, tolerance: f64) {
+fn follow_random_edits<T: Precision>(kind: Kind, bending: f64, seed: u64, tolerance: f64) {
     let mut random = Random(seed);
     let mesh = mesh(&mut random);
     let mut torn = body(kind, &mesh, bending);

@@ -1,6 +1,7 @@
 //! Sums over a body: mass, momentum and energy.
 
 use super::Body;
+use crate::tear::Patch;
 use crate::{Mat3, Vec3};
 
 impl Body {
@@ -84,6 +85,17 @@ impl Body {
         self.model.bending.as_ref().map_or(0.0, |bending| {
             bending.energy(&self.state.x, self.assembly.places.nodes())
         })
+    }
+
+    /// The bending energy that the sheet gives up for a unit of length by which the tear of `patch` grows (J/m); 0 for a
+    /// body without bending.
+    pub(crate) fn bending_release(&self, patch: &mut Patch) -> f64 {
+        match (&self.model.bent, &self.model.bending) {
+            (Some(sheet), Some(bending)) => {
+                sheet.release(bending, patch, &self.state.x, self.assembly.places.nodes())
+            }
+            _ => 0.0,
+        }
     }
 
     /// Potential energy (J) of gravity and the external forces at the present state, times the load factor: minus their

@@ -8,8 +8,9 @@
 use super::reduction::{Condensed, Reduction};
 use crate::Vec3;
 use crate::body::Body;
+use crate::element::precision::Precision;
 use crate::error::CondenseError;
-use crate::lanes::{Real, to_node, to_vec};
+use crate::lanes::{to_node, to_vec};
 use crate::motion::stepper::{Limits, Stepper};
 
 /// The options of the updates of shapes.
@@ -105,7 +106,7 @@ impl Shapes {
     /// # Errors
     ///
     /// [`CondenseError`].
-    pub fn condense<T: Real>(
+    pub fn condense<T: Precision>(
         &mut self,
         stepper: &mut Stepper<T>,
         body: &Body,
@@ -179,7 +180,7 @@ impl Shapes {
     }
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Computes by how much the elastic forces at the end of the last step differ from its linearization, as a rate
     /// (N/s). `missed` is unchanged if no step was taken since the last model. The equation of the step gives `K u`, so
     /// no product is needed.

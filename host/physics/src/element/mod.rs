@@ -42,6 +42,7 @@ use crate::material::law::{Frame, IsotropicLaw};
 use assembled::Assembled;
 use kernel::Kernel;
 use parts::{Divided, Listed, cut};
+use precision::Precision;
 use tet::principal;
 use tet4::Tet;
 use tet10::QuadraticTet;
@@ -95,7 +96,7 @@ impl VectorForm {
     }
 
     /// The kernel of the elements, compiled in this crate.
-    fn kernel<T: Real>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
+    fn kernel<T: Precision>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
         T::kernel(self, matrix).0
     }
 
@@ -133,7 +134,7 @@ fn forms<E: Listed>(
 /// The kernel of `elements`, whose nodes are in the solver's order: the kernel of their vector form if they have one,
 /// otherwise their assembled matrix. `matrix` has the pattern of the body's stiffness, and `rest` contains the rest
 /// positions of the nodes (m).
-pub(crate) fn kernel<T: Real>(
+pub(crate) fn kernel<T: Precision>(
     mut elements: Box<dyn Elements>,
     matrix: &BlockMatrix,
     rest: &[Vec3],
@@ -147,7 +148,7 @@ pub(crate) fn kernel<T: Real>(
 }
 
 /// The elements as a stepper computes them: the [`kernel`] in parts if the set is large.
-pub(crate) fn divided<T: Real>(
+pub(crate) fn divided<T: Precision>(
     elements: Box<dyn Elements>,
     matrix: &BlockMatrix,
     rest: &[Vec3],
@@ -165,7 +166,7 @@ pub(crate) fn divided<T: Real>(
 /// if the elements cannot follow edits. The sheet is not divided, because an edit may add triangles to any part. `rest`
 /// contains the starting positions of the nodes (m).
 #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-pub(crate) fn tearable<T: Real>(
+pub(crate) fn tearable<T: Precision>(
     mut elements: Box<dyn Elements>,
     triangles: usize,
     rest: &[Vec3],

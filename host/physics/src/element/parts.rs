@@ -10,6 +10,7 @@
 //! A part is small enough that its nodes stay in the nearest cache.
 
 use super::kernel::Kernel;
+use super::precision::Precision;
 use super::{Torn, VectorForm};
 use crate::cost::Cost;
 use crate::lanes::{Node, Real, add};
@@ -131,7 +132,10 @@ pub(crate) struct Parts<T> {
 
 impl<T: Real> Parts<T> {
     /// The kernels of `forms`, each with the places of its nodes, of which there are `count` in all.
-    fn new(forms: Vec<(VectorForm, Vec<u32>)>, count: usize) -> Self {
+    fn new(forms: Vec<(VectorForm, Vec<u32>)>, count: usize) -> Self
+    where
+        T: Precision,
+    {
         let mut sources = vec![Vec::new(); count];
         let mut parts = Vec::with_capacity(forms.len());
         let mut total = 0;
@@ -266,7 +270,10 @@ pub(crate) enum Divided<T> {
 
 impl<T: Real> Divided<T> {
     /// The set of `forms`, each with the places of its nodes, of which there are `count` in all.
-    pub(super) fn parts(forms: Vec<(VectorForm, Vec<u32>)>, count: usize) -> Self {
+    pub(super) fn parts(forms: Vec<(VectorForm, Vec<u32>)>, count: usize) -> Self
+    where
+        T: Precision,
+    {
         Self::Parts(Parts::new(forms, count))
     }
 

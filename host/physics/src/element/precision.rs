@@ -13,14 +13,11 @@ use crate::linear::block_matrix::BlockMatrix;
 #[derive(Debug)]
 pub struct AnyKernel<T>(pub(super) Box<dyn Kernel<T>>);
 
-/// How kernels for numbers of a precision are made.
-pub trait Precision: Sized {
+/// A precision in which a stepper computes.
+pub trait Precision: Real {
     /// The kernel of the elements, with the slots of their blocks in `matrix`. Other numbers than [`f32`] and [`f64`], such
     /// as those of a test that counts operations, keep this implementation.
-    fn kernel(form: VectorForm, matrix: &BlockMatrix) -> AnyKernel<Self>
-    where
-        Self: Real,
-    {
+    fn kernel(form: VectorForm, matrix: &BlockMatrix) -> AnyKernel<Self> {
         AnyKernel(form.generic_kernel(matrix))
     }
 }

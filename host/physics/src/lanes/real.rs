@@ -1,6 +1,5 @@
 //! Numbers of single or double precision.
 
-use crate::element::precision::Precision;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -19,7 +18,6 @@ pub trait Real:
     + SubAssign
     + Send
     + Sync
-    + Precision
     + 'static
 {
     /// The precision of differences of large numbers, at least this one.

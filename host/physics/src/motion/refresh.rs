@@ -7,8 +7,9 @@
 use crate::Vec3;
 use crate::cost::Cost;
 use crate::element::kernel::Kernel;
+use crate::element::precision::Precision;
 use crate::error::CondenseError;
-use crate::lanes::{Node, Real, to_vec};
+use crate::lanes::{Node, to_vec};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{Factorization, Preconditioner, Solves, Step};
 use crate::linear::read_ahead::Share;
@@ -40,7 +41,7 @@ pub struct Refresher<T> {
     guided: Vec<Vec3>,
 }
 
-impl<T: Real> Refresher<T> {
+impl<T: Precision> Refresher<T> {
     /// Makes a refresher for the free places of `matrix`, in their order, with all places at `rest` (m). `guided` is 1
     /// where an axis of a place is free and 0 where a support guides the axis; it is empty without supports. `code` is
     /// the code of the factorization.

@@ -19,7 +19,8 @@
 //! **Border.** `n` is the outer normal at rest of an edge of length `L` that has no neighbour. The faces of a straight
 //! tear are parallel to `e` and give nothing. A kink behind the tip or a border of the sheet within the rings does.
 //!
-//! The energy of bending is not in `W`; the sum over the vertices takes its forces as given loads.
+//! The energy of bending is not in `W`; the sum over the vertices takes its forces as given loads. The share of bending is
+//! in [`element::bending`](crate::element::bending), and is added where a tip moves on.
 
 use super::fields::times;
 use super::rings::{Laid, Patch};
@@ -78,6 +79,13 @@ impl Patch {
             sums.vertices += fe.dot(&node.force) / node.area;
         }
         sums
+    }
+
+    /// The elastic energy of the membrane in the triangles of the patch, over the thickness (J/m).
+    /// [`Patch::measure`] comes before.
+    pub(crate) fn energy(&self) -> f64 {
+        let energies = self.field.triangles.iter();
+        energies.map(|state| state.area * state.density).sum()
     }
 
     /// Calls `visit` with length (m), outer normal, mean of `q` and middle (m) of each edge of a triangle on a border.

@@ -110,6 +110,36 @@ pub struct Laid {
     placement: Placement,
 }
 
+/// How the material of a triangle shifts as the tear grows, in the plane of the patch.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shift {
+    /// The triangle in the sheet.
+    pub(crate) triangle: u32,
+    /// The corners at rest (m).
+    shape: [[f64; 2]; 3],
+    /// The shift of each corner for a unit of length: the cut-off function times the direction of the tear.
+    shifts: [[f64; 2]; 3],
+}
+
+impl Shift {
+    /// The corners at rest (m) after the tear has grown by a length (m).
+    pub(crate) fn moved(&self, by: f64) -> [[f64; 2]; 3] {
+        [0, 1, 2].map(|k| [0, 1].map(|j| self.shape[k][j] + by * self.shifts[k][j]))
+    }
+
+    /// The length of the longest side (m).
+    pub(crate) fn longest_side(&self) -> f64 {
+        let side = |k: usize| {
+            let (a, b) = (self.shape[k], self.shape[(k + 1) % 3]);
+            libm::hypot(b[0] - a[0], b[1] - a[1])
+        };
+        side(0).max(side(1)).max(side(2))
+    }
+}
+
+/// Stands for the place of a triangle around the patch.
+const AROUND: u32 = NONE - 1;
+
 /// The triangles and vertices about one tip, and the memory for all computations with them.
 ///
 /// The memory is reserved for the largest sheet and serves any number of tips, one after another.
@@ -124,6 +154,8 @@ pub struct Patch {
     /// Number of vertices with `q = 1`. They come first.
     pub(super) inner: usize,
     rings: usize,
+    /// The triangles around the patch that [`Patch::surround`] found.
+    around: Vec<u32>,
     /// Number of vertices for which the patch would need room, 0 if it suffices.
     lacking: usize,
     pub(super) along: [f64; 2],
@@ -140,6 +172,7 @@ impl Patch {
             triangles: Vec::with_capacity(triangles),
             inner: 0,
             rings: 0,
+            around: Vec::with_capacity(triangles),
             lacking: 0,
             along: [1.0, 0.0],
             field: Field::with_capacity(vertices, triangles),
@@ -251,8 +284,12 @@ impl Patch {
         for laid in &self.triangles {
             self.place_of_triangle[laid.triangle as usize] = NONE;
         }
+        for &triangle in &self.around {
+            self.place_of_triangle[triangle as usize] = NONE;
+        }
         self.vertices.clear();
         self.triangles.clear();
+        self.around.clear();
         self.field.clear();
         (self.inner, self.rings, self.lacking) = (0, 0, 0);
     }
@@ -315,6 +352,65 @@ impl Patch {
         } else {
             0.0
         }
+    }
+
+    /// Finds the triangles around the patch from which at most `steps` edges lead into it, by the neighbours of each
+    /// triangle of the sheet.
+    pub(crate) fn surround(&mut self, neighbours: &[[u32; 3]], steps: usize) {
+        let mut begin = 0;
+        for step in 0..steps {
+            let end = self.around.len();
+            let first = if step == 0 { self.triangles.len() } else { 0 };
+            for place in 0..first {
+                let triangle = self.triangles[place].triangle;
+                self.enter_neighbours(neighbours, triangle);
+            }
+            for place in begin..end {
+                self.enter_neighbours(neighbours, self.around[place]);
+            }
+            begin = end;
+        }
+    }
+
+    fn enter_neighbours(&mut self, neighbours: &[[u32; 3]], triangle: u32) {
+        for &next in neighbours.get(triangle as usize).into_iter().flatten() {
+            if let Some(place) = self.place_of_triangle.get_mut(next as usize)
+                && *place == NONE
+            {
+                *place = AROUND;
+                self.around.push(next);
+            }
+        }
+    }
+
+    /// The triangles around the patch that [`surround`](Self::surround) found.
+    pub(crate) fn around(&self) -> &[u32] {
+        &self.around
+    }
+
+    /// The shifts of the material of all triangles in which the cut-off function changes.
+    pub(crate) fn shifts(&self) -> impl Iterator<Item = Shift> + '_ {
+        self.triangles.iter().filter_map(|laid| {
+            let q = laid.corners.map(|place| self.q(place));
+            // A triangle that shifts as a whole keeps its energy.
+            (q[0] != q[1] || q[1] != q[2]).then(|| Shift {
+                triangle: laid.triangle,
+                shape: laid.shape,
+                shifts: q.map(|q| self.along.map(|along| q * along)),
+            })
+        })
+    }
+
+    /// By how much a vertex of the sheet follows a unit shift of the material about the tip: `q F e`. [`Patch::measure`]
+    /// comes before.
+    pub(crate) fn motion(&self, vertex: u32) -> Vec3 {
+        let place = self.place_of_vertex.get(vertex as usize);
+        // A vertex outside has a place beyond all others.
+        let node = place.and_then(|&place| self.field.nodes.get(place as usize));
+        let [x, y] = self.along;
+        node.map_or_else(Vec3::zeros, |node| {
+            (node.f[0] * x + node.f[1] * y) / node.area
+        })
     }
 
     /// The direction of the tear at the tip in the plane of the patch.

@@ -8,8 +8,8 @@ use nalgebra::UnitQuaternion;
 use physics::mesh::TriMesh;
 use physics::{
     Body, BodyConfig, BodyError, BodyMap, Border, Condenser, Equilibrium, EquilibriumOptions,
-    Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions, Material, Preconditioner, Real,
-    ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions, Material, Precision,
+    Preconditioner, ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
 const SIDE: f64 = 0.1;
@@ -269,7 +269,7 @@ fn furthest(body: &Body, other: &Body) -> f64 {
 const H: f64 = 2e-3;
 const STEPS: u32 = 40;
 
-fn stepped<T: Real>(mut body: Body, preconditioner: Preconditioner) -> Body {
+fn stepped<T: Precision>(mut body: Body, preconditioner: Preconditioner) -> Body {
     let options = StepperOptions {
         preconditioner,
         tolerance: 1e-10,

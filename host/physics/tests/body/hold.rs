@@ -6,7 +6,7 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Freedom, HandlePose, HandleSpec,
-    Integrator, IntegratorOptions, Material, Preconditioner, Real, ShapeOptions, Shapes,
+    Integrator, IntegratorOptions, Material, Precision, Preconditioner, ShapeOptions, Shapes,
     SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3, Weave,
 };
 
@@ -174,7 +174,7 @@ fn story(body: &Body) -> Vec<u64> {
     story
 }
 
-fn frozen<T: Real>(body: &Body, preconditioner: Preconditioner, story: &mut Vec<u64>) {
+fn frozen<T: Precision>(body: &Body, preconditioner: Preconditioner, story: &mut Vec<u64>) {
     let mut body = body.clone();
     let options = StepperOptions {
         preconditioner,

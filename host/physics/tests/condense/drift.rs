@@ -4,7 +4,7 @@ use crate::common;
 
 use common::*;
 use physics::{
-    Body, BodyConfig, Border, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Real,
+    Body, BodyConfig, Border, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Precision,
     ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
@@ -102,7 +102,7 @@ fn assembled(damping: f64) -> f64 {
     )
 }
 
-fn frozen<T: Real>(damping: f64) -> f64 {
+fn frozen<T: Precision>(damping: f64) -> f64 {
     error(
         damping,
         |body| {

@@ -1,7 +1,7 @@
 //! The stated numbers of operations of kernels against counted operations, and the memory of a stepper.
 
+use physics::Precision;
 use physics::element::bending;
-use physics::element::precision::Precision;
 use physics::element::tet4::{self, Tet, Tets};
 use physics::element::tet10::{self, QuadraticTet, QuadraticTets};
 use physics::element::triangle::triangles::{self, Triangle, Triangles};

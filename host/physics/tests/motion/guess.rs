@@ -3,7 +3,7 @@
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw,
+    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Precision, SolidLaw,
     SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
@@ -42,7 +42,7 @@ fn cube(scale: f64) -> Body {
 
 /// The iterations of each step of a motion of the upper face (m as a function of the time in s), and the final position
 /// of each vertex (m).
-fn drive<T: Real>(
+fn drive<T: Precision>(
     scale: f64,
     options: StepperOptions,
     (h, steps): (f64, u32),
@@ -75,7 +75,7 @@ fn options(guess: Guess) -> StepperOptions {
 }
 
 /// The iterations with each guess: the fitted guess, and the guesses of constant velocity and constant acceleration.
-fn each<T: Real>(
+fn each<T: Precision>(
     tolerance: f64,
     time: (f64, u32),
     motion: impl Fn(f64) -> Vec3,

@@ -4,8 +4,8 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::team::Work;
 use physics::{
-    Alone, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Preconditioner,
-    Real, SolidLaw, SolidMaterial, Stepper, StepperOptions, Team, Vec3,
+    Alone, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Precision,
+    Preconditioner, SolidLaw, SolidMaterial, Stepper, StepperOptions, Team, Vec3,
 };
 
 /// Does the second piece of work first.
@@ -71,7 +71,7 @@ fn cloth() -> Body {
 }
 
 /// The bits of the positions and of the force on the hand after some steps.
-fn bits<T: Real>(body: &Body, kind: Preconditioner, team: &'static dyn Team) -> Vec<u64> {
+fn bits<T: Precision>(body: &Body, kind: Preconditioner, team: &'static dyn Team) -> Vec<u64> {
     let mut body = body.clone();
     let options = StepperOptions {
         preconditioner: kind,
@@ -97,7 +97,7 @@ fn bits<T: Real>(body: &Body, kind: Preconditioner, team: &'static dyn Team) -> 
     bits
 }
 
-fn same_for_all<T: Real>(name: &str, body: &Body, kind: Preconditioner) {
+fn same_for_all<T: Precision>(name: &str, body: &Body, kind: Preconditioner) {
     let alone = bits::<T>(body, kind, &Alone);
     assert_eq!(bits::<T>(body, kind, &Turned), alone, "{name}");
     for threads in 2..=4 {

@@ -3,7 +3,7 @@
 use super::clock::{Times, cpu_time};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
-use physics::Real;
+use physics::Precision;
 use std::hint::black_box;
 
 /// Numbers that are read side by side: sixteen of the widest registers of `f64`, enough to hide the latency of a sum.
@@ -65,7 +65,7 @@ fn sum(block: &[f32]) -> f32 {
 /// Two units of either kind with a latency of three or four cycles need eight operations of each kind in flight. There
 /// are 32 registers of 64 bytes. There are 16 narrower registers, of which six and six leave some for the factor. The
 /// larger rate of the two is the machine's.
-pub(super) fn peak<T: Real>(time: f64) -> f64 {
+pub(super) fn peak<T: Precision>(time: f64) -> f64 {
     if size_of::<T>() == size_of::<f32>() {
         rate::<T, 16, 8>(0.5 * time).max(rate::<T, 8, 6>(0.5 * time))
     } else {
@@ -74,7 +74,7 @@ pub(super) fn peak<T: Real>(time: f64) -> f64 {
 }
 
 /// The same with `CHAINS` chains of vectors of `LANES` lanes.
-fn rate<T: Real, const LANES: usize, const CHAINS: usize>(time: f64) -> f64 {
+fn rate<T: Precision, const LANES: usize, const CHAINS: usize>(time: f64) -> f64 {
     let (start, one) = ([[T::of(1.0); LANES]; CHAINS], T::of(1.0));
     let (_, once) = median(time, || {
         black_box(multiply_and_add(black_box(&start), black_box(one)));
@@ -92,7 +92,7 @@ fn rate<T: Real, const LANES: usize, const CHAINS: usize>(time: f64) -> f64 {
         "x86_64+avx2+bmi1+bmi2"
     ))
 )]
-fn multiply_and_add<T: Real, const LANES: usize, const CHAINS: usize>(
+fn multiply_and_add<T: Precision, const LANES: usize, const CHAINS: usize>(
     start: &[[T; LANES]; CHAINS],
     one: T,
 ) -> [[T; LANES]; CHAINS] {

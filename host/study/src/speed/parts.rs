@@ -12,7 +12,7 @@ use super::cube::{EDGE, Stiffness, TOP, cube};
 use super::motion::Motion;
 use super::sheets;
 use crate::{Level, StudyError};
-use physics::{Body, Cost, HandlePose, Part, Real, Stepper, StepperOptions, Vec3};
+use physics::{Body, Cost, HandlePose, Part, Precision, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
 /// The parts, with their names.
@@ -161,7 +161,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Parts, 
 
 impl Task {
     /// Adds the parts of the step in `precision`, solved to `tolerance`, to `found`.
-    fn measure<T: Real>(
+    fn measure<T: Precision>(
         &self,
         precision: &'static str,
         tolerance: f64,
@@ -230,7 +230,7 @@ impl Task {
     }
 
     /// Takes all steps. Returns the median of their times (s) and the mean number of iterations.
-    fn steps<T: Real>(
+    fn steps<T: Precision>(
         &self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
@@ -303,7 +303,7 @@ fn whole(parts: &[Timed], step: f64, time: f64) -> Timed {
     rates(&cost, step, bandwidth(cost.touched, time), peak)
 }
 
-fn memory<T: Real>(
+fn memory<T: Precision>(
     name: &'static str,
     precision: &'static str,
     body: &Body,

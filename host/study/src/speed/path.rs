@@ -4,8 +4,8 @@
 
 use crate::StudyError;
 use physics::{
-    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Part, Preconditioner,
-    Real, Refresher, StepperOptions, TimeScheme,
+    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Part, Precision,
+    Preconditioner, Refresher, StepperOptions, TimeScheme,
 };
 use std::thread;
 
@@ -201,7 +201,7 @@ struct Frozen<T> {
     parts: usize,
 }
 
-impl<T: Real> Frozen<T> {
+impl<T: Precision> Frozen<T> {
     fn new(body: &Body, h: f64, options: StepperOptions) -> Result<Self, StudyError> {
         let mut stepper = physics::Stepper::<T>::new(body, options)?;
         stepper.prepare(body, h)?;
@@ -227,7 +227,7 @@ impl<T: Real> Frozen<T> {
     }
 }
 
-impl<T: Real> Steps for Frozen<T> {
+impl<T: Precision> Steps for Frozen<T> {
     fn step(
         &mut self,
         body: &mut Body,

@@ -3,7 +3,7 @@
 use super::clock::cpu_time;
 use super::path::Method;
 use crate::StudyError;
-use physics::{Body, Part, Real, Stepper, StepperOptions};
+use physics::{Body, Part, Precision, Stepper, StepperOptions};
 use serde::Serialize;
 
 /// The cost of one stepper.
@@ -17,7 +17,11 @@ pub struct SetUp {
     pub refresh: f64,
 }
 
-fn measure<T: Real>(body: &Body, h: f64, options: StepperOptions) -> Result<SetUp, StudyError> {
+fn measure<T: Precision>(
+    body: &Body,
+    h: f64,
+    options: StepperOptions,
+) -> Result<SetUp, StudyError> {
     let start = cpu_time();
     let mut stepper = Stepper::<T>::new(body, options)?;
     stepper.prepare(body, h)?;

@@ -190,6 +190,19 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
     bending
 }
 
+/// The matrix `plate` of a triangle without the moments of the sides that have no edge: the slopes there are free.
+pub(super) fn condensed(plate: &Mat3, bends: &[Vec3; 3], has_edge: [bool; 3]) -> Mat3 {
+    let mut plate = *plate;
+    for (has_edge, bend) in has_edge.iter().zip(bends) {
+        let moment = plate * bend;
+        let own = bend.dot(&moment);
+        if !has_edge && own > 0.0 {
+            plate -= moment * moment.transpose() / own;
+        }
+    }
+    plate
+}
+
 /// The constants of a triangle by whether it has an edge at each side and whether the derivative there leads out of it,
 /// and the largest stiffness that it may have (N/m).
 pub(super) fn facet(
@@ -203,14 +216,7 @@ pub(super) fn facet(
     let (bends, lengths) = bends(gradients, area);
     let mut plate = sheet.plate(triangle).matrix;
     let stiffest = plate.amax() * STIFFEST / lengths.into_iter().fold(0.0, f64::max).powi(2);
-    plate *= area;
-    for (has_edge, bend) in has_edge.iter().zip(&bends) {
-        let moment = plate * bend;
-        let own = bend.dot(&moment);
-        if !has_edge && own > 0.0 {
-            plate -= moment * moment.transpose() / own;
-        }
-    }
+    plate = condensed(&(plate * area), &bends, has_edge);
     let root = root(&plate).transpose();
     let weights = [0, 1, 2].map(|k| match (has_edge[k], leads_out[k]) {
         (false, _) => Vec3::zeros(),

@@ -55,6 +55,24 @@ pub(super) struct Bent {
     tau: [f64; 3],
 }
 
+impl Bent {
+    /// For each side, 1 where the derivative across it leads out of the triangle, and -1 where it leads into it.
+    fn leads_out(&self) -> [f64; 3] {
+        let [g1, g2] = self.g;
+        let inward = [-g1 - g2, g1, g2];
+        [0, 1, 2].map(|e| {
+            let leads_in = self.theta[e].dot(&inward[e]) > 0.0;
+            if leads_in { -1.0 } else { 1.0 }
+        })
+    }
+
+    /// The slopes at the sides, out of the triangle: sines of the angles between the triangle and the sheet there.
+    pub(super) fn outward_slopes(&self) -> [f64; 3] {
+        let signs = self.leads_out();
+        [0, 1, 2].map(|e| signs[e] * self.r[e] * self.tau[e])
+    }
+}
+
 impl Facet {
     /// The triangle with these derivatives at its sides and these two sides (m). `rest` is its weighted curvature at rest
     /// (sqrt(J)).
@@ -83,13 +101,9 @@ impl Facet {
 
     /// The same moments for slopes that lead out of the triangle. Some derivatives lead into the triangle.
     pub(super) fn outward_moments(&self, bent: &Bent) -> [f64; 3] {
-        let [g1, g2] = bent.g;
-        let inward = [-g1 - g2, g1, g2];
         let moments = self.moments(bent);
-        [0, 1, 2].map(|e| {
-            let leads_in = bent.theta[e].dot(&inward[e]) > 0.0;
-            if leads_in { -moments[e] } else { moments[e] }
-        })
+        let signs = bent.leads_out();
+        [0, 1, 2].map(|e| moments[e] * signs[e])
     }
 
     /// The derivative of the energy by the five vectors.

@@ -17,7 +17,7 @@
 //! - `curvature`: slopes, curvature and their derivatives for one triangle.
 //! - `exact`: forces, energy and stiffness of all triangles; `patch`: the vertices on which each triangle depends.
 //! - `tear`: how all this follows the edits of a torn sheet; `torn_facets`: the vector form of it. `few`: short lists.
-//! - `moment`: the moments in each triangle, for reports.
+//! - `moment`: the moments in each triangle, for reports. `release`: the bending energy that a tear gives up.
 //! - `facets`: forces and products in the form for vector instructions; `kernels`: its loops; `cost`: its operations.
 //!
 //! Deflections converge to those of the plate with the square of the size of the cells on any triangulation
@@ -32,6 +32,7 @@ mod few;
 mod kernels;
 mod moment;
 mod patch;
+mod release;
 mod rotation;
 pub(crate) mod scalar;
 mod sheet;

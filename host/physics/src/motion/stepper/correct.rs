@@ -17,8 +17,9 @@ use super::{Limits, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::guard::Energy;
+use crate::element::precision::Precision;
 use crate::error::StepError;
-use crate::lanes::{Real, to_vec};
+use crate::lanes::to_vec;
 
 /// The change of the motion, as a fraction of the motion, above which a step is corrected. With values from 0 to 0.03,
 /// mirrored bodies return to their right shape; the constant is half of the upper value.
@@ -66,7 +67,7 @@ pub(crate) fn turned(body: &Body) -> f64 {
     TURNED * (0..3).map(flat).fold(f64::INFINITY, f64::min)
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// The terms of the equation along the step as solved, before the elements are linearized at its end; `None` where
     /// no element can be inverted.
     pub(crate) fn promise(

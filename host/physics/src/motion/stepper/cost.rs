@@ -11,8 +11,9 @@
 use super::Stepper;
 use crate::cost::Cost;
 use crate::element::parts::Divided;
+use crate::element::precision::Precision;
 use crate::error::CondenseError;
-use crate::lanes::{Node, Real};
+use crate::lanes::Node;
 use crate::linear::vectors;
 
 /// A part of a step.
@@ -31,7 +32,7 @@ pub enum Part {
     Refresh,
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// The cost of a part; `None` for elements without a kernel of their own, whose cost is not counted, and for the
     /// refresh while the refresher is lent.
     ///

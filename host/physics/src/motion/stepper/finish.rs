@@ -6,11 +6,12 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::body::handle::HandlePose;
+use crate::element::precision::Precision;
 use crate::error::StepError;
-use crate::lanes::{Real, to_node, to_vec};
+use crate::lanes::{to_node, to_vec};
 use crate::team;
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Takes the step into `body`, and linearizes at its end.
     pub(crate) fn end(
         &mut self,

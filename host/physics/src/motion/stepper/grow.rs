@@ -14,8 +14,9 @@ use super::Stepper;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::element;
+use crate::element::precision::Precision;
 use crate::error::StepError;
-use crate::lanes::{Node, Real};
+use crate::lanes::Node;
 use crate::linear::torn::{Tie, TornFactor};
 use crate::topology::{Done, NONE, Origin, Reserve, Surface};
 
@@ -47,7 +48,7 @@ pub(super) fn spare(body: &Body) -> Reserve {
     })
 }
 
-impl<T: Real> Growth<T> {
+impl<T: Precision> Growth<T> {
     /// Room for `spare` vertices and triangles beside a factor of `first` places; there are `places` in all. `None` for
     /// a body that cannot tear.
     pub(super) fn new(
@@ -133,7 +134,7 @@ impl<T: Real> Growth<T> {
 }
 
 /// The sum of the values at `from` by their weights.
-fn mixed<T: Real, const N: usize>(values: &[Node<T>], from: &[(usize, T); N]) -> Node<T> {
+fn mixed<T: Precision, const N: usize>(values: &[Node<T>], from: &[(usize, T); N]) -> Node<T> {
     let mut sum = [T::ZERO; 4];
     for &(at, weight) in from {
         for i in 0..4 {
@@ -143,7 +144,7 @@ fn mixed<T: Real, const N: usize>(values: &[Node<T>], from: &[(usize, T); N]) ->
     sum
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Whether tears have added vertices that the factor lacks.
     pub fn has_grown(&self) -> bool {
         self.growth

@@ -15,7 +15,8 @@ use super::options::Guess;
 use super::{RUN, Stepper};
 use crate::body::Body;
 use crate::body::handle::HandlePose;
-use crate::lanes::{Node, Real, to_node};
+use crate::element::precision::Precision;
+use crate::lanes::{Node, to_node};
 use crate::team;
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
@@ -59,7 +60,7 @@ struct Lanes<T> {
     wanted: [Node<T>; KEPT],
 }
 
-impl<T: Real> Lanes<T> {
+impl<T: Precision> Lanes<T> {
     const ZERO: Self = Self {
         pairs: [[T::ZERO; 4]; PAIRS],
         wanted: [[T::ZERO; 4]; KEPT],
@@ -83,7 +84,7 @@ impl<T: Real> Lanes<T> {
 }
 
 impl Sums {
-    fn add<T: Real>(&mut self, lanes: &Lanes<T>) {
+    fn add<T: Precision>(&mut self, lanes: &Lanes<T>) {
         let total = |lanes: &Node<T>| lanes.iter().map(|lane| lane.to_f64()).sum::<f64>();
         for (sum, lanes) in self.pairs.iter_mut().zip(&lanes.pairs) {
             *sum += total(lanes);
@@ -148,7 +149,7 @@ impl Sums {
 
 /// The differences one step later, when the velocity is `v`.
 #[inline(always)]
-fn next<T: Real>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
+fn next<T: Precision>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
     let mut new = [*v; KEPT];
     for order in 1..KEPT {
         for i in 0..4 {
@@ -160,7 +161,7 @@ fn next<T: Real>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
 
 /// Advances free nodes by one step to `velocity`, and sums the data of a fit that would have predicted this step.
 #[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
-fn follow<T: Real>(differences: &mut [Differences<T>], velocity: &[Node<T>], sums: &mut Sums) {
+fn follow<T: Precision>(differences: &mut [Differences<T>], velocity: &[Node<T>], sums: &mut Sums) {
     for (differences, velocity) in differences.chunks_mut(BLOCK).zip(velocity.chunks(BLOCK)) {
         let mut lanes = Lanes::ZERO;
         let sample = SAMPLE.min(differences.len());
@@ -183,7 +184,7 @@ fn follow<T: Real>(differences: &mut [Differences<T>], velocity: &[Node<T>], sum
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
 )]
-fn lead<T: Real>(
+fn lead<T: Precision>(
     differences: &mut [Differences<T>],
     velocity: &[Node<T>],
     u: &[Node<T>],
@@ -207,7 +208,7 @@ fn lead<T: Real>(
 
 /// `u := h (v + weights . differences)`.
 #[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
-fn extrapolate<T: Real>(
+fn extrapolate<T: Precision>(
     differences: &[Differences<T>],
     h: T,
     weights: &[T; KEPT],
@@ -224,7 +225,7 @@ fn extrapolate<T: Real>(
     }
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Begins a new history, as if the body had always moved at its present velocity.
     pub(crate) fn begin_history(&mut self, body: &Body) {
         for (kept, &node) in self.history.iter_mut().zip(&self.node) {

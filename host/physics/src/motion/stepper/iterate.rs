@@ -1,7 +1,8 @@
 //! The solver of a stepper: conjugate gradients, preconditioned by a frozen factor.
 
 use super::{RUN, Stepper, StepperReport, total};
-use crate::lanes::{Real, to_vec};
+use crate::element::precision::Precision;
+use crate::lanes::to_vec;
 use crate::linear::vectors;
 use crate::team;
 
@@ -15,7 +16,7 @@ pub(crate) struct Limits {
     pub(crate) max_iterations: usize,
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Conjugate gradients from `u` and `residual` (Saad, "Iterative methods for sparse linear systems", algorithm
     /// 9.1). Held places have no direction. Their residual is updated in each iteration; it is minus the force of the
     /// hand.

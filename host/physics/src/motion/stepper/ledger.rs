@@ -19,7 +19,8 @@
 use super::Stepper;
 use crate::Vec3;
 use crate::body::Body;
-use crate::lanes::{Real, to_vec};
+use crate::element::precision::Precision;
+use crate::lanes::to_vec;
 use core::ops::AddAssign;
 
 /// The account of a step, or of several (J).
@@ -130,7 +131,7 @@ impl Account {
     }
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Keeps an account of each step from now on, or no longer.
     pub fn keep_ledger(&mut self, keep: bool) {
         self.ledger = keep.then(|| {

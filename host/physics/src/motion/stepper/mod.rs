@@ -39,9 +39,10 @@ use super::sleep::Sleep;
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
+use crate::element::precision::Precision;
 use crate::element::{self, Elements, parts::Divided};
 use crate::error::{CondenseError, StepError};
-use crate::lanes::{Node, Real, to_node, to_vec};
+use crate::lanes::{Node, to_node, to_vec};
 use crate::linear::precondition::{self, Preconditioner, Solves};
 use crate::team::{self, Alone, Team};
 use stages::Underway;
@@ -168,7 +169,7 @@ fn sets<E>(body: &Body, place: &[u32], of_set: impl Fn(Box<dyn Elements>) -> E) 
     in_order.collect()
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Makes a stepper for `body` with its present connectivity, handles and supports. Where these change, the stepper
     /// [follows](Self::follow).
     ///

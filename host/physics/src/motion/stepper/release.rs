@@ -29,7 +29,8 @@
 use super::{Limits, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
-use crate::lanes::{Node, Real, to_node, to_vec};
+use crate::element::precision::Precision;
+use crate::lanes::{Node, to_node, to_vec};
 
 /// The length of the offset, as a fraction of the opening at which the force is lost.
 const OFFSET: f64 = 0.05;
@@ -307,7 +308,7 @@ impl Pairs {
     }
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Room for `most` pairs of vertices that let each other go at the same time. Pairs that there are vanish.
     pub fn reserve_pairs(&mut self, most: usize) {
         self.pairs = Pairs::new(most);

@@ -7,8 +7,8 @@
 use super::{Limits, Stepper, StepperReport, factors};
 use crate::body::Body;
 use crate::body::handle::HandlePose;
+use crate::element::precision::Precision;
 use crate::error::StepError;
-use crate::lanes::Real;
 
 /// The stage that a step has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub(super) struct Underway {
     report: StepperReport,
 }
 
-impl<T: Real> Stepper<T> {
+impl<T: Precision> Stepper<T> {
     /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle. `out_of_time` is called after each
     /// iteration. If it returns true, the step uses the solution so far.
     ///

@@ -8,7 +8,7 @@
 use super::{Tearing, TipState};
 use crate::Vec3;
 use crate::body::Body;
-use crate::lanes::Real;
+use crate::element::precision::Precision;
 use crate::motion::stepper::Stepper;
 use crate::tear::TearLaw;
 
@@ -30,7 +30,7 @@ impl Tearing {
     /// The tip that is nearest to going on, and the slopes of its root by motions of the handles (sqrt(J/m²) per m or
     /// rad). `shape` gives the displacement of a vertex for a motion, by the number of the motion. `None` under the law
     /// `thesis`, and where no tip can go on: all wait for pairs, or are hardly driven.
-    pub fn limit<T: Real>(
+    pub fn limit<T: Precision>(
         &mut self,
         body: &Body,
         stepper: &Stepper<T>,
@@ -56,7 +56,7 @@ impl Tearing {
             }
         }
         let (tip, rate) = nearest?;
-        self.drive(body, &tip)?;
+        let bending = self.drive(body, &tip)?.bending;
         let root = libm::sqrt(rate);
         let x = body.node_positions();
         self.displaced.clear();
@@ -66,7 +66,8 @@ impl Tearing {
                 self.displaced[vertex as usize] += shape(motion, vertex) * SMALL;
             }
             self.patch.measure(&self.displaced, &material).ok()?;
-            let moved = self.patch.driving().rate();
+            // The share of bending changes little over so small a motion.
+            let moved = self.patch.driving().rate() + bending;
             *slope = (libm::sqrt(moved.max(0.0)) - root) / SMALL;
             for vertex in self.patch.vertices() {
                 self.displaced[vertex as usize] = x[vertex as usize];

@@ -22,8 +22,8 @@ pub use tips::{Course, TipState};
 use super::stepper::{Pair, Stepper};
 use crate::Vec3;
 use crate::body::Body;
+use crate::element::precision::Precision;
 use crate::error::TearingError;
-use crate::lanes::Real;
 use crate::tear::strength::Symmetric;
 use crate::tear::{Patch, Sheet, TearLaw, TearMaterial};
 use crate::topology::{AdvanceOptions, Done, Edit, NONE, Surface};
@@ -160,7 +160,11 @@ impl Tearing {
     }
 
     /// Lets the tears grow after a step of `stepper`. Returns what tore so far.
-    pub fn advance<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) -> &TearReport {
+    pub fn advance<T: Precision>(
+        &mut self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+    ) -> &TearReport {
         self.report.driving = 0.0;
         self.report.stress = 0.0;
         match self.options.material.law {
@@ -208,7 +212,7 @@ impl Tearing {
     }
 
     /// Makes an edit, lets the stepper follow, and ties the sides of the new edges. Returns whether the edit was made.
-    fn make<T: Real>(
+    fn make<T: Precision>(
         &mut self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
@@ -269,7 +273,7 @@ impl Tearing {
 impl Tearing {
     /// Ties the sides of new edges of this `length` (m), so that they let go of each other gradually. Returns a pair to
     /// wait for, if there is one.
-    fn tie<T: Real>(
+    fn tie<T: Precision>(
         &self,
         body: &Body,
         stepper: &mut Stepper<T>,
@@ -319,7 +323,7 @@ impl Tearing {
 ///
 /// A force that is inclined to the sheet by 30 degrees or more counts as out of the plane. Below, the square of its part
 /// across the sheet mixes both.
-fn stronger<T: Real>(
+fn stronger<T: Precision>(
     stepper: &mut Stepper<T>,
     nodes: [u32; 2],
     force: &Vec3,

@@ -7,7 +7,7 @@
 use super::tips::ahead;
 use super::{Course, MOST_TIPS, Tearing, sheet};
 use crate::body::Body;
-use crate::lanes::Real;
+use crate::element::precision::Precision;
 use crate::motion::stepper::Stepper;
 use crate::tear::RINGS;
 use crate::tear::strength::{Candidate, cannot_start, highest, stresses};
@@ -15,7 +15,7 @@ use crate::topology::{Edit, Growth, NONE, Surface};
 
 impl Tearing {
     /// Starts a tear where the stress is highest, if it reaches the strength.
-    pub(super) fn start<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
+    pub(super) fn start<T: Precision>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
         if self.tips.len() + 2 > MOST_TIPS {
             return;
         }

@@ -2,7 +2,7 @@
 
 use super::{MOST_EDGES, Tearing, sheet};
 use crate::body::Body;
-use crate::lanes::Real;
+use crate::element::precision::Precision;
 use crate::motion::stepper::Stepper;
 use crate::tear::fields::stretch;
 use crate::tear::strength::{candidate, onwards};
@@ -66,9 +66,13 @@ impl TipState {
     }
 }
 
-/// What drives a tip: the energy release rate along its path (J/m²) and the fan angle of this path (rad).
+/// What drives a tip.
 pub(super) struct Drive {
+    /// The energy release rate along its path, with bending (J/m²).
     pub(super) rate: f64,
+    /// The share of bending (J/m²).
+    pub(super) bending: f64,
+    /// The fan angle of the path (rad).
     pub(super) direction: f64,
 }
 
@@ -101,8 +105,11 @@ impl Tearing {
             .patch
             .measure(body.node_positions(), &self.options.material);
         measured.ok()?;
+        let material = &self.options.material;
+        let bending = body.bending_release(&mut self.patch) / material.thickness;
         Some(Drive {
-            rate: self.patch.driving().rate(),
+            rate: self.patch.driving().rate() + bending,
+            bending,
             direction,
         })
     }
@@ -144,7 +151,11 @@ impl Tearing {
 
     /// Lets the tips go on whose energy release rate is at least the toughness. A tip waits until the pair behind it has
     /// let go.
-    pub(super) fn advance_by_energy<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
+    pub(super) fn advance_by_energy<T: Precision>(
+        &mut self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+    ) {
         let mut number = 0;
         while let Some(&(mut tip)) = self.tips.get(number) {
             for _ in 0..MOST_EDGES {
@@ -192,7 +203,11 @@ impl Tearing {
 
     /// The law of the thesis: of all tips, the one with the highest principal stress goes on by one edge, if that stress is
     /// at least the strength, orthogonal to the direction of the stress and never backwards (Le Gouis et al. 2017).
-    pub(super) fn advance_by_stress<T: Real>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
+    pub(super) fn advance_by_stress<T: Precision>(
+        &mut self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+    ) {
         let Some(surface) = body.surface() else {
             return;
         };

@@ -1,7 +1,7 @@
 //! Times of the frozen factor in microseconds: factorization, refresh of the panels, solve (the least and the median of
 //! many), with the number of stored entries.
 //!
-//! `cargo run --release -p palpate-physics --example linear_panels`
+//! `cargo bench -p palpate-physics --bench linear_panels`
 
 use physics::linear::cholesky::Cholesky;
 use physics::linear::factor::Factor;

@@ -1,15 +1,15 @@
 //! Times of the realtime step on the reference cube.
 //!
-//! `cargo run --release -p palpate-physics --example motion_cube`
+//! `cargo bench -p palpate-physics --bench motion_cube`
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw,
+    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Precision, SolidLaw,
     SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 use std::time::Instant;
 
-fn run<T: Real>(n: u32, h: f64, options: StepperOptions, name: &str) {
+fn run<T: Precision>(n: u32, h: f64, options: StepperOptions, name: &str) {
     let mesh = solid_box([0.1; 3], [n; 3]).unwrap();
     let material = SolidMaterial {
         young: 2e4,

@@ -1,6 +1,6 @@
 //! Times the element kernels of the realtime step on a box of 6,000 tetrahedra and a sheet of 1,404 triangles, one thread.
 //!
-//! `cargo run --release -p palpate-physics --example element_kernels`
+//! `cargo bench -p palpate-physics --bench element_kernels`
 
 use physics::element::tet4::{Tet, Tets};
 use physics::element::triangle::triangles::{Triangle, Triangles};

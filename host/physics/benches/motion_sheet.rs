@@ -1,12 +1,12 @@
 //! Times of the realtime step on a strip of 1,404 triangles with bending, on one thread. Two hands hold the ends of the
 //! strip, and one of them pulls, lifts and turns its end.
 //!
-//! `cargo run --release -p palpate-physics --example motion_sheet`
+//! `cargo bench -p palpate-physics --bench motion_sheet`
 
 use nalgebra::UnitQuaternion;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::{
-    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Material, Real, Stepper,
+    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Material, Precision, Stepper,
     StepperOptions, Vec3,
 };
 use std::error::Error;
@@ -44,7 +44,7 @@ fn strip() -> Result<(Body, [HandleSpec; 2]), Box<dyn Error>> {
     Ok((body, handles))
 }
 
-fn row<T: Real>(what: &str, h: f64, options: StepperOptions) -> Result<(), Box<dyn Error>> {
+fn row<T: Precision>(what: &str, h: f64, options: StepperOptions) -> Result<(), Box<dyn Error>> {
     let (mut body, handles) = strip()?;
     let mut stepper = Stepper::<T>::new(&body, options)?;
     let mut poses = handles.map(|handle| HandlePose::at(handle.origin));

@@ -1,7 +1,7 @@
 //! Why some steps take longer than others: the slowest steps by their stages, the time of a step after a pause, and the
 //! time of a step that takes a new factor.
 //!
-//! `cargo run --release -p palpate-physics --example motion_tails`
+//! `cargo bench -p palpate-physics --bench motion_tails`
 //!
 //! The body is the cube of 6,000 tetrahedra of `palpate bench speed`, solved to 1e-6. All times are of the wall clock.
 

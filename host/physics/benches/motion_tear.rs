@@ -2,7 +2,7 @@
 //! before the first edit, and from the first edit on. The sheet that cannot tear shows what following edits costs. The
 //! local model is computed with all shapes, and with one shape at a time.
 //!
-//! `cargo run --release -p palpate-physics --example motion_tear`
+//! `cargo bench -p palpate-physics --bench motion_tear`
 
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
