@@ -215,6 +215,17 @@ impl Patch {
         sum.try_normalize(0.0).unwrap_or_else(Vec3::zeros)
     }
 
+    /// The sum of the squares of the angles between neighbouring triangles of the patch (rad²), if they are small;
+    /// zero before [`Patch::measure`].
+    pub(crate) fn folding(&self) -> f64 {
+        let states = self.triangles.iter().zip(&self.field.triangles);
+        let squares = states.filter_map(|(laid, state)| {
+            let parent = self.field.triangles.get(laid.parent as usize)?;
+            Some((state.normal - parent.normal).norm_squared())
+        });
+        squares.sum()
+    }
+
     fn sum_nodes(&mut self) {
         self.field.nodes.resize(self.inner, NOTHING);
         for (laid, state) in self.triangles.iter().zip(&self.field.triangles) {

@@ -25,8 +25,12 @@ use crate::{Mat3, Vec3};
 /// Steps from triangle to triangle by which the derivative across an edge sees a vertex.
 const SEEN: usize = 3;
 
-/// The least share of the bending energy about the tip that counts, as a fraction of the energy of the membrane there.
+/// The least bending energy about the tip that counts, as a fraction of the energy of the membrane there.
 const LEAST: f64 = 1e-4;
+
+/// The largest energy that would bend the flat sheet to its shape at rest, as a fraction of the bending energy. The shape
+/// of a flat sheet has rounding errors.
+const FLAT: f64 = 1e-3;
 
 /// The shift for the derivative of the energy, as a fraction of the longest side of a triangle. Differences to both sides
 /// err by about the square.
@@ -35,7 +39,7 @@ const SMALL: f64 = 1e-4;
 impl BentSheet {
     /// The bending energy that the sheet gives up for a unit of length by which the tear of `patch` grows (J/m), at the
     /// positions `x` (m). `nodes` is the vertex of each place in `bending`. [`Patch::measure`] comes before. The result is
-    /// 0 where the sheet is almost flat about the tip.
+    /// 0 where the sheet is almost flat about the tip, and where it is curved at rest.
     pub(crate) fn release(
         &self,
         bending: &Bending,
@@ -43,10 +47,19 @@ impl BentSheet {
         x: &[Vec3],
         nodes: &[u32],
     ) -> f64 {
-        let triangles = patch.triangles().iter();
-        let bent = triangles.map(|laid| bending.energy_of(laid.triangle as usize, x, nodes));
-        let thickness = self.plate(0).thickness;
-        if bending.is_curved_at_rest() || bent.sum::<f64>() <= LEAST * thickness * patch.energy() {
+        let plate = self.plate(0);
+        // A fold by a small angle takes about the stiffness times the square of the angle.
+        if plate.matrix[(0, 0)] * patch.folding() <= LEAST * plate.thickness * patch.energy() {
+            return 0.0;
+        }
+        let triangles = patch.triangles().iter().map(|laid| laid.triangle as usize);
+        let (bent, at_rest) = triangles.fold((0.0, 0.0), |(bent, at_rest), triangle| {
+            (
+                bent + bending.energy_of(triangle, x, nodes),
+                at_rest + 0.5 * bending.rest_curvature(triangle).norm_squared(),
+            )
+        });
+        if at_rest > FLAT * bent {
             return 0.0;
         }
         let domain = self.shifted(bending, patch, x, nodes);
@@ -104,11 +117,6 @@ fn bent_energy(
 }
 
 impl Bending {
-    /// Whether a triangle is curved at rest.
-    fn is_curved_at_rest(&self) -> bool {
-        !self.rest.is_empty()
-    }
-
     /// The slopes at the sides of a triangle, positive where the sheet bends to the side of the normal outside of the side,
     /// and whether there is an edge at each side.
     fn outward_slopes(&self, triangle: usize, x: &[Vec3], nodes: &[u32]) -> ([f64; 3], [bool; 3]) {
