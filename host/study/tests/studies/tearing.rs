@@ -23,13 +23,13 @@ fn the_mesh_matters_little_under_the_law_of_toughness() {
         let found = found.expect("the law");
         (found.plateau, found.energy)
     };
-    // Issue 18 asks for 10 %.
+    // A tenth is what the book promises.
     let (plateau, energy) = spread("toughness");
     assert!(plateau < 0.1 && energy < 0.1, "{:?}", found.tears);
     let thesis = spread("thesis");
     assert!(plateau < thesis.0, "{:?}", found.tears);
     for test in &found.trousers {
-        // Issue 18 asks for 10 %. Damping and the integrator lose 3 %.
+        // A tenth is what the book promises. Damping and the integrator lose 3 %.
         assert!(test.error().abs() < 0.1, "{test:?}");
     }
 }
@@ -48,7 +48,7 @@ fn letting_go_takes_the_toughness_times_the_torn_area() {
         let taken = (account.released + account.pending) / account.due;
         // The sum of some thousand steps.
         assert!((taken - 1.0).abs() < 1e-9, "{account:?}");
-        // The work of the pairs alone; their last steps err. Issue 18 asks for 0.1 % of the account.
+        // The work of the pairs alone; their last steps err. A tenth of a percent is the bound of the whole account.
         let alone = account.released / account.due;
         assert!((alone - 1.0).abs() < 1e-3, "{account:?}");
     }
