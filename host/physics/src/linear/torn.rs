@@ -19,7 +19,8 @@
 //! ```
 //!
 //! The columns `X` and the Cholesky factor of the small `Sigma` are kept. An edit computes the columns of its own
-//! nodes and of those near it, three solves with the old factor each. All matrices are those at the state of the
+//! nodes and of the nodes at which these are tied, three solves with the old factor each. The motions of other nodes, and
+//! with them the columns, stay the same functions over the sheet: only their rows of `Sigma` change. All matrices are those at the state of the
 //! factor, for the Schur complement of two different states may be indefinite. The sum is positive definite for any `X`
 //! and any positive definite `Sigma`. Errors of the old factor therefore cost iterations only.
 //!
@@ -70,8 +71,9 @@ impl Tie {
 struct Row {
     /// Places with their blocks.
     blocks: Vec<(u32, Mat3)>,
-    /// Whether the row has changed since the columns were computed.
+    /// Whether the row has changed since `Sigma` was computed, and whether the columns have to be computed anew.
     changed: bool,
+    is_due: bool,
     /// The mass of the node in the matrix (kg/s^2), as far as it was given.
     mass: f64,
 }
@@ -116,6 +118,7 @@ impl TornFactor {
         let row = || Row {
             blocks: Vec::with_capacity(MOST_BLOCKS),
             changed: false,
+            is_due: false,
             mass: 0.0,
         };
         let (stride, size) = (old + most, 3 * capacity);
@@ -187,12 +190,28 @@ impl TornFactor {
             }
             column[place] = own;
         }
+        for (end, weight) in tie.weights() {
+            if weight != 0.0 && end >= self.old {
+                self.begin(end - self.old);
+            }
+        }
         self.begin(at);
         true
     }
 
-    /// Empties the row of a new node, counted from the first, so that it is given anew. Other numbers are ignored.
+    /// Empties the row of a new node, counted from the first, so that it is given anew, and its columns are computed.
+    /// Other numbers are ignored.
     pub fn begin(&mut self, node: usize) {
+        self.renew(node);
+        let count = self.count();
+        if let Some(row) = self.rows[..count].get_mut(node) {
+            row.is_due = true;
+        }
+    }
+
+    /// Empties the row of a new node, so that it is given anew; its columns are kept. This serves where edges were opened
+    /// or divided beside the node, and no vertex moved at rest.
+    pub fn renew(&mut self, node: usize) {
         let count = self.count();
         if let Some(row) = self.rows[..count].get_mut(node) {
             row.blocks.clear();
@@ -239,7 +258,7 @@ impl TornFactor {
             return;
         };
         for node in first..joined {
-            if self.rows[node].changed {
+            if self.rows[node].is_due {
                 for axis in 0..3 {
                     self.make_column(node, axis, mask, &mut solve);
                 }
@@ -261,7 +280,7 @@ impl TornFactor {
             }
         }
         for row in &mut self.rows {
-            row.changed = false;
+            (row.changed, row.is_due) = (false, false);
         }
         self.eliminate(3 * first, 3 * joined);
     }
@@ -471,18 +490,8 @@ impl TornFactor {
         }
         for column in 0..joined {
             let start = self.column_start(column);
-            add_column(
-                self.small[column] as f32,
-                &self.columns[start..start + end],
-                r,
-            );
+            let x = &self.columns[start..start + end];
+            vectors::add_single(self.small[column] as f32, x, r);
         }
-    }
-}
-
-/// `y += factor x`.
-fn add_column(factor: f32, x: &[Node<f32>], y: &mut [Node<f32>]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        add_times(y, factor, x);
     }
 }

@@ -113,6 +113,19 @@ pub(crate) fn advance<T: Real>(
     add_up(&sums)
 }
 
+/// `y := y + factor x`, over the smaller length.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
+pub(crate) fn add_single(factor: f32, x: &[Node<f32>], y: &mut [Node<f32>]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        for i in 0..4 {
+            y[i] += factor * x[i];
+        }
+    }
+}
+
 /// `v := mask v`, over the length of the mask.
 pub(crate) fn filter<T: Real, U: Real>(mask: &[Node<T>], v: &mut [Node<U>]) {
     for (v, mask) in v.iter_mut().zip(mask) {

@@ -158,12 +158,12 @@ fn print_feel(feel: &Feel) {
         feel.window[1]
     );
     outln!(
-        "| steps Hz | publications Hz | tear limit | median error | 95 % | worst N | ripple 20-400 Hz N | edits | torn area | faults |"
+        "| steps Hz | publications Hz | tear limit | median error | 95 % | worst N | ripple 20-400 Hz N | of the error N | edits | torn area | faults |"
     );
-    outln!("|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|");
     for cell in &feel.cells {
         outln!(
-            "| {} | {} | {} | {:.2} % | {:.2} % | {:.3} | {:.4} | {} | {:.3} | {} |",
+            "| {} | {} | {} | {:.2} % | {:.2} % | {:.3} | {:.4} | {:.4} | {} | {:.3} | {} |",
             cell.step_rate,
             cell.publish_rate,
             if cell.limited { "yes" } else { "no" },
@@ -171,6 +171,7 @@ fn print_feel(feel: &Feel) {
             100.0 * cell.p95,
             cell.worst,
             cell.ripple,
+            cell.error_ripple,
             cell.torn,
             cell.area,
             cell.faults

@@ -83,7 +83,7 @@ fn account(pattern: Pattern, triangles: usize) -> Result<Account, StudyError> {
         gravity: 9.81,
         snapping: 0.3,
         length: f64::INFINITY,
-        longest: 2.5,
+        longest: 5.0,
     };
     let torn = pull.run()?;
     let stored = torn.moments.last().map_or(0.0, |moment| moment.stored);

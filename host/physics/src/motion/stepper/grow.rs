@@ -94,8 +94,9 @@ impl<T: Precision> Growth<T> {
     }
 
     /// Empties the rows of the new vertices that the latest edit may have changed: those of the touched triangles, and
-    /// of the triangles beside them, with which they bend.
-    fn begin_rows(&mut self, surface: &Surface, place: &[u32]) {
+    /// of the triangles beside them, with which they bend. The columns of earlier vertices are kept unless vertices have
+    /// `moved` at rest.
+    fn begin_rows(&mut self, surface: &Surface, place: &[u32], moved: bool) {
         for &triangle in surface.touched() {
             let beside = surface.neighbours()[triangle as usize];
             for triangle in beside.into_iter().chain([triangle]) {
@@ -104,8 +105,10 @@ impl<T: Precision> Growth<T> {
                 }
                 for vertex in surface.triangles()[triangle as usize] {
                     let place = place[vertex as usize] as usize;
-                    if let Some(node) = place.checked_sub(self.first) {
-                        self.factor.begin(node);
+                    match place.checked_sub(self.first) {
+                        Some(node) if moved => self.factor.begin(node),
+                        Some(node) => self.factor.renew(node),
+                        None => {}
                     }
                 }
             }
@@ -236,7 +239,8 @@ impl<T: Precision> Stepper<T> {
         for set in &mut self.elements {
             set.follow(&torn);
         }
-        growth.begin_rows(surface, &self.place);
+        let moved = done.moved.iter().flatten().next().is_some();
+        growth.begin_rows(surface, &self.place, moved);
         growth.is_due = true;
         self.growth = Some(growth);
         self.pairs.forget_responses();

@@ -39,6 +39,11 @@ impl<T: Precision> Stepper<T> {
         let mut rz = 1.0;
         while !report.converged && report.iterations < limits.max_iterations {
             let rz_new = self.precondition();
+            // The preconditioner is positive definite. Any other product is rounding, or a state that has diverged.
+            if !(rz_new > 0.0 && rz_new.is_finite()) {
+                self.p.fill([T::ZERO; 4]);
+                break;
+            }
             let beta = if report.iterations == 0 {
                 0.0
             } else {
@@ -116,6 +121,7 @@ impl<T: Precision> Stepper<T> {
             vectors::round(residual, z);
         });
         self.solve_factor();
+        self.hold_pairs();
         let places = (&self.z[..free], &*self.residual);
         let products = team::runs(self.team, places, RUN, &mut self.sums, &|(z, residual)| {
             vectors::dot_single(z, residual)

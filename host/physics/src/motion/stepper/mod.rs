@@ -17,6 +17,7 @@
 //! The next step begins with the forces and the tangent at the end of the last step. The energy there bounds the step
 //! (`guard`) at no further cost.
 
+mod compliance;
 mod correct;
 mod cost;
 mod finish;

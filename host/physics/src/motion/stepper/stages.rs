@@ -117,8 +117,10 @@ impl<T: Precision> Stepper<T> {
         }
         self.stepped = None;
         self.prescribe(body, h, targets);
-        self.foresee_pairs();
+        self.respond();
+        self.follow_pairs();
         let reference = self.start(body, h, factors.0, factors.1);
+        self.foresee_pairs();
         let goal = self.options.tolerance * reference;
         // A body at rest whose residual is only rounding stays where it is.
         let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {

@@ -52,6 +52,8 @@ pub struct Cell {
     pub worst: f64,
     /// Ripple of the force along the pull from 20 to 400 Hz (N, RMS): the larger of the hands.
     pub ripple: f64,
+    /// Ripple of the error of that force from 20 to 400 Hz (N, RMS): the larger of the hands.
+    pub error_ripple: f64,
     /// Steps in which the topology changed.
     pub torn: u64,
     /// Torn area, as a fraction of that of the reference (1).
@@ -197,10 +199,14 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
             let mut errors: Vec<f64> = pairs.map(|(force, exact)| (force - exact).norm()).collect();
             errors.sort_by(f64::total_cmp);
             let at = |part: f64| errors[((errors.len() - 1) as f64 * part) as usize];
-            let ripples = ways.iter().take(2).enumerate().map(|(hand, way)| {
-                let along: Vec<f64> = forces.iter().map(|force| way.dot(&force[hand])).collect();
-                band(&along)
-            });
+            let ripple = |value: &dyn Fn(usize, usize) -> rt_core::Vec3| {
+                let hands = ways.iter().take(2).enumerate().map(|(hand, way)| {
+                    let ticks = 0..forces.len();
+                    let along: Vec<f64> = ticks.map(|at| way.dot(&value(at, hand))).collect();
+                    band(&along)
+                });
+                hands.fold(0.0, f64::max)
+            };
             cells.push(Cell {
                 step_rate: rate,
                 publish_rate: rate / steps as f64,
@@ -208,7 +214,8 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
                 median: at(0.5) / plateau,
                 p95: at(0.95) / plateau,
                 worst: at(1.0),
-                ripple: ripples.fold(0.0, f64::max),
+                ripple: ripple(&|at, hand| forces[at][hand]),
+                error_ripple: ripple(&|at, hand| forces[at][hand] - exact[at][hand]),
                 torn: rival.engine.stats().torn,
                 area: rival.area() / area,
                 faults: rival.engine.stats().faults,
