@@ -339,9 +339,13 @@ fn the_account_of_every_step_closes() {
 #[test]
 fn a_pair_takes_its_energy_on_every_path() {
     let mut random = Random(17);
-    for _ in 0..200 {
+    for path in 0..400 {
         let force = random.vector() * 3.0;
         let mut pair = Pair::new([0, 1], &force, 1e-3).unwrap();
+        // Every other pair weakens where it unloads.
+        if path % 2 == 1 {
+            pair = pair.weakening(0.3 * force.norm());
+        }
         while !pair.is_over() {
             // The opening grows and shrinks along the line between the vertices.
             let opening = pair.opening();
@@ -356,6 +360,25 @@ fn a_pair_takes_its_energy_on_every_path() {
 }
 
 /// A sheet whose tear has just moved on by a vertex, pulled until the pair behind the tip has let go.
+#[test]
+fn a_weakening_pair_keeps_its_force_and_forgets_its_strength() {
+    let force = Vec3::y() * 10.0;
+    let pair = Pair::new([0, 1], &force, 1e-3).unwrap();
+    let half = -pair.apart * 0.5;
+    for (floor, strength) in [(0.0, 5.0), (8.0, 8.0), (f64::INFINITY, 10.0)] {
+        let mut pair = pair.weakening(floor);
+        pair.advance(7.5, &half);
+        // On the unloading line, whatever its end.
+        assert!((pair.force - 5.0).abs() < 1e-12, "{pair:?}");
+        let highest = pair.step_force(pair.largest);
+        // The mean of the present force and the strength.
+        assert!(
+            (highest - 0.5 * (5.0 + strength)).abs() < 1e-12,
+            "{highest}"
+        );
+    }
+}
+
 #[test]
 fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
     for energy in [1e-7, 1e-5, 1e-4] {

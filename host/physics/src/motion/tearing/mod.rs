@@ -296,10 +296,9 @@ impl Tearing {
         let mut first = None;
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
-            let factor = stronger(stepper, nodes, &force, (energy, length), &normal);
-            let force = force * factor;
-            if let Some(pair) = Pair::new(nodes, &force, energy)
-                && stepper.add_pair(pair)
+            let strength = strength(stepper, nodes, &force, (energy, length), &normal);
+            if let Some(pair) = Pair::new(nodes, &(force * strength.factor), energy)
+                && stepper.add_pair(pair.weakening(strength.least))
             {
                 first = first.or(Some(nodes));
             }
@@ -308,9 +307,16 @@ impl Tearing {
     }
 }
 
-/// The factor by which a pair's first force is larger than the present one, so that the pair lets go once the sheet
-/// gives up its energy. The pair is rigid below its first force, so nothing jumps. The factor is at most
-/// [`MOST_STRONGER`].
+/// The strength of a new pair.
+struct Strength {
+    /// The first force, as a multiple of the present force.
+    factor: f64,
+    /// The force to which a pair weakens that unloads (N).
+    least: f64,
+}
+
+/// The strength of a pair, so that the pair lets go once the sheet gives up its energy. The pair is rigid below its first
+/// force, so nothing jumps. The first force is the present one, or larger by a factor of at most [`MOST_STRONGER`].
 ///
 /// **In the plane.** A sheet whose opening responds by `R` to a force gives up `R f^2 / 2` where a force `f` falls. On an
 /// uneven mesh this can be much less than the energy, although the tip is driven by the toughness. A pair with the
@@ -319,27 +325,36 @@ impl Tearing {
 /// **Out of the plane,** as trousers tear, the sheet gives up almost no energy of its own: the hands supply the energy at
 /// about the present force, and a larger force would only hold them back. But the two sides of an edge of the length `a`
 /// are `2 a` apart at most when the tip has reached the next vertex. The pair has to let go before: an opening of
-/// [`WIDEST`] takes the energy if the first force is large enough.
+/// [`WIDEST`] takes the energy if the first force is large enough. A larger force than that comes from the bending of
+/// short edges beside the tip. It vanishes as the sheet moves, and the pair weakens with it: otherwise the hands would
+/// have to raise it again.
 ///
 /// A force that is inclined to the sheet by 30 degrees or more counts as out of the plane. Below, the square of its part
 /// across the sheet mixes both.
-fn stronger<T: Precision>(
+fn strength<T: Precision>(
     stepper: &mut Stepper<T>,
     nodes: [u32; 2],
     force: &Vec3,
     (energy, length): (f64, f64),
     normal: &Vec3,
-) -> f64 {
+) -> Strength {
     let size = force.norm();
     let direction = force / size;
     let response = stepper.response_between(nodes, &direction);
     let by_response = at_least_one((2.0 * energy / response).sqrt() / size);
-    let by_length = at_least_one(2.0 * energy / (WIDEST * length * size));
+    // The force with which an opening of the widest length takes the energy.
+    let least = 2.0 * energy / (WIDEST * length);
+    let by_length = at_least_one(least / size);
     // A square of 1/4 is 30 degrees.
     let across = (4.0 * direction.dot(normal).powi(2)).min(1.0);
     let factor = by_response + (by_length - by_response) * across;
     // The comparison is false for a value that is not a number.
-    if factor > 1.0 { factor } else { 1.0 }
+    let factor = if factor > 1.0 { factor } else { 1.0 };
+    let first = size * factor;
+    Strength {
+        factor,
+        least: first + (least.min(first) - first) * across,
+    }
 }
 
 /// A factor between 1 and [`MOST_STRONGER`]; 1 for a value that is not a number.

@@ -12,14 +12,6 @@ use crate::topology::{Edit, NONE, Surface};
 /// The largest angle by which an edge turns back to the path (rad): 45 degrees.
 const MOST_BACK: f64 = core::f64::consts::FRAC_PI_4;
 
-/// The energy release rate at which a tip no longer waits for its pair, as a fraction of the toughness.
-///
-/// The rate is measured about the pair, so it contains the work of the pair: a tip that waits has a rate near the
-/// toughness or below. But a pair of a short edge may be so stiff that the sheet ahead of the tip carries its load. Such
-/// a pair does not open while the tip stays, and the rate grows without a bound. Where the tip goes on, the pair opens
-/// and takes its energy.
-const IMPATIENT: f64 = 1.5;
-
 /// A tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TipState {
@@ -158,7 +150,7 @@ impl Tearing {
     }
 
     /// Lets the tips go on whose energy release rate is at least the toughness. A tip waits until the pair behind it has
-    /// let go, unless its rate is [`IMPATIENT`] times the toughness.
+    /// let go.
     pub(super) fn advance_by_energy<T: Precision>(
         &mut self,
         body: &mut Body,
@@ -174,10 +166,9 @@ impl Tearing {
                 let waits = tip
                     .pair
                     .is_some_and(|nodes| stepper.pairs().iter().any(|pair| pair.nodes == nodes));
-                let patience = if waits { IMPATIENT } else { 1.0 };
                 // The comparison is false for a rate that is no number.
-                let goes_on = drive.rate >= patience * self.options.material.toughness;
-                if !goes_on {
+                let goes_on = drive.rate >= self.options.material.toughness;
+                if waits || !goes_on {
                     break;
                 }
                 let path = drive.direction + self.kink(drive.rate);
