@@ -44,8 +44,6 @@ const OFFSET: f64 = 0.05;
 /// Most rounds of forces and openings in a step, and iterations of a round.
 const MOST_ROUNDS: usize = 16;
 const ROUND: usize = 2;
-/// The fraction of the last change of the forces above which a round is solved to the end.
-const SHRINKING: f64 = 0.5;
 /// The least cosine between the changes of the forces and the error of the foreseen openings with which the responses are
 /// corrected.
 const LEAST_SECANT: f64 = 1e-6;
@@ -371,8 +369,8 @@ impl Pairs {
 }
 
 impl Pairs {
-    /// Newton's method from the openings of the sweeps. Two pairs beside each other respond nearly alike, and sweeps then
-    /// take thousands of times as many. The forces stay where the method does not converge.
+    /// Newton's method from the openings of the sweeps. Two pairs beside each other respond nearly alike, and thousands of
+    /// sweeps would be needed then. The forces stay those of the sweeps where the method does not converge.
     fn sharpen(&mut self) {
         let (count, most) = (self.list.len(), self.most);
         for _ in 0..MOST_NEWTON {
@@ -705,8 +703,6 @@ impl<T: Precision> Stepper<T> {
             ..limits
         };
         let mut report = self.iterate(factors, first, out_of_time);
-        // Changes that do not shrink are those of rough solutions or of wrong responses, as where a light piece comes off.
-        let (mut last, mut is_rough) = (f64::INFINITY, false);
         for round in 0..=MOST_ROUNDS {
             for at in 0..self.pairs.list.len() {
                 let pair = &self.pairs.list[at];
@@ -737,9 +733,7 @@ impl<T: Precision> Stepper<T> {
             if !agrees {
                 self.take_forces();
             }
-            is_rough |= change > SHRINKING * last;
-            last = change;
-            let is_last = agrees || is_rough || round + 1 == MOST_ROUNDS;
+            let is_last = agrees || round + 1 == MOST_ROUNDS;
             let limits = Limits {
                 start: limits.goal,
                 max_iterations: if is_last {
