@@ -11,7 +11,7 @@ use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::error::CondenseError;
 use crate::lanes::{to_node, to_vec};
-use crate::motion::stepper::{Limits, Stepper};
+use crate::motion::stepper::{Limits, Solved, Stepper};
 
 /// The options of the updates of shapes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -241,6 +241,7 @@ impl<T: Precision> Stepper<T> {
             self.lay(body, shapes, column);
             let goal = options.tolerance * shapes.references[column];
             let limits = Limits {
+                of: Solved::Shape,
                 goal,
                 start: goal,
                 max_iterations,

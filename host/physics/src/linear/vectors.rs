@@ -38,6 +38,19 @@ pub(crate) fn round<T: Real>(r: &[Node<T>], z: &mut [Node<f32>]) {
     }
 }
 
+/// Sets `z` to `factor r` in single precision, over the length of `z`.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
+pub(crate) fn round_scaled<T: Real>(factor: f64, r: &[Node<T>], z: &mut [Node<f32>]) {
+    for (z, r) in z.iter_mut().zip(r) {
+        for i in 0..4 {
+            z[i] = (factor * r[i].to_f64()) as f32;
+        }
+    }
+}
+
 /// `z . r`, over the length of `z`.
 #[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 pub(crate) fn dot_single<T: Real>(z: &[Node<f32>], r: &[Node<T>]) -> f64 {

@@ -22,7 +22,7 @@ use crate::{Mat3, Vec3};
 /// The largest stiffness of a spring in the preconditioner, relative to that of the body between the vertices. The
 /// columns have single precision: beside a stiffer spring, the rounding errors of the difference would make the
 /// preconditioner indefinite. A spring that is softer there costs iterations only.
-const STIFFEST: f64 = 1e3;
+const STIFFEST: f64 = 1e4;
 
 /// The columns and the compliance of pairs.
 #[derive(Debug, Default)]

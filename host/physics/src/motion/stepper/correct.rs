@@ -13,7 +13,7 @@
 //! The equation is then linearized at the step's end and solved again. Its solution is that of implicit Euler, which adds
 //! no energy beyond the work of the forces at the end.
 
-use super::{Limits, Stepper, StepperReport};
+use super::{Limits, Solved, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::guard::Energy;
@@ -126,6 +126,7 @@ impl<T: Precision> Stepper<T> {
         for _ in 0..MOST_CORRECTIONS {
             self.pull_at_the_end(body, h);
             let limits = Limits {
+                of: Solved::Step,
                 goal,
                 start: goal,
                 max_iterations: self.options.max_iterations,
@@ -159,6 +160,7 @@ impl<T: Precision> Stepper<T> {
     ) -> Result<(f64, Energy), StepError> {
         let goal = self.options.tolerance * report.reference;
         let limits = Limits {
+            of: Solved::Step,
             goal,
             start: goal,
             max_iterations: self.options.max_iterations,

@@ -8,7 +8,7 @@
 //! Williams, A. Waterman and D. Patterson, "Roofline: an insightful visual performance model for multicore
 //! architectures" (2009).
 
-use super::Stepper;
+use super::{Solved, Stepper};
 use crate::cost::Cost;
 use crate::element::parts::Divided;
 use crate::element::precision::Precision;
@@ -97,7 +97,7 @@ impl<T: Precision> Stepper<T> {
                 }
             }
             Part::Precondition => {
-                self.precondition();
+                self.precondition(Solved::Step);
             }
             Part::Vectors => {
                 let free = self.free;

@@ -243,7 +243,7 @@ impl<T: Precision> Stepper<T> {
         growth.begin_rows(surface, &self.place, moved);
         growth.is_due = true;
         self.growth = Some(growth);
-        self.pairs.forget_responses();
+        self.forget_solves();
         Ok(())
     }
 
@@ -296,6 +296,14 @@ impl<T: Precision> Stepper<T> {
             account.note_edit(after.total());
         }
         self.elastic - before
+    }
+
+    /// Forgets what earlier solves said about responses and directions.
+    pub(super) fn forget_solves(&mut self) {
+        self.pairs.forget_responses();
+        for learned in &mut self.learned {
+            learned.forget();
+        }
     }
 
     /// Whether an edit has not been settled.
@@ -374,9 +382,11 @@ impl<T: Precision> Stepper<T> {
         }
         core::mem::swap(&mut self.sleep, &mut running.sleep);
         core::mem::swap(&mut self.pairs, &mut running.pairs);
+        core::mem::swap(&mut self.learned, &mut running.learned);
         core::mem::swap(&mut self.ledger, &mut running.ledger);
         core::mem::swap(&mut self.targets, &mut running.targets);
-        self.pairs.forget_responses();
+        // The places are others.
+        self.forget_solves();
         self.at.copy_from_slice(&running.at);
         let was_still = body.state.x == self.at;
         self.linearize();

@@ -6,9 +6,19 @@ use crate::lanes::to_vec;
 use crate::linear::vectors;
 use crate::team;
 
+/// What conjugate gradients solve for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Solved {
+    /// The motion of a step.
+    Step,
+    /// A shape of the condensation, whose matrix has less mass.
+    Shape,
+}
+
 /// The limits at which conjugate gradients stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
+    pub(crate) of: Solved,
     /// The iterations stop at this residual (N).
     pub(crate) goal: f64,
     /// An initial residual up to this value (N) needs no iteration.
@@ -37,8 +47,9 @@ impl<T: Precision> Stepper<T> {
         let first = report.residual;
         report.converged = report.residual <= limits.start;
         let mut rz = 1.0;
+        self.learned[limits.of as usize].use_found();
         while !report.converged && report.iterations < limits.max_iterations {
-            let rz_new = self.precondition();
+            let rz_new = self.precondition(limits.of);
             // The preconditioner is positive definite. Any other product is rounding, or a state that has diverged.
             if !(rz_new > 0.0 && rz_new.is_finite()) {
                 self.p.fill([T::ZERO; 4]);
@@ -76,6 +87,8 @@ impl<T: Precision> Stepper<T> {
                 self.p.fill([T::ZERO; 4]);
                 break;
             }
+            let learned = &mut self.learned[limits.of as usize];
+            learned.learn(&self.p[..free], &self.q[..free], curvature);
             let alpha = T::of(rz / curvature);
             // Held places have a residual but no direction.
             let (free_residual, held_residual) = self.residual.split_at_mut(free);
@@ -114,14 +127,16 @@ impl<T: Precision> Stepper<T> {
     }
 
     /// Computes `z` from the residual, without guided axes. Returns the product of the two vectors.
-    pub(crate) fn precondition(&mut self) -> f64 {
+    pub(crate) fn precondition(&mut self, of: Solved) -> f64 {
         let free = self.free;
         let places = (&mut self.z[..free], &*self.residual);
         team::each_of(self.team, places, RUN, &|(z, residual)| {
             vectors::round(residual, z);
         });
+        self.learned[of as usize].before(&mut self.z[..free]);
         self.solve_factor();
         self.hold_pairs();
+        self.learned[of as usize].after(&mut self.z[..free]);
         let places = (&self.z[..free], &*self.residual);
         let products = team::runs(self.team, places, RUN, &mut self.sums, &|(z, residual)| {
             vectors::dot_single(z, residual)

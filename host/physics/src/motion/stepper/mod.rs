@@ -17,6 +17,7 @@
 //! The next step begins with the forces and the tangent at the end of the last step. The energy there bounds the step
 //! (`guard`) at no further cost.
 
+mod agree;
 mod compliance;
 mod correct;
 mod cost;
@@ -24,16 +25,18 @@ mod finish;
 mod grow;
 mod guess;
 mod iterate;
+mod learned;
 mod ledger;
 mod options;
+mod pair;
 mod release;
 mod stages;
 
 pub use cost::Part;
-pub(crate) use iterate::Limits;
+pub(crate) use iterate::{Limits, Solved};
 pub use ledger::Ledger;
 pub use options::{Guess, StepperOptions, StepperReport};
-pub use release::Pair;
+pub use pair::Pair;
 
 use super::refresh::Refresher;
 use super::sleep::Sleep;
@@ -92,6 +95,9 @@ pub struct Stepper<T> {
     growth: Option<Box<grow::Growth<T>>>,
     /// Pairs of vertices that let each other go.
     pairs: release::Pairs,
+    /// What the last solves tell the preconditioner: those of the steps, and those of the shapes. Without room for pairs
+    /// nothing is learned.
+    learned: [learned::Learned; 2],
     /// The account of the last step, if it is kept.
     ledger: Option<Box<ledger::Account>>,
     pub(crate) elements: Vec<Divided<T>>,
@@ -278,6 +284,7 @@ impl<T: Precision> Stepper<T> {
             elements,
             growth,
             pairs: release::Pairs::default(),
+            learned: Default::default(),
             ledger: None,
             held,
             team: &Alone,

@@ -4,7 +4,7 @@
 //! two calls. After `constrain` every body has its equation of motion; after `solve` each body has the solution for
 //! itself alone. For a single body, [`Stepper::step`] makes all four calls.
 
-use super::{Limits, Stepper, StepperReport, factors};
+use super::{Limits, Solved, Stepper, StepperReport, factors};
 use crate::body::Body;
 use crate::body::handle::HandlePose;
 use crate::element::precision::Precision;
@@ -78,6 +78,7 @@ impl<T: Precision> Stepper<T> {
             h,
             factors: factors(body, h),
             limits: Limits {
+                of: Solved::Step,
                 goal: 0.0,
                 start: 0.0,
                 max_iterations: 0,
@@ -129,6 +130,7 @@ impl<T: Precision> Stepper<T> {
             0.0
         };
         step.limits = Limits {
+            of: Solved::Step,
             goal,
             // The residual of iterations is rough and moves little. The residual of a guess is smooth, and moves a hand
             // by a hundred times as much.

@@ -1,0 +1,176 @@
+//! The forces of pairs that agree with the openings.
+//!
+//! The openings of all pairs follow from the forces by their responses, and the forces from the openings by the laws. This
+//! is a small nonlinear system with one unknown a pair. It has a solution for any stiffness of a pair. A law that falls
+//! faster than the body unloads has several solutions. The first one is taken that a growing opening meets.
+
+use super::pair::Pair;
+
+/// Sweeps over the pairs.
+const SWEEPS: usize = 30;
+/// Most steps of Newton's method, and the change of a force that ends them, relative to the force.
+const MOST_NEWTON: usize = 20;
+const ENOUGH: f64 = 1e-12;
+
+/// The system, for a fixed number of pairs at most.
+#[derive(Debug, Default)]
+pub(super) struct Agreement {
+    most: usize,
+    /// The response of each opening to each force (m/N), by rows of `most`.
+    responses: Vec<f64>,
+    /// Openings under the present forces of the pairs (m).
+    pub(super) openings: Vec<f64>,
+    /// The forces that agree (N).
+    pub(super) forces: Vec<f64>,
+    /// Openings with these forces (m), their changes, and the equations of the changes, by rows of `most`.
+    found: Vec<f64>,
+    shifts: Vec<f64>,
+    equations: Vec<f64>,
+}
+
+impl Agreement {
+    /// Room for `most` pairs.
+    pub(super) fn new(most: usize) -> Self {
+        Self {
+            most,
+            responses: vec![0.0; most * most],
+            openings: vec![0.0; most],
+            forces: vec![0.0; most],
+            found: vec![0.0; most],
+            shifts: vec![0.0; most],
+            equations: vec![0.0; most * most],
+        }
+    }
+
+    /// Sets by how much the opening of the pair `row` falls with the force of the pair `column` (m/N).
+    pub(super) fn set_response(&mut self, row: usize, column: usize, response: f64) {
+        self.responses[row * self.most + column] = response;
+    }
+
+    /// Solves for the forces, in `forces`. Returns the largest change of a force (N), which is not a number
+    /// where a force is none.
+    ///
+    /// With `stays`, the openings are those of a solution that is nearly exact. The forces then stay on its branch of the
+    /// laws, where they can: otherwise two solutions in turn could be the first.
+    pub(super) fn solve(&mut self, pairs: &[Pair], stays: bool) -> f64 {
+        for (force, pair) in self.forces.iter_mut().zip(pairs) {
+            *force = pair.force;
+        }
+        let mut is_exact = false;
+        if stays {
+            let count = pairs.len();
+            self.found[..count].copy_from_slice(&self.openings[..count]);
+            is_exact = self.newton(pairs);
+        }
+        if !is_exact && !self.sweep(pairs) {
+            self.newton(pairs);
+        }
+        let changes = pairs.iter().zip(&self.forces);
+        let changes = changes.map(|(pair, force)| (force - pair.force).abs());
+        // A change that is not a number is the largest.
+        changes.fold(
+            0.0,
+            |most, change| if change <= most { most } else { change },
+        )
+    }
+
+    /// Gauss and Seidel's method, as for contacts: each pair in turn takes the first solution for itself. Returns whether
+    /// the last sweep changed nothing.
+    fn sweep(&mut self, pairs: &[Pair]) -> bool {
+        for _ in 0..SWEEPS {
+            let mut changed = 0.0_f64;
+            for (row, pair) in pairs.iter().enumerate() {
+                let responses = &self.responses[row * self.most..][..pairs.len()];
+                let mut free = self.openings[row];
+                for (other, response) in responses.iter().enumerate() {
+                    if other != row {
+                        free -= response * (self.forces[other] - pairs[other].force);
+                    }
+                }
+                free += responses[row] * pair.force;
+                let opening = pair.meet(free, responses[row]);
+                let force = pair.step_force(opening);
+                changed = changed.max((force - self.forces[row]).abs());
+                self.forces[row] = force;
+                self.found[row] = opening;
+            }
+            if changed == 0.0 {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Newton's method from the openings in `found`. Two pairs beside each other respond nearly alike, and thousands of
+    /// sweeps would be needed then. The forces stay as they are where the method does not converge; returns whether it
+    /// does.
+    fn newton(&mut self, pairs: &[Pair]) -> bool {
+        let most = self.most;
+        for _ in 0..MOST_NEWTON {
+            for row in 0..pairs.len() {
+                let mut off = self.found[row] - self.openings[row];
+                for (column, pair) in pairs.iter().enumerate() {
+                    let (response, opening) =
+                        (self.responses[row * most + column], self.found[column]);
+                    off += response * (pair.step_force(opening) - pair.force);
+                    let own = if row == column { 1.0 } else { 0.0 };
+                    self.equations[row * most + column] = own + response * pair.step_slope(opening);
+                }
+                self.shifts[row] = -off;
+            }
+            eliminate(&mut self.equations, most, &mut self.shifts[..pairs.len()]);
+            let mut is_done = true;
+            let found = self.found.iter_mut().zip(&self.shifts);
+            for (pair, (found, shift)) in pairs.iter().zip(found) {
+                let before = pair.step_force(*found);
+                *found += shift;
+                let after = pair.step_force(*found);
+                // The comparison is false for a value that is not a number.
+                is_done &= (after - before).abs() <= ENOUGH * pair.first.max(after.abs());
+            }
+            if is_done {
+                let found = pairs.iter().zip(&self.found);
+                for (force, (pair, found)) in self.forces.iter_mut().zip(found) {
+                    *force = pair.step_force(*found);
+                }
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// Solves a dense system in place, with rows of `stride` numbers, by Gaussian elimination with row exchanges (Golub and
+/// Van Loan, "Matrix computations", section 3.4). A singular matrix gives values that are not finite.
+fn eliminate(matrix: &mut [f64], stride: usize, values: &mut [f64]) {
+    let count = values.len();
+    for step in 0..count {
+        let size = |row: usize, matrix: &[f64]| matrix[row * stride + step].abs();
+        let best = (step..count).fold(step, |best, row| {
+            if size(row, matrix) > size(best, matrix) {
+                row
+            } else {
+                best
+            }
+        });
+        if best != step {
+            for column in 0..count {
+                matrix.swap(step * stride + column, best * stride + column);
+            }
+            values.swap(step, best);
+        }
+        for row in step + 1..count {
+            let factor = matrix[row * stride + step] / matrix[step * stride + step];
+            for column in step..count {
+                matrix[row * stride + column] -= factor * matrix[step * stride + column];
+            }
+            values[row] -= factor * values[step];
+        }
+    }
+    for row in (0..count).rev() {
+        let known: f64 = (row + 1..count)
+            .map(|at| matrix[row * stride + at] * values[at])
+            .sum();
+        values[row] = (values[row] - known) / matrix[row * stride + row];
+    }
+}
