@@ -400,6 +400,9 @@ impl HostBody {
                 self.part(from);
             }
         }
+        if let Some(tears) = &mut self.tears {
+            tears.parting.dismiss(&mut self.body);
+        }
         self.tally.torn = torn;
         self.tally.tear = Some(watch.now_ns().saturating_sub(start));
     }

@@ -5,11 +5,15 @@
 //! with them, and each handle's weight is found anew from the mass of its group.
 
 use physics::topology::{NONE, Pieces};
-use physics::{Body, PieceSums};
+use physics::{Body, PieceSums, Vec3};
 use rt_core::{LocalModel, MAX_HANDLES};
 
 /// Most pieces that are told apart. The pieces without hands come off anywhere, so there may be many.
 const MOST_PIECES: usize = 64;
+
+/// A piece without a hand has left the scene when it is further than so many diagonals of the body at rest from all
+/// handles. No hand reaches that far from the rest of the body.
+pub(crate) const FAR: f64 = 4.0;
 
 /// The pieces of a body, and the groups of its handles.
 pub(super) struct Parting {
@@ -22,6 +26,10 @@ pub(super) struct Parting {
     group_of_piece: Vec<Option<u8>>,
     /// Number of groups.
     groups: usize,
+    /// A vertex of each piece without a handle.
+    loose: Vec<u32>,
+    /// The distance from all handles at which a piece has left (m).
+    far: f64,
     by_piece: Vec<PieceSums>,
     by_group: Vec<PieceSums>,
     /// The energies of the account before a parting (J).
@@ -37,6 +45,8 @@ impl Parting {
             group_of_handle: [0; MAX_HANDLES],
             group_of_piece: Vec::with_capacity(MOST_PIECES),
             groups: 1,
+            loose: Vec::with_capacity(MOST_PIECES),
+            far: FAR * diagonal(body.rest_positions()),
             by_piece: Vec::with_capacity(MOST_PIECES),
             by_group: Vec::with_capacity(MAX_HANDLES),
             before: Vec::with_capacity(MAX_HANDLES),
@@ -104,8 +114,29 @@ impl Parting {
             self.groups = self.groups.max(usize::from(group) + 1);
         }
         self.groups = self.groups.max(1);
+        self.loose.clear();
+        for (piece, group) in (0_u32..).zip(&self.group_of_piece) {
+            if group.is_none() && count > 0 {
+                let mut vertices = self.pieces.vertices(piece);
+                self.loose.extend(vertices.next());
+            }
+        }
         self.by_piece.clear();
         self.by_piece.resize(pieces, PieceSums::default());
+    }
+
+    /// Lets the pieces leave that no hand holds and that are far from all hands.
+    pub(super) fn dismiss(&mut self, body: &mut Body) {
+        let Self {
+            pieces, loose, far, ..
+        } = self;
+        loose.retain(|&vertex| {
+            let x = body.node_positions()[vertex as usize];
+            let mut handles = (0..).map_while(|handle| body.handle_report(handle));
+            let is_far = handles.all(|report| (report.pose.position - x).norm() > *far);
+            // A piece on a support stays.
+            !(is_far && body.leave(pieces.vertices(pieces.of_vertex(vertex))))
+        });
     }
 
     /// Computes the sums over each group.
@@ -163,4 +194,13 @@ impl Parting {
             }
         }
     }
+}
+
+/// The diagonal of the box around positions (m).
+fn diagonal(positions: &[Vec3]) -> f64 {
+    let far = |pick: fn(f64, f64) -> f64, start: f64| {
+        let start = Vec3::repeat(start);
+        positions.iter().fold(start, |a, b| a.zip_map(b, pick))
+    };
+    (far(f64::max, f64::NEG_INFINITY) - far(f64::min, f64::INFINITY)).norm()
 }

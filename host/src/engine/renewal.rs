@@ -6,6 +6,8 @@
 //! body that makes the same edits. A tear may go on meanwhile. The new stepper then follows the edits that it missed,
 //! and takes over the motion of the old one ([`Stepper::adopt`]).
 //!
+//! Pieces that leave the scene halt when the new stepper takes over, which has no unknowns for them.
+//!
 //! The value goes to and fro with its memory, so that neither its beginning nor its landing allocates.
 
 use super::beside::{Beside, Lost, Work};
@@ -21,6 +23,8 @@ pub(super) struct Renewal<T> {
     known: usize,
     /// Edits that the mirror has still to make.
     edits: Vec<Edit>,
+    /// Vertices that leave the scene.
+    leaving: Vec<u32>,
     /// The present positions by node (m).
     x: Vec<Vec3>,
     options: StepperOptions,
@@ -49,6 +53,8 @@ impl<T: Precision> Renewal<T> {
             // The body has made the same edit.
             let _ = self.mirror.edit(&edit);
         }
+        self.mirror.leave(self.leaving.iter().copied());
+        self.mirror.halt(&self.leaving);
         self.mirror.set_positions(&self.x)?;
         self.mirror.reassemble();
         let mut stepper = Stepper::new(&self.mirror, self.options)?;
@@ -90,6 +96,7 @@ impl<T: Precision> Renewals<T> {
                 mirror: body.copy_with_room(),
                 known: 0,
                 edits: Vec::with_capacity(edits),
+                leaving: Vec::with_capacity(room),
                 x: Vec::with_capacity(room),
                 options: stepper.options,
                 team: stepper.team,
@@ -100,9 +107,10 @@ impl<T: Precision> Renewals<T> {
         }
     }
 
-    /// Begins a renewal, if tears have added vertices and no renewal is under way. `journal` has all edits so far.
+    /// Begins a renewal, if tears have added vertices or pieces leave, and no renewal is under way. `journal` has all edits
+    /// so far.
     pub(super) fn begin(&mut self, body: &Body, stepper: &Stepper<T>, journal: &[Edit]) {
-        if !stepper.has_grown() {
+        if !stepper.has_grown() && body.leaving().is_empty() {
             return;
         }
         let Some(mut renewal) = self.idle.take() else {
@@ -110,6 +118,8 @@ impl<T: Precision> Renewals<T> {
         };
         renewal.edits.extend(journal.iter().skip(renewal.known));
         renewal.known = journal.len();
+        renewal.leaving.clear();
+        renewal.leaving.extend_from_slice(body.leaving());
         renewal.x.clear();
         renewal.x.extend_from_slice(body.node_positions());
         self.beside.begin(renewal);
@@ -128,12 +138,14 @@ impl<T: Precision> Renewals<T> {
         };
         let landed = match renewal.made.take() {
             Some(Ok(mut fresh)) => {
-                renewal.catch_up(&mut fresh, journal).is_ok()
-                    && fresh.adopt(stepper, body).is_ok()
-                    && {
-                        renewal.spent = Some(core::mem::replace(stepper, fresh));
-                        true
-                    }
+                let followed = renewal.catch_up(&mut fresh, journal).is_ok();
+                if followed {
+                    body.halt(&renewal.leaving);
+                }
+                followed && fresh.adopt(stepper, body).is_ok() && {
+                    renewal.spent = Some(core::mem::replace(stepper, fresh));
+                    true
+                }
             }
             _ => false,
         };

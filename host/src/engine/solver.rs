@@ -12,6 +12,12 @@ use rt_core::MAX_HANDLES;
 /// Most pairs of vertices that let each other go at a time.
 const MOST_PAIRS: usize = 64;
 
+/// A step of a sheet that tears has much work if it took more iterations than this number, or if it made an edit. Its model
+/// has the shapes of the model before, so that the longest steps are shorter.
+const MUCH_WORK: usize = 3;
+/// Most models in turn with the same shapes.
+const MOST_KEPT: usize = 2;
+
 /// Steps and condenses one body. A step consists of four calls in this order. The engine makes each call for all
 /// bodies before the next call. A body for which a call fails keeps its state and is left out until the next step.
 pub trait Solver: Send {
@@ -223,6 +229,9 @@ pub(super) struct Frozen<T> {
     spent: Spent,
     /// Steppers for the topologies that tears make; `None` for a body that does not tear.
     renewals: Option<Renewals<T>>,
+    /// Whether the present step of a body that tears has much work, and the number of models in turn with the same shapes.
+    is_busy: bool,
+    kept: usize,
     /// Length of a step (s).
     h: f64,
     /// Whether the run is under the real clock.
@@ -252,6 +261,8 @@ impl<T: Precision> Frozen<T> {
             budget_ns,
             spent: Spent::default(),
             renewals: None,
+            is_busy: false,
+            kept: 0,
             h,
             real,
         }
@@ -323,6 +334,7 @@ impl<T: Precision> Solver for Frozen<T> {
         let stepper = &mut self.stepper;
         let report = self.spent.count(watch, || stepper.finish(body, late))?;
         tally.solve = Some(self.spent.0);
+        self.is_busy = self.renewals.is_some() && report.iterations > MUCH_WORK;
         tally.solved = Some((
             report.iterations,
             report.converged,
@@ -365,7 +377,9 @@ impl<T: Precision> Solver for Frozen<T> {
             }
             renewals.begin(body, &self.stepper, tearing.journal());
         }
-        tearing.journal().len() > before
+        let torn = tearing.journal().len() > before;
+        self.is_busy |= torn;
+        torn
     }
 
     fn tear_limit(
@@ -401,14 +415,16 @@ impl<T: Precision> Solver for Frozen<T> {
     }
 
     fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault> {
-        match &self.options {
-            Some(options) => {
-                let (condensed, _) =
-                    self.shapes
-                        .condense(&mut self.stepper, body, period, options)?;
-                Ok(Some(condensed))
-            }
-            None => Ok(None),
+        let Some(mut options) = self.options else {
+            return Ok(None);
+        };
+        let keeps = self.is_busy && self.kept < MOST_KEPT;
+        self.kept = if keeps { self.kept + 1 } else { 0 };
+        if keeps {
+            options.at_a_time = 0;
         }
+        let stepper = &mut self.stepper;
+        let (condensed, _) = self.shapes.condense(stepper, body, period, &options)?;
+        Ok(Some(condensed))
     }
 }

@@ -13,8 +13,10 @@ use crate::linear::places::Places;
 pub(crate) struct Constraints {
     pub(crate) handles: Vec<Handle>,
     pub(crate) supports: Supports,
-    /// By node, whether a handle holds it.
+    /// By node, whether a handle holds it, or it has halted.
     is_held: Vec<bool>,
+    /// Nodes that have halted: those of pieces that have left the scene.
+    gone: Vec<u32>,
 }
 
 impl Constraints {
@@ -24,7 +26,25 @@ impl Constraints {
             handles,
             supports: Supports::default(),
             is_held: Vec::new(),
+            gone: Vec::new(),
         }
+    }
+
+    /// Halts nodes that no handle holds: they stand still from now on. Nodes that have halted are ignored.
+    pub(super) fn halt(&mut self, nodes: &[u32]) {
+        for &node in nodes {
+            if let Some(held) = self.is_held.get_mut(node as usize)
+                && !*held
+            {
+                *held = true;
+                self.gone.push(node);
+            }
+        }
+    }
+
+    /// The nodes that have halted.
+    pub(crate) fn gone(&self) -> &[u32] {
+        &self.gone
     }
 
     /// All clamps, in the order of their ghosts.
@@ -49,6 +69,7 @@ impl Constraints {
     /// Makes room for `nodes` more nodes, which [`push`](Self::push) adds.
     pub(super) fn reserve(&mut self, nodes: usize) {
         self.is_held.reserve(nodes);
+        self.gone.reserve(self.is_held.len() + nodes);
         self.supports.reserve(nodes);
     }
 
@@ -59,7 +80,7 @@ impl Constraints {
         self.supports.push(ends, at);
     }
 
-    /// Whether a handle holds a node.
+    /// Whether a handle holds a node, or it has halted.
     pub(crate) fn holds(&self, node: u32) -> bool {
         self.is_held.get(node as usize).is_some_and(|held| *held)
     }
@@ -77,18 +98,20 @@ impl Constraints {
 
     fn mark(&mut self) {
         self.is_held.fill(false);
-        for &node in self.handles.iter().flat_map(|handle| &handle.vertices) {
+        let held = self.handles.iter().flat_map(|handle| &handle.vertices);
+        for &node in held.chain(&self.gone) {
             self.is_held[node as usize] = true;
         }
     }
 
-    /// All nodes in the order of sums over a body: free nodes in the mesh's order, then those of each handle. A sum in
-    /// this order does not depend on when the handles were grabbed.
+    /// All nodes in the order of sums over a body: free nodes in the mesh's order, then those of each handle, then those
+    /// that have halted. A sum in this order does not depend on when the handles were grabbed.
     pub(crate) fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
-        self.free_nodes().chain(self.held_nodes())
+        let gone = self.gone.iter().map(|&node| node as usize);
+        self.free_nodes().chain(self.held_nodes()).chain(gone)
     }
 
-    /// The nodes that no handle holds, in the mesh's order.
+    /// The nodes that no handle holds and that have not halted, in the mesh's order.
     pub(crate) fn free_nodes(&self) -> impl Iterator<Item = usize> + '_ {
         let marked = self.is_held.iter().enumerate();
         marked
@@ -121,11 +144,11 @@ impl Constraints {
     /// The places of the nodes in the matrices of solvers: the order of [`nodes`](Self::nodes).
     pub(crate) fn places(&self) -> Places {
         let held = self.handles.iter().flat_map(|handle| &handle.vertices);
-        Places::new(&self.is_held, held.copied())
+        Places::new(&self.is_held, held.chain(&self.gone).copied())
     }
 
     /// Memory of the mask (bytes).
     pub(crate) fn mask_bytes(&self) -> usize {
-        size_of_val(self.is_held.as_slice())
+        size_of_val(self.is_held.as_slice()) + size_of_val(self.gone.as_slice())
     }
 }

@@ -38,15 +38,20 @@ pub(crate) struct Sheet {
     pub(crate) edits: u64,
     /// Nodes whose mass the present edit may change, ascending.
     nodes: Vec<u32>,
+    /// Vertices of pieces that leave the scene and have not halted.
+    pub(super) leaving: Vec<u32>,
 }
 
 impl Clone for Sheet {
     fn clone(&self) -> Self {
+        let mut leaving = Vec::with_capacity(self.surface.limits().vertices);
+        leaving.extend_from_slice(&self.leaving);
         Self {
             surface: self.surface.clone(),
             areal: self.areal.clone(),
             edits: self.edits,
             nodes: Vec::with_capacity(MOST_NODES),
+            leaving,
         }
     }
 }
@@ -108,6 +113,7 @@ impl Body {
             areal,
             edits: 0,
             nodes: Vec::with_capacity(MOST_NODES),
+            leaving: Vec::with_capacity(count + reserve.vertices),
         }));
         Ok(())
     }
@@ -134,10 +140,13 @@ impl Body {
         self.constraints.reserve(nodes);
     }
 
-    /// Makes the assembled matrix for the present triangles, if an edit has added nodes since the matrix was made. This
-    /// allocates memory and takes about as long as the construction of a body.
+    /// Makes the assembled matrix for the present triangles, if an edit has added nodes since the matrix was made, or nodes
+    /// have [halted](Self::halt). This allocates memory and takes about as long as the construction of a body.
     pub fn reassemble(&mut self) {
-        if self.assembly.stiffness.nodes() == self.state.x.len() {
+        let free = self.constraints.free_nodes().count();
+        if self.assembly.stiffness.nodes() == self.state.x.len()
+            && self.assembly.places.free() == free
+        {
             return;
         }
         self.assembly = Assembly::new(&mut self.model, &self.constraints);
@@ -168,9 +177,9 @@ impl Body {
         self.sheet.as_ref().map(|sheet| &sheet.surface)
     }
 
-    /// Whether a handle holds a vertex.
+    /// Whether a handle holds a vertex, or the vertex is one of a piece that has left the scene.
     pub fn is_held(&self, vertex: u32) -> bool {
-        self.constraints.holds(vertex)
+        self.constraints.holds(vertex) || self.leaving().contains(&vertex)
     }
 
     /// The vertex that an added vertex is a twin of; `None` for other vertices.

@@ -1,7 +1,13 @@
-//! Sums over the pieces of a torn body: mass, elastic energy, and the energy of its loads.
+//! The pieces of a torn body: sums over each piece (mass, elastic energy, and the energy of its loads), and pieces that
+//! leave the scene.
+//!
+//! A piece that no hand holds leaves in two steps, because solvers have to follow. It [leaves](Body::leave): no tear edits
+//! it any more, but it still moves. Once it has [halted](Body::halt), it stands still, and is no part of the equations of
+//! solvers that are made from then on.
 
 use super::Body;
 use super::handle::Handle;
+use crate::Vec3;
 use crate::topology::{NONE, Pieces};
 
 /// Sums over one piece.
@@ -45,6 +51,48 @@ impl Body {
                     sums.elastic += bending.energy_of(triangle, x, nodes);
                 }
             }
+        }
+    }
+
+    /// Lets vertices leave the scene: all those of a piece. Returns `false` where a handle or a support has one of them;
+    /// nothing has changed then. Vertices that leave or have left are ignored. Nothing is allocated.
+    pub fn leave(&mut self, vertices: impl Iterator<Item = u32> + Clone) -> bool {
+        let is_bound = |vertex: u32| self.constraints.supports.owner_of(vertex).is_some();
+        let is_gripped = |vertex: u32| {
+            let mut handles = self.constraints.handles.iter();
+            handles.any(|handle| handle.own().contains(&vertex))
+        };
+        if vertices.clone().any(|v| is_bound(v) || is_gripped(v)) {
+            return false;
+        }
+        let (constraints, count) = (&self.constraints, self.state.x.len());
+        if let Some(sheet) = &mut self.sheet {
+            for vertex in vertices {
+                let is_known = constraints.holds(vertex) || sheet.leaving.contains(&vertex);
+                if (vertex as usize) < count && !is_known {
+                    sheet.leaving.push(vertex);
+                }
+            }
+        }
+        true
+    }
+
+    /// The vertices that leave and have not halted.
+    pub fn leaving(&self) -> &[u32] {
+        self.sheet.as_ref().map_or(&[], |sheet| &sheet.leaving)
+    }
+
+    /// Halts vertices that [leave](Self::leave). A solver that was made before has to be replaced by one that was made for
+    /// a copy with the same vertices halted.
+    pub fn halt(&mut self, vertices: &[u32]) {
+        let Some(sheet) = &mut self.sheet else {
+            return;
+        };
+        sheet.leaving.retain(|vertex| !vertices.contains(vertex));
+        self.constraints.halt(vertices);
+        for &node in self.constraints.gone() {
+            let node = node as usize;
+            (self.state.v[node], self.state.displacement[node]) = (Vec3::zeros(), Vec3::zeros());
         }
     }
 

@@ -86,6 +86,13 @@ impl Pieces {
         found.copied().unwrap_or(NONE)
     }
 
+    /// The vertices of a piece.
+    pub fn vertices(&self, piece: u32) -> impl Iterator<Item = u32> + Clone + '_ {
+        let all = (0_u32..).zip(&self.of_vertex);
+        all.filter(move |(_, of)| **of == piece)
+            .map(|(vertex, _)| vertex)
+    }
+
     /// The piece of a vertex, or [`NONE`] for a vertex of no triangle.
     pub fn of_vertex(&self, vertex: u32) -> u32 {
         let found = self.of_vertex.get(vertex as usize);

@@ -9,7 +9,7 @@ use physics::linear::order::{order, places};
 use physics::linear::panel::Panels;
 use physics::linear::torn::{Tie, TornFactor};
 use physics::mesh::TriMesh;
-use physics::topology::{AdvanceOptions, Done, Edit, Reserve};
+use physics::topology::{AdvanceOptions, Done, Edit, Pieces, Reserve};
 use physics::{
     Body, BodyConfig, Freedom, HandlePose, Ledger, Material, Node, Pair, Stepper, StepperOptions,
     StepperReport, Vec3,
@@ -658,6 +658,98 @@ fn a_new_stepper_adopts_the_motion() {
         assert!(off < 1e-10, "{step}: {off:e}");
     }
     assert_eq!(held_back, 0.0);
+}
+
+#[test]
+fn a_piece_that_leaves_stands_still_and_the_rest_moves_on() {
+    // Torn from border to border; a handle holds the upper half, and the lower half falls.
+    let mesh = torn_mesh(&grid(NX, NY, 0.15, 0.12, Split::Alternating), NX + 1);
+    let config = BodyConfig {
+        bending: 1.0,
+        mass_damping: 0.5,
+        stiffness_damping: 1e-4,
+        ..BodyConfig::default()
+    };
+    let options = StepperOptions {
+        tolerance: 1e-12,
+        ..StepperOptions::default()
+    };
+    let start = || {
+        let upper = handle(&mesh, Freedom::Rigid, |x| x.y > 0.12 - 1e-9 && x.x < 0.075);
+        let mut body = Body::sheet(&mesh, &[cloth()], config, &[upper]).unwrap();
+        let reserve = Reserve {
+            vertices: 10,
+            triangles: 20,
+        };
+        body.make_tearable(reserve).unwrap();
+        let stepper = Stepper::<f64>::new(&body, options).unwrap();
+        (body, stepper)
+    };
+    let (mut body, mut stepper) = start();
+    let (mut other, mut control) = start();
+    let targets = [body.handle_report(0).unwrap().pose];
+    let pieces = Pieces::new(body.surface().unwrap());
+    assert_eq!(pieces.count(), 2);
+    let (falls, held) = (pieces.of_vertex(0), 1 - pieces.of_vertex(0));
+    let lower: Vec<u32> = pieces.vertices(falls).collect();
+    let mut still = Vec::new();
+    for step in 0..40 {
+        if step == 10 {
+            // A piece in a hand stays.
+            assert!(!body.leave(pieces.vertices(held)));
+            assert!(body.leaving().is_empty());
+            assert!(body.leave(lower.iter().copied()) && body.is_held(lower[0]));
+        }
+        if step == 20 {
+            let mut copy = body.copy_with_room();
+            copy.halt(&lower);
+            copy.reassemble();
+            let mut made = Stepper::new(&copy, options).unwrap();
+            made.prepare(&copy, 1e-3).unwrap();
+            body.halt(&lower);
+            made.adopt(&mut stepper, &mut body).unwrap();
+            stepper = made;
+            assert!(body.leaving().is_empty() && body.is_held(lower[0]));
+            still = body.positions().collect();
+        }
+        let report = stepper.step(&mut body, 1e-3, &targets, || false).unwrap();
+        assert!(report.converged, "{step}: {report:?}");
+        control.step(&mut other, 1e-3, &targets, || false).unwrap();
+        let pairs = body.positions().zip(other.positions()).enumerate();
+        for (vertex, (x, free)) in pairs {
+            let leaves = lower.contains(&(vertex as u32));
+            match still.get(vertex) {
+                Some(still) if leaves => assert_eq!(x, *still, "{step}: {vertex}"),
+                // Both are solved to 1e-12 of their forces.
+                _ => assert!((x - free).norm() < 1e-9, "{step}: {vertex}"),
+            }
+        }
+    }
+    // The other half of the control has fallen on.
+    let fallen = other.positions().nth(lower[0] as usize).unwrap();
+    assert!((still[lower[0] as usize] - fallen).norm() > 1e-3);
+}
+
+#[test]
+fn what_the_last_solves_tell_saves_iterations() {
+    let run = |learns: bool| {
+        let mut run = Run::new(1.0, 1e-9);
+        // The memory of the preconditioner comes with the room for pairs.
+        run.stepper.reserve_pairs(usize::from(learns));
+        let mut iterations = 0;
+        for step in 0..60 {
+            if step % 10 == 5 {
+                run.tear(0.0, turns(step));
+            }
+            iterations += run.step().iterations;
+        }
+        (iterations, run.body)
+    };
+    let ((few, learned), (many, plain)) = (run(true), run(false));
+    println!("{few} iterations instead of {many}");
+    assert!(few < many, "{few} {many}");
+    // Both are solved to 1e-9 of their forces.
+    assert!(apart(&learned, &plain) < 1e-7);
 }
 
 #[test]

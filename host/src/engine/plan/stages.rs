@@ -2,6 +2,7 @@
 
 use super::{BodyPlan, TearPlan};
 use crate::bodies::Kind;
+use crate::engine::parting::FAR;
 use crate::run::setup;
 use crate::scene::spec::{Scene, SolverName, Starts, TearLawName};
 
@@ -212,7 +213,10 @@ fn tear(bodies: &[BodyPlan]) -> Stage {
             (Starts::Tips, tips) => format!("tears start at {}", count(tips, "tip")),
         };
         let room = format!("room for {}", count_vertices(tear.room));
-        format!("{name}{law}; {starts}; {room}")
+        format!(
+            "{name}{law}; {starts}; {room}; a piece without a hand is left out once it is {FAR} diagonals of the sheet \
+             from all hands"
+        )
     });
     let why = each.collect::<Vec<_>>().join("; ");
     Stage::either("tear", !why.is_empty(), why, "no tear threshold")

@@ -380,6 +380,11 @@ impl<T: Precision> Stepper<T> {
             self.u[new] = running.u[old];
             self.mass[new] = running.mass[old];
         }
+        for &node in body.constraints.gone() {
+            let place = self.place[node as usize] as usize;
+            self.history[place] = super::guess::Differences::default();
+            self.u[place] = [T::ZERO; 4];
+        }
         core::mem::swap(&mut self.sleep, &mut running.sleep);
         core::mem::swap(&mut self.pairs, &mut running.pairs);
         core::mem::swap(&mut self.learned, &mut running.learned);

@@ -66,10 +66,12 @@ impl Pairs {
 }
 
 impl<T: Precision> Stepper<T> {
-    /// Room for `most` pairs of vertices that let each other go at the same time. Pairs that there are vanish.
+    /// Room for `most` pairs of vertices that let each other go at the same time, and for what solves tell the
+    /// preconditioner about them. Pairs that there are vanish.
     pub fn reserve_pairs(&mut self, most: usize) {
         self.pairs = Pairs::new(most, self.held);
-        self.learned = [self.held; 2].map(Learned::new);
+        let places = if most > 0 { self.held } else { 0 };
+        self.learned = [places; 2].map(Learned::new);
     }
 
     /// The pairs that have not let go.
