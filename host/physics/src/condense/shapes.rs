@@ -265,7 +265,8 @@ impl<T: Precision> Stepper<T> {
             factors: (mass_factor, stiffness_factor),
             ..
         } = shapes;
-        let free = self.free;
+        // Nodes that have halted are free nodes of the shapes still; no hand moves them.
+        let free = reduction.places.free();
         let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
         let motion = reduction.columns[column];
         for place in self.taken_places() {
@@ -273,10 +274,13 @@ impl<T: Precision> Stepper<T> {
             let row = reduction.places.of(node);
             let u = if row < free {
                 Vec3::new(shape[3 * row], shape[3 * row + 1], shape[3 * row + 2])
-            } else if reduction.holder[row - free] as usize == motion.handle {
-                motion.at(&reduction.arms[row - free])
             } else {
-                Vec3::zeros()
+                match reduction.holder.get(row - free) {
+                    Some(&holder) if holder as usize == motion.handle => {
+                        motion.at(&reduction.arms[row - free])
+                    }
+                    _ => Vec3::zeros(),
+                }
             };
             self.u[place] = to_node(&u);
             self.residual[place] = to_node(&(u * (-mass_factor * body.model.mass[node])));
@@ -290,7 +294,7 @@ impl<T: Precision> Stepper<T> {
     /// Stores a column, and its product with the stiffness on the handle nodes.
     fn keep(&mut self, shapes: &mut Kept, column: usize) {
         let (mass_factor, stiffness_factor) = shapes.factors;
-        let free = self.free;
+        let free = shapes.reduction.places.free();
         let Reduction {
             shapes: all,
             places,
@@ -304,7 +308,7 @@ impl<T: Precision> Stepper<T> {
             let u = to_vec(&self.u[place]);
             if row < free {
                 shape[3 * row..3 * row + 3].copy_from_slice(u.as_slice());
-            } else {
+            } else if row - free < holder.len() {
                 let force = -to_vec(&self.residual[place]) - u * (mass_factor * self.mass[place]);
                 pulls[column * holder.len() + row - free] = force / stiffness_factor;
             }
