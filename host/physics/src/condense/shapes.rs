@@ -242,6 +242,7 @@ impl<T: Precision> Stepper<T> {
             let goal = options.tolerance * shapes.references[column];
             let limits = Limits {
                 of: Solved::Shape,
+                uses_learned: true,
                 goal,
                 start: goal,
                 max_iterations,

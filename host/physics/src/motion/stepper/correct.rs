@@ -127,6 +127,7 @@ impl<T: Precision> Stepper<T> {
             self.pull_at_the_end(body, h);
             let limits = Limits {
                 of: Solved::Step,
+                uses_learned: true,
                 goal,
                 start: goal,
                 max_iterations: self.options.max_iterations,
@@ -161,6 +162,7 @@ impl<T: Precision> Stepper<T> {
         let goal = self.options.tolerance * report.reference;
         let limits = Limits {
             of: Solved::Step,
+            uses_learned: true,
             goal,
             start: goal,
             max_iterations: self.options.max_iterations,

@@ -369,7 +369,7 @@ impl<T: Precision> Stepper<T> {
             self.join(body);
         }
         (self.options, self.team, self.state) = (running.options, running.team, running.state);
-        self.unfinished = running.unfinished;
+        (self.unfinished, self.is_hard) = (running.unfinished, running.is_hard);
         self.stepped = None;
         self.underway = None;
         self.stale = false;

@@ -19,6 +19,8 @@ pub(crate) enum Solved {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
     pub(crate) of: Solved,
+    /// Whether the preconditioner uses what earlier solves learned.
+    pub(crate) uses_learned: bool,
     /// The iterations stop at this residual (N).
     pub(crate) goal: f64,
     /// An initial residual up to this value (N) needs no iteration.
@@ -47,7 +49,7 @@ impl<T: Precision> Stepper<T> {
         let first = report.residual;
         report.converged = report.residual <= limits.start;
         let mut rz = 1.0;
-        self.learned[limits.of as usize].use_found();
+        self.learned[limits.of as usize].begin(limits.uses_learned);
         while !report.converged && report.iterations < limits.max_iterations {
             let rz_new = self.precondition(limits.of);
             // The preconditioner is positive definite. Any other product is rounding, or a state that has diverged.

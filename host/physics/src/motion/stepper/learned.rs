@@ -25,9 +25,10 @@ pub(super) struct Learned {
     /// preconditioner stays the same during a solve.
     directions: Vec<Node<f32>>,
     products: Vec<Node<f32>>,
-    /// The slot after that of the newest pair in use; the number of pairs in use, and of those found since.
+    /// The slot after that of the newest pair; the number of pairs, of those in use, and of those found since.
     next: usize,
     count: usize,
+    used: usize,
     found: usize,
     /// The numbers that the first loop leaves to the second.
     parts: [f64; MEMORY],
@@ -47,14 +48,16 @@ impl Learned {
 
     /// Forgets all pairs.
     pub(super) fn forget(&mut self) {
-        (self.count, self.found) = (0, 0);
+        (self.count, self.used, self.found) = (0, 0, 0);
     }
 
-    /// Takes the pairs of the last solve into use, in place of the oldest.
-    pub(super) fn use_found(&mut self) {
+    /// Begins a solve: the pairs of the last one replace the oldest. The solve uses the pairs only where `uses`: they cost
+    /// about a sixth of an iteration, which a solve of one iteration would not save.
+    pub(super) fn begin(&mut self, uses: bool) {
         self.next = (self.next + self.found) % (2 * MEMORY);
         self.count = (self.count + self.found).min(MEMORY);
         self.found = 0;
+        self.used = if uses { self.count } else { 0 };
     }
 
     /// Learns the direction `p` with the product `q` and the `curvature` `p q > 0` (J).
@@ -77,7 +80,7 @@ impl Learned {
 
     /// The first loop, before the solve with the factor: in place on the residual.
     pub(super) fn before(&mut self, r: &mut [Node<f32>]) {
-        for age in 0..self.count {
+        for age in 0..self.used {
             let slot = self.start(age)..self.start(age) + r.len();
             let part = vectors::dot_single(&self.directions[slot.clone()], r);
             vectors::add_single(-part as f32, &self.products[slot], r);
@@ -87,7 +90,7 @@ impl Learned {
 
     /// The second loop, after the solve with the factor: in place on its solution.
     pub(super) fn after(&self, z: &mut [Node<f32>]) {
-        for age in (0..self.count).rev() {
+        for age in (0..self.used).rev() {
             let slot = self.start(age)..self.start(age) + z.len();
             let part = self.parts[age] - vectors::dot_single(&self.products[slot.clone()], z);
             vectors::add_single(part as f32, &self.directions[slot], z);

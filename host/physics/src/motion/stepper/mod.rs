@@ -57,6 +57,9 @@ use stages::Underway;
 /// factor.
 const SLOW: f64 = 0.03;
 
+/// Most iterations of a step that the next step expects to go on without what solves have learned.
+const EASY: usize = 2;
+
 /// Nodes of a run of vectors, some microseconds of work. A sum over a body has a partial sum for each run.
 const RUN: usize = 2048;
 
@@ -130,6 +133,8 @@ pub struct Stepper<T> {
     /// Displacement over the step (m).
     pub(crate) u: Vec<Node<T>>,
     pub(crate) history: Vec<guess::Differences<T>>,
+    /// Whether the last step took more than a few iterations.
+    is_hard: bool,
     /// Whether the last step ended before it converged.
     unfinished: bool,
     /// The last step, as long as `residual` belongs to its end.
@@ -308,6 +313,7 @@ impl<T: Precision> Stepper<T> {
             force: zeros.clone(),
             u: zeros.clone(),
             history: vec![guess::Differences::default(); count],
+            is_hard: false,
             unfinished: false,
             stepped: None,
             began: zeros.clone(),

@@ -375,6 +375,7 @@ impl<T: Precision> Stepper<T> {
         let limits = Limits {
             start,
             max_iterations: most.min(limits.max_iterations - report.iterations),
+            uses_learned: limits.uses_learned || report.iterations > 0,
             ..limits
         };
         let before = *report;

@@ -4,7 +4,7 @@
 //! two calls. After `constrain` every body has its equation of motion; after `solve` each body has the solution for
 //! itself alone. For a single body, [`Stepper::step`] makes all four calls.
 
-use super::{Limits, Solved, Stepper, StepperReport, factors};
+use super::{EASY, Limits, Solved, Stepper, StepperReport, factors};
 use crate::body::Body;
 use crate::body::handle::HandlePose;
 use crate::element::precision::Precision;
@@ -79,6 +79,7 @@ impl<T: Precision> Stepper<T> {
             factors: factors(body, h),
             limits: Limits {
                 of: Solved::Step,
+                uses_learned: false,
                 goal: 0.0,
                 start: 0.0,
                 max_iterations: 0,
@@ -131,6 +132,7 @@ impl<T: Precision> Stepper<T> {
         };
         step.limits = Limits {
             of: Solved::Step,
+            uses_learned: self.is_hard,
             goal,
             // The residual of iterations is rough and moves little. The residual of a guess is smooth, and moves a hand
             // by a hundred times as much.
@@ -159,6 +161,7 @@ impl<T: Precision> Stepper<T> {
             };
             step.report.reference = reference;
             self.unfinished = !step.report.converged;
+            self.is_hard = step.report.iterations > EASY;
             self.stale |= self.is_slow(&step.report);
         }
         step.stage = Stage::Solved;
