@@ -6,22 +6,27 @@
 //!   other knowledge of a driver.
 //! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`replay`] (recorded readings). The driver
 //!   of simulated devices is `sim::driver`, beside the simulation.
+//! - [`transport`]: how bytes reach a device. [`exchange`]: devices that may block, in a thread of their own.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
 //!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
 #![forbid(unsafe_code)]
 
 pub mod conformance;
+pub mod exchange;
 pub mod hid;
 pub mod models;
 pub mod registry;
 pub mod replay;
 pub mod scripted;
+pub mod transport;
 pub mod wire;
 
+pub use exchange::Exchange;
 pub use hid::Hid;
 pub use models::{DeviceFile, DeviceModel, RotationModel};
 pub use registry::{Driver, Kind, OpenError, Registry, Request, Settings};
 pub use replay::{Replay, ReplayDevice};
 pub use runner::AnyDevice;
 pub use scripted::Scripted;
+pub use transport::Transport;
