@@ -1,6 +1,39 @@
 //! Devices that answer only when they are asked, or that may block: a thread of its own for each.
+//!
+//! Some protocols have no stream of states: the device sends its state in answer to a command ([WoodenHaptics], the
+//! Novint Falcon). Other devices can be reached only through calls that block or allocate (a vendor's library). Neither
+//! belongs in the tick. Such a device is an [`Exchange`]. [`Exchanged`] gives it a thread, and is the [`Device`] that
+//! the tick sees.
+//!
+//! The tick hands its wrench over and wakes the thread, which exchanges at once. The state that comes back waits in a
+//! ring for the next tick. A state is therefore older than a state that the device sends by itself, by at most one period
+//! of the tick.
+//!
+//! The thread never repeats a force on its own. Where the tick hands over no wrench for [`LET_GO`], the thread commands
+//! zero. Where the device is lost, the thread tries to reopen it every [`RETRY`], and the device comes back without a
+//! restart of the run.
+//!
+//! [WoodenHaptics]: https://woodenhaptics.org
 
-use rt_core::{DeviceError, DeviceState, Wrench};
+mod thread;
+
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use rtrb::{Consumer, Producer};
+use runner::ring::{prefaulted, take_newest};
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Time without a wrench from the tick after which the thread commands zero.
+pub const LET_GO: Duration = Duration::from_millis(10);
+/// Time between two attempts to reopen a lost device.
+pub const RETRY: Duration = Duration::from_millis(100);
+/// Number of wrenches, and of answers, that may wait. A healthy device is never behind by more than one.
+const SLOTS: usize = 4;
+/// Error number for a device whose thread has ended (ESHUTDOWN).
+const ENDED: i32 = 108;
 
 /// A device that takes a wrench and answers with its state. The calls may block, for a bounded time.
 pub trait Exchange: Send {
@@ -21,3 +54,183 @@ pub trait Exchange: Send {
     /// As [`exchange`](Self::exchange).
     fn reopen(&mut self) -> Result<(), DeviceError>;
 }
+
+/// The answer of one exchange.
+type Answer = Result<DeviceState, DeviceError>;
+
+/// Counts of a device's exchanges, which any thread may read. The counts only grow.
+#[derive(Debug, Default)]
+pub struct Counts {
+    states: AtomicU64,
+    failures: AtomicU64,
+    losses: AtomicU64,
+    returns: AtomicU64,
+    unread: AtomicU64,
+    let_go: AtomicU64,
+}
+
+impl Counts {
+    /// Exchanges that gave a state.
+    pub fn states(&self) -> u64 {
+        self.states.load(Ordering::Relaxed)
+    }
+
+    /// Exchanges that gave no state from a device that was there.
+    pub fn failures(&self) -> u64 {
+        self.failures.load(Ordering::Relaxed)
+    }
+
+    /// Times that the device was lost.
+    pub fn losses(&self) -> u64 {
+        self.losses.load(Ordering::Relaxed)
+    }
+
+    /// Times that a lost device came back.
+    pub fn returns(&self) -> u64 {
+        self.returns.load(Ordering::Relaxed)
+    }
+
+    /// Answers that the tick did not read in time.
+    pub fn unread(&self) -> u64 {
+        self.unread.load(Ordering::Relaxed)
+    }
+
+    /// Times that the thread commanded zero because the tick handed over no wrench.
+    pub fn let_go(&self) -> u64 {
+        self.let_go.load(Ordering::Relaxed)
+    }
+
+    fn add(count: &AtomicU64) {
+        count.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// The tick's end of a device that has a thread of its own. Dropping it releases the device, and waits until that is
+/// done, for as long as the device blocks. It must not be dropped inside the tick.
+pub struct Exchanged {
+    wrenches: Option<Producer<Wrench>>,
+    answers: Consumer<Answer>,
+    thread: Option<JoinHandle<()>>,
+    capabilities: Capabilities,
+    counts: Arc<Counts>,
+    /// The system's error number while the device is lost.
+    gone: Option<i32>,
+    clock: Continued,
+}
+
+impl Exchanged {
+    /// Starts the thread of a device that is open. `capabilities` are the capabilities of the device.
+    ///
+    /// # Errors
+    /// The error of the system, where it gave no thread.
+    pub fn start(
+        exchange: impl Exchange + 'static,
+        capabilities: Capabilities,
+    ) -> std::io::Result<Self> {
+        let (wrenches, commands, _) = prefaulted(SLOTS, Wrench::zero());
+        let (results, answers, _) = prefaulted(SLOTS, Err(DeviceError::NoReport));
+        let counts = Arc::new(Counts::default());
+        let thread = thread::start(exchange, commands, results, Arc::clone(&counts))?;
+        Ok(Self {
+            wrenches: Some(wrenches),
+            answers,
+            thread: Some(thread),
+            capabilities,
+            counts,
+            gone: None,
+            clock: Continued::default(),
+        })
+    }
+
+    /// The counts of the exchanges, which another thread may keep and read while the device runs.
+    pub fn counts(&self) -> Arc<Counts> {
+        Arc::clone(&self.counts)
+    }
+}
+
+impl Device for Exchanged {
+    fn capabilities(&self) -> Capabilities {
+        self.capabilities
+    }
+
+    /// The newest answer since the last read.
+    fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
+        // The end of the ring is read first, so that the answers before the end are still found below.
+        let ended = self.answers.is_abandoned();
+        let answer = take_newest(&mut self.answers, |answer, _| *answer);
+        match answer {
+            Some(Ok(mut state)) => {
+                self.gone = None;
+                state.device_time_ns = self.clock.advance(state.device_time_ns);
+                Ok(state)
+            }
+            Some(Err(error)) => {
+                if let DeviceError::Disconnected(number) = error {
+                    self.gone = Some(number);
+                }
+                Err(error)
+            }
+            None if ended => Err(DeviceError::Disconnected(ENDED)),
+            None => Err(self
+                .gone
+                .map_or(DeviceError::NoReport, DeviceError::Disconnected)),
+        }
+    }
+
+    fn write(&mut self, _now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+        if let Some(number) = self.gone {
+            // The thread reopens the device and needs no wrench for that.
+            return Err(DeviceError::Disconnected(number));
+        }
+        let (Some(ring), Some(thread)) = (&mut self.wrenches, &self.thread) else {
+            return Err(DeviceError::Busy);
+        };
+        let pushed = ring.push(*wrench);
+        thread.thread().unpark();
+        pushed.map_err(|_| DeviceError::Busy)
+    }
+}
+
+impl Drop for Exchanged {
+    fn drop(&mut self) {
+        self.wrenches = None;
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            // A thread that panicked has nothing left to release.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl fmt::Debug for Exchanged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Exchanged")
+            .field("capabilities", &self.capabilities)
+            .field("counts", &self.counts)
+            .field("gone", &self.gone)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A clock that continues where the clock of a device starts anew, so that its time never decreases.
+#[derive(Clone, Copy, Debug, Default)]
+struct Continued {
+    /// What is added to the device's own time (ns).
+    offset: u64,
+    last: u64,
+}
+
+impl Continued {
+    fn advance(&mut self, time_ns: u64) -> u64 {
+        let time = time_ns.saturating_add(self.offset);
+        if time < self.last {
+            self.offset = self.last.saturating_sub(time_ns);
+            return self.last;
+        }
+        self.last = time;
+        time
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -22,7 +22,7 @@ pub mod scripted;
 pub mod transport;
 pub mod wire;
 
-pub use exchange::Exchange;
+pub use exchange::{Exchange, Exchanged};
 pub use hid::Hid;
 pub use models::{DeviceFile, DeviceModel, RotationModel};
 pub use registry::{Driver, Kind, OpenError, Registry, Request, Settings};

@@ -1,0 +1,180 @@
+use super::*;
+use crate::scripted::small;
+use rt_core::{Freedom, Vec3};
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+/// What the thread did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Done {
+    Exchanged(f64),
+    Reopened,
+    Released,
+}
+
+/// A device that reports what is done with it, and answers as a test tells it.
+struct Told {
+    done: Sender<Done>,
+    answers: Receiver<Answer>,
+}
+
+impl Exchange for Told {
+    fn exchange(&mut self, wrench: &Wrench) -> Answer {
+        let _ = self.done.send(Done::Exchanged(wrench.force.x));
+        // A test that has ended lets everything fail.
+        self.answers.recv().unwrap_or(Err(DeviceError::NoReport))
+    }
+    fn release(&mut self) {
+        let _ = self.done.send(Done::Released);
+    }
+    fn reopen(&mut self) -> Result<(), DeviceError> {
+        let _ = self.done.send(Done::Reopened);
+        self.answers
+            .recv()
+            .map_or(Ok(()), |answer| answer.map(drop))
+    }
+}
+
+fn told() -> (Exchanged, Receiver<Done>, Sender<Answer>) {
+    let (done, seen) = channel();
+    let (tell, answers) = channel();
+    let device = Exchanged::start(Told { done, answers }, small(Freedom::Three));
+    (device.expect("a thread"), seen, tell)
+}
+
+fn push(force: f64) -> Wrench {
+    Wrench {
+        force: Vec3::new(force, 0.0, 0.0),
+        moment: Vec3::zeros(),
+    }
+}
+
+fn state(device_time_ns: u64) -> Answer {
+    Ok(DeviceState {
+        device_time_ns,
+        ..DeviceState::resting()
+    })
+}
+
+/// Waits until the thread has exchanged `force`; exchanges of zero, which time may cause, are answered and passed over.
+fn until(seen: &Receiver<Done>, tell: &Sender<Answer>, wanted: Done) {
+    loop {
+        match seen.recv().expect("the thread lives") {
+            done if done == wanted => return,
+            Done::Exchanged(0.0) => tell.send(Err(DeviceError::NoReport)).expect("it listens"),
+            other => panic!("{other:?} before {wanted:?}"),
+        }
+    }
+}
+
+/// Reads until the answer is `wanted`.
+fn read(device: &mut Exchanged, wanted: Answer) {
+    while device.read(0) != wanted {
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_wrench_is_exchanged_for_a_state() {
+    let (mut device, seen, tell) = told();
+    assert_eq!(device.read(0), Err(DeviceError::NoReport));
+    assert_eq!(device.write(0, &push(1.5)), Ok(()));
+    until(&seen, &tell, Done::Exchanged(1.5));
+    tell.send(state(7)).expect("it listens");
+    read(&mut device, state(7));
+    assert!(device.counts().states() == 1 && device.counts().losses() == 0);
+    drop(tell);
+    drop(device);
+    assert_eq!(seen.iter().last(), Some(Done::Released));
+}
+
+#[test]
+fn a_device_that_blocks_makes_the_tick_busy_and_then_gets_the_newest_wrench() {
+    let (mut device, seen, tell) = told();
+    assert_eq!(device.write(0, &push(1.0)), Ok(()));
+    until(&seen, &tell, Done::Exchanged(1.0));
+    // The device is in its first exchange. Four wrenches may wait.
+    for force in [2.0, 3.0, 4.0, 5.0] {
+        assert_eq!(device.write(0, &push(force)), Ok(()));
+    }
+    assert_eq!(device.write(0, &push(6.0)), Err(DeviceError::Busy));
+    tell.send(state(1)).expect("it listens");
+    assert_eq!(seen.recv(), Ok(Done::Exchanged(5.0)));
+}
+
+#[test]
+fn a_tick_that_stops_lets_the_device_go() {
+    let (mut device, seen, tell) = told();
+    assert_eq!(device.write(0, &push(1.0)), Ok(()));
+    until(&seen, &tell, Done::Exchanged(1.0));
+    tell.send(state(1)).expect("it listens");
+    // No further wrench comes.
+    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
+    assert!(device.counts().let_go() >= 1);
+}
+
+#[test]
+fn a_lost_device_comes_back_and_its_clock_goes_on() {
+    let (mut device, seen, tell) = told();
+    let gone = DeviceError::Disconnected(19);
+    assert_eq!(device.write(0, &push(1.0)), Ok(()));
+    until(&seen, &tell, Done::Exchanged(1.0));
+    tell.send(state(50)).expect("it listens");
+    read(&mut device, state(50));
+    assert_eq!(device.write(0, &push(2.0)), Ok(()));
+    until(&seen, &tell, Done::Exchanged(2.0));
+    assert_eq!(device.write(0, &push(3.0)), Ok(()));
+    tell.send(Err(gone)).expect("it listens");
+    read(&mut device, Err(gone));
+    // The error stays until the device is back.
+    assert_eq!(device.read(0), Err(gone));
+    assert_eq!(device.write(0, &push(4.0)), Err(gone));
+    // The first attempt fails, the second succeeds. The device that is back gets zero first, and no older wrench.
+    assert_eq!(seen.recv(), Ok(Done::Reopened));
+    tell.send(Err(gone)).expect("it listens");
+    assert_eq!(seen.recv(), Ok(Done::Reopened));
+    tell.send(state(0)).expect("it listens");
+    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
+    // Its clock starts at 3 ns, and continues from 50 ns.
+    tell.send(state(3)).expect("it listens");
+    read(&mut device, state(50));
+    assert_eq!(device.write(0, &push(5.0)), Ok(()));
+    until(&seen, &tell, Done::Exchanged(5.0));
+    tell.send(state(10)).expect("it listens");
+    read(&mut device, state(57));
+    let counts = device.counts();
+    assert_eq!((counts.losses(), counts.returns()), (1, 1));
+}
+
+#[test]
+fn a_lost_device_can_be_dropped() {
+    let (mut device, seen, tell) = told();
+    assert_eq!(device.write(0, &push(1.0)), Ok(()));
+    until(&seen, &tell, Done::Exchanged(1.0));
+    tell.send(Err(DeviceError::Disconnected(19)))
+        .expect("it listens");
+    read(&mut device, Err(DeviceError::Disconnected(19)));
+    drop(tell);
+    drop(device);
+    assert_eq!(seen.iter().last(), Some(Done::Released));
+}
+
+#[test]
+fn a_driver_that_panics_is_a_lost_device_and_is_released() {
+    struct Broken(Sender<Done>);
+    impl Exchange for Broken {
+        fn exchange(&mut self, _: &Wrench) -> Answer {
+            panic!("a defect of the driver");
+        }
+        fn release(&mut self) {
+            let _ = self.0.send(Done::Released);
+        }
+        fn reopen(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+    }
+    let (done, seen) = channel();
+    let mut device = Exchanged::start(Broken(done), small(Freedom::Three)).expect("a thread");
+    assert_eq!(device.write(0, &push(1.0)), Ok(()));
+    read(&mut device, Err(DeviceError::Disconnected(ENDED)));
+    assert_eq!(seen.recv(), Ok(Done::Released));
+}

@@ -1,0 +1,115 @@
+//! The thread that exchanges with one device.
+
+use super::{Answer, Counts, Exchange, LET_GO, RETRY};
+use rt_core::{DeviceError, Wrench};
+use rtrb::{Consumer, Producer};
+use runner::ring::take_newest;
+use runner::schedule::realtime;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::thread::{JoinHandle, park_timeout};
+use std::time::Instant;
+
+/// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
+/// reported here, because the tick requests a higher priority and reports its own refusal.
+const PRIORITY: u8 = 45;
+
+/// Starts the thread, which ends after `commands` has lost its writer.
+pub(super) fn start(
+    exchange: impl Exchange + 'static,
+    commands: Consumer<Wrench>,
+    answers: Producer<Answer>,
+    counts: Arc<Counts>,
+) -> std::io::Result<JoinHandle<()>> {
+    let mut work = Work {
+        exchange,
+        commands,
+        answers,
+        counts,
+    };
+    std::thread::Builder::new()
+        .name("palpate-exchange".into())
+        .spawn(move || {
+            let _ = realtime(PRIORITY);
+            // The device is released even after a panic of its driver. Neither panic may end the process.
+            let _ = catch_unwind(AssertUnwindSafe(|| work.run()));
+            let _ = catch_unwind(AssertUnwindSafe(|| work.exchange.release()));
+        })
+}
+
+/// What the thread works with.
+struct Work<E> {
+    exchange: E,
+    commands: Consumer<Wrench>,
+    answers: Producer<Answer>,
+    counts: Arc<Counts>,
+}
+
+impl<E: Exchange> Work<E> {
+    /// Exchanges until the end.
+    fn run(&mut self) {
+        while let Some(wrench) = self.next() {
+            if self.once(&wrench) {
+                continue;
+            }
+            if !self.back() {
+                break;
+            }
+            // The tick hands over no wrench before it has seen a state.
+            self.once(&Wrench::zero());
+        }
+    }
+
+    /// Waits for the newest wrench; zero where none comes within [`LET_GO`]; `None` at the end.
+    fn next(&mut self) -> Option<Wrench> {
+        let start = Instant::now();
+        loop {
+            if self.commands.is_abandoned() {
+                return None;
+            }
+            if let Some(wrench) = take_newest(&mut self.commands, |wrench, _| *wrench) {
+                return Some(wrench);
+            }
+            let Some(left) = LET_GO.checked_sub(start.elapsed()) else {
+                Counts::add(&self.counts.let_go);
+                return Some(Wrench::zero());
+            };
+            // If a wake-up came after the ring was read, this call returns at once.
+            park_timeout(left);
+        }
+    }
+
+    /// One exchange. Returns false where the device is lost.
+    fn once(&mut self, wrench: &Wrench) -> bool {
+        let answer = self.exchange.exchange(wrench);
+        let lost = matches!(answer, Err(DeviceError::Disconnected(_)));
+        Counts::add(match answer {
+            Ok(_) => &self.counts.states,
+            Err(_) if lost => &self.counts.losses,
+            Err(_) => &self.counts.failures,
+        });
+        if self.answers.push(answer).is_err() {
+            Counts::add(&self.counts.unread);
+        }
+        !lost
+    }
+
+    /// Reopens a lost device. Returns false where the end comes first.
+    fn back(&mut self) -> bool {
+        loop {
+            let start = Instant::now();
+            while let Some(left) = RETRY.checked_sub(start.elapsed()) {
+                if self.commands.is_abandoned() {
+                    return false;
+                }
+                park_timeout(left);
+            }
+            if self.exchange.reopen().is_ok() {
+                // Wrenches from before the loss are not applied.
+                let _ = take_newest(&mut self.commands, |_, _| ());
+                Counts::add(&self.counts.returns);
+                return true;
+            }
+        }
+    }
+}
