@@ -3,7 +3,19 @@
 //! A transport may block, so only a thread of its own calls it ([`crate::exchange`]), never the tick. A transport knows
 //! no protocol. A protocol takes any transport, so a test can take the place of the kernel.
 
+mod hidraw;
+mod stream;
+
+pub use hidraw::Hidraw;
+pub use stream::Stream;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use std::os::fd::AsFd;
 use std::time::Duration;
+
+/// Longest time that a write waits for room. A device that takes no bytes for so long is stuck.
+const WRITE: Duration = Duration::from_millis(100);
 
 /// A connection to a device. Errors are error numbers of the system (`ENODEV` where the device is gone), because the
 /// hot path formats and allocates nothing.
@@ -30,4 +42,44 @@ impl<T: Transport + ?Sized> Transport for Box<T> {
     fn write(&mut self, bytes: &[u8]) -> Result<(), i32> {
         (**self).write(bytes)
     }
+}
+
+/// The number of bytes of a read that does not wait; zero where nothing waits.
+fn now(result: Result<usize, Errno>) -> Result<usize, i32> {
+    match result {
+        Ok(count) => Ok(count),
+        Err(Errno::AGAIN | Errno::INTR) => Ok(0),
+        Err(error) => Err(error.raw_os_error()),
+    }
+}
+
+/// Waits until a file is ready for `events`, at most for `wait`. Returns whether it is. A file whose other end is gone
+/// counts as ready: the next call tells its error.
+fn wait_for(file: &impl AsFd, events: PollFlags, wait: Duration) -> Result<bool, i32> {
+    let wait = Timespec::try_from(wait).unwrap_or(Timespec {
+        tv_sec: i64::MAX,
+        tv_nsec: 0,
+    });
+    match poll(&mut [PollFd::new(file, events)], Some(&wait)) {
+        Ok(ready) => Ok(ready > 0),
+        Err(Errno::INTR) => Ok(false),
+        Err(error) => Err(error.raw_os_error()),
+    }
+}
+
+/// Writes all bytes, and waits up to [`WRITE`] for room.
+fn write_all(file: &impl AsFd, mut bytes: &[u8]) -> Result<(), i32> {
+    while !bytes.is_empty() {
+        match rustix::io::write(file, bytes) {
+            Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
+            Err(Errno::INTR) => {}
+            Err(Errno::AGAIN) => {
+                if !wait_for(file, PollFlags::OUT, WRITE)? {
+                    return Err(Errno::TIMEDOUT.raw_os_error());
+                }
+            }
+            Err(error) => return Err(error.raw_os_error()),
+        }
+    }
+    Ok(())
 }

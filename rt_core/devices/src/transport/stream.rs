@@ -1,0 +1,183 @@
+//! Streams of bytes: serial lines, ptys and TCP.
+//!
+//! The bytes that a tty receives pass a worker of the kernel of ordinary priority (`flush_to_ldisc`), so a loaded
+//! machine delays them. TCP on the same machine has no such worker.
+
+use super::{Transport, now, wait_for, write_all};
+use rustix::event::PollFlags;
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::net::{TcpStream, ToSocketAddrs};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::time::Duration;
+
+/// Time within which a TCP connection must be made.
+const CONNECT: Duration = Duration::from_secs(2);
+/// Error number of a stream whose other end was closed (ENODEV, as for a device that was unplugged).
+const CLOSED: i32 = 19;
+
+/// An open stream of bytes.
+#[derive(Debug)]
+pub struct Stream {
+    end: OwnedFd,
+}
+
+impl Stream {
+    /// Opens the serial line or the pty at `path`, at `baud` bits a second, eight data bits, no parity, one stop bit, raw.
+    /// A pty ignores the speed. No other program can open the line while it is open.
+    ///
+    /// # Errors
+    /// The error of the system: also where `path` is no terminal, or another program has the line.
+    pub fn tty(path: &Path, baud: u32) -> io::Result<Self> {
+        use rustix::fs::OFlags;
+        let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits() as i32;
+        let mut options = OpenOptions::new();
+        let file: File = options
+            .read(true)
+            .write(true)
+            .custom_flags(flags)
+            .open(path)?;
+        rustix::termios::ioctl_tiocexcl(&file)?;
+        let mut settings = tcgetattr(&file)?;
+        settings.make_raw();
+        settings.set_speed(baud)?;
+        tcsetattr(&file, OptionalActions::Flush, &settings)?;
+        Ok(Self { end: file.into() })
+    }
+
+    /// Connects to `address`, such as `localhost:4000`.
+    ///
+    /// # Errors
+    /// The error of the system, for the last of the addresses that the name has.
+    pub fn tcp(address: &str) -> io::Result<Self> {
+        let mut last = io::Error::from(io::ErrorKind::AddrNotAvailable);
+        for address in address.to_socket_addrs()? {
+            match TcpStream::connect_timeout(&address, CONNECT) {
+                Ok(stream) => return Self::connected(stream),
+                Err(error) => last = error,
+            }
+        }
+        Err(last)
+    }
+
+    /// A TCP connection that exists. Small packets are sent at once.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn connected(stream: TcpStream) -> io::Result<Self> {
+        stream.set_nodelay(true)?;
+        stream.set_nonblocking(true)?;
+        Ok(Self { end: stream.into() })
+    }
+
+    /// A file that reads and writes without waiting, such as the master of a pty.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn nonblocking(end: OwnedFd) -> io::Result<Self> {
+        let flags = rustix::fs::fcntl_getfl(&end)?;
+        rustix::fs::fcntl_setfl(&end, flags | rustix::fs::OFlags::NONBLOCK)?;
+        Ok(Self { end })
+    }
+}
+
+impl AsFd for Stream {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.end.as_fd()
+    }
+}
+
+impl Transport for Stream {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> Result<usize, i32> {
+        if !wait_for(&self.end, PollFlags::IN, wait)? {
+            return Ok(0);
+        }
+        match rustix::io::read(&self.end, &mut *buffer) {
+            // A stream that can be read and has no bytes has ended.
+            Ok(0) if !buffer.is_empty() => Err(CLOSED),
+            result => now(result),
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<(), i32> {
+        write_all(&self.end, bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use std::net::TcpListener;
+
+    const LONG: Duration = Duration::from_secs(10);
+
+    /// A pty: its master, and the path of its other end.
+    fn pty() -> (Stream, std::path::PathBuf) {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pty");
+        grantpt(&master).expect("ours");
+        unlockpt(&master).expect("ours");
+        let name = ptsname(&master, Vec::new()).expect("a name");
+        let path = std::path::PathBuf::from(name.to_str().expect("plain text"));
+        (Stream::nonblocking(master).expect("a file"), path)
+    }
+
+    /// Reads until `count` bytes have come.
+    fn read_exactly(from: &mut Stream, count: usize) -> Vec<u8> {
+        let mut all = Vec::new();
+        while all.len() < count {
+            let mut buffer = [0; 64];
+            let got = from.read(&mut buffer, LONG).expect("open");
+            assert!(got > 0, "{all:?}");
+            all.extend_from_slice(&buffer[..got]);
+        }
+        all
+    }
+
+    /// Every byte, both ways; nothing where nothing was sent; an error where the other end is gone.
+    fn passes_bytes(mut near: Stream, mut far: Stream) {
+        let every: Vec<u8> = (0..=255).collect();
+        for (from, to) in [(true, false), (false, true)] {
+            assert_ne!(from, to);
+            let (from, to) = if from {
+                (&mut near, &mut far)
+            } else {
+                (&mut far, &mut near)
+            };
+            from.write(&every).expect("open");
+            assert_eq!(read_exactly(to, every.len()), every);
+        }
+        let mut buffer = [0; 4];
+        assert_eq!(near.read(&mut buffer, Duration::ZERO), Ok(0));
+        drop(far);
+        let gone = near.read(&mut buffer, LONG);
+        assert!(gone.is_err(), "{gone:?}");
+    }
+
+    #[test]
+    fn a_pty_passes_every_byte_unchanged() {
+        let (master, path) = pty();
+        let slave = Stream::tty(&path, 115_200).expect("a terminal");
+        passes_bytes(slave, master);
+    }
+
+    #[test]
+    fn tcp_passes_every_byte_unchanged() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("a port").to_string();
+        let near = Stream::tcp(&address).expect("it listens");
+        let (far, _) = listener.accept().expect("connected");
+        passes_bytes(near, Stream::connected(far).expect("connected"));
+    }
+
+    #[test]
+    fn what_is_no_terminal_is_refused() {
+        let error = Stream::tty(Path::new("/dev/null"), 115_200).expect_err("no terminal");
+        assert_eq!(error.raw_os_error(), Some(25), "{error}");
+        // Nobody listens on port 1.
+        assert!(Stream::tcp("127.0.0.1:1").is_err());
+    }
+}
