@@ -1,4 +1,4 @@
-//! The driver `simulated` opens simulated devices, each with the hand that holds it.
+//! The driver `sim` opens simulated devices, each with the hand that holds it.
 
 use crate::device::SimDevice;
 use crate::firmware::Wired;
@@ -17,7 +17,7 @@ pub struct Held {
     pub start: Vec3,
 }
 
-/// The driver of simulated devices. It has no settings, because hands and wires are given to `Simulated::new`.
+/// The driver of simulated devices. It has no addresses, because hands and wires are given to `Simulated::new`.
 #[derive(Clone, Debug)]
 pub struct Simulated {
     held: Vec<Held>,
@@ -33,7 +33,7 @@ impl Simulated {
 
 impl Driver for Simulated {
     fn name(&self) -> &'static str {
-        "simulated"
+        "sim"
     }
 
     fn kind(&self) -> Kind {
@@ -41,7 +41,7 @@ impl Driver for Simulated {
     }
 
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
-        request.settings.only(&[])?;
+        request.no_address()?;
         let held = self.held.get(request.index);
         let hand = held.and_then(|held| held.hand.clone());
         let start = held.map_or_else(Vec3::zeros, |held| held.start);

@@ -3,7 +3,7 @@
 use devices::conformance::Suite;
 use devices::hid::{Command, HidDevice};
 use devices::scripted::{Scripted, small};
-use devices::{AnyDevice, DeviceModel, Registry, Replay, Request, Settings};
+use devices::{AnyDevice, DeviceModel, Registry, Replay, Request};
 use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Vec3, Wrench};
 use sim::firmware::{state_bytes, wrench_from_bytes};
 use sim::{Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind, Tremor, Wired};
@@ -110,7 +110,8 @@ fn open(registry: &Registry, driver: &str, index: usize) -> AnyDevice {
         index,
         model: &model("delta3"),
         period: 1e-3,
-        settings: Settings::none(),
+        address: "",
+        firmware: None,
     };
     registry.open(driver, &request).expect("it can be opened")
 }
@@ -125,7 +126,7 @@ fn simulated_devices_through_the_door_conform() {
     let registry = Registry::new().with(Simulated::new(vec![held(false), held(true)]));
     // The third is in nobody's hand.
     for index in 0..3 {
-        Suite::new("door").check(|| open(&registry, "simulated", index));
+        Suite::new("door").check(|| open(&registry, "sim", index));
     }
 }
 

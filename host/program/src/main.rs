@@ -91,6 +91,14 @@ enum CommandError {
     #[error("with {given}: {source}")]
     Override { given: String, source: SceneError },
     #[error(
+        "with {given}: found the device {found:?}, allowed: the devices of the scene: {allowed}"
+    )]
+    NoSuchDevice {
+        given: String,
+        found: String,
+        allowed: String,
+    },
+    #[error(
         "--latency applies to virtual time only: found --clock real, under which the machine decides the latency"
     )]
     NeedsVirtualClock,
@@ -155,6 +163,7 @@ impl CommandError {
         match self {
             Self::Scene(_)
             | Self::Override { .. }
+            | Self::NoSuchDevice { .. }
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
             | Self::Run(host::run::RunError::Scene(_) | host::run::RunError::FrameRate(_))

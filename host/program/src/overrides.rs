@@ -44,6 +44,23 @@ pub(super) struct Overrides {
         allow_negative_numbers = true
     )]
     latency: Option<f64>,
+    /// Connection of a device: `left=sim` simulates the device `left` (its hand is the scene's, or holds still), and
+    /// `left=hid:1209:c0de` opens a real device. May be given several times. Default: `connect` of the device in the
+    /// scene
+    #[arg(long = "device", value_name = "NAME=CONNECT", value_parser = named_connection, conflicts_with = "replay")]
+    devices: Vec<(String, String)>,
+}
+
+/// Parses `NAME=CONNECT`.
+fn named_connection(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, to)) if !name.is_empty() && !to.is_empty() => {
+            Ok((name.to_owned(), to.to_owned()))
+        }
+        _ => Err(format!(
+            "found {text}, allowed: the name of a device and its connection, such as left=sim"
+        )),
+    }
 }
 
 impl Overrides {
@@ -71,7 +88,32 @@ impl Overrides {
                 let field = Override::number(table, name, value);
                 Some((format!("{flag} {value}"), field))
             });
-        scheme.chain(numbers).collect()
+        let devices = self.devices.iter().map(|(name, to)| {
+            let flag = format!("--device {name}={to}");
+            (flag, Override::connection(name, to))
+        });
+        scheme.chain(numbers).chain(devices).collect()
+    }
+
+    /// Checks that every device whose connection is given exists.
+    fn check_devices(&self, scene: &LoadedScene) -> Result<(), CommandError> {
+        let known = &scene.scene.devices;
+        let missing = self
+            .devices
+            .iter()
+            .find(|(name, _)| known.iter().all(|device| device.name != *name));
+        match missing {
+            None => Ok(()),
+            Some((name, to)) => Err(CommandError::NoSuchDevice {
+                given: format!("--device {name}={to}"),
+                found: name.clone(),
+                allowed: known
+                    .iter()
+                    .map(|device| format!("{:?}", device.name))
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            }),
+        }
     }
 
     /// The scene at `path`, or the built-in one, with these values. Prints what is possible in the scene, but unlikely.
@@ -81,6 +123,7 @@ impl Overrides {
             return Ok(load(path)?);
         }
         let original = path.map_or_else(Scene::embedded_default, Scene::load)?;
+        self.check_devices(&original)?;
         let loaded = original
             .overridden(&fields)
             .map_err(|source| CommandError::Override {

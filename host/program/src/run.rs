@@ -13,7 +13,6 @@ use host::live::session::ViewOptions;
 use host::run::frames::FrameOptions;
 use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
-use host::scene::spec::SIMULATED;
 use physics::FactorCode;
 use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
@@ -221,7 +220,7 @@ fn priority(text: &str) -> Result<u8, String> {
 /// The system calls that a scene's devices need in the tick.
 fn needed_calls(scene: &Scene) -> CallPolicy {
     let mut devices = scene.devices.iter();
-    if devices.all(|device| device.driver == SIMULATED) {
+    if devices.all(|device| device.is_simulated()) {
         CallPolicy::Simulated
     } else {
         CallPolicy::Hid

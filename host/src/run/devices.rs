@@ -4,7 +4,7 @@ use super::hand;
 use crate::bodies;
 use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
-use devices::{AnyDevice, Kind, OpenError, Registry, Replay, Request, Settings};
+use devices::{AnyDevice, Driver, Kind, OpenError, Registry, Replay, Request};
 use rt_core::Vec3;
 use rt_core::controller::Reading;
 use sim::Held;
@@ -21,20 +21,44 @@ pub(super) fn open(
     let registry = registry(loaded, seed)?;
     let opened = loaded.scene.devices.iter().enumerate();
     let opened = opened.map(|(index, spec)| {
-        let driver = registry.driver(&spec.driver);
+        let driver = registry.driver(&spec.connect.driver);
         if !real && driver.is_some_and(|driver| driver.kind() == Kind::Real) {
-            let field = format!("device[{index}].driver");
-            let allowed = "simulated devices, or a run under the real clock (`--clock real`)";
-            return Err(loaded.source.error(&field, spec.driver.as_str(), allowed));
+            let field = format!("device[{index}].connect");
+            let allowed = format!(
+                "a real device needs the real clock (`--clock real`); `--device {}=sim` runs the scene without it",
+                spec.name
+            );
+            return Err(loaded.source.error(&field, spec.connect.to_string(), allowed));
         }
+        check_profile(loaded, index, driver)?;
+        let firmware = spec.firmware.as_ref().map(|file| loaded.beside(file));
         let request = Request {
-            settings: Settings::new(&spec.settings),
+            address: &spec.connect.address,
+            firmware: firmware.as_deref(),
             ..request(loaded, index)
         };
-        let device = registry.open(&spec.driver, &request);
+        let device = registry.open(&spec.connect.driver, &request);
         device.map_err(|error| located(loaded, index, error))
     });
     opened.collect()
+}
+
+/// Refuses a profile of another device than those of the driver, before anything moves.
+fn check_profile(
+    loaded: &LoadedScene,
+    index: usize,
+    driver: Option<&dyn Driver>,
+) -> Result<(), SceneError> {
+    let profile = &loaded.profiles[index];
+    let Some(protocol) = driver.and_then(Driver::protocol) else {
+        return Ok(());
+    };
+    if profile.protocol.as_deref() == Some(protocol) {
+        return Ok(());
+    }
+    let field = format!("device[{index}].model");
+    let allowed = format!("a device file with `protocol = \"{protocol}\"`");
+    Err(loaded.source.error(&field, profile.name.as_str(), allowed))
 }
 
 /// Opens recorded devices in place of a scene's devices, whatever their drivers: each gives its part of `readings`,
@@ -69,7 +93,7 @@ fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
         })
     });
     let held = held.collect::<Result<_, SceneError>>()?;
-    Ok(drivers(held))
+    Ok(drivers(held, &loaded.beside("")))
 }
 
 fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {
@@ -77,7 +101,8 @@ fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {
         index,
         model: &loaded.models[index],
         period: 1.0 / loaded.scene.realtime.rate,
-        settings: Settings::none(),
+        address: "",
+        firmware: None,
     }
 }
 
@@ -86,15 +111,10 @@ fn located(loaded: &LoadedScene, index: usize, error: OpenError) -> SceneError {
     let at = |field: &str| format!("device[{index}]{field}");
     match error {
         OpenError::UnknownDriver { found, known } => {
-            loaded.source.error(&at(".driver"), found, known)
+            loaded.source.error(&at(".connect"), found, known)
         }
-        OpenError::Setting {
-            field,
-            found,
-            allowed,
-        } => {
-            let field = at(&format!(".settings.{field}"));
-            loaded.source.error(&field, found, allowed)
+        OpenError::Address { found, allowed } => {
+            loaded.source.error(&at(".connect"), found, allowed)
         }
         OpenError::Refused { source, .. } => loaded.source.problem(&at(""), source.to_string()),
     }

@@ -15,6 +15,7 @@ use crate::scene::{LoadedScene, SceneError};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
+use rt_core::passivity::MAX_DELAY;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
@@ -24,8 +25,11 @@ use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::{AnyDevice, TickLoop};
 use sim::DeviceModel;
 
-/// Number of consecutive ticks that a device may stay silent before its force is removed.
-const PATIENCE: u32 = 10;
+/// Number of its own periods for which a device may stay silent before its force is removed.
+const PATIENCE: f64 = 5.0;
+/// Least number of ticks for which a device may stay silent. A device that sends faster than the tick reads may be
+/// delayed by other traffic on its bus.
+const LEAST_PATIENCE: f64 = 2.0;
 
 /// Times of a run, in integer nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -162,6 +166,7 @@ pub(super) fn controller(
     let period = 1.0 / scene.realtime.rate;
     let mut config = ControllerConfig::default();
     let mut passivity = PassivityConfig::new(period);
+    passivity.delay = delay(loaded, period)?;
     let held = bodies::bodies_held(scene);
     for (index, device) in devices.iter().enumerate() {
         let mount = bodies::mount(loaded, index)?;
@@ -171,8 +176,9 @@ pub(super) fn controller(
             ..DeviceFrame::at(mount.origin)
         };
         let capabilities = device.capabilities();
-        let safety = safety(&scene.devices[index], &capabilities, scene, period);
-        let whole = port(&loaded.models[index], safety.max_slew, &frame, period);
+        let model = credited(loaded, index);
+        let safety = safety(&scene.devices[index], &model, &capabilities, scene, period);
+        let whole = port(&model, safety.max_slew, &frame, period);
         passivity.ports[index] = share(&whole, held[index]);
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
@@ -187,6 +193,42 @@ pub(super) fn controller(
         let _ = config.bodies.push(coupling);
     }
     Ok(config)
+}
+
+/// The model of a device for the account of energy. The account of a real device relies on no estimate.
+fn credited(loaded: &LoadedScene, index: usize) -> DeviceModel {
+    let profile = &loaded.profiles[index];
+    if loaded.scene.devices[index].is_simulated() {
+        profile.model
+    } else {
+        profile.model.without_estimates(&profile.estimated)
+    }
+}
+
+/// Number of consecutive ticks for which a device may stay silent before its force is removed.
+fn patience(model: &DeviceModel, period: f64) -> u32 {
+    let ticks = PATIENCE / (f64::from(model.rate_hz) * period);
+    // Rounding must not add a tick where the device has the rate of the tick.
+    (ticks - 1e-6).ceil().max(LEAST_PATIENCE) as u32
+}
+
+/// Ticks from the command of a wrench to its rendering, for the slowest device.
+fn delay(loaded: &LoadedScene, period: f64) -> Result<usize, SceneError> {
+    let mut most = 0;
+    for (index, model) in loaded.models.iter().enumerate() {
+        let ticks = (model.output_delay / period - 1e-6).ceil().max(0.0) as usize;
+        if ticks > MAX_DELAY {
+            let field = format!("device[{index}].model");
+            let found = format!("an output delay of {:?} s", model.output_delay);
+            let allowed = format!(
+                "at most {MAX_DELAY} ticks, {:?} s",
+                MAX_DELAY as f64 * period
+            );
+            return Err(loaded.source.error(&field, found, allowed));
+        }
+        most = most.max(ticks);
+    }
+    Ok(most)
 }
 
 /// The force scheme that a scene names.
@@ -262,6 +304,7 @@ fn share(port: &Port, bodies: usize) -> Port {
 
 fn safety(
     spec: &spec::Device,
+    model: &DeviceModel,
     capabilities: &Capabilities,
     scene: &Scene,
     period: f64,
@@ -276,7 +319,7 @@ fn safety(
         max_speed: spec.max_speed.unwrap_or(f64::INFINITY),
         max_reach: spec.max_reach.unwrap_or(f64::INFINITY),
         max_slew: spec.max_slew.unwrap_or(f64::INFINITY),
-        patience: PATIENCE,
+        patience: patience(model, period),
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
         period,

@@ -3,11 +3,12 @@
 use super::drivers::drivers;
 use super::spec::body::BorderName;
 use super::spec::{
-    Body, Device, Hand, Handle, Host, MeshSource, Notch, Realtime, Rotation, SIMULATED, Scene,
-    SolverName, Starts, TaskName, Tear,
+    Body, Device, Hand, Handle, Host, MeshSource, Notch, Realtime, Rotation, Scene, SolverName,
+    Starts, TaskName, Tear,
 };
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
+use std::path::Path;
 
 /// Largest number of cells of a generated mesh.
 const MOST_CELLS: u64 = 1_000_000;
@@ -412,30 +413,37 @@ fn device_names(devices: &[Device]) -> String {
 
 /// The driver is one of this program's.
 fn check_driver(at: &str, device: &Device) -> Check {
-    let known = drivers(Vec::new());
+    let known = drivers(Vec::new(), Path::new(""));
     let names = || known.names().collect::<Vec<_>>().join(", ");
-    let found = device.driver.as_str();
-    let at = format!("{at}.driver");
+    let found = device.connect.driver.as_str();
+    let at = format!("{at}.connect");
     require(known.driver(found).is_some(), &at, found, names())
 }
 
-/// A simulated device is in a hand; any other is not, and has no wire of ours.
+/// A simulated device is in a hand, and needs no firmware. Any other device has neither a hand nor a wire of ours.
 fn check_held(at: &str, device: &Device) -> Check {
-    let simulated = device.driver == SIMULATED;
-    let Some(hand) = &device.hand else {
-        let allowed = "the hand that holds this simulated device (`hand = {}` suffices)";
-        return require(!simulated, &format!("{at}.hand"), "none", allowed);
-    };
-    let none = |what: &str| format!("no such field: only a simulated device has {what}");
-    let driver = format!("the driver {:?}", device.driver);
+    let simulated = device.is_simulated();
+    let none = |kind: &str, what: &str| format!("no such field: only a {kind} device has {what}");
+    let connection = format!("the connection \"{}\"", device.connect);
     let field = |name: &str| format!("{at}.{name}");
-    require(simulated, &field("hand"), driver.as_str(), none("a hand"))?;
     require(
         simulated || device.wire.is_none(),
         &field("wire"),
-        driver,
-        none("`wire`"),
+        connection.as_str(),
+        none("simulated", "`wire`"),
     )?;
+    require(
+        !simulated || device.firmware.is_none(),
+        &field("firmware"),
+        connection.as_str(),
+        none("real", "a firmware file"),
+    )?;
+    let Some(hand) = &device.hand else {
+        let allowed = "the hand that holds this simulated device (`hand = {}` suffices)";
+        return require(!simulated, &field("hand"), "none", allowed);
+    };
+    let allowed = none("simulated", "a hand");
+    require(simulated, &field("hand"), connection, allowed)?;
     check_hand(&field("hand"), hand)
 }
 

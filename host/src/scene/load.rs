@@ -34,6 +34,8 @@ pub struct LoadedScene {
     pub meshes: Vec<Option<Arc<MeshFile>>>,
     /// The model of each device, in the order of the devices.
     pub models: Vec<DeviceModel>,
+    /// The device file of each device, which has its model too, in the order of the devices.
+    pub profiles: Vec<DeviceFile>,
     /// The recording of each device's hand that names one, in the order of the devices.
     pub recordings: Vec<Option<Vec<Sample>>>,
     /// The content of each file that the scene names, by the name of the file in the scene. A log keeps these files.
@@ -72,6 +74,14 @@ impl MeshFile {
                 }
             })
             .as_ref()
+    }
+}
+
+impl LoadedScene {
+    /// The path of a file that the scene names: relative to the folder of the scene file.
+    pub fn beside(&self, file: &str) -> PathBuf {
+        let folder = Path::new(&self.source.name).parent();
+        folder.unwrap_or(Path::new("")).join(file)
     }
 }
 
@@ -165,7 +175,8 @@ pub(super) fn load(
     };
     let meshes = meshes(&mut reader, &scene)?;
     let mut warnings = Vec::new();
-    let models = models(&mut reader, &scene, &mut warnings)?;
+    let profiles = profiles(&mut reader, &scene, &mut warnings)?;
+    let models = profiles.iter().map(|file| file.model).collect::<Vec<_>>();
     let recordings = recordings(&mut reader, &scene)?;
     warnings.extend(plausible::check(&scene, &source, &models, &recordings)?);
     let files = reader.files;
@@ -174,6 +185,7 @@ pub(super) fn load(
         source,
         meshes,
         models,
+        profiles,
         recordings,
         files,
         warnings,
@@ -251,16 +263,16 @@ fn meshes(
     Ok(meshes)
 }
 
-/// The model of each device. `warnings` receives those about device files.
-fn models(
+/// The device file of each device. `warnings` receives those about device files.
+fn profiles(
     reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
     scene: &Scene,
     warnings: &mut Vec<Warning>,
-) -> Result<Vec<DeviceModel>, SceneError> {
+) -> Result<Vec<DeviceFile>, SceneError> {
     let each = scene.devices.iter().enumerate().map(|(index, device)| {
         let field = format!("device[{index}].model");
         match &device.model {
-            ModelName::BuiltIn(name) => DeviceModel::named(name)
+            ModelName::BuiltIn(name) => DeviceFile::named(name)
                 .ok_or_else(|| reader.source.error(&field, *name, "a built-in device")),
             ModelName::File(file) => {
                 let (path, text) = reader.text(file, &field)?;
@@ -268,7 +280,7 @@ fn models(
                 // Two devices may have the same file.
                 let new = found.into_iter().filter(|one| !warnings.contains(one));
                 warnings.extend(new.collect::<Vec<_>>());
-                Ok(file.model)
+                Ok(file)
             }
         }
     });

@@ -1,20 +1,31 @@
-//! Overrides: values that replace values of a scene for one run, such as another rate of the tick.
+//! Overrides: values that replace values of a scene for one run, such as another rate of the tick, or a simulated device
+//! in place of a real one.
 //!
 //! An override edits the text of the scene, and the edited text is read and checked like any other scene. The log of the
 //! run holds the edited text, so that a replay of the log needs no overrides. Comments and order of the text stay.
 
 use super::load::load;
+use super::spec::SIMULATED;
 use super::{LoadedScene, SceneError};
+use devices::Connection;
 use std::io;
 use std::path::Path;
-use toml_edit::{DocumentMut, Item, Table, Value};
+use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 /// A value that replaces the value of one field of a scene.
 #[derive(Clone, Debug)]
-pub struct Override {
-    table: &'static str,
-    name: &'static str,
-    value: Value,
+pub struct Override(Change);
+
+#[derive(Clone, Debug)]
+enum Change {
+    /// The value of a field of a table.
+    Field {
+        table: &'static str,
+        name: &'static str,
+        value: Value,
+    },
+    /// The connection of a device.
+    Connection { device: String, to: Connection },
 }
 
 impl Override {
@@ -26,34 +37,85 @@ impl Override {
         } else {
             Value::from(value)
         };
-        Self { table, name, value }
+        Self(Change::Field { table, name, value })
     }
 
     /// A word for the field `name` of the table `[table]`.
     pub fn word(table: &'static str, name: &'static str, value: &str) -> Self {
         let value = Value::from(value);
-        Self { table, name, value }
+        Self(Change::Field { table, name, value })
+    }
+
+    /// Another connection for the device of that name, such as `sim` for a simulated device. The simulated device keeps
+    /// the hand of the scene, or gets a hand that holds still. A device that is not simulated gives up its hand.
+    pub fn connection(device: &str, to: &str) -> Self {
+        Self(Change::Connection {
+            device: device.to_owned(),
+            to: Connection::parse(to),
+        })
     }
 
     /// Writes the value into the text of a scene. A field or a table that the text lacks is added.
     fn write(&self, document: &mut DocumentMut) {
-        let table = document
-            .entry(self.table)
-            .or_insert_with(|| Item::Table(Table::new()));
-        // The scene was read before: this is a table.
-        let Some(table) = table.as_table_like_mut() else {
-            return;
-        };
-        match table.get_mut(self.name).and_then(Item::as_value_mut) {
-            Some(old) => {
-                // The comment behind the value stays.
-                let decor = old.decor().clone();
-                *old = self.value.clone();
-                *old.decor_mut() = decor;
+        match &self.0 {
+            Change::Field { table, name, value } => {
+                let table = document
+                    .entry(table)
+                    .or_insert_with(|| Item::Table(Table::new()));
+                // The scene was read before: this is a table.
+                if let Some(table) = table.as_table_like_mut() {
+                    set(table, name, value.clone());
+                }
             }
-            None => {
-                table.insert(self.name, Item::Value(self.value.clone()));
+            Change::Connection { device, to } => {
+                let devices = document.get_mut("device").map(tables).unwrap_or_default();
+                for table in devices {
+                    if table.get("name").and_then(Item::as_str) == Some(device) {
+                        connect(table, to);
+                    }
+                }
             }
+        }
+    }
+}
+
+/// The tables of a list of tables, in either of the two forms of TOML.
+fn tables(list: &mut Item) -> Vec<&mut dyn TableLike> {
+    match list {
+        Item::ArrayOfTables(list) => list.iter_mut().map(|table| table as _).collect(),
+        Item::Value(Value::Array(list)) => {
+            let each = list.iter_mut().filter_map(Value::as_inline_table_mut);
+            each.map(|table| table as _).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Gives the device of a table another connection.
+fn connect(device: &mut dyn TableLike, to: &Connection) {
+    set(device, "connect", Value::from(to.to_string()));
+    if to.driver == SIMULATED {
+        device.remove("firmware");
+        if !device.contains_key("hand") {
+            set(device, "hand", Value::from(InlineTable::new()));
+        }
+    } else {
+        device.remove("hand");
+        device.remove("wire");
+    }
+}
+
+/// Sets a field of a table.
+fn set(table: &mut dyn TableLike, name: &str, value: Value) {
+    match table.get_mut(name).and_then(Item::as_value_mut) {
+        Some(old) => {
+            // The comment behind the value stays.
+            let decor = old.decor().clone();
+            *old = value;
+            *old.decor_mut() = decor;
+        }
+        None => {
+            table.insert(name, Item::Value(value));
         }
     }
 }

@@ -141,7 +141,7 @@ fn refused(fields: &str) -> Result<String, Box<dyn Error>> {
 }
 
 #[test]
-fn a_driver_and_its_settings_are_refused_with_their_line() -> Outcome {
+fn a_connection_is_refused_with_its_line() -> Outcome {
     for (fields, expected) in [
         (
             "",
@@ -149,27 +149,32 @@ fn a_driver_and_its_settings_are_refused_with_their_line() -> Outcome {
              (`hand = {}` suffices)",
         ),
         (
-            "driver = \"hid\"\nhand = {}",
-            "x.toml:12: device[0].hand: found the driver \"hid\", allowed: no such field: only a simulated \
-             device has a hand",
+            "connect = \"hid:1209:0001\"\nhand = {}",
+            "x.toml:12: device[0].hand: found the connection \"hid:1209:0001\", allowed: no such field: only a \
+             simulated device has a hand",
         ),
         (
-            "driver = \"hdi\"",
-            "x.toml:11: device[0].driver: found hdi, allowed: simulated, hid",
+            "connect = \"hid:1209:0001\"\nwire = true",
+            "x.toml:12: device[0].wire: found the connection \"hid:1209:0001\", allowed: no such field: only a \
+             simulated device has `wire`",
         ),
         (
-            "driver = \"hdi\"\nhand = {}",
-            "x.toml:11: device[0].driver: found hdi, allowed: simulated, hid",
+            "firmware = \"nvent.bin\"\nhand = {}",
+            "x.toml:11: device[0].firmware: found the connection \"sim\", allowed: no such field: only a real \
+             device has a firmware file",
         ),
         (
-            "driver = \"hid\"\nsettings = { vendor = 0x1209, product = 1 }",
-            "x.toml:11: device[0].driver: found hid, allowed: simulated devices, or a run under the real \
-             clock (`--clock real`)",
+            "connect = \"hdi\"",
+            "x.toml:11: device[0].connect: found hdi, allowed: sim, hid, plugin",
         ),
         (
-            "hand = {}\nsettings = { vendor = 1 }",
-            "x.toml:12: device[0].settings.vendor: found an unknown setting, allowed: no settings for this \
-             driver",
+            "connect = \"hid:1209:0001\"",
+            "x.toml:11: device[0].connect: found hid:1209:0001, allowed: a real device needs the real clock \
+             (`--clock real`); `--device left=sim` runs the scene without it",
+        ),
+        (
+            "hand = {}\nconnect = \"sim:left\"",
+            "x.toml:12: device[0].connect: found left, allowed: no address for this driver",
         ),
     ] {
         assert_eq!(refused(fields)?, expected, "{fields}");
@@ -180,14 +185,14 @@ fn a_driver_and_its_settings_are_refused_with_their_line() -> Outcome {
 #[test]
 fn an_unknown_driver_is_refused_before_anything_is_opened() {
     let load = |driver: &str| {
-        let text = with_fields(&format!("driver = \"{driver}\""));
+        let text = with_fields(&format!("connect = \"{driver}\""));
         Scene::load_texts("x.toml", &text, &BTreeMap::new())
     };
     let error = load("hdi").expect_err("no driver has this name");
     assert_eq!(
         error.to_string(),
-        "x.toml:11: device[0].driver: found hdi, allowed: simulated, hid"
+        "x.toml:11: device[0].connect: found hdi, allowed: sim, hid, plugin"
     );
-    // A driver that is known is loaded, although its device needs settings and the real clock.
+    // A driver that is known is loaded, although it lacks an address and needs the real clock.
     assert!(load("hid").is_ok());
 }

@@ -205,8 +205,8 @@ fn a_device_of_ones_own_is_read_from_its_file() -> Outcome {
         (
             "mess = 0.15 ",
             "mess: unknown field, allowed: rate, mass, damping, friction, \
-            position_step, max_force, workspace_radius, driver_stiffness, driver_damping, name, axes, \
-            estimated, rotation, sources",
+            position_step, max_force, workspace_radius, output_delay, driver_stiffness, driver_damping, name, \
+            protocol, axes, estimated, rotation, sources",
         ),
     ] {
         fs::write(&device, falcon.replace("mass = 0.15 ", instead))?;

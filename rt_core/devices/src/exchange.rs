@@ -24,14 +24,19 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Time without a wrench from the tick after which the thread commands zero.
 pub const LET_GO: Duration = Duration::from_millis(10);
 /// Time between two attempts to reopen a lost device.
 pub const RETRY: Duration = Duration::from_millis(100);
+/// Longest time that the end of a run waits for the release of a device. A thread that blocks longer, in a vendor's
+/// library, is left behind until the process ends.
+const LAST_WAIT: Duration = Duration::from_secs(2);
 /// Number of wrenches, and of answers, that may wait. A healthy device is never behind by more than one.
 const SLOTS: usize = 4;
+/// Time between two looks whether the thread has ended.
+const POLL: Duration = Duration::from_micros(200);
 /// Error number for a device whose thread has ended (ESHUTDOWN).
 const ENDED: i32 = 108;
 
@@ -105,8 +110,8 @@ impl Counts {
     }
 }
 
-/// The tick's end of a device that has a thread of its own. Dropping it releases the device, and waits until that is
-/// done, for as long as the device blocks. It must not be dropped inside the tick.
+/// The tick's end of a device that has a thread of its own. Dropping it releases the device, and waits up to two seconds
+/// until that is done. It must not be dropped inside the tick.
 pub struct Exchanged {
     wrenches: Option<Producer<Wrench>>,
     answers: Consumer<Answer>,
@@ -196,6 +201,13 @@ impl Drop for Exchanged {
         self.wrenches = None;
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
+            let start = Instant::now();
+            while !thread.is_finished() {
+                if start.elapsed() > LAST_WAIT {
+                    return;
+                }
+                std::thread::sleep(POLL);
+            }
             // A thread that panicked has nothing left to release.
             let _ = thread.join();
         }

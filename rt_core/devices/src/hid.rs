@@ -14,42 +14,20 @@
 
 mod driver;
 mod reading;
+mod selector;
 mod writer;
 
 use hidapi::HidApi;
 use reading::{command, let_go};
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
-use std::collections::BTreeMap;
-use std::ffi::CString;
-use std::fmt;
 use writer::Writer;
 
 pub use driver::Hid;
 pub use reading::{Command, QUEUE, Reports};
+pub use selector::HidSelector;
 
 /// Error number for a device that disappeared without an error number (ENODEV).
 const NO_DEVICE: i32 = 19;
-
-/// Selects the device to open.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct HidSelector {
-    /// Vendor of the USB device.
-    pub vid: u16,
-    /// Product of the USB device.
-    pub pid: u16,
-    /// Serial number, which distinguishes two devices of the same kind.
-    pub serial: Option<String>,
-}
-
-impl fmt::Display for HidSelector {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:04x}:{:04x}", self.vid, self.pid)?;
-        match &self.serial {
-            Some(serial) => write!(f, " with serial number {serial:?}"),
-            None => Ok(()),
-        }
-    }
-}
 
 /// Why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
@@ -83,9 +61,8 @@ pub enum HidError {
     /// The device is connected but cannot be opened.
     #[error(
         "the HID device {selector} is connected as {path} but cannot be opened: {source}. Let your account use \
-         it with a udev rule: KERNEL==\"hidraw*\", ATTRS{{idVendor}}==\"{:04x}\", \
-         ATTRS{{idProduct}}==\"{:04x}\", MODE=\"0660\", TAG+=\"uaccess\"; then plug it in again",
-        selector.vid, selector.pid
+         it with a udev rule: KERNEL==\"hidraw*\", {}, MODE=\"0660\", TAG+=\"uaccess\"; then plug it in again",
+        selector.udev()
     )]
     Open {
         /// The device that was asked for.
@@ -128,7 +105,7 @@ impl HidDevice {
     /// [`HidError`], which names the device and the checks that the user can make.
     pub fn open(selector: &HidSelector, capabilities: Capabilities) -> Result<Self, HidError> {
         let api = HidApi::new().map_err(HidError::System)?;
-        let path = find(&api, selector)?;
+        let path = selector.find(&api)?;
         let open = || {
             api.open_path(&path).map_err(|source| HidError::Open {
                 selector: selector.clone(),
@@ -206,51 +183,6 @@ impl Device for HidDevice {
     }
 }
 
-/// The path of the one device that `selector` names.
-fn find(api: &HidApi, selector: &HidSelector) -> Result<CString, HidError> {
-    // A device is listed once for each of its usages; the path is the same.
-    let alike: BTreeMap<CString, String> = api
-        .device_list()
-        .filter(|device| (device.vendor_id(), device.product_id()) == (selector.vid, selector.pid))
-        .map(|device| {
-            (
-                device.path().to_owned(),
-                device.serial_number().unwrap_or_default().to_owned(),
-            )
-        })
-        .collect();
-    let wanted = |serial: &String| {
-        selector
-            .serial
-            .as_ref()
-            .is_none_or(|wanted| wanted == serial)
-    };
-    let matching: Vec<_> = alike.iter().filter(|(_, serial)| wanted(serial)).collect();
-    let serials = |of: &[(&CString, &String)]| {
-        let each: Vec<_> = of.iter().map(|(_, serial)| format!("{serial:?}")).collect();
-        each.join(", ")
-    };
-    match matching.as_slice() {
-        [(path, _)] => Ok((*path).clone()),
-        [] if alike.is_empty() => Err(HidError::NotFound {
-            selector: selector.clone(),
-            found: "and no other device of its kind".into(),
-        }),
-        [] => Err(HidError::NotFound {
-            selector: selector.clone(),
-            found: format!(
-                "others of its kind have the serial numbers {}",
-                serials(&alike.iter().collect::<Vec<_>>())
-            ),
-        }),
-        several => Err(HidError::Several {
-            selector: selector.clone(),
-            count: several.len(),
-            serials: serials(several),
-        }),
-    }
-}
-
 /// The system's error number in a hidapi error; ENODEV where the error has none.
 fn errno(error: &hidapi::HidError) -> i32 {
     match error {
@@ -267,11 +199,7 @@ mod tests {
     #[test]
     fn a_missing_device_is_named_with_a_remedy() {
         // Vendor 0 is not assigned.
-        let selector = HidSelector {
-            vid: 0,
-            pid: 0x0bad,
-            serial: Some("left".into()),
-        };
+        let selector = HidSelector::parse("0000:0bad:left").expect("an address");
         let capabilities = Capabilities {
             sensed: Freedom::Three,
             actuated: Freedom::Three,
@@ -298,11 +226,7 @@ mod tests {
     #[test]
     fn a_device_that_may_not_be_opened_comes_with_its_udev_rule() {
         let error = HidError::Open {
-            selector: HidSelector {
-                vid: 0x1209,
-                pid: 0xc0de,
-                serial: None,
-            },
+            selector: HidSelector::parse("1209:c0de").expect("an address"),
             path: "/dev/hidraw3".into(),
             source: hidapi::HidError::IoError {
                 error: std::io::ErrorKind::PermissionDenied.into(),

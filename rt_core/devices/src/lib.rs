@@ -7,15 +7,17 @@
 //! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`replay`] (recorded readings). The driver
 //!   of simulated devices is `sim::driver`, beside the simulation.
 //! - [`transport`]: how bytes reach a device. [`exchange`]: devices that may block, in a thread of their own.
+//! - [`plugin`]: any other device, by a shared library with a C interface.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
 //!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod conformance;
 pub mod exchange;
 pub mod hid;
 pub mod models;
+pub mod plugin;
 pub mod registry;
 pub mod replay;
 pub mod scripted;
@@ -25,7 +27,7 @@ pub mod wire;
 pub use exchange::{Exchange, Exchanged};
 pub use hid::Hid;
 pub use models::{DeviceFile, DeviceModel, RotationModel};
-pub use registry::{Driver, Kind, OpenError, Registry, Request, Settings};
+pub use registry::{Connection, Driver, Kind, OpenError, Registry, Request};
 pub use replay::{Replay, ReplayDevice};
 pub use runner::AnyDevice;
 pub use scripted::Scripted;

@@ -34,6 +34,8 @@ pub struct DeviceModel {
     pub driver_damping: f64,
     /// Usual rate of the device (Hz).
     pub rate_hz: u32,
+    /// Time from the command of a wrench to its rendering by the device (s), as measured; zero where it is unknown.
+    pub output_delay: f64,
     /// The axes along which the handle moves, on a device of one or two degrees of freedom; `None` where the handle moves
     /// along all three.
     pub axes: Option<Axes>,
@@ -86,9 +88,7 @@ impl DeviceModel {
     /// assert!(DeviceModel::named("falkon").is_none());
     /// ```
     pub fn named(name: &str) -> Option<Self> {
-        let (_, text) = FILES.iter().find(|(known, _)| *known == name)?;
-        // A test parses every file.
-        DeviceFile::parse(text).ok().map(|file| file.model)
+        DeviceFile::named(name).map(|file| file.model)
     }
 
     /// The degrees of freedom that a device of this model senses and actuates.
@@ -97,6 +97,34 @@ impl DeviceModel {
             (Some(axes), _) => Freedom::Along(axes),
             (None, Some(_)) => Freedom::Six,
             (None, None) => Freedom::Three,
+        }
+    }
+
+    /// The model without credit for estimates: the damping and the friction that `estimated` names are zero. The account
+    /// of energy of a real device may rely on no other dissipation. An estimated mass stays: the account does not rely
+    /// on it, and the damping that it bounds is a fifth of the damping that is unstable.
+    ///
+    /// ```
+    /// use devices::DeviceModel;
+    ///
+    /// let falcon = DeviceModel::named("falcon").expect("a built-in device");
+    /// let safe = falcon.without_estimates(&["friction".to_owned()]);
+    /// assert_eq!((safe.friction, safe.damping), (0.0, falcon.damping));
+    /// ```
+    pub fn without_estimates(&self, estimated: &[String]) -> Self {
+        let credited = |name: &str, value: f64| {
+            let counts = estimated.iter().all(|field| field != name);
+            if counts { value } else { 0.0 }
+        };
+        Self {
+            damping: credited("damping", self.damping),
+            friction: credited("friction", self.friction),
+            rotation: self.rotation.map(|rotation| RotationModel {
+                damping: credited("rotation.damping", rotation.damping),
+                friction: credited("rotation.friction", rotation.friction),
+                ..rotation
+            }),
+            ..*self
         }
     }
 
@@ -137,8 +165,9 @@ mod tests {
         for (name, text) in FILES {
             let file = DeviceFile::parse(text).unwrap_or_else(|e| panic!("{name}: {e}"));
             assert_eq!(Some(file.model), DeviceModel::named(name));
+            // The delay is measured on the device itself; the built-in files have the default.
             let unsourced: Vec<_> = DeviceFile::numbers(file.model.rotation.is_some())
-                .filter(|number| !file.sources.contains_key(number))
+                .filter(|number| number != "output_delay" && !file.sources.contains_key(number))
                 .collect();
             assert!(unsourced.is_empty(), "{name}: no source for {unsourced:?}");
         }

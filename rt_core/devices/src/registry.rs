@@ -1,14 +1,54 @@
 //! Drivers by name, and the interface of a driver.
 //!
-//! A scene names a driver and a model, and has settings that only the driver reads. The program that runs the scene
-//! registers its drivers. It gives each driver the further data that the driver needs: the hands of simulated devices,
-//! the readings of a replay. It then opens every device by the name of its driver.
+//! A scene names a **connection** (`connect`): a driver, and the address that only the driver reads
+//! (`"hid:1209:c0de"`). The program that runs the scene registers its drivers. It gives each driver the further data that
+//! the driver needs: the hands of simulated devices, the readings of a replay. It then opens every device by the name of
+//! its driver.
 
 use crate::models::DeviceModel;
 use runner::AnyDevice;
 use std::error::Error;
 use std::fmt;
-use toml::{Table, Value};
+use std::path::Path;
+
+/// The name of a driver and the address of a device, as a scene gives them: `driver`, or `driver:address`.
+///
+/// ```
+/// use devices::registry::Connection;
+///
+/// let hid = Connection::parse("hid:1209:c0de");
+/// assert_eq!((hid.driver.as_str(), hid.address.as_str()), ("hid", "1209:c0de"));
+/// assert_eq!(hid.to_string(), "hid:1209:c0de");
+/// assert_eq!(Connection::parse("falcon").address, "");
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Connection {
+    /// The name of the driver.
+    pub driver: String,
+    /// The address, which only the driver reads; empty where there is none.
+    pub address: String,
+}
+
+impl Connection {
+    /// Splits a text at its first colon.
+    pub fn parse(text: &str) -> Self {
+        let (driver, address) = text.split_once(':').unwrap_or((text, ""));
+        Self {
+            driver: driver.to_owned(),
+            address: address.to_owned(),
+        }
+    }
+}
+
+impl fmt::Display for Connection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.driver)?;
+        if !self.address.is_empty() {
+            write!(f, ":{}", self.address)?;
+        }
+        Ok(())
+    }
+}
 
 /// The kind of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,8 +70,10 @@ pub struct Request<'a> {
     pub model: &'a DeviceModel,
     /// Period of the tick (s).
     pub period: f64,
-    /// The settings in the scene for this driver.
-    pub settings: Settings<'a>,
+    /// The address of the device, which only the driver reads; empty where the scene gives none.
+    pub address: &'a str,
+    /// The firmware that the scene names for the device.
+    pub firmware: Option<&'a Path>,
 }
 
 /// A driver: the code that opens devices of one kind.
@@ -42,10 +84,15 @@ pub trait Driver {
     /// The kind of its devices.
     fn kind(&self) -> Kind;
 
+    /// The protocol of its devices, where they are devices of one kind. A device's profile must then name this protocol.
+    fn protocol(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Opens a device.
     ///
     /// # Errors
-    /// [`OpenError`], which names the setting, or states what the device lacks.
+    /// [`OpenError`], which has the address, or states what the device lacks.
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError>;
 }
 
@@ -60,15 +107,13 @@ pub enum OpenError {
         /// The names of the registered drivers.
         known: String,
     },
-    /// A setting is missing, unknown or wrong.
-    #[error("settings.{field}: found {found}, allowed: {allowed}")]
-    Setting {
-        /// Name of the setting.
-        field: String,
-        /// The value in the scene.
+    /// The address is missing, unnecessary or wrong.
+    #[error("address: found {found}, allowed: {allowed}")]
+    Address {
+        /// The address in the scene.
         found: String,
-        /// The allowed values.
-        allowed: String,
+        /// The allowed addresses, each with its driver, as a scene names them.
+        allowed: &'static str,
     },
     /// The driver cannot open such a device.
     #[error("{source}; allowed: {allowed}")]
@@ -83,7 +128,7 @@ pub enum OpenError {
 /// Drivers by name.
 ///
 /// ```
-/// use devices::registry::{Driver, Kind, OpenError, Registry, Request, Settings};
+/// use devices::registry::{Driver, Kind, OpenError, Registry, Request};
 /// use devices::{AnyDevice, DeviceModel, Scripted};
 /// use rt_core::{Device, DeviceState};
 ///
@@ -106,7 +151,7 @@ pub enum OpenError {
 ///
 /// let registry = Registry::new().with(Resting);
 /// let model = DeviceModel::named("falcon").expect("a built-in device");
-/// let request = Request { index: 0, model: &model, period: 1e-3, settings: Settings::none() };
+/// let request = Request { index: 0, model: &model, period: 1e-3, address: "", firmware: None };
 /// let mut device = registry.open("resting", &request)?;
 /// assert_eq!(device.capabilities().max_force, 8.0);
 /// assert!(device.read(0).is_ok());
@@ -166,87 +211,19 @@ impl fmt::Debug for Registry {
     }
 }
 
-/// The settings in a scene for a driver, read field by field.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings<'a>(Option<&'a Table>);
-
-impl<'a> Settings<'a> {
-    /// The settings in a table.
-    pub fn new(table: &'a Table) -> Self {
-        Self(Some(table))
-    }
-
-    /// No settings.
-    pub fn none() -> Self {
-        Self(None)
-    }
-
-    fn get(self, field: &str) -> Option<&'a Value> {
-        self.0.and_then(|table| table.get(field))
-    }
-
-    /// Refuses a setting whose name is not in `known`.
+impl Request<'_> {
+    /// Refuses an address, for a driver whose devices have none.
     ///
     /// # Errors
-    /// [`OpenError::Setting`] with the first unknown setting.
-    pub fn only(self, known: &[&str]) -> Result<(), OpenError> {
-        let mut keys = self.0.into_iter().flat_map(Table::keys);
-        let Some(field) = keys.find(|key| !known.contains(&key.as_str())) else {
+    /// [`OpenError::Address`].
+    pub fn no_address(&self) -> Result<(), OpenError> {
+        if self.address.is_empty() {
             return Ok(());
-        };
-        let allowed = match known {
-            [] => "no settings for this driver".to_owned(),
-            known => known.join(", "),
-        };
-        Err(refused(field, "an unknown setting".into(), &allowed))
-    }
-
-    /// A required setting: an integer of 16 bits.
-    ///
-    /// # Errors
-    /// [`OpenError::Setting`] where the setting is missing, of another type or out of range.
-    pub fn number_u16(self, field: &str) -> Result<u16, OpenError> {
-        let value = self.get(field);
-        let number = value
-            .and_then(Value::as_integer)
-            .and_then(|n| n.try_into().ok());
-        number.ok_or_else(|| {
-            let found = value.map_or("nothing".into(), described);
-            refused(field, found, "a whole number from 0 to 0xffff")
-        })
-    }
-
-    /// An optional setting: a text.
-    ///
-    /// # Errors
-    /// [`OpenError::Setting`] where the setting is of another type.
-    pub fn text(self, field: &str) -> Result<Option<String>, OpenError> {
-        match self.get(field) {
-            None => Ok(None),
-            Some(Value::String(text)) => Ok(Some(text.clone())),
-            Some(other) => Err(refused(field, described(other), "a text in quotes")),
         }
-    }
-}
-
-/// A value as a message quotes it: a scalar in full, any other value by its type.
-fn described(value: &Value) -> String {
-    match value {
-        Value::Integer(number) => number.to_string(),
-        Value::Float(number) => format!("{number:?}"),
-        Value::Boolean(is) => is.to_string(),
-        Value::String(text) => format!("{text:?}"),
-        Value::Datetime(_) => "a date".to_owned(),
-        Value::Array(_) => "a list".to_owned(),
-        Value::Table(_) => "a table".to_owned(),
-    }
-}
-
-fn refused(field: &str, found: String, allowed: &str) -> OpenError {
-    OpenError::Setting {
-        field: field.to_owned(),
-        found,
-        allowed: allowed.to_owned(),
+        Err(OpenError::Address {
+            found: self.address.to_owned(),
+            allowed: "no address for this driver",
+        })
     }
 }
 
@@ -255,17 +232,18 @@ mod tests {
     use super::*;
     use crate::{Hid, Replay};
 
-    fn open(driver: &str, settings: &str) -> String {
+    fn open(connection: &str) -> String {
         let registry = Registry::new().with(Hid).with(Replay::new(Vec::new()));
         let model = DeviceModel::named("touch").expect("it is carried along");
-        let table: Table = settings.parse().expect("sound TOML");
+        let connection = Connection::parse(connection);
         let request = Request {
             index: 0,
             model: &model,
             period: 1e-3,
-            settings: Settings::new(&table),
+            address: &connection.address,
+            firmware: None,
         };
-        match registry.open(driver, &request) {
+        match registry.open(&connection.driver, &request) {
             Ok(_) => "open".to_owned(),
             Err(error) => error.to_string(),
         }
@@ -273,41 +251,41 @@ mod tests {
 
     #[test]
     fn a_device_is_opened_by_the_name_of_its_driver() {
-        assert_eq!(open("replay", ""), "open");
+        assert_eq!(open("replay"), "open");
         assert_eq!(
-            open("hdi", ""),
+            open("hdi:1"),
             "found the driver \"hdi\", allowed: hid, replay"
         );
         assert_eq!(
-            open("replay", "speed = 2"),
-            "settings.speed: found an unknown setting, allowed: no settings for this driver"
+            open("replay:2"),
+            "address: found 2, allowed: no address for this driver"
         );
     }
 
     #[test]
-    fn settings_are_refused_with_what_was_found() {
-        for (settings, expected) in [
-            (
-                "",
-                "settings.vendor: found nothing, allowed: a whole number from 0 to 0xffff",
-            ),
-            (
-                "vendor = 0x10000",
-                "settings.vendor: found 65536, allowed: a whole number from 0 to 0xffff",
-            ),
-            (
-                "vendor = 1\nproduct = 2\nserial = 3",
-                "settings.serial: found 3, allowed: a text in quotes",
-            ),
-            (
-                "vendor = 1\nport = 2",
-                "settings.port: found an unknown setting, allowed: vendor, product, serial",
-            ),
+    fn a_wrong_address_is_refused_with_the_allowed_ones() {
+        for address in [
+            "hid",
+            "hid:",
+            "hid:1209",
+            "hid:1209:",
+            "hid:1209:10000",
+            "hid:+209:c0de",
+            "hid:12 9:c0de",
+            "hid:/dev/hidraw",
+            "hid:/dev/hidraw1/..",
+            "hid:/dev/sda",
         ] {
-            assert_eq!(open("hid", settings), expected);
+            let error = open(address);
+            let found = Connection::parse(address).address;
+            let found = if found.is_empty() { "nothing" } else { &found };
+            assert!(
+                error.starts_with(&format!("address: found {found}, allowed: hid:VID:PID")),
+                "{address}: {error}"
+            );
         }
         // Vendor 0 is not assigned. A system without sysfs lists no devices at all.
-        let nobody = open("hid", "vendor = 0\nproduct = 0x0bad");
+        let nobody = open("hid:0000:0bad:left");
         assert!(nobody.contains("HID device"), "{nobody}");
     }
 

@@ -28,7 +28,7 @@ impl Driver for Replay {
     }
 
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
-        request.settings.only(&[])?;
+        request.no_address()?;
         let readings = self.readings.get(request.index).cloned();
         Ok(Box::new(ReplayDevice::new(
             request.model.capabilities(),

@@ -7,6 +7,7 @@
 mod visitors;
 
 use super::spec::ModelName;
+use devices::Connection;
 use serde::de::{Deserialize, Deserializer};
 use std::marker::PhantomData;
 use visitors::{
@@ -245,6 +246,15 @@ pub(super) fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> R
 /// Says what was found and what is allowed.
 pub(super) fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Error> {
     from.deserialize_str(ModelVisitor)
+}
+
+/// The connection to a device: a driver, or a driver and an address.
+///
+/// # Errors
+///
+/// Says what was found and what is allowed.
+pub(super) fn connection<'de, D: Deserializer<'de>>(from: D) -> Result<Connection, D::Error> {
+    String::deserialize(from).map(|text| Connection::parse(&text))
 }
 
 /// One of several names, for an optional field.

@@ -2,6 +2,7 @@
 
 use super::{Hand, Rotation, one};
 use crate::scene::check;
+use devices::Connection;
 use serde::Deserialize;
 
 /// `[[device]]`: a haptic device, and the hand of a simulated one.
@@ -14,12 +15,13 @@ pub struct Device {
     /// the same fields.
     #[serde(deserialize_with = "check::model_name")]
     pub model: ModelName,
-    /// By which driver it is opened: `simulated`, or `hid` for a real one.
-    #[serde(default = "simulated")]
-    pub driver: String,
-    /// What the driver alone reads. `hid`: `vendor` and `product`, the numbers of the USB device, and `serial`.
+    /// How it is reached: `sim`, or a driver and the address of a real one, such as `hid:1209:c0de`. `model` is then its
+    /// profile.
+    #[serde(default = "simulated", deserialize_with = "check::connection")]
+    pub connect: Connection,
+    /// The firmware file of a real device that has to be given one, relative to the scene file.
     #[serde(default)]
-    pub settings: toml::Table,
+    pub firmware: Option<String>,
     /// Simulated devices: whether states and wrenches pass through the firmware protocol's 64-byte reports; they do if
     /// not given.
     #[serde(default)]
@@ -66,10 +68,17 @@ pub struct Mounting {
 }
 
 /// The driver of simulated devices.
-pub const SIMULATED: &str = "simulated";
+pub const SIMULATED: &str = "sim";
 
-fn simulated() -> String {
-    SIMULATED.to_owned()
+fn simulated() -> Connection {
+    Connection::parse(SIMULATED)
+}
+
+impl Device {
+    /// Whether the device is simulated.
+    pub fn is_simulated(&self) -> bool {
+        self.connect.driver == SIMULATED
+    }
 }
 
 /// The name of a device model: a built-in device, or a device file.

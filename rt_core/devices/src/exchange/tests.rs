@@ -48,11 +48,11 @@ fn push(force: f64) -> Wrench {
     }
 }
 
-fn state(device_time_ns: u64) -> Answer {
-    Ok(DeviceState {
+fn at(device_time_ns: u64) -> DeviceState {
+    DeviceState {
         device_time_ns,
         ..DeviceState::resting()
-    })
+    }
 }
 
 /// Waits until the thread has exchanged `force`; exchanges of zero, which time may cause, are answered and passed over.
@@ -79,8 +79,8 @@ fn a_wrench_is_exchanged_for_a_state() {
     assert_eq!(device.read(0), Err(DeviceError::NoReport));
     assert_eq!(device.write(0, &push(1.5)), Ok(()));
     until(&seen, &tell, Done::Exchanged(1.5));
-    tell.send(state(7)).expect("it listens");
-    read(&mut device, state(7));
+    tell.send(Ok(at(7))).expect("it listens");
+    read(&mut device, Ok(at(7)));
     assert!(device.counts().states() == 1 && device.counts().losses() == 0);
     drop(tell);
     drop(device);
@@ -97,7 +97,7 @@ fn a_device_that_blocks_makes_the_tick_busy_and_then_gets_the_newest_wrench() {
         assert_eq!(device.write(0, &push(force)), Ok(()));
     }
     assert_eq!(device.write(0, &push(6.0)), Err(DeviceError::Busy));
-    tell.send(state(1)).expect("it listens");
+    tell.send(Ok(at(1))).expect("it listens");
     assert_eq!(seen.recv(), Ok(Done::Exchanged(5.0)));
 }
 
@@ -106,7 +106,7 @@ fn a_tick_that_stops_lets_the_device_go() {
     let (mut device, seen, tell) = told();
     assert_eq!(device.write(0, &push(1.0)), Ok(()));
     until(&seen, &tell, Done::Exchanged(1.0));
-    tell.send(state(1)).expect("it listens");
+    tell.send(Ok(at(1))).expect("it listens");
     // No further wrench comes.
     assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
     assert!(device.counts().let_go() >= 1);
@@ -118,8 +118,8 @@ fn a_lost_device_comes_back_and_its_clock_goes_on() {
     let gone = DeviceError::Disconnected(19);
     assert_eq!(device.write(0, &push(1.0)), Ok(()));
     until(&seen, &tell, Done::Exchanged(1.0));
-    tell.send(state(50)).expect("it listens");
-    read(&mut device, state(50));
+    tell.send(Ok(at(50))).expect("it listens");
+    read(&mut device, Ok(at(50)));
     assert_eq!(device.write(0, &push(2.0)), Ok(()));
     until(&seen, &tell, Done::Exchanged(2.0));
     assert_eq!(device.write(0, &push(3.0)), Ok(()));
@@ -132,15 +132,15 @@ fn a_lost_device_comes_back_and_its_clock_goes_on() {
     assert_eq!(seen.recv(), Ok(Done::Reopened));
     tell.send(Err(gone)).expect("it listens");
     assert_eq!(seen.recv(), Ok(Done::Reopened));
-    tell.send(state(0)).expect("it listens");
+    tell.send(Ok(at(0))).expect("it listens");
     assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
     // Its clock starts at 3 ns, and continues from 50 ns.
-    tell.send(state(3)).expect("it listens");
-    read(&mut device, state(50));
+    tell.send(Ok(at(3))).expect("it listens");
+    read(&mut device, Ok(at(50)));
     assert_eq!(device.write(0, &push(5.0)), Ok(()));
     until(&seen, &tell, Done::Exchanged(5.0));
-    tell.send(state(10)).expect("it listens");
-    read(&mut device, state(57));
+    tell.send(Ok(at(10))).expect("it listens");
+    read(&mut device, Ok(at(57)));
     let counts = device.counts();
     assert_eq!((counts.losses(), counts.returns()), (1, 1));
 }

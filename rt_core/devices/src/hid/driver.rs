@@ -1,4 +1,4 @@
-//! The driver `hid` opens the device that the settings in a scene name.
+//! The driver `hid` opens the device that a scene names by its numbers or by its path.
 
 use super::{HidDevice, HidSelector};
 use crate::registry::{Driver, Kind, OpenError, Request};
@@ -6,13 +6,14 @@ use runner::AnyDevice;
 
 /// Devices that speak the firmware protocol over USB HID.
 ///
-/// Settings: `vendor` and `product`, the numbers of the USB device; `serial`, where two devices of the same kind are
-/// connected.
+/// Addresses: `VID:PID`, the numbers of the USB device (four hexadecimal digits each); `VID:PID:SERIAL`, where two
+/// devices of the same kind are connected; or `/dev/hidrawN`, the path of the device.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hid;
 
-/// Settings of this driver.
-const SETTINGS: [&str; 3] = ["vendor", "product", "serial"];
+/// The allowed addresses.
+const ADDRESSES: &str = "hid:VID:PID or hid:VID:PID:SERIAL, with the numbers of the USB device as `lsusb` prints them \
+                         (four hexadecimal digits each), or hid:/dev/hidrawN";
 
 impl Driver for Hid {
     fn name(&self) -> &'static str {
@@ -24,12 +25,15 @@ impl Driver for Hid {
     }
 
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
-        let settings = &request.settings;
-        settings.only(&SETTINGS)?;
-        let selector = HidSelector {
-            vid: settings.number_u16("vendor")?,
-            pid: settings.number_u16("product")?,
-            serial: settings.text("serial")?,
+        let Some(selector) = HidSelector::parse(request.address) else {
+            let found = match request.address {
+                "" => "nothing",
+                address => address,
+            };
+            return Err(OpenError::Address {
+                found: found.to_owned(),
+                allowed: ADDRESSES,
+            });
         };
         match HidDevice::open(&selector, request.model.capabilities()) {
             Ok(device) => Ok(Box::new(device)),

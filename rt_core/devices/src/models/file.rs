@@ -12,6 +12,8 @@ use toml::de::{DeTable, DeValue};
 pub struct DeviceFile {
     /// The full name of the device, for display.
     pub name: String,
+    /// The protocol of the device, by the name of its driver (`"woodenhaptics"`); `None` where the file names none.
+    pub protocol: Option<String>,
     /// The numbers of the device.
     pub model: DeviceModel,
     /// The fields whose numbers are estimates. Fields of the rotation have names such as `rotation.inertia`.
@@ -67,7 +69,7 @@ impl fmt::Display for ModelError {
 }
 
 /// Numbers of a device, in the order of the file.
-const NUMBERS: [&str; 9] = [
+const NUMBERS: [&str; 10] = [
     "rate",
     "mass",
     "damping",
@@ -75,11 +77,19 @@ const NUMBERS: [&str; 9] = [
     "position_step",
     "max_force",
     "workspace_radius",
+    "output_delay",
     "driver_stiffness",
     "driver_damping",
 ];
 /// The other fields.
-const OTHERS: [&str; 5] = ["name", "axes", "estimated", "rotation", "sources"];
+const OTHERS: [&str; 6] = [
+    "name",
+    "protocol",
+    "axes",
+    "estimated",
+    "rotation",
+    "sources",
+];
 /// The axes of a device, by name.
 const AXES: [&str; 3] = ["x", "y", "z"];
 /// Numbers of a device's rotation.
@@ -104,6 +114,7 @@ const RATE: Range = ("a whole number from 100 to 10000 (Hz)", |v| {
 });
 const POSITIVE: Range = ("a number above 0 and up to 1e6", |v| v > 0.0 && v <= 1e6);
 const NOT_NEGATIVE: Range = ("a number from 0 to 1e6", |v| (0.0..=1e6).contains(&v));
+const DELAY: Range = ("a number from 0 to 0.1 (s)", |v| (0.0..=0.1).contains(&v));
 const STEP: Range = ("a number above 0 and up to 0.1", |v| v > 0.0 && v <= 0.1);
 
 impl DeviceFile {
@@ -143,15 +154,26 @@ impl DeviceFile {
             driver_stiffness: root.number("driver_stiffness", POSITIVE)?,
             driver_damping: root.number("driver_damping", NOT_NEGATIVE)?,
             rate_hz: root.number("rate", RATE)? as u32,
+            output_delay: root
+                .optional("output_delay", |at| at.number(DELAY))?
+                .unwrap_or(0.0),
             axes,
             rotation,
         };
         Ok(Self {
             name: root.string("name")?,
+            protocol: root.optional("protocol", line)?,
             model,
             estimated: estimated.unwrap_or_default(),
             sources: sources.unwrap_or_default(),
         })
+    }
+
+    /// The file of the built-in device of that name, among [`FILES`](super::FILES).
+    pub fn named(name: &str) -> Option<Self> {
+        let (_, text) = super::FILES.iter().find(|(known, _)| *known == name)?;
+        // A test parses every file.
+        Self::parse(text).ok()
     }
 
     /// The names of all fields of a device's file.
@@ -166,6 +188,11 @@ impl DeviceFile {
         let plain = NUMBERS.iter().map(|name| (*name).to_owned());
         plain.chain(turning.map(|name| format!("rotation.{name}")))
     }
+}
+
+/// Reads a text of one line.
+fn line(at: &Value<'_>) -> Result<String, ModelError> {
+    at.string()
 }
 
 fn rotation(at: &Value<'_>) -> Result<RotationModel, ModelError> {

@@ -283,6 +283,7 @@ mod tests {
             driver_stiffness: 1000.0,
             driver_damping: 1.0,
             rate_hz: 1000,
+            output_delay: 0.0,
             axes: None,
             rotation: None,
         };

@@ -82,7 +82,7 @@ fn a_device_moves_along_the_axes_of_its_file() {
 #[test]
 fn each_mistake_is_reported_with_line_and_field() {
     let numbers = "rate, mass, damping, friction, position_step, max_force, workspace_radius, \
-                   driver_stiffness, driver_damping";
+                   output_delay, driver_stiffness, driver_damping";
     let turning = "inertia, damping, friction, step, max_moment, driver_stiffness, driver_damping";
     let all = format!(
         "{numbers}, rotation.{}",
@@ -113,7 +113,7 @@ fn each_mistake_is_reported_with_line_and_field() {
             "mass = 0.1",
             "mass = 0.1\nmas = 1",
             format!(
-                "line 4: mas: unknown field, allowed: {numbers}, name, axes, estimated, rotation, sources"
+                "line 4: mas: unknown field, allowed: {numbers}, name, protocol, axes, estimated, rotation, sources"
             ),
         ),
         (
@@ -230,9 +230,9 @@ fn the_table_of_the_book_has_every_field_with_its_range_and_no_other() {
             }
             DeviceFile::parse(&lines.join("\n"))
         };
-        if field == "axes" {
-            // The base has a rotation, which a device with axes cannot have.
-            let error = DeviceFile::parse(&format!("axes = true\n{BASE}")).unwrap_err();
+        if ["axes", "protocol", "output_delay"].contains(&field.as_str()) {
+            // The base lacks these fields, so they have a default.
+            let error = DeviceFile::parse(&format!("{field} = true\n{BASE}")).unwrap_err();
             assert!(
                 error.to_string().ends_with(&format!("allowed: {range}")),
                 "{error}"
