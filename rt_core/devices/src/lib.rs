@@ -9,12 +9,14 @@
 //! - [`transport`]: how bytes reach a device. [`exchange`]: devices that may block, in a thread of their own.
 //! - [`plugin`]: any other device, by a shared library with a C interface.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
+//! - [`found`]: which devices are connected, and why a device cannot be used.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
 //!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
 #![deny(unsafe_code)]
 
 pub mod conformance;
 pub mod exchange;
+pub mod found;
 pub mod hid;
 pub mod models;
 pub mod plugin;
