@@ -198,28 +198,27 @@ impl<T: Transport> WoodenHaptics<T> {
     }
 
     /// Sets the counters of the device, whose handle must be held still at `position` (m, device axes). The currents are
-    /// zero meanwhile. May take five exchanges.
+    /// zero meanwhile. Takes two to six exchanges.
     ///
     /// # Errors
     /// [`CalibrationError`] where the links do not reach the position, or no report confirms the counters.
     pub fn calibrate(&mut self, position: &Vec3) -> Result<(), CalibrationError> {
         let counts =
             counts_at(&self.kinematics, position).ok_or(CalibrationError::OutOfReach(*position))?;
+        // The motors must be off before the counters change: the command that sets them leaves the currents as they are.
+        self.calibration = Calibration::UNKNOWN;
+        let mut last = self.exchange(&Wrench::zero());
         self.calibration = Calibration::setting(counts, false, TRIES);
-        let mut last = DeviceError::NoReport;
-        while matches!(self.calibration, Calibration::Setting { .. }) {
-            match self.exchange(&Wrench::zero()) {
-                Ok(_) => break,
-                Err(error) => last = error,
-            }
-            if let DeviceError::Disconnected(_) = last {
+        while let Calibration::Setting { .. } = self.calibration {
+            if let Err(DeviceError::Disconnected(_)) = last {
                 self.calibration = Calibration::UNKNOWN;
+            } else {
+                last = self.exchange(&Wrench::zero());
             }
         }
-        if self.is_calibrated() {
-            Ok(())
-        } else {
-            Err(CalibrationError::NotTaken(last))
+        match last {
+            Ok(_) => Ok(()),
+            Err(error) => Err(CalibrationError::NotTaken(error)),
         }
     }
 
