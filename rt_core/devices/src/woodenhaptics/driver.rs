@@ -205,8 +205,7 @@ impl<T: Transport> WoodenHaptics<T> {
     pub fn calibrate(&mut self, position: &Vec3) -> Result<(), CalibrationError> {
         let counts =
             counts_at(&self.kinematics, position).ok_or(CalibrationError::OutOfReach(*position))?;
-        // The motors must be off before the counters change: the command that sets them leaves the currents as they are.
-        self.calibration = Calibration::UNKNOWN;
+        // The currents must be zero before the counters change: the command that sets counters leaves them as they are.
         let mut last = self.exchange(&Wrench::zero());
         self.calibration = Calibration::setting(counts, false, TRIES);
         while let Calibration::Setting { .. } = self.calibration {
