@@ -4,8 +4,9 @@
 //!   every driver.
 //! - [`registry`]: drivers by name. The program that runs a scene opens its devices through a [`Registry`] and needs no
 //!   other knowledge of a driver.
-//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`replay`] (recorded readings). The driver
-//!   of simulated devices is `sim::driver`, beside the simulation.
+//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`woodenhaptics`] (an open device with a
+//!   published protocol), [`replay`] (recorded readings). The driver of simulated devices is `sim::driver`, beside the
+//!   simulation.
 //! - [`transport`]: how bytes reach a device. [`exchange`]: devices that may block, in a thread of their own.
 //! - [`plugin`]: any other device, by a shared library with a C interface.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
@@ -25,6 +26,7 @@ pub mod replay;
 pub mod scripted;
 pub mod transport;
 pub mod wire;
+pub mod woodenhaptics;
 
 pub use exchange::{Exchange, Exchanged};
 pub use hid::Hid;
