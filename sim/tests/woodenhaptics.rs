@@ -1,7 +1,7 @@
 //! The driver of WoodenHaptics against an emulated device, over a connection in memory and under virtual time.
 
 use devices::woodenhaptics::driver::WAIT;
-use devices::woodenhaptics::{FILE, Form, Geometry, Kinematics, Setup, WoodenHaptics};
+use devices::woodenhaptics::{Form, Geometry, Kinematics, Setup, WoodenHaptics};
 use devices::{Exchange, Transport};
 use proptest::prelude::*;
 use rt_core::{Corruption, DeviceError, Vec3, Wrench};
@@ -121,7 +121,7 @@ impl Transport for Link {
 
 /// The device model, with motors that make every force of the largest currents.
 fn model() -> DeviceModel {
-    let file = DeviceFile::parse(FILE).expect("a device file");
+    let file = DeviceFile::named("woodenhaptics").expect("a built-in device");
     DeviceModel {
         max_force: 100.0,
         ..file.model

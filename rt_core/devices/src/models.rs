@@ -63,7 +63,7 @@ pub struct RotationModel {
 }
 
 /// The files of the built-in devices, with the names that scenes use.
-pub const FILES: [(&str, &str); 8] = [
+pub const FILES: [(&str, &str); 9] = [
     ("falcon", include_str!("../models/falcon.toml")),
     ("touch", include_str!("../models/touch.toml")),
     (
@@ -75,6 +75,10 @@ pub const FILES: [(&str, &str); 8] = [
     ("virtuose6d", include_str!("../models/virtuose6d.toml")),
     ("hapkit", include_str!("../models/hapkit.toml")),
     ("pantograph", include_str!("../models/pantograph.toml")),
+    (
+        "woodenhaptics",
+        include_str!("../models/woodenhaptics.toml"),
+    ),
 ];
 
 impl DeviceModel {

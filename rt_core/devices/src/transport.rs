@@ -4,9 +4,11 @@
 //! no protocol. A protocol takes any transport, so a test can take the place of the kernel.
 
 mod hidraw;
+mod packets;
 mod stream;
 
 pub use hidraw::Hidraw;
+pub use packets::Packets;
 pub use stream::Stream;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -33,6 +35,15 @@ pub trait Transport: Send {
     /// # Errors
     /// The error number of the system.
     fn write(&mut self, bytes: &[u8]) -> Result<(), i32>;
+}
+
+impl<T: Transport + ?Sized> Transport for &mut T {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> Result<usize, i32> {
+        (**self).read(buffer, wait)
+    }
+    fn write(&mut self, bytes: &[u8]) -> Result<(), i32> {
+        (**self).write(bytes)
+    }
 }
 
 impl<T: Transport + ?Sized> Transport for Box<T> {

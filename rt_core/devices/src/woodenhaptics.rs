@@ -8,7 +8,8 @@
 //! - [`report`]: the bytes, both ways.
 //! - [`counters`]: counters of 16 bits, continued beyond their range, and the jumps that no hand can cause.
 //! - [`velocity`]: the velocity of the handle from its positions.
-//! - [`driver`]: the driver, an [`Exchange`](crate::Exchange) over any transport.
+//! - [`connect`]: finds and opens the device that a scene names.
+//! - [`driver`]: the protocol of the driver, an [`Exchange`](crate::Exchange) over any transport.
 //!
 //! The protocol and the kinematics are those of the makers' published library and firmware (haptikfabrikenapi, commit
 //! b8d6c94), of which only facts are used here. The kinematics of Polhem's later devices are not published.
@@ -23,15 +24,14 @@
     )
 )]
 
+pub mod connect;
 pub mod counters;
 pub mod driver;
 pub mod geometry;
 pub mod report;
 pub mod velocity;
 
+pub use connect::WoodenHapticsDriver;
 pub use driver::{CalibrationError, Counts, Setup, WoodenHaptics};
 pub use geometry::{Geometry, GeometryError, Kinematics};
 pub use report::{CurrentReport, EncoderReport, Form, LengthError};
-
-/// The file of the default device, in the form of [`crate::models::FILES`].
-pub const FILE: &str = include_str!("../models/woodenhaptics.toml");

@@ -215,13 +215,14 @@ impl Emulator for WoodenHaptics {
 mod tests {
     use super::*;
     use crate::{DeviceFile, DeviceModel, Hand, Sine, Trajectory};
-    use devices::woodenhaptics::FILE;
     use proptest::prelude::*;
 
     const MS: u64 = 1_000_000;
 
     fn model() -> DeviceModel {
-        DeviceFile::parse(FILE).expect("a device file").model
+        DeviceFile::named("woodenhaptics")
+            .expect("a built-in device")
+            .model
     }
 
     fn emulated(hand: Option<Hand>) -> WoodenHaptics {
@@ -249,7 +250,7 @@ mod tests {
 
     #[test]
     fn the_file_is_a_device_with_a_source_for_each_number() {
-        let file = DeviceFile::parse(FILE).unwrap_or_else(|e| panic!("{e}"));
+        let file = DeviceFile::named("woodenhaptics").expect("a built-in device");
         for number in DeviceFile::numbers(false) {
             assert!(file.sources.contains_key(&number), "{number}");
         }

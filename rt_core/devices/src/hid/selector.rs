@@ -55,7 +55,7 @@ impl HidSelector {
     ///
     /// # Errors
     /// [`HidError::NotFound`] or [`HidError::Several`].
-    pub(super) fn find(&self, api: &HidApi) -> Result<CString, HidError> {
+    pub(crate) fn find(&self, api: &HidApi) -> Result<CString, HidError> {
         // A device is listed once for each of its usages; the path is the same.
         let alike: BTreeMap<CString, String> = api
             .device_list()
@@ -99,7 +99,7 @@ impl HidSelector {
     }
 
     /// The condition of a udev rule that matches the device.
-    pub(super) fn udev(&self) -> String {
+    pub(crate) fn udev(&self) -> String {
         match self {
             Self::Numbers { vid, pid, .. } => {
                 format!("ATTRS{{idVendor}}==\"{vid:04x}\", ATTRS{{idProduct}}==\"{pid:04x}\"")

@@ -1,0 +1,13 @@
+//! Emulated devices on the transports of the kernel, so that a real driver finds them where it finds a real device.
+//!
+//! The emulators themselves (`sim::emulate`) are computation: bytes and a time in, bytes out. This crate gives them a
+//! clock and a place: a [`Place`] is a pty, a TCP port or a HID device of the kernel's uhid, and [`serve()`] passes bytes
+//! between the place and an emulator until it is told to stop.
+#![forbid(unsafe_code)]
+
+pub mod place;
+pub mod serve;
+pub mod uhid;
+
+pub use place::{Place, PlaceError};
+pub use serve::{Served, serve};

@@ -1,0 +1,147 @@
+//! Where an emulated device is found: a pty, a TCP port, or a HID device of the kernel.
+
+use crate::uhid::{FILE, Identity, Uhid};
+use devices::Transport;
+use devices::transport::Stream;
+use rustix::fd::OwnedFd;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use std::io;
+use std::net::{Ipv4Addr, TcpListener};
+use std::time::Duration;
+
+/// Why a place could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PlaceError {
+    /// The system gave no pty.
+    #[error("the system gave no pty: {0}")]
+    Pty(#[source] io::Error),
+    /// The port is taken or may not be used.
+    #[error(
+        "cannot listen on port {port} of this machine: {source}; name another port, or 0 for any free one"
+    )]
+    Tcp {
+        /// The port.
+        port: u16,
+        /// The error of the system.
+        source: io::Error,
+    },
+    /// The kernel made no HID device.
+    #[error(
+        "cannot make a HID device through {FILE}: {0}. Load the kernel's module (`modprobe uhid`), and let your account \
+         write to {FILE}; a container needs the file from its host"
+    )]
+    Uhid(#[source] io::Error),
+}
+
+/// A place where a device is found, before a host has come.
+#[derive(Debug)]
+pub enum Place {
+    /// A pty.
+    Pty {
+        /// The end of the device.
+        master: Stream,
+        /// The path of the host's end.
+        path: String,
+        /// The host's end, held open: a pty whose other end is closed has errors until it is opened.
+        _held: OwnedFd,
+    },
+    /// A port that listens.
+    Tcp {
+        /// What listens.
+        listener: TcpListener,
+        /// The port.
+        port: u16,
+    },
+    /// A HID device.
+    Uhid {
+        /// The device.
+        device: Uhid,
+        /// What the device says of itself.
+        identity: Identity,
+    },
+}
+
+impl Place {
+    /// A new pty.
+    ///
+    /// # Errors
+    /// [`PlaceError::Pty`].
+    pub fn pty() -> Result<Self, PlaceError> {
+        let made = || -> io::Result<Self> {
+            let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+            grantpt(&master)?;
+            unlockpt(&master)?;
+            let path = ptsname(&master, Vec::new())?;
+            let path = path.to_string_lossy().into_owned();
+            let held = std::fs::OpenOptions::new()
+                .read(true)
+                .write(true)
+                .open(&path)?;
+            // The line discipline must neither echo nor change bytes, from the first byte on.
+            let mut settings = rustix::termios::tcgetattr(&held)?;
+            settings.make_raw();
+            rustix::termios::tcsetattr(&held, rustix::termios::OptionalActions::Now, &settings)?;
+            Ok(Self::Pty {
+                master: Stream::nonblocking(master)?,
+                path,
+                _held: held.into(),
+            })
+        };
+        made().map_err(PlaceError::Pty)
+    }
+
+    /// A port of this machine alone; 0 for any free port.
+    ///
+    /// # Errors
+    /// [`PlaceError::Tcp`].
+    pub fn tcp(port: u16) -> Result<Self, PlaceError> {
+        let made = || -> io::Result<Self> {
+            let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+            listener.set_nonblocking(true)?;
+            let port = listener.local_addr()?.port();
+            Ok(Self::Tcp { listener, port })
+        };
+        made().map_err(|source| PlaceError::Tcp { port, source })
+    }
+
+    /// A HID device of the kernel.
+    ///
+    /// # Errors
+    /// [`PlaceError::Uhid`].
+    pub fn uhid(identity: Identity) -> Result<Self, PlaceError> {
+        let device = Uhid::create(&identity).map_err(PlaceError::Uhid)?;
+        Ok(Self::Uhid { device, identity })
+    }
+
+    /// How a scene connects to the device.
+    pub fn connection(&self) -> String {
+        match self {
+            Self::Pty { path, .. } => format!("tty:{path}"),
+            Self::Tcp { port, .. } => format!("tcp:localhost:{port}"),
+            Self::Uhid { identity, .. } => format!(
+                "hid:{:04x}:{:04x}:{}",
+                identity.vid, identity.pid, identity.serial
+            ),
+        }
+    }
+
+    /// The end of the device, once a host has come; `None` where none has come within `wait`. A pty and a HID device need
+    /// no host.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn host(&mut self, wait: Duration) -> io::Result<Option<Box<dyn Transport + '_>>> {
+        match self {
+            Self::Pty { master, .. } => Ok(Some(Box::new(master))),
+            Self::Uhid { device, .. } => Ok(Some(Box::new(device))),
+            Self::Tcp { listener, .. } => match listener.accept() {
+                Ok((stream, _)) => Ok(Some(Box::new(Stream::connected(stream)?))),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    std::thread::sleep(wait);
+                    Ok(None)
+                }
+                Err(error) => Err(error),
+            },
+        }
+    }
+}
