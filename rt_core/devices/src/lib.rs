@@ -14,6 +14,7 @@
 
 pub mod conformance;
 pub mod exchange;
+pub mod falcon;
 pub mod hid;
 pub mod models;
 pub mod registry;

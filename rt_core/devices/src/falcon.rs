@@ -1,0 +1,3 @@
+//! The Novint Falcon.
+
+pub mod geometry;
