@@ -1,3 +1,4 @@
 //! The Novint Falcon.
 
 pub mod geometry;
+pub mod packet;

@@ -15,6 +15,7 @@
 pub mod conformance;
 pub mod exchange;
 pub mod falcon;
+pub mod ftdi;
 pub mod hid;
 pub mod models;
 pub mod registry;
