@@ -4,13 +4,14 @@
 //!   every driver.
 //! - [`registry`]: drivers by name. The program that runs a scene opens its devices through a [`Registry`] and needs no
 //!   other knowledge of a driver.
-//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`replay`] (recorded readings). The driver
-//!   of simulated devices is `sim::driver`, beside the simulation.
-//! - [`transport`]: how bytes reach a device. [`exchange`]: devices that may block, in a thread of their own.
+//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`falcon`] (the Novint Falcon), [`replay`]
+//!   (recorded readings). The driver of simulated devices is `sim::driver`, beside the simulation.
+//! - [`transport`]: how bytes reach a device. [`ftdi`]: FTDI's USB serial chips. [`usbfs`]: USB devices through the
+//!   kernel, the one module with `unsafe`. [`exchange`]: devices that may block, in a thread of their own.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
 //!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod conformance;
 pub mod exchange;
@@ -22,6 +23,7 @@ pub mod registry;
 pub mod replay;
 pub mod scripted;
 pub mod transport;
+pub mod usbfs;
 pub mod wire;
 
 pub use exchange::Exchange;
