@@ -7,7 +7,7 @@
 //!
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
 //! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for its energy. [`firmware`]
-//! puts a device behind the bytes of its real wire. [`faulty`] lets a device fail at
+//! puts a device behind the bytes of its real wire. [`emulate`] has devices whose protocols are published. [`faulty`] lets a device fail at
 //! given times. [`driver`] opens the devices of a scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
 #![forbid(unsafe_code)]
 
@@ -17,6 +17,7 @@ mod curve;
 pub mod device;
 pub mod driver;
 mod dynamics;
+pub mod emulate;
 mod encoder;
 pub mod energy;
 pub mod faulty;

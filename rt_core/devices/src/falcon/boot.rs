@@ -535,7 +535,7 @@ mod tests {
         let empty = error(&path);
         std::fs::write(&path, vec![0; LARGEST + 1]).unwrap();
         let huge = error(&path);
-        std::fs::write(&path, [7; LARGEST]).unwrap();
+        std::fs::write(&path, vec![7; LARGEST]).unwrap();
         let largest = Firmware::load(&path).map(|firmware| firmware.image().len());
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(largest.unwrap(), LARGEST);

@@ -10,12 +10,16 @@
 //!
 //! **Axes.** Positions are relative to [`CENTRE`], in the axes of libnifalcon: x to the right, y up, z towards the user.
 //!
-//! **Trouble.** A packet that is missing, cut or out of reach is one missing state. After [`STALE`] in a row no torque
+//! **Force.** The documented limit of the torques is 0.41 N m an arm, which is about 6 N sideways in the middle of the
+//! workspace, and 5 N at 30 mm from it. A force beyond keeps its direction.
+//!
+//! **Trouble.** Packets have no numbers. After an answer that did not come, the driver waits for it once more, so that it
+//! is not taken for the next one. A packet that is missing, cut or out of reach is one missing state. After [`STALE`] in a row no torque
 //! is sent, because the position is not known; after [`LOST`] in a row the device counts as disconnected, so that
 //! [`Exchange::reopen`] brings firmware to it again: a Falcon that lost its power supply stays on USB.
 
 use super::boot::{self, BootError, Firmware, Tries};
-use super::geometry::{CENTRE, Jacobian, WORKSPACE, angle_of, forward, torque_counts};
+use super::geometry::{CENTRE, Jacobian, STEP, WORKSPACE, angle_of, forward, torque_counts};
 use super::packet::{Command, END, Framer, Lights, Report};
 use crate::exchange::Exchange;
 use crate::ftdi::{Buffer, Control, Ftdi, PACKET};
@@ -24,11 +28,13 @@ use rt_core::{Corruption, DeviceError, DeviceState, Pose, Twist, Vec3, Wrench};
 use std::time::Duration;
 
 /// Longest wait for an answer.
-pub const WAIT: Duration = Duration::from_millis(10);
+pub const WAIT: Duration = Duration::from_millis(5);
+/// Longest wait for an answer that did not come in time, before the next packet is sent.
+pub const LATE: Duration = Duration::from_millis(10);
 /// Number of exchanges in a row without a state after which no torque is sent.
-pub const STALE: u32 = 10;
+pub const STALE: u32 = 3;
 /// Number of exchanges in a row without an answer after which the device counts as disconnected.
-pub const LOST: u32 = 100;
+pub const LOST: u32 = 50;
 /// Most reads in one exchange, so that a stopped clock cannot hold it.
 const READS: u32 = 1000;
 /// Most periods between two samples of the velocity.
@@ -49,8 +55,6 @@ pub struct Settings {
     pub tries: Tries,
     /// Usual period of the exchanges (s), for the estimate of the velocity.
     pub period: f64,
-    /// Displacement of one encoder count (m), for the estimate of the velocity.
-    pub position_step: f64,
 }
 
 /// Why a Falcon could not be connected.
@@ -106,6 +110,8 @@ pub struct Falcon<T> {
     last: Option<(u64, Vec3)>,
     jacobian: Option<Jacobian>,
     homed: bool,
+    /// Whether the answer to the last packet has not come.
+    owed: bool,
     /// Number of exchanges in a row without a state, and without an answer.
     stateless: u32,
     silent: u32,
@@ -129,12 +135,13 @@ impl<T: Ftdi> Falcon<T> {
             open: Box::new(open),
             clock: Box::new(clock),
             framer: Framer::new(),
-            estimator: VelocityEstimator::for_encoder(settings.period, settings.position_step),
+            estimator: VelocityEstimator::for_encoder(settings.period, STEP),
             settings,
             started_ns: 0,
             last: None,
             jacobian: None,
             homed: false,
+            owed: false,
             stateless: 0,
             silent: 0,
             counts: Counts::default(),
@@ -159,16 +166,12 @@ impl<T: Ftdi> Falcon<T> {
     }
 
     fn forget(&mut self) {
-        let Settings {
-            period,
-            position_step,
-            ..
-        } = self.settings;
         self.framer = Framer::new();
-        self.estimator = VelocityEstimator::for_encoder(period, position_step);
+        self.estimator = VelocityEstimator::for_encoder(self.settings.period, STEP);
         self.last = None;
         self.jacobian = None;
         self.homed = false;
+        self.owed = false;
         (self.stateless, self.silent) = (0, 0);
         self.counts = Counts::default();
     }
@@ -214,47 +217,18 @@ impl<T: Ftdi> Falcon<T> {
             .link
             .as_mut()
             .ok_or(DeviceError::Disconnected(NO_DEVICE))?;
-        let failed = |number| {
-            if boot::is_gone(number) {
-                DeviceError::Disconnected(number)
-            } else {
-                DeviceError::NoReport
-            }
-        };
-        let mut buffer = [0; PACKET];
-        if self.silent > 0 {
-            // The late answer to an earlier packet would count as the answer to this one, and each later answer, too.
+        if self.owed {
+            // A late answer would count as the answer to this packet, and each later answer, too.
+            let _ = read(link, &mut self.framer, &mut self.clock, LATE)?;
             for buffer in [Buffer::One, Buffer::Two] {
                 link.control(Control::Purge(buffer)).map_err(failed)?;
             }
             self.framer.restart();
         }
         link.write(&command.encode()).map_err(failed)?;
-        let start_ns = (self.clock)();
-        for _ in 0..READS {
-            let passed_ns = (self.clock)().saturating_sub(start_ns);
-            let left = WAIT.saturating_sub(Duration::from_nanos(passed_ns));
-            if left.is_zero() {
-                break;
-            }
-            let count = link.read(&mut buffer, left).map_err(failed)?;
-            let mut newest = None;
-            let refused = self.framer.refused;
-            for byte in buffer.iter().take(count) {
-                if let Some(packet) = self.framer.push(*byte) {
-                    newest = Some(
-                        Report::decode(&packet)
-                            .map_err(|_| DeviceError::Corrupt(Corruption::Range)),
-                    );
-                } else if *byte == END && self.framer.refused > refused {
-                    newest = Some(Err(DeviceError::Corrupt(Corruption::Length)));
-                }
-            }
-            if let Some(report) = newest {
-                return report;
-            }
-        }
-        Err(DeviceError::NoReport)
+        let answer = read(link, &mut self.framer, &mut self.clock, WAIT)?;
+        self.owed = answer.is_none();
+        answer.unwrap_or(Err(DeviceError::NoReport))
     }
 
     /// The state in a report.
@@ -303,6 +277,49 @@ impl<T: Ftdi> Falcon<T> {
         }
         velocity
     }
+}
+
+/// The error of the device for an error number of the system.
+fn failed(number: i32) -> DeviceError {
+    if boot::is_gone(number) {
+        DeviceError::Disconnected(number)
+    } else {
+        DeviceError::NoReport
+    }
+}
+
+/// Waits for an answer, at most for `wait`. Returns the newest that has come, or why it cannot be used; `None` where
+/// none came in time.
+fn read<T: Ftdi>(
+    link: &mut T,
+    framer: &mut Framer,
+    clock: &mut Clock,
+    wait: Duration,
+) -> Result<Option<Result<Report, DeviceError>>, DeviceError> {
+    let start_ns = clock();
+    let mut buffer = [0; PACKET];
+    for _ in 0..READS {
+        let passed_ns = clock().saturating_sub(start_ns);
+        let left = wait.saturating_sub(Duration::from_nanos(passed_ns));
+        if left.is_zero() {
+            break;
+        }
+        let count = link.read(&mut buffer, left).map_err(failed)?;
+        let mut newest = None;
+        for byte in buffer.iter().take(count) {
+            let refused = framer.refused;
+            if let Some(packet) = framer.push(*byte) {
+                let report = Report::decode(&packet);
+                newest = Some(report.map_err(|_| DeviceError::Corrupt(Corruption::Range)));
+            } else if *byte == END && framer.refused > refused {
+                newest = Some(Err(DeviceError::Corrupt(Corruption::Length)));
+            }
+        }
+        if newest.is_some() {
+            return Ok(newest);
+        }
+    }
+    Ok(None)
 }
 
 impl<T: Ftdi> Exchange for Falcon<T> {

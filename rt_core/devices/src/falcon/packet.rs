@@ -101,14 +101,14 @@ fn encode(numbers: [i16; 3], status: u8) -> [u8; LENGTH] {
 fn decode(packet: &[u8; LENGTH]) -> Result<([i16; 3], u8), LetterError> {
     let mut nibbles = [0; 12];
     let mut status = 0;
-    let inner = packet.iter().enumerate().skip(1);
+    let mut inner = packet.iter().enumerate().skip(1);
     for ((at, &found), place) in inner.clone().zip(&mut nibbles) {
         *place = found.wrapping_sub(ZERO);
         if *place > 0xf {
             return Err(LetterError { at, found });
         }
     }
-    if let Some((at, &found)) = inner.skip(12).next() {
+    if let Some((at, &found)) = inner.nth(nibbles.len()) {
         status = found.checked_sub(ZERO).ok_or(LetterError { at, found })?;
     }
     let mut numbers = [0; 3];
@@ -363,7 +363,7 @@ mod tests {
                     let _ = (Report::decode(&packet), Command::decode(&packet));
                 }
             }
-            let starts = bytes.iter().filter(|byte| **byte == START).count() as u64;
+            let starts = bytes.iter().map(|byte| u64::from(*byte == START)).sum::<u64>();
             prop_assert_eq!(found + framer.refused + u64::from(framer.filled > 0), starts);
         }
 

@@ -117,6 +117,25 @@ fn every_count_of_every_leg_comes_back() {
 }
 
 #[test]
+fn a_count_at_each_arm_moves_the_grip_by_a_step_at_most() {
+    let step_at = |p: &Vec3| {
+        let jacobian = Jacobian::at(p, &inverse(p).unwrap()).unwrap();
+        let along = |axis: usize| {
+            jacobian
+                .per_angle
+                .iter()
+                .map(|c| c[axis].abs())
+                .sum::<f64>()
+        };
+        (0..3).map(along).fold(0.0, f64::max) * COUNT
+    };
+    let inner = grid().map(|p| CENTRE + (p - CENTRE) * (0.04 / WORKSPACE));
+    let most = inner.map(|p| step_at(&p)).fold(0.0, f64::max);
+    assert!(most <= STEP && most > 0.98 * STEP, "{most}");
+    assert!((step_at(&CENTRE) - 0.077e-3).abs() < 0.5e-6);
+}
+
+#[test]
 fn positions_and_angles_out_of_reach_are_refused() {
     for p in [
         Vec3::new(0.0, 0.0, 0.3),
@@ -145,7 +164,7 @@ fn a_force_at_the_limit_keeps_its_direction() {
 
 /// Step of the finite differences (m). The error of a central difference is step^2 / 6 times a third derivative of
 /// about 1 / (0.03 m)^3, which is 6e-8 of an angle a metre; rounding is 1e-16 / step = 1e-11.
-const STEP: f64 = 1e-5;
+const DIFFERENCE: f64 = 1e-5;
 
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
@@ -162,10 +181,10 @@ proptest! {
         let jacobian = Jacobian::at(&p, &angles).unwrap();
         for axis in 0..3 {
             let mut step = Vec3::zeros();
-            step[axis] = STEP;
+            step[axis] = DIFFERENCE;
             let (more, less) = (inverse(&(p + step)).unwrap(), inverse(&(p - step)).unwrap());
             for leg in 0..3 {
-                let slope = (more[leg] - less[leg]) / (2.0 * STEP);
+                let slope = (more[leg] - less[leg]) / (2.0 * DIFFERENCE);
                 let expected = jacobian.per_metre[leg][axis];
                 // Relative to the largest slopes, about 100 rad/m.
                 prop_assert!((slope - expected).abs() < 1e-6 * 100.0, "{slope} {expected}");
@@ -173,7 +192,7 @@ proptest! {
         }
         // The columns are the same derivative the other way round.
         for leg in 0..3 {
-            let step = STEP * 10.0;
+            let step = DIFFERENCE * 10.0;
             let (mut more, mut less) = (angles, angles);
             more[leg] += step;
             less[leg] -= step;
