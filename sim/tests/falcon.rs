@@ -251,8 +251,8 @@ fn boot_homing_positions_and_forces() {
             // Half a count, and the way since the packet reached the board: not a millisecond.
             let error = (state.pose.position - truth).norm();
             assert!(error <= 0.5 * one_count(&truth) + 1e-3 * speed, "{error}");
-            // Least squares over five positions a millisecond apart sum errors of half a step by 0.6 at most. The middle of
-            // the window is 2 ms old, the packet up to 1 ms, and the hand accelerates by 0.7 m/s^2 at most.
+            // Least squares over five positions a millisecond apart sum errors of half a step by 0.6 at most. The
+            // middle of the window is 2 ms old, the packet up to 1 ms, and the hand accelerates by 0.7 m/s^2 at most.
             let error = (state.twist.linear - device.velocity()).amax();
             assert!(error < 0.6 * 0.5 * STEP / 1e-3 + 3e-3 * 0.7, "{error}");
             assert!(state.device_time_ns > last_ns);

@@ -5,8 +5,8 @@
 //! ([`strip`]). The chip sends a packet when 62 bytes wait, when its latency timer ends, when a modem line changes, or
 //! when the event character arrives (FTDI AN232B-04).
 //!
-//! [`Usb`] is the raw connection ([`crate::usbfs`], or an emulator), [`Chip`] the chip on it, and [`Ftdi`] is what a
-//! protocol takes.
+//! [`Usb`] is the raw connection ([`crate::usbfs`], or an emulator), [`Chip`] the chip on it, and a protocol takes
+//! any [`Ftdi`].
 //!
 //! Sources: FTDI's application notes AN232B-04 (latency, event character) and AN232B-05 (baud rates), and the numbers
 //! of the requests as the drivers of Linux and libftdi document them.
@@ -44,7 +44,8 @@ pub enum Control {
     },
     /// No flow control.
     NoFlow,
-    /// The divisor of 3 MHz that gives the baud rate: 14 bits, and two of eighths of one (AN232B-05).
+    /// The divisor of 3 MHz that gives the baud rate: 14 bits of its whole part, and two bits for a half, a quarter or
+    /// an eighth (AN232B-05).
     Divisor(u16),
     /// Eight data bits, no parity, one stop bit.
     EightNone,

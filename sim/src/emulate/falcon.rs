@@ -55,7 +55,7 @@ pub enum UploadFault {
     NoAnswer,
 }
 
-/// What goes wrong. A count of zero means never.
+/// The faults. A count of zero means never.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
     /// Number of uploads that fail at first.
@@ -85,7 +85,7 @@ pub struct Settings {
     pub answer_ns: u64,
     /// Time for which the torques of the last packet are held (ns).
     pub hold_ns: u64,
-    /// What goes wrong.
+    /// The faults.
     pub faults: Faults,
 }
 
@@ -100,7 +100,7 @@ impl Default for Settings {
     }
 }
 
-/// What the board does.
+/// The activity of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Board {
     /// It has no power.
@@ -251,7 +251,7 @@ impl Falcon {
         self.buttons = buttons;
     }
 
-    /// Changes what goes wrong from now on.
+    /// Changes the faults from now on.
     pub fn fail(&mut self, faults: Faults) {
         self.settings.faults = faults;
     }

@@ -7,7 +7,7 @@
 //! 2. [`Step::Handshake`]: `0a 43 0d` is answered by `0a 44 2c 0d`, at most after 100 tries.
 //! 3. [`Step::Start`]: DTR low, 142,857 baud; `41` is answered by `41`.
 //! 4. [`Step::Image`]: the image in pieces of at most 62 bytes. Each byte comes back and is compared.
-//! 5. [`Step::Answer`]: 1.5 Mbaud, latency 1 ms, and the packets of [`super::packet`]; the first answer shows that the
+//! 5. [`Step::Answer`]: 1.5 Mbaud, latency 1 ms, and packets ([`super::packet`]). The first answer shows that the
 //!    firmware runs.
 //!
 //! Users report that uploads fail at first and succeed later (libnifalcon's issues 24, 45 and 67), so a failed upload
@@ -32,11 +32,11 @@ pub const HANDSHAKE_DIVISOR: u16 = 0x4138;
 pub const IMAGE_DIVISOR: u16 = 0x15;
 /// Divisor of the chip for packets: 1.5 Mbaud.
 pub const PACKET_DIVISOR: u16 = 2;
-/// What opens the handshake.
+/// The bytes that open the handshake.
 pub const HELLO: [u8; 3] = [0x0a, 0x43, 0x0d];
-/// How the boot loader answers it.
+/// The answer of the boot loader to [`HELLO`].
 pub const HELLO_BACK: [u8; 4] = [0x0a, 0x44, 0x2c, 0x0d];
-/// What starts the upload, and how the boot loader answers.
+/// The byte that starts the upload. The boot loader answers with the same byte.
 pub const BEGIN: u8 = 0x41;
 
 /// Wait for an answer in the handshake: seven bytes at 9600 baud take 7 ms, and the latency timer 16 ms.
@@ -164,7 +164,7 @@ impl fmt::Display for Step {
     }
 }
 
-/// What went wrong in a step.
+/// The failure of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
     /// The system reported an error.
@@ -194,10 +194,10 @@ pub enum Problem {
     },
 }
 
-/// Why a Falcon does not run its firmware: what the last upload failed in.
+/// Why a Falcon does not run its firmware: the failure of the last upload.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the Falcon does not run the firmware {file}: upload {uploads} was the last, and {step} failed in it: {problem}. \
+    "the Falcon does not run the firmware {file}: in the last of {uploads} uploads, {step} failed: {problem}. \
      {remedy}",
     file = file.display(),
     remedy = self.remedy()
@@ -209,12 +209,12 @@ pub struct BootError {
     pub uploads: u32,
     /// The step that failed.
     pub step: Step,
-    /// What was found.
+    /// The failure.
     pub problem: Problem,
 }
 
 impl BootError {
-    /// What to do.
+    /// The remedy.
     pub fn remedy(&self) -> &'static str {
         match (self.step, self.problem) {
             (_, Problem::System(number)) if is_gone(number) => {
@@ -247,7 +247,7 @@ impl BootError {
     }
 }
 
-/// How often to try.
+/// Numbers of tries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tries {
     /// Most handshakes in one upload.

@@ -8,15 +8,17 @@
 //! person moves the grip once out and in. Until all three axes are homed, there is no state and no torque. The lights
 //! show it: red while an axis is not homed, green where the device is ready, blue while a force acts.
 //!
-//! **Axes.** Positions are relative to [`CENTRE`], in the axes of libnifalcon: x to the right, y up, z towards the user.
+//! **Axes.** Positions are relative to [`CENTRE`], in the axes of libnifalcon: x to the right, y up, z towards the
+//! user.
 //!
 //! **Force.** The documented limit of the torques is 0.41 N m an arm, which is about 6 N sideways in the middle of the
 //! workspace, and 5 N at 30 mm from it. A force beyond keeps its direction.
 //!
-//! **Trouble.** Packets have no numbers. After an answer that did not come, the driver waits for it once more, so that it
-//! is not taken for the next one. A packet that is missing, cut or out of reach is one missing state. After [`STALE`] in a row no torque
-//! is sent, because the position is not known; after [`LOST`] in a row the device counts as disconnected, so that
-//! [`Exchange::reopen`] brings firmware to it again: a Falcon that lost its power supply stays on USB.
+//! **Trouble.** Packets have no numbers. After an answer that did not come, the driver waits for it once more, so that
+//! it is not taken for the next one. A packet that is missing, cut or out of reach is one missing state. After
+//! [`STALE`] in a row no torque is sent, because the position is not known; after [`LOST`] in a row the device counts
+//! as disconnected, so that [`Exchange::reopen`] brings firmware to it again: a Falcon that lost its power supply stays
+//! on USB.
 
 use super::boot::{self, BootError, Firmware, Tries};
 use super::geometry::{CENTRE, Jacobian, STEP, WORKSPACE, angle_of, forward, torque_counts};
@@ -46,12 +48,12 @@ const NO_DEVICE: i32 = 19;
 /// Error number of a device that does not answer (ETIMEDOUT).
 const SILENT: i32 = 110;
 
-/// What the driver needs to know.
+/// The settings of the driver.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The user's firmware.
     pub firmware: Firmware,
-    /// How often to try to upload it.
+    /// Numbers of tries to upload it.
     pub tries: Tries,
     /// Usual period of the exchanges (s), for the estimate of the velocity.
     pub period: f64,
@@ -124,7 +126,7 @@ impl<T: Ftdi> Falcon<T> {
     /// The waits and the device's time are those of `clock`.
     ///
     /// # Errors
-    /// [`FalconError`], which says what failed and what to do.
+    /// [`FalconError`], which names the failure and its remedy.
     pub fn connect(
         open: impl FnMut() -> Result<T, i32> + Send + 'static,
         clock: impl FnMut() -> u64 + Send + 'static,
@@ -147,19 +149,20 @@ impl<T: Ftdi> Falcon<T> {
             counts: Counts::default(),
             trouble: None,
         };
-        falcon.begin()?;
+        falcon.begin(falcon.settings.tries.uploads)?;
         Ok(falcon)
     }
 
-    /// Opens the device and boots it; everything that was known of it is forgotten.
-    fn begin(&mut self) -> Result<(), FalconError> {
+    /// Opens the device and boots it with at most `uploads` uploads. The driver forgets everything about it before.
+    fn begin(&mut self, uploads: u32) -> Result<(), FalconError> {
         self.link = None;
         self.forget();
         let mut link = (self.open)().map_err(FalconError::Open)?;
         let Settings {
             firmware, tries, ..
         } = &self.settings;
-        boot::boot(&mut link, firmware, tries, &mut self.clock)?;
+        let tries = Tries { uploads, ..*tries };
+        boot::boot(&mut link, firmware, &tries, &mut self.clock)?;
         self.link = Some(link);
         self.started_ns = (self.clock)();
         Ok(())
@@ -226,6 +229,7 @@ impl<T: Ftdi> Falcon<T> {
             self.framer.restart();
         }
         link.write(&command.encode()).map_err(failed)?;
+        self.owed = true;
         let answer = read(link, &mut self.framer, &mut self.clock, WAIT)?;
         self.owed = answer.is_none();
         answer.unwrap_or(Err(DeviceError::NoReport))
@@ -362,10 +366,10 @@ impl<T: Ftdi> Exchange for Falcon<T> {
         }
     }
 
-    /// Opens the device again and brings it to run its firmware, which may take a minute. Where it fails,
-    /// [`trouble`](Falcon::trouble) has the reason.
+    /// Opens the device again and brings it to run its firmware, with at most one upload, because the caller repeats
+    /// the call. A call may take ten seconds. Where it fails, [`trouble`](Falcon::trouble) has the reason.
     fn reopen(&mut self) -> Result<(), DeviceError> {
-        let result = self.begin();
+        let result = self.begin(1);
         self.trouble = result.err();
         match &self.trouble {
             None => Ok(()),

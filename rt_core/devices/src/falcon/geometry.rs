@@ -24,10 +24,10 @@
 //! **Inverse.** `Dv` does not depend on `t`, so `L` is known, and `(Du, Dw)` of length `L` is one equation
 //! `A cos t + B sin t = C`. Of its two solutions the knee of the Falcon is the outer one.
 //!
-//! **Forward.** The three tori have no closed intersection. Three spheres of radius `b + d + e` about the knees have
-//! one, which is at most 3.1 mm away inside the workspace ([`WORKSPACE`]). Newton's method then takes [`STEPS`] steps,
-//! each of which about squares the error over 0.1 m: 3 mm, 0.1 mm, 0.1 um, and rounding. The work is bounded, and needs
-//! no earlier position.
+//! **Forward.** The intersection of the three tori has no simple closed form. The intersection of three spheres of
+//! radius `b + d + e` about the knees has one, and its point is at most 3.1 mm away inside the workspace
+//! ([`WORKSPACE`]). Newton's method then takes four steps, each of which about squares the error over 0.1 m: 3 mm,
+//! 0.1 mm, 0.1 um, and rounding. The work is bounded, and needs no earlier position.
 //!
 //! **Jacobian.** The unit normal `n = (sin q cos k, cos q, sin q sin k)` of the torus is the direction of the force in
 //! the shin, so `n . dp = n . dknee`, and the rate of the arm is `n . dp / g` with the lever
@@ -79,9 +79,9 @@ const SINGULAR: f64 = 1e-3;
 /// Smallest lever of an arm (m) for which its rate is solved.
 const DEAD: f64 = 1e-5;
 
-/// The middle of the workspace (m) in the axes of the mechanism, whose origin is the middle of the base: x to the right,
-/// y up, z towards the user. The makers publish no middle. This one is our choice: about it, the ball of [`WORKSPACE`]
-/// is inside reach, with arms from -33 to 81 degrees.
+/// The middle of the workspace (m) in the axes of the mechanism, whose origin is the middle of the base: x to the
+/// right, y up, z towards the user. The makers publish no middle. This middle is our choice: about it, the ball of
+/// [`WORKSPACE`] is inside reach, with arms from -33 to 81 degrees.
 pub const CENTRE: Vec3 = Vec3::new(0.0, 0.0, 0.125);
 /// Radius of the ball about [`CENTRE`] in which the precision of this module is tested (m).
 pub const WORKSPACE: f64 = 0.05;
@@ -242,8 +242,8 @@ pub struct Jacobian {
 }
 
 impl Jacobian {
-    /// The Jacobian at `position` (m, axes of the mechanism) with the arms at `angles` (rad), which belong to each other
-    /// by [`forward`] or [`inverse`]. `None` where an arm and its shin are in line, or the shins in one plane.
+    /// The Jacobian at `position` (m, axes of the mechanism) with the arms at `angles` (rad), which belong to each
+    /// other by [`forward`] or [`inverse`]. `None` where an arm and its shin are in line, or the shins in one plane.
     pub fn at(position: &Vec3, angles: &[f64; 3]) -> Option<Self> {
         let mut normals = [Vec3::zeros(); 3];
         let mut levers = [0.0; 3];

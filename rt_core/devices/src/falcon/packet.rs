@@ -1,9 +1,9 @@
 //! The packets of the Falcon's firmware, 16 bytes each way, and where they begin and end in a stream of bytes.
 //!
 //! A packet is `<`, twelve letters, a status letter, a letter of unknown use, `>`. Each four letters are one number of
-//! 16 bits, four bits a letter, lowest first, as the letter `A` plus the bits. The numbers are the torques of the motors
-//! to the device, and the encoders from it. There is no check sum, sequence number or time stamp. No letter is below `A`,
-//! so neither `<` nor `>` can occur inside: a packet that was cut is recognized, and none is lost after it.
+//! 16 bits, four bits a letter, lowest first, as the letter `A` plus the bits. The numbers are the torques of the
+//! motors to the device, and the encoders from it. There is no check sum, sequence number or time stamp. No letter is
+//! below `A`, so neither `<` nor `>` can occur inside: a packet that was cut is recognized, and none is lost after it.
 //!
 //! Users of libnifalcon report packets of 14 bytes, which it misread as homing and buttons (its pull request 30). Such
 //! a packet is refused here.
