@@ -12,6 +12,7 @@
     )
 )]
 
+pub mod falcon;
 pub mod woodenhaptics;
 
 pub use woodenhaptics::WoodenHaptics;

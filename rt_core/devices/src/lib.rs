@@ -4,10 +4,11 @@
 //!   every driver.
 //! - [`registry`]: drivers by name. The program that runs a scene opens its devices through a [`Registry`] and needs no
 //!   other knowledge of a driver.
-//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`woodenhaptics`] (an open device with a
-//!   published protocol), [`replay`] (recorded readings). The driver of simulated devices is `sim::driver`, beside the
+//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`woodenhaptics`] and [`falcon`] (devices with
+//!   published protocols), [`replay`] (recorded readings). The driver of simulated devices is `sim::driver`, beside the
 //!   simulation.
-//! - [`transport`]: how bytes reach a device. [`exchange`]: devices that may block, in a thread of their own.
+//! - [`transport`]: how bytes reach a device. [`ftdi`]: FTDI's USB serial chips. [`usbfs`]: USB devices through the
+//!   kernel. [`exchange`]: devices that may block, in a thread of their own.
 //! - [`plugin`]: any other device, by a shared library with a C interface.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
 //! - [`found`]: which devices are connected, and why a device cannot be used.
@@ -18,6 +19,8 @@
 pub mod conformance;
 pub mod exchange;
 pub mod found;
+pub mod falcon;
+pub mod ftdi;
 pub mod hid;
 pub mod models;
 pub mod plugin;
@@ -25,6 +28,7 @@ pub mod registry;
 pub mod replay;
 pub mod scripted;
 pub mod transport;
+pub mod usbfs;
 pub mod wire;
 pub mod woodenhaptics;
 

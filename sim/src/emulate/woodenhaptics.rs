@@ -249,11 +249,9 @@ mod tests {
     }
 
     #[test]
-    fn the_file_is_a_device_with_a_source_for_each_number() {
+    fn the_profile_names_the_protocol_and_the_estimates() {
         let file = DeviceFile::named("woodenhaptics").expect("a built-in device");
-        for number in DeviceFile::numbers(false) {
-            assert!(file.sources.contains_key(&number), "{number}");
-        }
+        assert_eq!(file.protocol.as_deref(), Some("woodenhaptics"));
         assert_eq!(file.model.max_force, 5.0);
         assert_eq!(file.estimated, ["rate", "mass", "damping", "friction"]);
     }

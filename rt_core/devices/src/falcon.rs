@@ -1,0 +1,21 @@
+//! The Novint Falcon, a device of three degrees of freedom behind an FTDI chip on USB.
+//!
+//! - [`geometry`]: from encoder counts to a position, and from a force to torques.
+//! - [`packet`]: the bytes of the firmware, and where packets begin and end.
+//! - [`boot`]: the upload of the firmware, whose file the user brings.
+//! - [`driver`]: a Falcon as an [`Exchange`](crate::Exchange).
+//!
+//! Lengths, bytes and steps are those of libnifalcon (BSD); its code is not used.
+
+pub mod boot;
+pub mod driver;
+pub mod geometry;
+pub mod packet;
+
+pub use boot::{BootError, Firmware, FirmwareError, Tries};
+pub use driver::{Counts, Falcon, FalconError, Settings};
+
+/// USB vendor of the Falcon (FTDI).
+pub const VENDOR: u16 = 0x0403;
+/// USB product of the Falcon.
+pub const PRODUCT: u16 = 0xcb48;

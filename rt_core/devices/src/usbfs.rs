@@ -1,0 +1,506 @@
+//! USB devices through the files that Linux has for them (usbfs), without a library.
+//!
+//! A device is found in `/sys/bus/usb/devices` by its numbers, opened as `/dev/bus/usb/BBB/DDD`, and driven by four
+//! requests of the kernel: claim an interface, control transfer, bulk transfer, and release, which closing does. Bulk
+//! transfers complete in the interrupt thread of the host controller. The bytes of a tty, in contrast, pass through a
+//! worker of ordinary priority.
+//!
+//! Each read takes one packet. A longer read that times out would lose the packets that it already has.
+//!
+//! Source: the kernel's documentation, *USB host-side API*, and the layout of `linux/usbdevice_fs.h`.
+
+use crate::ftdi::{PACKET, Setup, Usb};
+use std::ffi::{c_uint, c_void};
+use std::fmt;
+use std::fs::File;
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Where the kernel lists USB devices.
+const DEVICES: &str = "/sys/bus/usb/devices";
+/// Where the kernel has a file for each USB device.
+const FILES: &str = "/dev/bus/usb";
+/// The one interface of FTDI's chips of one port.
+const INTERFACE: c_uint = 0;
+/// Bulk pipe from an FTDI chip.
+const IN: c_uint = 0x81;
+/// Bulk pipe to an FTDI chip.
+const OUT: c_uint = 0x02;
+/// Longest wait for a request on the control pipe, and for a write (ms).
+const SEND_MS: c_uint = 500;
+/// Error number of a transfer that was not complete (EIO).
+const INCOMPLETE: i32 = 5;
+
+/// Selects the USB device to open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selector {
+    /// Vendor of the device.
+    pub vendor: u16,
+    /// Product of the device.
+    pub product: u16,
+    /// Serial number, which distinguishes two devices of the same kind.
+    pub serial: Option<String>,
+}
+
+impl fmt::Display for Selector {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04x}:{:04x}", self.vendor, self.product)?;
+        match &self.serial {
+            Some(serial) => write!(f, " with serial number {serial:?}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Why a USB device could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum UsbError {
+    /// The system lists no USB devices.
+    #[error(
+        "the USB devices of this system cannot be listed in {path}: {source}. In a container or virtual machine, check \
+         that USB devices are passed on",
+        path = path.display()
+    )]
+    System {
+        /// The folder.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+    /// No such device is connected.
+    #[error(
+        "no USB device {selector} is connected ({found}). Check its cable and power, and `lsusb` for its numbers; in a \
+         container or virtual machine, check that USB devices are passed on"
+    )]
+    NotFound {
+        /// The device that was asked for.
+        selector: Selector,
+        /// The devices of the same kind that were found.
+        found: String,
+    },
+    /// More than one such device is connected.
+    #[error(
+        "{count} USB devices {selector} are connected; name one by its serial number ({serials})"
+    )]
+    Several {
+        /// The device that was asked for.
+        selector: Selector,
+        /// Number of such devices.
+        count: usize,
+        /// The serial numbers of these devices.
+        serials: String,
+    },
+    /// The device is connected but cannot be opened.
+    #[error(
+        "the USB device {selector} is connected as {path} but cannot be opened: {source}. Let your account use it with \
+         a udev rule: SUBSYSTEM==\"usb\", ATTR{{idVendor}}==\"{:04x}\", ATTR{{idProduct}}==\"{:04x}\", MODE=\"0660\", \
+         TAG+=\"uaccess\"; then plug it in again",
+        selector.vendor, selector.product, path = path.display()
+    )]
+    Open {
+        /// The device that was asked for.
+        selector: Selector,
+        /// The file of the device.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+    /// The device is open but not ours.
+    #[error(
+        "the USB device {selector} ({path}) is in use: {source}. End the other program that uses it; where a driver of \
+         the kernel has it (`lsusb -t`, such as ftdi_sio), unbind it: echo -n INTERFACE | sudo tee \
+         /sys/bus/usb/drivers/ftdi_sio/unbind",
+        path = path.display()
+    )]
+    Claim {
+        /// The device that was asked for.
+        selector: Selector,
+        /// The file of the device.
+        path: PathBuf,
+        /// The error of the system.
+        source: std::io::Error,
+    },
+}
+
+impl UsbError {
+    /// The error number of the system; that of a missing device (ENODEV) where there is none.
+    pub fn number(&self) -> i32 {
+        match self {
+            Self::System { source, .. }
+            | Self::Open { source, .. }
+            | Self::Claim { source, .. } => source.raw_os_error().unwrap_or(libc::ENODEV),
+            Self::NotFound { .. } | Self::Several { .. } => libc::ENODEV,
+        }
+    }
+}
+
+/// An open USB device with the pipes of FTDI's chips. Closing it gives the interface back.
+#[derive(Debug)]
+pub struct UsbDevice {
+    file: File,
+}
+
+impl UsbDevice {
+    /// Opens the one device that `selector` names, and takes its interface, also from a driver of the kernel.
+    ///
+    /// # Errors
+    /// [`UsbError`], which names the device and says what to do.
+    pub fn open(selector: &Selector) -> Result<Self, UsbError> {
+        let path = Path::new(FILES).join(find(Path::new(DEVICES), selector)?);
+        let file = File::options()
+            .read(true)
+            .write(true)
+            .open(&path)
+            .map_err(|source| UsbError::Open {
+                selector: selector.clone(),
+                path: path.clone(),
+                source,
+            })?;
+        kernel::claim(&file, INTERFACE).map_err(|number| UsbError::Claim {
+            selector: selector.clone(),
+            path,
+            source: std::io::Error::from_raw_os_error(number),
+        })?;
+        Ok(Self { file })
+    }
+}
+
+impl Usb for UsbDevice {
+    fn request(&mut self, setup: Setup) -> Result<(), i32> {
+        kernel::control(&self.file, setup, SEND_MS)
+    }
+
+    fn bulk_in(&mut self, packet: &mut [u8; PACKET], wait: Duration) -> Result<usize, i32> {
+        // Zero would be no limit. A wait is rounded up, so that it is never shorter than it was asked for.
+        let ms = wait.as_nanos().div_ceil(1_000_000).clamp(1, 10_000) as c_uint;
+        match kernel::bulk_in(&self.file, IN, packet, ms) {
+            Err(libc::ETIMEDOUT | libc::EINTR) => Ok(0),
+            result => result,
+        }
+    }
+
+    fn bulk_out(&mut self, bytes: &[u8]) -> Result<(), i32> {
+        match kernel::bulk_out(&self.file, OUT, bytes, SEND_MS)? {
+            sent if sent == bytes.len() => Ok(()),
+            _ => Err(INCOMPLETE),
+        }
+    }
+}
+
+/// One device in the kernel's list.
+struct Listed {
+    /// Its file, below [`FILES`].
+    file: PathBuf,
+    serial: String,
+}
+
+/// The file of the one device that `selector` names, below [`FILES`], from the list in `devices`.
+fn find(devices: &Path, selector: &Selector) -> Result<PathBuf, UsbError> {
+    let folders = std::fs::read_dir(devices).map_err(|source| UsbError::System {
+        path: devices.to_owned(),
+        source,
+    })?;
+    let mut alike: Vec<Listed> = folders
+        .filter_map(|folder| listed(&folder.ok()?.path(), selector))
+        .collect();
+    alike.sort_by(|a, b| a.file.cmp(&b.file));
+    let serials = |of: &[&Listed]| {
+        let each: Vec<_> = of
+            .iter()
+            .map(|device| format!("{:?}", device.serial))
+            .collect();
+        each.join(", ")
+    };
+    let wanted = selector.serial.as_ref();
+    let matching: Vec<_> = alike
+        .iter()
+        .filter(|device| wanted.is_none_or(|wanted| *wanted == device.serial))
+        .collect();
+    match matching.as_slice() {
+        [device] => Ok(device.file.clone()),
+        [] => Err(UsbError::NotFound {
+            selector: selector.clone(),
+            found: if alike.is_empty() {
+                "and no other device of its kind".into()
+            } else {
+                let alike: Vec<_> = alike.iter().collect();
+                format!(
+                    "others of its kind have the serial numbers {}",
+                    serials(&alike)
+                )
+            },
+        }),
+        several => Err(UsbError::Several {
+            selector: selector.clone(),
+            count: several.len(),
+            serials: serials(several),
+        }),
+    }
+}
+
+/// The device in a folder of the kernel's list; `None` where it is an interface, or a device of another kind.
+fn listed(folder: &Path, selector: &Selector) -> Option<Listed> {
+    let text = |name: &str| {
+        let text = std::fs::read_to_string(folder.join(name)).ok()?;
+        Some(text.trim().to_owned())
+    };
+    let hex = |name| u16::from_str_radix(&text(name)?, 16).ok();
+    if (hex("idVendor")?, hex("idProduct")?) != (selector.vendor, selector.product) {
+        return None;
+    }
+    let number = |name| text(name)?.parse::<u32>().ok();
+    Some(Listed {
+        file: format!("{:03}/{:03}", number("busnum")?, number("devnum")?).into(),
+        serial: text("serial").unwrap_or_default(),
+    })
+}
+
+/// The requests of the kernel.
+#[allow(unsafe_code)]
+mod kernel {
+    use super::{AsRawFd, File, PACKET, Setup, c_uint, c_void};
+    use std::ptr::null_mut;
+
+    /// `struct usbdevfs_ctrltransfer`.
+    #[repr(C)]
+    pub(super) struct ControlTransfer {
+        kind: u8,
+        request: u8,
+        value: u16,
+        index: u16,
+        length: u16,
+        timeout_ms: u32,
+        data: *mut c_void,
+    }
+
+    /// `struct usbdevfs_bulktransfer`.
+    #[repr(C)]
+    pub(super) struct BulkTransfer {
+        endpoint: c_uint,
+        length: c_uint,
+        timeout_ms: c_uint,
+        data: *mut c_void,
+    }
+
+    /// `struct usbdevfs_disconnect_claim`.
+    #[repr(C)]
+    pub(super) struct DisconnectClaim {
+        interface: c_uint,
+        flags: c_uint,
+        driver: [u8; 256],
+    }
+
+    /// Takes the interface from every driver but the named one.
+    const EXCEPT_DRIVER: c_uint = 2;
+
+    pub(super) const CONTROL: libc::Ioctl = libc::_IOWR::<ControlTransfer>(b'U' as u32, 0);
+    pub(super) const BULK: libc::Ioctl = libc::_IOWR::<BulkTransfer>(b'U' as u32, 2);
+    pub(super) const CLAIM: libc::Ioctl = libc::_IOR::<DisconnectClaim>(b'U' as u32, 27);
+
+    /// The number that the kernel returned, or its error number.
+    fn checked(result: libc::c_int) -> Result<usize, i32> {
+        usize::try_from(result).map_err(|_| {
+            let error = std::io::Error::last_os_error();
+            error.raw_os_error().unwrap_or(libc::EIO)
+        })
+    }
+
+    /// Takes an interface, also from a driver of the kernel, but not from another program.
+    pub(super) fn claim(file: &File, interface: c_uint) -> Result<(), i32> {
+        let mut claim = DisconnectClaim {
+            interface,
+            flags: EXCEPT_DRIVER,
+            driver: [0; 256],
+        };
+        for (place, letter) in claim.driver.iter_mut().zip(b"usbfs") {
+            *place = *letter;
+        }
+        // SAFETY: the kernel reads one `struct usbdevfs_disconnect_claim`, which lives until the call returns.
+        checked(unsafe { libc::ioctl(file.as_raw_fd(), CLAIM, &raw mut claim) }).map(drop)
+    }
+
+    /// A control transfer without data.
+    pub(super) fn control(file: &File, setup: Setup, timeout_ms: c_uint) -> Result<(), i32> {
+        let mut transfer = ControlTransfer {
+            kind: setup.kind,
+            request: setup.request,
+            value: setup.value,
+            index: setup.index,
+            length: 0,
+            timeout_ms,
+            data: null_mut(),
+        };
+        // SAFETY: the kernel reads one `struct usbdevfs_ctrltransfer`, which lives until the call returns. Its length
+        // is zero, so the kernel reads and writes no data.
+        checked(unsafe { libc::ioctl(file.as_raw_fd(), CONTROL, &raw mut transfer) }).map(drop)
+    }
+
+    /// A bulk transfer from the device.
+    pub(super) fn bulk_in(
+        file: &File,
+        endpoint: c_uint,
+        packet: &mut [u8; PACKET],
+        timeout_ms: c_uint,
+    ) -> Result<usize, i32> {
+        let mut transfer = BulkTransfer {
+            endpoint,
+            length: PACKET as c_uint,
+            timeout_ms,
+            data: packet.as_mut_ptr().cast(),
+        };
+        // SAFETY: the kernel reads one `struct usbdevfs_bulktransfer`, and writes at most `length` bytes to `data`.
+        // `packet` is borrowed for longer than the call, and has that length.
+        checked(unsafe { libc::ioctl(file.as_raw_fd(), BULK, &raw mut transfer) })
+    }
+
+    /// A bulk transfer to the device. `endpoint` is one to the device, so that the kernel only reads the bytes.
+    pub(super) fn bulk_out(
+        file: &File,
+        endpoint: c_uint,
+        bytes: &[u8],
+        timeout_ms: c_uint,
+    ) -> Result<usize, i32> {
+        let mut transfer = BulkTransfer {
+            endpoint: endpoint & 0x7f,
+            length: c_uint::try_from(bytes.len()).map_err(|_| libc::EINVAL)?,
+            timeout_ms,
+            data: bytes.as_ptr().cast_mut().cast(),
+        };
+        // SAFETY: the kernel reads one `struct usbdevfs_bulktransfer`, and `length` bytes from `data`, which `bytes`
+        // has. It writes nothing to `data`, because the direction bit of the endpoint is zero.
+        checked(unsafe { libc::ioctl(file.as_raw_fd(), BULK, &raw mut transfer) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ftdi::Control;
+    use std::fs;
+
+    /// A list of devices, removed at the end.
+    struct List(PathBuf);
+
+    impl List {
+        fn new(name: &str) -> Self {
+            let path =
+                std::env::temp_dir().join(format!("palpate-usb-{name}-{}", std::process::id()));
+            fs::create_dir_all(&path).unwrap();
+            Self(path)
+        }
+
+        fn add(&self, name: &str, files: &[(&str, &str)]) {
+            let folder = self.0.join(name);
+            fs::create_dir_all(&folder).unwrap();
+            for (file, text) in files {
+                fs::write(folder.join(file), format!("{text}\n")).unwrap();
+            }
+        }
+
+        fn falcon(&self, name: &str, devnum: &str, serial: &str) {
+            self.add(
+                name,
+                &[
+                    ("idVendor", "0403"),
+                    ("idProduct", "cb48"),
+                    ("busnum", "1"),
+                    ("devnum", devnum),
+                    ("serial", serial),
+                ],
+            );
+        }
+    }
+
+    impl Drop for List {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn selector(serial: Option<&str>) -> Selector {
+        Selector {
+            vendor: 0x0403,
+            product: 0xcb48,
+            serial: serial.map(str::to_owned),
+        }
+    }
+
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn the_requests_are_the_kernels() {
+        let numbers = [kernel::CONTROL, kernel::BULK, kernel::CLAIM];
+        assert_eq!(numbers, [0xc018_5500, 0xc018_5502, 0x8108_551b]);
+    }
+
+    #[test]
+    fn a_device_is_found_by_its_numbers_and_its_serial_number() {
+        let list = List::new("found");
+        let find = |serial| find(&list.0, &selector(serial));
+        // An interface, a hub, and a device whose files are no numbers.
+        list.add("1-1:1.0", &[("bInterfaceNumber", "00")]);
+        list.add("usb1", &[("idVendor", "1d6b"), ("idProduct", "0002")]);
+        list.add("1-9", &[("idVendor", "?"), ("idProduct", "cb48")]);
+        let text = find(None).unwrap_err().to_string();
+        for part in ["0403:cb48", "no other device", "lsusb"] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+        list.falcon("1-1", "7", "left");
+        assert_eq!(find(None).unwrap(), Path::new("001/007"));
+        let error = find(Some("right")).unwrap_err();
+        assert!(error.to_string().contains("\"left\""), "{error}");
+        assert_eq!(error.number(), libc::ENODEV);
+        list.falcon("1-2", "12", "right");
+        assert_eq!(find(Some("right")).unwrap(), Path::new("001/012"));
+        let text = find(None).unwrap_err().to_string();
+        assert!(
+            text.contains("2 USB devices") && text.contains("\"left\", \"right\""),
+            "{text}"
+        );
+        let missing = super::find(&list.0.join("none"), &selector(None)).unwrap_err();
+        assert!(matches!(missing, UsbError::System { .. }), "{missing}");
+    }
+
+    #[test]
+    fn errors_of_opening_say_what_to_do() {
+        let source = |number| std::io::Error::from_raw_os_error(number);
+        let open = UsbError::Open {
+            selector: selector(None),
+            path: "/dev/bus/usb/001/007".into(),
+            source: source(libc::EACCES),
+        };
+        let claim = UsbError::Claim {
+            selector: selector(None),
+            path: "/dev/bus/usb/001/007".into(),
+            source: source(libc::EBUSY),
+        };
+        for (error, number, parts) in [
+            (open, libc::EACCES, ["ATTR{idProduct}==\"cb48\"", "uaccess"]),
+            (claim, libc::EBUSY, ["other program", "ftdi_sio"]),
+        ] {
+            let text = error.to_string();
+            assert_eq!(error.number(), number);
+            for part in parts.iter().chain(&["001/007"]) {
+                assert!(text.contains(part), "{part} in {text}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_no_usb_device_refuses_every_request() {
+        let file = File::options()
+            .read(true)
+            .write(true)
+            .open("/dev/null")
+            .unwrap();
+        assert_eq!(kernel::claim(&file, 0), Err(libc::ENOTTY));
+        let mut device = UsbDevice { file };
+        let setup = Control::Latency(1).setup();
+        assert_eq!(device.request(setup), Err(libc::ENOTTY));
+        assert_eq!(
+            device.bulk_in(&mut [0; PACKET], Duration::ZERO),
+            Err(libc::ENOTTY)
+        );
+        assert_eq!(device.bulk_out(&[1, 2]), Err(libc::ENOTTY));
+    }
+}
