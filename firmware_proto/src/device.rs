@@ -532,7 +532,6 @@ impl Device {
     /// Begins a session, or none, without a wrench and without states.
     fn begin(&mut self, session: u32) {
         self.session = session;
-        self.watchdog_us = WATCHDOG_US;
         self.sent = [None; STATES];
         self.last = None;
         self.commanded = None;
