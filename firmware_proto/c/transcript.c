@@ -310,11 +310,11 @@ int main(void) {
         if (strcmp(words[0], "decode") == 0) {
             length = count > 1 ? unhex(words[1], bytes) : 0;
             decode(bytes, length);
-        } else if (strcmp(words[0], "frame") == 0) {
-            uint8_t frame[PALPATE_FRAME];
+        } else if (strcmp(words[0], "packet") == 0) {
+            uint8_t packet[PALPATE_PACKET];
             unhex(words[1], bytes);
-            palpate_frame(bytes, frame);
-            print_hex(frame, sizeof frame);
+            palpate_packet(bytes, packet);
+            print_hex(packet, sizeof packet);
         } else if (strcmp(words[0], "stream") == 0) {
             memset(&decoder, 0, sizeof decoder);
         } else if (strcmp(words[0], "push") == 0) {

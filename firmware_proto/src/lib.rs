@@ -9,7 +9,7 @@
 //! (see [`report::StateSi`] and [`report::WrenchSi`]).
 //!
 //! - [`report`]: the 64-byte reports that the two sides exchange.
-//! - [`stream`]: reports in a stream of bytes (UART, pty, TCP); HID needs no framing.
+//! - [`stream`]: packets for a stream of bytes (UART, pty, TCP); HID needs none.
 //! - [`device`]: the device's side: which wrench is applied, and for how long.
 //! - [`host`]: the host's side: the greeting, motion to force, the offset between the clocks.
 #![no_std]

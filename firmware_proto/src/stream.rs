@@ -1,38 +1,38 @@
 //! Reports in a stream of bytes: a UART, a pseudoterminal, a TCP connection.
 //!
-//! A frame is the report in consistent-overhead byte stuffing (Cheshire and Baker 1999), then a zero: [`FRAME`] bytes.
-//! The stuffing takes every zero out of the report, so a zero always is an end of a frame. After any garbage, a receiver
-//! that waits for the next zero is in step again: it never searches for a marker inside the data of a frame, never goes
+//! A packet is the report in consistent-overhead byte stuffing (Cheshire and Baker 1999), then a zero: [`PACKET`] bytes.
+//! The stuffing takes every zero out of the report, so a zero always is an end of a packet. After any garbage, a receiver
+//! that waits for the next zero is in step again: it never searches for a marker inside the data of a packet, never goes
 //! back, and does the same bounded work for each byte. A marker in front of plain bytes would cost as much (two bytes a
 //! report), and could occur inside a report.
 //!
-//! A sender that starts sends one zero first, which ends whatever came before. Empty frames are nothing.
+//! A sender that starts sends one zero first, which ends whatever came before. Empty packets are nothing.
 
 use crate::report::LENGTH;
 
-/// The length of a frame in bytes: the report, one byte of stuffing, and the zero at the end.
-pub const FRAME: usize = LENGTH + 2;
+/// The length of a packet in bytes: the report, one byte of stuffing, and the zero at the end.
+pub const PACKET: usize = LENGTH + 2;
 
-/// The frame of a report.
+/// The packet of a report.
 ///
 /// ```
-/// use firmware_proto::stream::{Decoder, frame};
+/// use firmware_proto::stream::{Decoder, packet};
 ///
 /// let report = [0x5A; 64];
 /// let mut decoder = Decoder::new();
 /// let mut received = Vec::new();
-/// // Garbage, a zero that ends the garbage, and the frame.
-/// for byte in [1, 2, 3, 0].into_iter().chain(frame(&report)) {
+/// // Garbage, a zero that ends the garbage, and the packet.
+/// for byte in [1, 2, 3, 0].into_iter().chain(packet(&report)) {
 ///     received.extend(decoder.push(byte).copied());
 /// }
 /// assert_eq!((received, decoder.refused()), (vec![report], 1));
 /// ```
-pub fn frame(report: &[u8; LENGTH]) -> [u8; FRAME] {
-    let mut frame = [0; FRAME];
+pub fn packet(report: &[u8; LENGTH]) -> [u8; PACKET] {
+    let mut packet = [0; PACKET];
     // Each zero, and the place in front of the report, holds the distance to the next zero. From the end backwards, the
     // distance is known.
     let mut distance = 1_u8;
-    let (front, rest) = frame.split_at_mut(1);
+    let (front, rest) = packet.split_at_mut(1);
     for (byte, &from) in rest.iter_mut().zip(report).rev() {
         if from == 0 {
             *byte = distance;
@@ -46,12 +46,12 @@ pub fn frame(report: &[u8; LENGTH]) -> [u8; FRAME] {
     for byte in front {
         *byte = distance;
     }
-    frame
+    packet
 }
 
 /// Takes a stream byte by byte, and finds the reports in it. The content of a report is not checked here.
 ///
-/// A decoder that starts in the middle of a stream, or after garbage, is in step at the next zero: it finds every frame
+/// A decoder that starts in the middle of a stream, or after garbage, is in step at the next zero: it finds every packet
 /// that follows a zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Decoder {
@@ -60,7 +60,7 @@ pub struct Decoder {
     length: usize,
     /// Number of bytes until the next zero of the report.
     left: u8,
-    /// Whether the frame has begun.
+    /// Whether the packet has begun.
     begun: bool,
     refused: u32,
 }
@@ -72,7 +72,7 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// A decoder at the beginning of a frame.
+    /// A decoder at the beginning of a packet.
     pub const fn new() -> Self {
         Self {
             report: [0; LENGTH],
@@ -83,7 +83,7 @@ impl Decoder {
         }
     }
 
-    /// Number of frames that were no report; saturates.
+    /// Number of packets that were no report; saturates.
     pub fn refused(&self) -> u32 {
         self.refused
     }
@@ -156,17 +156,17 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_is_that_of_the_paper() {
+    fn the_packet_is_that_of_the_paper() {
         let mut report = [0; LENGTH];
         report[0] = 0x11;
         report[2] = 0x22;
         report[3] = 0x33;
-        let frame = frame(&report);
+        let packet = packet(&report);
         // The first zero is two bytes on, the next three, and then one byte each.
-        assert_eq!(frame[..6], [0x02, 0x11, 0x03, 0x22, 0x33, 0x01]);
-        assert!(frame[5..65].iter().all(|&byte| byte == 1));
-        assert_eq!(frame[65], 0);
-        let full = super::frame(&[7; LENGTH]);
+        assert_eq!(packet[..6], [0x02, 0x11, 0x03, 0x22, 0x33, 0x01]);
+        assert!(packet[5..65].iter().all(|&byte| byte == 1));
+        assert_eq!(packet[65], 0);
+        let full = super::packet(&[7; LENGTH]);
         assert_eq!((full[0], full[64], full[65]), (65, 7, 0));
     }
 
@@ -177,9 +177,9 @@ mod tests {
         fn frames_hold_one_zero_and_come_back(reports in prop::collection::vec(report(), 1..5)) {
             let mut bytes = Vec::new();
             for report in &reports {
-                let frame = frame(report);
-                prop_assert_eq!(frame.iter().position(|&byte| byte == 0), Some(FRAME - 1));
-                bytes.extend(frame);
+                let packet = packet(report);
+                prop_assert_eq!(packet.iter().position(|&byte| byte == 0), Some(PACKET - 1));
+                bytes.extend(packet);
             }
             let mut decoder = Decoder::new();
             prop_assert_eq!(decoded(&mut decoder, &bytes), reports);
@@ -187,39 +187,39 @@ mod tests {
         }
 
         #[test]
-        fn a_frame_behind_a_zero_is_found_whatever_came_before(
+        fn a_packet_behind_a_zero_is_found_whatever_came_before(
             parts in prop::collection::vec((prop::collection::vec(any::<u8>(), 0..200), report()), 1..6),
         ) {
             let mut decoder = Decoder::new();
             for (garbage, report) in parts {
                 decoded(&mut decoder, &garbage);
                 decoder.push(0);
-                prop_assert_eq!(decoded(&mut decoder, &frame(&report)), [report]);
+                prop_assert_eq!(decoded(&mut decoder, &packet(&report)), [report]);
             }
         }
 
         #[test]
-        fn a_damaged_frame_costs_at_most_the_next(
+        fn a_damaged_packet_costs_at_most_the_next(
             first in report(), second in report(), third in report(),
-            place in 0..FRAME, value: u8, cut in 0..FRAME,
+            place in 0..PACKET, value: u8, cut in 0..PACKET,
         ) {
-            let mut damaged = frame(&first).to_vec();
+            let mut damaged = packet(&first).to_vec();
             damaged[place] = value;
             damaged.remove(cut);
             let mut decoder = Decoder::new();
             decoded(&mut decoder, &damaged);
-            decoded(&mut decoder, &frame(&second));
-            prop_assert_eq!(decoded(&mut decoder, &frame(&third)), [third]);
+            decoded(&mut decoder, &packet(&second));
+            prop_assert_eq!(decoded(&mut decoder, &packet(&third)), [third]);
         }
 
         #[test]
-        fn what_is_accepted_is_a_frame(bytes in prop::collection::vec(0..70_u8, 0..400)) {
+        fn what_is_accepted_is_a_packet(bytes in prop::collection::vec(0..70_u8, 0..400)) {
             let mut decoder = Decoder::new();
             let mut last = Vec::new();
             for byte in bytes {
                 last.push(byte);
                 if let Some(report) = decoder.push(byte) {
-                    prop_assert_eq!(&frame(report)[..], &last[..]);
+                    prop_assert_eq!(&packet(report)[..], &last[..]);
                 }
                 if byte == 0 {
                     last.clear();

@@ -5,7 +5,7 @@ mod transcript;
 
 use firmware_proto::device::Device;
 use firmware_proto::report::{LENGTH, Report, Sends, WrenchReport};
-use firmware_proto::stream::frame;
+use firmware_proto::stream::packet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -239,7 +239,7 @@ fn random_transcript(seed: u64, lines: usize) -> String {
             }
             97 => {
                 let mut bytes =
-                    frame(&golden::wrench(1, 2, random.next() as i32).encode()).to_vec();
+                    packet(&golden::wrench(1, 2, random.next() as i32).encode()).to_vec();
                 if random.one_in(2) {
                     let place = random.below(66) as usize;
                     bytes[place] = random.next() as u8;

@@ -2,7 +2,7 @@
 #![no_main]
 
 use firmware_proto::report::{LENGTH, Report, ReportError, VERSION};
-use firmware_proto::stream::{Decoder, frame};
+use firmware_proto::stream::{Decoder, packet};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     check(bytes);
@@ -19,7 +19,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     for &byte in bytes {
         last.push(byte);
         if let Some(report) = decoder.push(byte) {
-            assert_eq!(&frame(report)[..], &last[..]);
+            assert_eq!(&packet(report)[..], &last[..]);
         }
         if byte == 0 {
             last.clear();
@@ -31,8 +31,8 @@ fn check(bytes: &[u8]) {
     if let Ok(report) = Report::decode(bytes) {
         assert_eq!(report.encode(), bytes);
         match report {
-            Report::State(state) => drop(state.to_si()),
-            Report::Wrench(wrench) => drop(wrench.to_si()),
+            Report::State(state) => _ = state.to_si(),
+            Report::Wrench(wrench) => _ = wrench.to_si(),
             _ => {}
         }
     }

@@ -6,7 +6,7 @@ use firmware_proto::report::{
     JointReport, LENGTH, Mode, Model, Quantity, Report, Sends, StateReport, WrenchReport, axes,
     fault, flags, kinematics, status,
 };
-use firmware_proto::stream::frame;
+use firmware_proto::stream::packet;
 
 const SESSION: u32 = 0xCAFE_F00D;
 
@@ -322,31 +322,31 @@ fn streams() -> String {
     let mut text = Text::new("Reports in a stream of bytes.");
     let state = state().encode();
     let wrench = wrench(1, 2, 3).encode();
-    let of = |report: &[u8; LENGTH]| hex(&frame(report));
+    let of = |report: &[u8; LENGTH]| hex(&packet(report));
     let push = |bytes: &str| format!("push {bytes}");
-    text.note("Frames");
+    text.note("Packets");
     for report in [&state, &wrench, &[0; LENGTH], &[0xFF; LENGTH]] {
-        text.line(&format!("frame {}", hex(report)));
+        text.line(&format!("packet {}", hex(report)));
     }
-    text.note("Two frames, in pieces");
+    text.note("Two packets, in pieces");
     text.line("stream");
     let two = of(&state) + &of(&wrench);
     for piece in [&two[..2], &two[2..140], &two[140..]] {
         text.line(&push(piece));
     }
-    text.note("Garbage, then a zero, then a frame");
+    text.note("Garbage, then a zero, then a packet");
     text.line("stream");
     text.line(&push("0102fffe03"));
     text.line(&push("00"));
     text.line(&push(&of(&state)));
-    text.note("Garbage without a zero costs the frame behind it, not the next");
+    text.note("Garbage without a zero costs the packet behind it, not the next");
     text.line(&push("5a"));
     text.line(&push(&of(&state)));
     text.line(&push(&of(&wrench)));
-    text.note("Zeros between frames are nothing");
+    text.note("Zeros between packets are nothing");
     text.line(&push("000000"));
     text.line(&push(&of(&wrench)));
-    text.note("A frame cut short, and a frame that is too long");
+    text.note("A packet cut short, and a packet that is too long");
     text.line(&push(&(of(&state)[..100].to_string() + "00")));
     text.line(&push(&("41".to_string() + &"22".repeat(65) + "00")));
     text.line(&push(&of(&wrench)));

@@ -7,9 +7,9 @@
 //! | command | answer |
 //! |---|---|
 //! | `decode BYTES` | the fields of the report, or why it is refused |
-//! | `frame BYTES` | the frame of the report |
+//! | `packet BYTES` | the packet of the report |
 //! | `stream` | none; a new stream decoder |
-//! | `push BYTES` | the reports that the bytes complete, and the number of refused frames so far |
+//! | `push BYTES` | the reports that the bytes complete, and the number of refused packets so far |
 //! | `device CAPABILITIES [GEOMETRY JOINT...]` | none; a new device with the properties in these reports |
 //! | `home`, `homed`, `reset`, `fault NUMBER` | the mode |
 //! | `receive TIME BYTES` | what became of the report |
@@ -21,7 +21,7 @@ pub(crate) mod golden;
 
 use firmware_proto::device::{Accepted, Device, Geometry, Inputs, Joint, Measured, Refusal};
 use firmware_proto::report::{Condition, LENGTH, Report, ReportError, Sends};
-use firmware_proto::stream::{Decoder, frame};
+use firmware_proto::stream::{Decoder, packet};
 use std::fmt::Write;
 use std::num::NonZeroU8;
 
@@ -74,9 +74,9 @@ impl Transcript {
                 Err(error) => vec![format!("refused {}", reason(&error))],
             },
             ["decode"] => vec!["refused length 0".into()],
-            ["frame", bytes] => {
+            ["packet", bytes] => {
                 let report = <[u8; LENGTH]>::try_from(&unhex(bytes)[..]).expect("a report");
-                vec![hex(&frame(&report))]
+                vec![hex(&packet(&report))]
             }
             ["stream"] => {
                 self.decoder = Decoder::new();
