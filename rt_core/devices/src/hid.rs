@@ -127,11 +127,16 @@ pub struct HidDevice {
 }
 
 impl HidDevice {
-    /// Opens the one device that `selector` names. `capabilities` are the capabilities of the device.
+    /// Opens the one device that `selector` names. `capabilities` are the capabilities of the device, and `watchdog_us` is
+    /// the watchdog that it is asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]).
     ///
     /// # Errors
     /// [`HidError`], which names the device and the checks that the user can make.
-    pub fn open(selector: &HidSelector, capabilities: Capabilities) -> Result<Self, HidError> {
+    pub fn open(
+        selector: &HidSelector,
+        capabilities: Capabilities,
+        watchdog_us: u32,
+    ) -> Result<Self, HidError> {
         let api = HidApi::new().map_err(HidError::System)?;
         let path = find(&api, selector)?;
         let open = || {
@@ -150,7 +155,7 @@ impl HidDevice {
                 .map(drop)
                 .map_err(|error| errno(&error))
         };
-        Self::over(read, write, capabilities).map_err(|source| HidError::Thread {
+        Self::start(read, write, capabilities, watchdog_us).map_err(|source| HidError::Thread {
             selector: selector.clone(),
             source,
         })
@@ -158,17 +163,26 @@ impl HidDevice {
 
     /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
     /// block, and is called once, with the first hello, before this function returns. Either function returns the error
-    /// number of the system where the device is disconnected.
+    /// number of the system where the device is disconnected. The device is asked for its own watchdog.
     ///
     /// # Errors
     /// The error of the system, where it gave no thread for writing.
     pub fn over(
         read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
-        mut write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
+        write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
         capabilities: Capabilities,
     ) -> std::io::Result<Self> {
+        Self::start(read, write, capabilities, 0)
+    }
+
+    fn start(
+        read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
+        mut write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
+        capabilities: Capabilities,
+        watchdog_us: u32,
+    ) -> std::io::Result<Self> {
         let session = session();
-        let mut reports = Reports::new(session);
+        let mut reports = Reports::new(session, watchdog_us);
         // Where this write fails, the tick greets the device again, and reports the failure.
         let _ = write(&reports.greet());
         let let_go = numbered(&release(session.get(), 0));
@@ -300,7 +314,7 @@ mod tests {
             workspace_radius: 0.1,
             position_step: 1e-5,
         };
-        match HidDevice::open(&selector, capabilities) {
+        match HidDevice::open(&selector, capabilities, 0) {
             Ok(_) => panic!("no such device exists"),
             Err(error @ HidError::NotFound { .. }) => {
                 let text = error.to_string();

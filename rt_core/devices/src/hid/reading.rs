@@ -38,10 +38,10 @@ pub struct Reports {
 }
 
 impl Reports {
-    /// The counts before the first report of a session.
-    pub fn new(session: NonZeroU32) -> Self {
+    /// The counts before the first report of a session, in which the device is asked for a watchdog of `watchdog_us`.
+    pub fn new(session: NonZeroU32, watchdog_us: u32) -> Self {
         Self {
-            host: Host::new(session, 0),
+            host: Host::new(session, watchdog_us),
             clock: DeviceClock::default(),
             good: 0,
             superseded: 0,
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn a_report_becomes_a_state_in_si() {
-        let mut reports = Reports::new(SESSION);
+        let mut reports = Reports::new(SESSION, 0);
         let state = reports
             .newest(Freedom::Six, 0, queue(bytes(&[sent(7, 1234)])))
             .expect("good");
@@ -237,7 +237,7 @@ mod tests {
 
     #[test]
     fn the_newest_of_many_is_taken_and_gaps_are_counted() {
-        let mut reports = Reports::new(SESSION);
+        let mut reports = Reports::new(SESSION, 0);
         let many = [sent(65534, 1000), sent(65535, 2000), sent(2, 5000)];
         let state = reports
             .newest(Freedom::Three, 0, queue(bytes(&many)))
@@ -258,7 +258,7 @@ mod tests {
         broken[20] ^= 4;
         let mut long = sent(1, 1000).encode().to_vec();
         long.push(0);
-        let mut reports = Reports::new(SESSION);
+        let mut reports = Reports::new(SESSION, 0);
         let result = reports.newest(Freedom::Three, 0, queue([broken.clone()].into()));
         assert!(
             matches!(result, Err(DeviceError::Corrupt(Corruption::CheckSum))),
@@ -275,7 +275,7 @@ mod tests {
     fn a_device_without_its_reference_has_no_state() {
         let mut lost = sent(1, 1000);
         lost.condition.status = status::POWERED;
-        let mut reports = Reports::new(SESSION);
+        let mut reports = Reports::new(SESSION, 0);
         let result = reports.newest(Freedom::Three, 0, queue(bytes(&[lost])));
         assert_eq!(
             (result, reports.status),
@@ -292,7 +292,7 @@ mod tests {
             Ok(report::LENGTH)
         };
         assert!(
-            Reports::new(SESSION)
+            Reports::new(SESSION, 0)
                 .newest(Freedom::Three, 0, flood)
                 .is_ok()
         );
@@ -309,7 +309,7 @@ mod tests {
             buffer[..report::LENGTH].copy_from_slice(&sent(1, 1000).encode());
             Ok(report::LENGTH)
         };
-        let mut reports = Reports::new(SESSION);
+        let mut reports = Reports::new(SESSION, 0);
         assert!(reports.newest(Freedom::Three, 0, &mut next).is_ok());
         let mut gone = |_: &mut [u8]| Err(DeviceError::Disconnected(19));
         let result = reports.newest(Freedom::Three, 0, &mut gone);
@@ -318,7 +318,7 @@ mod tests {
 
     #[test]
     fn reports_of_another_session_and_old_ones_are_no_states() {
-        let mut reports = Reports::new(SESSION);
+        let mut reports = Reports::new(SESSION, 0);
         let other = StateReport {
             session: 0,
             ..sent(9, 1000)
@@ -338,7 +338,7 @@ mod tests {
             force: Vec3::new(1.5, -0.25, 0.0),
             moment: Vec3::new(0.0, 0.0, 0.01),
         };
-        let mut reports = Reports::new(SESSION);
+        let mut reports = Reports::new(SESSION, 0);
         // The report number 0 comes before the report.
         let command = reports.command(&wrench, 0).expect("a hello");
         let hello = HelloReport::decode(&command[1..]).expect("a hello");
