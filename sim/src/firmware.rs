@@ -4,12 +4,18 @@
 //! each: 0.05 µm for each coordinate of a position, 0.5 µm/s for a velocity, 0.5 µN for a force, 0.5 µN m for a moment,
 //! 0.5 mrad/s for an angular velocity. The error of a rotation is at most 0.07 mrad. The device's clock counts whole
 //! microseconds, and there are sixteen buttons.
+//!
+//! The wire is in one piece with the device: no report is lost or late, so the simulation needs neither the greeting nor
+//! the device's watchdog. `firmware_proto::device` has them, and a test puts it behind the driver `hid`.
 
-use devices::wire::{DeviceClock, corrupt, report_of, state_of};
+use devices::wire::{DeviceClock, corrupt, si_of, state_of};
 use firmware_proto::report::{
-    LENGTH, ReportError, StateReport, StateSi, WrenchReport, flags, status,
+    Condition, LENGTH, Mode, ReportError, StateReport, StateSi, WrenchReport, flags, status,
 };
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Vec3, Wrench};
+
+/// The session of a device in one piece with its host.
+pub const SESSION: u32 = 1;
 
 /// A device behind the bytes of its reports.
 ///
@@ -59,12 +65,21 @@ impl<D: Device> Device for Wired<D> {
         let bytes = state_bytes(&state, self.states);
         self.states = self.states.wrapping_add(1);
         let report = StateReport::decode(&bytes).map_err(corrupt)?;
-        let time_ns = self.clock.advance(report.time_us);
+        let time_ns = self.clock.advance(report.condition.time_us);
         Ok(state_of(&report, self.capabilities().sensed, time_ns))
     }
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        let bytes = report_of(wrench, self.wrenches).encode();
+        // The wrench answers the last state.
+        let answers = self.states.wrapping_sub(1);
+        let report = WrenchReport::from_si(
+            self.wrenches,
+            SESSION,
+            answers,
+            &si_of(wrench),
+            flags::ENABLE,
+        );
+        let bytes = report.encode();
         self.wrenches = self.wrenches.wrapping_add(1);
         let wrench = wrench_from_bytes(&bytes).map_err(corrupt)?;
         self.device.write(now_ns, &wrench)
@@ -85,9 +100,20 @@ pub fn state_bytes(state: &DeviceState, sequence: u16) -> [u8; LENGTH] {
         velocity: state.twist.linear.into(),
         angular_velocity: state.twist.angular.into(),
     };
+    StateReport::from_si(sequence, SESSION, condition(state), &si).encode()
+}
+
+/// The condition of a simulated device: its force is the host's at any time.
+fn condition(state: &DeviceState) -> Condition {
     let time_us = (state.device_time_ns / 1000) as u32;
-    let status = status::CALIBRATED | status::POWERED;
-    StateReport::from_si(sequence, time_us, &si, state.buttons as u16, status).encode()
+    Condition {
+        time_us,
+        since_us: time_us,
+        buttons: state.buttons as u16,
+        status: status::CALIBRATED | status::POWERED,
+        mode: Mode::Active,
+        ..Condition::default()
+    }
 }
 
 /// The wrench in a report to a device; zero where the report does not enable the wrench.
@@ -187,7 +213,7 @@ mod tests {
             force: [1.0; 3],
             moment: [1.0; 3],
         };
-        let bytes = WrenchReport::from_si(0, &si, 0).encode();
+        let bytes = WrenchReport::from_si(0, SESSION, 0, &si, 0).encode();
         assert_eq!(wrench_from_bytes(&bytes), Ok(Wrench::zero()));
         assert!(wrench_from_bytes(bytes.get(1..).unwrap()).is_err());
     }

@@ -4,8 +4,10 @@ use devices::conformance::Suite;
 use devices::hid::{Command, HidDevice};
 use devices::scripted::{Scripted, small};
 use devices::{AnyDevice, DeviceModel, Registry, Replay, Request};
+use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
+use firmware_proto::report::{Model, StateReport, axes};
 use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Vec3, Wrench};
-use sim::firmware::{state_bytes, wrench_from_bytes};
+use sim::firmware::state_bytes;
 use sim::{Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind, Tremor, Wired};
 use std::sync::{Arc, Mutex};
 
@@ -130,30 +132,65 @@ fn simulated_devices_through_the_door_conform() {
     }
 }
 
-/// The far end of a fake HID: a simulated device that sends a report each time it is asked, and goes away after so many.
+/// The far end of a fake HID: a simulated device behind the device's side of the protocol. It sends a report each time it
+/// is asked, and goes away after so many.
 struct FarEnd {
     device: SimDevice,
-    sent: u16,
+    firmware: Firmware,
+    asked: u16,
     /// A report was read, and the next has not come yet.
     read: bool,
     most: u16,
 }
 
 impl FarEnd {
+    fn new(device: SimDevice, most: u16) -> Self {
+        let capabilities = device.capabilities();
+        let model = Model {
+            sensed: axes::ALL,
+            actuated: axes::ALL,
+            max_force: (capabilities.max_force * 1e6) as u32,
+            max_moment: (capabilities.max_moment * 1e6) as u32,
+            rate: [1, 1000],
+            name: [b'x'; 16],
+            ..Model::default()
+        };
+        let mut firmware = Firmware::new(model, Geometry::default());
+        assert!(firmware.home() && firmware.homed());
+        Self {
+            device,
+            firmware,
+            asked: 0,
+            read: false,
+            most,
+        }
+    }
+
+    fn now_us(&self) -> u32 {
+        u32::from(self.asked) * 1000
+    }
+
     fn send(&mut self, buffer: &mut [u8]) -> Result<usize, i32> {
-        if self.sent >= self.most {
+        if self.asked >= self.most {
             return Err(19);
         }
         self.read = !self.read;
         if !self.read {
             return Ok(0);
         }
-        let now = u64::from(self.sent) * MS;
-        let state = self.device.read(now).map_err(|_| 5)?;
-        let mut report = state_bytes(&state, self.sent);
-        self.sent += 1;
+        let now_us = self.now_us();
+        let state = self.device.read(u64::from(now_us) * 1000).map_err(|_| 5)?;
+        let report = StateReport::decode(&state_bytes(&state, 0)).map_err(|_| 71)?;
+        let measured = Measured::Pose {
+            position: report.position,
+            orientation: report.orientation,
+            velocity: report.velocity,
+            angular_velocity: report.angular_velocity,
+        };
+        let mut report = self.firmware.report(now_us, Inputs::default(), &measured);
+        self.asked += 1;
         // Now and then one is damaged on its path.
-        if self.sent.is_multiple_of(50) {
+        if self.asked.is_multiple_of(50) {
             report[20] ^= 1;
         }
         buffer[..report.len()].copy_from_slice(&report);
@@ -161,24 +198,25 @@ impl FarEnd {
     }
 
     fn take(&mut self, command: &Command) -> Result<(), i32> {
-        let wrench = wrench_from_bytes(&command[1..]).map_err(|_| 71)?;
-        let now = u64::from(self.sent) * MS;
-        self.device.write(now, &wrench).map_err(|_| 5)
+        let now_us = self.now_us();
+        let taken = self.firmware.receive(&command[1..], now_us);
+        let wrench = self.firmware.actuate(now_us);
+        let [force, moment] =
+            [wrench.force, wrench.moment].map(|v| Vec3::from(v.map(|x| f64::from(x) / 1e6)));
+        let now_ns = u64::from(now_us) * 1000;
+        let held = self.device.write(now_ns, &Wrench { force, moment });
+        held.map_err(|_| 5)?;
+        taken.map(drop).map_err(|_| 71)
     }
 }
 
 #[test]
 fn hid_devices_conform_over_a_fake_transport() {
-    for (most, states) in [(u16::MAX, 490), (300, 294)] {
+    for (most, states) in [(u16::MAX, 489), (300, 293)] {
         Suite::new("hid").states(states).check(|| {
             let device = simulated("virtuose6d");
             let capabilities = device.capabilities();
-            let far = Arc::new(Mutex::new(FarEnd {
-                device,
-                sent: 0,
-                read: false,
-                most,
-            }));
+            let far = Arc::new(Mutex::new(FarEnd::new(device, most)));
             let near = Arc::clone(&far);
             let read = move |buffer: &mut [u8]| near.lock().map_err(|_| 5)?.send(buffer);
             let write = move |command: &Command| far.lock().map_err(|_| 5)?.take(command);

@@ -31,6 +31,11 @@ pub enum ReportError {
         /// The number of the received kind.
         found: u8,
     },
+    /// This version has no report of that kind, or its receiver takes none.
+    UnexpectedKind {
+        /// The number of the received kind.
+        found: u8,
+    },
     /// The report is intact, but a field has a value that no sender should send.
     OutOfRange {
         /// The field.
@@ -47,11 +52,72 @@ pub enum ReportError {
 /// A field that can be out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Field {
+    /// The session number of a report to a device, which is never zero.
+    Session,
     /// The squared length of the orientation's four numbers; see
     /// [`StateReport::orientation`](super::StateReport::orientation).
     OrientationLength,
+    /// The bits of the status.
+    Status,
+    /// The mode of the device.
+    Mode,
+    /// The fault of the device, which is zero in every mode but that of a fault.
+    Fault,
+    /// The bits of the flags.
+    Flags,
+    /// The newest version that a host speaks.
+    Newest,
+    /// The watchdog (µs).
+    Watchdog,
+    /// The bits of the axes.
+    Axes,
+    /// The rate of states (Hz).
+    Rate,
+    /// The kind of the device's states.
+    Sends,
+    /// The number of encoders.
+    Encoders,
+    /// The number of counts, or parameters, behind the last one, that are not zero.
+    Unused,
+    /// The number of bytes in the name of the model that are no printable ASCII.
+    Name,
+    /// The number of parameters of the geometry.
+    Parameters,
+    /// The number of the encoder.
+    Encoder,
+    /// The quantity that an encoder measures.
+    Quantity,
+    /// The size of the counts per unit of an encoder.
+    Scale,
     /// The sum of the reserved bytes.
     Reserved,
+}
+
+impl Field {
+    /// The field in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Session => "session",
+            Self::OrientationLength => "squared length of the orientation",
+            Self::Status => "status",
+            Self::Mode => "mode",
+            Self::Fault => "fault",
+            Self::Flags => "flags",
+            Self::Newest => "newest version",
+            Self::Watchdog => "watchdog",
+            Self::Axes => "axes",
+            Self::Rate => "rate of states",
+            Self::Sends => "kind of states",
+            Self::Encoders => "number of encoders",
+            Self::Unused => "count of unused numbers that are not zero",
+            Self::Name => "count of bytes in the name that are no printable ASCII",
+            Self::Parameters => "number of parameters",
+            Self::Encoder => "encoder",
+            Self::Quantity => "quantity",
+            Self::Scale => "size of the counts per unit",
+            Self::Reserved => "sum of the reserved bytes",
+        }
+    }
 }
 
 impl fmt::Display for ReportError {
@@ -67,7 +133,21 @@ impl fmt::Display for ReportError {
                 )
             }
             Self::Version { found } => {
-                write!(f, "report of protocol version {found}, expected {VERSION}")
+                write!(
+                    f,
+                    "report of protocol version {found}, expected {VERSION}: "
+                )?;
+                if found < VERSION {
+                    write!(
+                        f,
+                        "its sender is older; update it, or use a peer of version {found}"
+                    )
+                } else {
+                    write!(
+                        f,
+                        "its sender is newer; update this side, or use a peer of version {VERSION}"
+                    )
+                }
             }
             Self::Kind { expected, found } => {
                 write!(
@@ -76,16 +156,19 @@ impl fmt::Display for ReportError {
                     expected as u8
                 )
             }
+            Self::UnexpectedKind { found } => {
+                write!(
+                    f,
+                    "report of kind {found:#04x}, which this side does not take"
+                )
+            }
             Self::OutOfRange {
                 field,
                 least,
                 most,
                 found,
             } => {
-                let field = match field {
-                    Field::OrientationLength => "squared length of the orientation",
-                    Field::Reserved => "sum of the reserved bytes",
-                };
+                let field = field.name();
                 write!(
                     f,
                     "report whose {field} is {found}, expected {least} to {most}"

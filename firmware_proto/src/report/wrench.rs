@@ -1,23 +1,27 @@
 //! The wrench that a device is commanded to render: a force and a moment on the hand.
 
 use super::units::{FORCE, to_i32, to_si};
-use super::wire::{self, get, put};
-use super::{Kind, LENGTH, ReportError};
+use super::wire::{self, get_u8, get_u16, put};
+use super::{Field, Kind, LENGTH, ReportError};
 
-/// Bits of the flags byte. Others are sent as zero and ignored when received.
+/// Bits of the flags byte. Others are zero.
 pub mod flags {
     /// Apply the wrench. Without this bit the device lets go, whatever the wrench.
     pub const ENABLE: u8 = 1 << 0;
     /// The host holds the device in a safe state.
     pub const SAFE_HOLD: u8 = 1 << 1;
+    /// All bits that this version defines.
+    pub const KNOWN: u8 = ENABLE | SAFE_HOLD;
 }
 
 /// Offsets of the fields, as in the table in [`super`].
 mod at {
-    pub(super) const FORCE: usize = 4;
-    pub(super) const MOMENT: usize = 16;
-    pub(super) const FLAGS: usize = 28;
-    pub(super) const RESERVED: usize = 29;
+    pub(super) const ANSWERS: usize = 8;
+    pub(super) const FLAGS: usize = 10;
+    pub(super) const GAP: usize = 11;
+    pub(super) const FORCE: usize = 12;
+    pub(super) const MOMENT: usize = 24;
+    pub(super) const RESERVED: usize = 36;
 }
 
 /// The wrench on the hand that a device is commanded to render, as it is sent, in the device's base frame.
@@ -29,7 +33,7 @@ mod at {
 ///     force: [1.5, -0.25, 0.0],
 ///     moment: [0.0, 0.0, 0.01],
 /// };
-/// let report = WrenchReport::from_si(9, &si, flags::ENABLE);
+/// let report = WrenchReport::from_si(9, 0xCAFE, 7, &si, flags::ENABLE);
 /// let received = WrenchReport::decode(&report.encode()).unwrap();
 /// assert_eq!(received.to_si(), si);
 /// ```
@@ -37,6 +41,10 @@ mod at {
 pub struct WrenchReport {
     /// Number of the report, which wraps; a gap means lost reports.
     pub sequence: u16,
+    /// The session; not zero.
+    pub session: u32,
+    /// Sequence number of the state that the wrench answers.
+    pub answers: u16,
     /// Force (µN).
     pub force: [i32; 3],
     /// Moment about the handle's origin (µN·m).
@@ -54,60 +62,11 @@ pub struct WrenchSi {
     pub moment: [f64; 3],
 }
 
-/// The bytes of a checked report, read field by field.
-#[derive(Clone, Copy, Debug)]
-pub struct WrenchView<'a> {
-    report: &'a [u8; LENGTH],
-}
-
-impl<'a> WrenchView<'a> {
-    /// Checks `bytes` as a whole. Afterwards, no access can fail.
-    ///
-    /// # Errors
-    /// The first [`ReportError`] found, in the order of the enum's variants.
-    pub fn new(bytes: &'a [u8]) -> Result<Self, ReportError> {
-        let report = wire::check(bytes, Kind::Wrench)?;
-        wire::check_reserved::<{ at::RESERVED }>(report)?;
-        Ok(Self { report })
-    }
-
-    /// As [`WrenchReport::sequence`].
-    pub fn sequence(&self) -> u16 {
-        wire::sequence(self.report)
-    }
-
-    /// As [`WrenchReport::force`].
-    pub fn force(&self) -> [i32; 3] {
-        wire::get_3_i32::<{ at::FORCE }>(self.report)
-    }
-
-    /// As [`WrenchReport::moment`].
-    pub fn moment(&self) -> [i32; 3] {
-        wire::get_3_i32::<{ at::MOMENT }>(self.report)
-    }
-
-    /// As [`WrenchReport::flags`].
-    pub fn flags(&self) -> u8 {
-        let [flags] = get::<{ at::FLAGS }, 1>(self.report);
-        flags
-    }
-}
-
-impl From<WrenchView<'_>> for WrenchReport {
-    fn from(view: WrenchView<'_>) -> Self {
-        Self {
-            sequence: view.sequence(),
-            force: view.force(),
-            moment: view.moment(),
-            flags: view.flags(),
-        }
-    }
-}
-
 impl WrenchReport {
     /// The bytes of the report.
     pub fn encode(&self) -> [u8; LENGTH] {
-        let mut report = wire::start(Kind::Wrench, self.sequence);
+        let mut report = wire::start(Kind::Wrench, self.sequence, self.session);
+        put::<{ at::ANSWERS }, 2>(&mut report, self.answers.to_le_bytes());
         wire::put_3_i32::<{ at::FORCE }>(&mut report, self.force);
         wire::put_3_i32::<{ at::MOMENT }>(&mut report, self.moment);
         put::<{ at::FLAGS }, 1>(&mut report, [self.flags]);
@@ -119,16 +78,31 @@ impl WrenchReport {
     /// # Errors
     /// The first [`ReportError`] found, in the order of the enum's variants.
     pub fn decode(bytes: &[u8]) -> Result<Self, ReportError> {
-        WrenchView::new(bytes).map(Self::from)
+        let report = wire::check(bytes, Kind::Wrench)?;
+        wire::check_session(report)?;
+        let flags = get_u8::<{ at::FLAGS }>(report);
+        wire::check_bits(Field::Flags, flags::KNOWN, flags)?;
+        wire::check_reserved::<{ at::GAP }, { at::FORCE }>(report)?;
+        wire::check_reserved::<{ at::RESERVED }, { wire::END }>(report)?;
+        Ok(Self {
+            sequence: wire::sequence(report),
+            session: wire::session(report),
+            answers: get_u16::<{ at::ANSWERS }>(report),
+            force: wire::get_3_i32::<{ at::FORCE }>(report),
+            moment: wire::get_3_i32::<{ at::MOMENT }>(report),
+            flags,
+        })
     }
 
     /// A report from a wrench in SI.
     ///
     /// Values are rounded to the nearest µN and µN·m. Values beyond ±2147 N or N·m saturate there. A NaN becomes zero.
     /// Neither replaces the safety stage, which comes before and has far lower limits.
-    pub fn from_si(sequence: u16, si: &WrenchSi, flags: u8) -> Self {
+    pub fn from_si(sequence: u16, session: u32, answers: u16, si: &WrenchSi, flags: u8) -> Self {
         Self {
             sequence,
+            session,
+            answers,
             force: si.force.map(|f| to_i32(f, FORCE)),
             moment: si.moment.map(|m| to_i32(m, FORCE)),
             flags,
@@ -143,7 +117,3 @@ impl WrenchReport {
         }
     }
 }
-
-#[cfg(test)]
-#[path = "wrench_tests.rs"]
-mod tests;

@@ -213,10 +213,10 @@ duration = 1.0
   x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0, 0], allowed: a list of 4
 model = "touch"
   -> model = 3
-  x.toml:43: device[1].model: found 3, allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, or the name of a device's file, which ends in .toml
+  x.toml:43: device[1].model: found 3, allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, `woodenhaptics`, or the name of a device's file, which ends in .toml
 model = "touch"
   -> model = "tuch"
-  x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, or the name of a device's file, which ends in .toml
+  x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, `woodenhaptics`, or the name of a device's file, which ends in .toml
 [loop]
   -> [loop]¶scheme = "Hold"
   x.toml:6: loop.scheme: found "Hold", allowed: `hold`, `thesis`, `linear`, `proxy`, `classic`, `capped`

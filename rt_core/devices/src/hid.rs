@@ -7,6 +7,9 @@
 //! - Reader and writer each open a file of their own, because two threads cannot use the same handle. The kernel also
 //!   queues up to 64 reports for the writer's file; they are never read.
 //!
+//! The driver greets the device with a hello when it opens it, and, in place of wrenches, until the device has answered;
+//! so also where the device was restarted. Each wrench names the newest state that the driver has read ([`firmware_proto::host`]).
+//!
 //! The bytes pass through two functions ([`HidDevice::over`]), so that a test can take the place of hidraw.
 //!
 //! The hot path consists of `poll` and `read` until the queue is empty, one copy into a ring, and one wake-up. The hot
@@ -17,9 +20,12 @@ mod reading;
 mod selector;
 mod writer;
 
+use firmware_proto::host::release;
 use hidapi::HidApi;
-use reading::{command, let_go};
+use reading::numbered;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use std::hash::{BuildHasher, RandomState};
+use std::num::NonZeroU32;
 use writer::Writer;
 
 pub use driver::Hid;
@@ -95,15 +101,19 @@ pub struct HidDevice {
     capabilities: Capabilities,
     /// The system's error number, once the device has disappeared.
     gone: Option<i32>,
-    commands: u16,
 }
 
 impl HidDevice {
-    /// Opens the one device that `selector` names. `capabilities` are the capabilities of the device.
+    /// Opens the one device that `selector` names. `capabilities` are the capabilities of the device, and `watchdog_us` is
+    /// the watchdog that it is asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]).
     ///
     /// # Errors
     /// [`HidError`], which names the device and the checks that the user can make.
-    pub fn open(selector: &HidSelector, capabilities: Capabilities) -> Result<Self, HidError> {
+    pub fn open(
+        selector: &HidSelector,
+        capabilities: Capabilities,
+        watchdog_us: u32,
+    ) -> Result<Self, HidError> {
         let api = HidApi::new().map_err(HidError::System)?;
         let path = selector.find(&api)?;
         let open = || {
@@ -122,14 +132,15 @@ impl HidDevice {
                 .map(drop)
                 .map_err(|error| errno(&error))
         };
-        Self::over(read, write, capabilities).map_err(|source| HidError::Thread {
+        Self::start(read, write, capabilities, watchdog_us).map_err(|source| HidError::Thread {
             selector: selector.clone(),
             source,
         })
     }
 
     /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
-    /// block. Either function returns the error number of the system where the device is disconnected.
+    /// block, and is called once, with the first hello, before this function returns. Either function returns the error
+    /// number of the system where the device is disconnected. The device is asked for its own watchdog.
     ///
     /// # Errors
     /// The error of the system, where it gave no thread for writing.
@@ -138,13 +149,26 @@ impl HidDevice {
         write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
         capabilities: Capabilities,
     ) -> std::io::Result<Self> {
+        Self::start(read, write, capabilities, 0)
+    }
+
+    fn start(
+        read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
+        mut write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
+        capabilities: Capabilities,
+        watchdog_us: u32,
+    ) -> std::io::Result<Self> {
+        let session = session();
+        let mut reports = Reports::new(session, watchdog_us);
+        // Where this write fails, the tick greets the device again, and reports the failure.
+        let _ = write(&reports.greet());
+        let let_go = numbered(&release(session.get(), 0));
         Ok(Self {
             read: Box::new(read),
-            writer: Writer::start(write, let_go())?,
-            reports: Reports::new(),
+            writer: Writer::start(write, let_go)?,
+            reports,
             capabilities,
             gone: None,
-            commands: 0,
         })
     }
 
@@ -159,14 +183,16 @@ impl Device for HidDevice {
         self.capabilities
     }
 
-    fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
+    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
         if let Some(number) = self.gone {
             return Err(DeviceError::Disconnected(number));
         }
         let read = &mut self.read;
-        let result = self.reports.newest(self.capabilities.sensed, |buffer| {
-            read(buffer).map_err(DeviceError::Disconnected)
-        });
+        let result = self
+            .reports
+            .newest(self.capabilities.sensed, now_ns, |buffer| {
+                read(buffer).map_err(DeviceError::Disconnected)
+            });
         if let Err(DeviceError::Disconnected(number)) = result {
             // Another read would fail again, and each failure allocates.
             self.gone = Some(number);
@@ -174,13 +200,21 @@ impl Device for HidDevice {
         result
     }
 
-    fn write(&mut self, _now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         if let Some(number) = self.gone {
             return Err(DeviceError::Disconnected(number));
         }
-        self.commands = self.commands.wrapping_add(1);
-        self.writer.hand_on(command(wrench, self.commands))
+        match self.reports.command(wrench, now_ns) {
+            Some(command) => self.writer.hand_on(command),
+            None => Ok(()),
+        }
     }
+}
+
+/// A session that no other host has, but by chance: the standard library draws the keys of its hashes at random.
+fn session() -> NonZeroU32 {
+    let number = RandomState::new().hash_one(0_u8);
+    NonZeroU32::new(number as u32).unwrap_or(NonZeroU32::MAX)
 }
 
 /// The system's error number in a hidapi error; ENODEV where the error has none.
@@ -208,7 +242,7 @@ mod tests {
             workspace_radius: 0.1,
             position_step: 1e-5,
         };
-        match HidDevice::open(&selector, capabilities) {
+        match HidDevice::open(&selector, capabilities, 0) {
             Ok(_) => panic!("no such device exists"),
             Err(error @ HidError::NotFound { .. }) => {
                 let text = error.to_string();

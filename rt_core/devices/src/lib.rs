@@ -18,8 +18,8 @@
 
 pub mod conformance;
 pub mod exchange;
-pub mod found;
 pub mod falcon;
+pub mod found;
 pub mod ftdi;
 pub mod hid;
 pub mod models;

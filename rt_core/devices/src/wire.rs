@@ -12,39 +12,10 @@
     )
 )]
 
-use firmware_proto::report::{ReportError, StateReport, WrenchReport, WrenchSi, flags};
+use firmware_proto::report::{ReportError, StateReport, WrenchSi};
 use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
 
-/// A device's own clock, continued beyond the range of its 32-bit counter, which wraps every 71 minutes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DeviceClock {
-    last: Option<u32>,
-    time_us: u64,
-}
-
-impl DeviceClock {
-    /// Takes the counter of the next report (us); returns the device's time (ns). The time starts at the first counter
-    /// and never decreases. After a counter that jumps back (the device was restarted), time continues from there.
-    ///
-    /// ```
-    /// let mut clock = devices::wire::DeviceClock::default();
-    /// assert_eq!(clock.advance(u32::MAX - 499), (u64::from(u32::MAX) - 499) * 1000);
-    /// assert_eq!(clock.advance(500), (u64::from(u32::MAX) + 501) * 1000); // wrapped, 1 ms later
-    /// ```
-    pub fn advance(&mut self, counter_us: u32) -> u64 {
-        let step = match self.last {
-            None => counter_us,
-            Some(last) => match counter_us.wrapping_sub(last) {
-                // A difference of more than half the range means that the counter went back.
-                step if step > u32::MAX / 2 => 0,
-                step => step,
-            },
-        };
-        self.last = Some(counter_us);
-        self.time_us = self.time_us.saturating_add(u64::from(step));
-        self.time_us.saturating_mul(1000)
-    }
-}
+pub use firmware_proto::host::DeviceClock;
 
 /// The state in a report, in SI units. Where the device senses no rotation (`sensed`), the report's orientation and
 /// angular velocity are ignored; so are positions and velocities along axes that the device does not sense.
@@ -66,19 +37,17 @@ pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> D
     DeviceState {
         pose,
         twist,
-        buttons: u32::from(report.buttons),
+        buttons: u32::from(report.condition.buttons),
         device_time_ns,
     }
 }
 
-/// The report that commands `wrench` (device axes). Numbers beyond the report's range saturate at its ends, and a NaN
-/// becomes zero.
-pub fn report_of(wrench: &Wrench, sequence: u16) -> WrenchReport {
-    let si = WrenchSi {
+/// `wrench` (device axes) in the form that a report takes.
+pub fn si_of(wrench: &Wrench) -> WrenchSi {
+    WrenchSi {
         force: wrench.force.into(),
         moment: wrench.moment.into(),
-    };
-    WrenchReport::from_si(sequence, &si, flags::ENABLE)
+    }
 }
 
 /// The error of the device for a report that could not be decoded.
@@ -87,7 +56,7 @@ pub fn corrupt(error: ReportError) -> DeviceError {
         ReportError::Length { .. } => Corruption::Length,
         ReportError::Crc { .. } => Corruption::CheckSum,
         ReportError::Version { .. } => Corruption::Version,
-        ReportError::Kind { .. } => Corruption::Kind,
+        ReportError::Kind { .. } | ReportError::UnexpectedKind { .. } => Corruption::Kind,
         ReportError::OutOfRange { .. } => Corruption::Range,
     })
 }

@@ -2,6 +2,7 @@
 
 use super::{HidDevice, HidSelector};
 use crate::registry::{Driver, Kind, OpenError, Request};
+use firmware_proto::report::{WATCHDOG_MOST_US, WATCHDOG_US};
 use runner::AnyDevice;
 
 /// Devices that speak the firmware protocol over USB HID.
@@ -14,6 +15,14 @@ pub struct Hid;
 /// The allowed addresses.
 const ADDRESSES: &str = "hid:VID:PID or hid:VID:PID:SERIAL, with the numbers of the USB device as `lsusb` prints them \
                          (four hexadecimal digits each), or hid:/dev/hidrawN";
+
+/// The watchdog for a loop of a period (s): four ticks, so that a late tick is no silence, but not less than the
+/// device's own.
+fn watchdog_us(period: f64) -> u32 {
+    // The conversion saturates.
+    let ticks = (period * 4e6) as u32;
+    ticks.clamp(WATCHDOG_US, WATCHDOG_MOST_US)
+}
 
 impl Driver for Hid {
     fn name(&self) -> &'static str {
@@ -35,12 +44,27 @@ impl Driver for Hid {
                 allowed: ADDRESSES,
             });
         };
-        match HidDevice::open(&selector, request.model.capabilities()) {
+        match HidDevice::open(
+            &selector,
+            request.model.capabilities(),
+            watchdog_us(request.period),
+        ) {
             Ok(device) => Ok(Box::new(device)),
             Err(error) => Err(OpenError::Refused {
                 source: Box::new(error),
                 allowed: "a device that is connected and may be opened",
             }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_loop_asks_for_a_longer_watchdog() {
+        let watchdogs = [1e-4, 1e-3, 2.5e-3, 5e-3, 1.0].map(watchdog_us);
+        assert_eq!(watchdogs, [10_000, 10_000, 10_000, 20_000, 100_000]);
     }
 }

@@ -3,35 +3,62 @@
 //! The bytes come from a closure rather than from HID, so a test can supply byte arrays. The module never allocates. It
 //! reads at most [`QUEUE`] reports per tick, so a device that sends too many reports cannot stall the tick.
 
-use crate::wire::{DeviceClock, corrupt, report_of, state_of};
-use firmware_proto::report::{self, ReportError, StateReport, WrenchReport, status};
-use rt_core::{DeviceError, DeviceState, Freedom, Wrench};
+use crate::wire::{corrupt, si_of, state_of};
+use firmware_proto::host::{DeviceClock, Event, Host, HostError, MotionToForce};
+use firmware_proto::report::{self, Mode, StateReport, status};
+use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Wrench};
+use std::num::NonZeroU32;
 
 /// Largest number of reports read in one tick: as many as the kernel queues.
 pub const QUEUE: usize = 64;
 
 /// Counts of a device's reports, and its status. The counts only grow.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Reports {
+    host: Host,
     clock: DeviceClock,
-    /// Sequence number of the last good report.
-    last: Option<u16>,
     /// Good reports.
     pub good: u64,
-    /// Good reports that a newer one in the same tick superseded.
+    /// Good states that a newer one in the same tick superseded.
     pub superseded: u64,
-    /// Reports that were sent but never arrived (gaps in their sequence), including corrupt ones.
-    pub lost: u64,
     /// Reports that could not be used.
     pub corrupt: u64,
+    /// Intact reports of another session: before the device was greeted, or because it serves another host.
+    pub other_session: u64,
+    /// Reports that were not newer than the last.
+    pub old: u64,
     /// The device's last report of its own status; see [`status`](firmware_proto::report::status).
     pub status: u8,
+    /// The device's last report of its mode.
+    pub mode: Mode,
+    /// The device's last report of its fault; see [`fault`](firmware_proto::report::fault).
+    pub fault: u8,
+    /// The last motion to force that the device's reports show.
+    pub motion_to_force: Option<MotionToForce>,
 }
 
 impl Reports {
-    /// The counts before the first report.
-    pub fn new() -> Self {
-        Self::default()
+    /// The counts before the first report of a session, in which the device is asked for a watchdog of `watchdog_us`.
+    pub fn new(session: NonZeroU32, watchdog_us: u32) -> Self {
+        Self {
+            host: Host::new(session, watchdog_us),
+            clock: DeviceClock::default(),
+            good: 0,
+            superseded: 0,
+            corrupt: 0,
+            other_session: 0,
+            old: 0,
+            status: 0,
+            mode: Mode::Boot,
+            fault: 0,
+            motion_to_force: None,
+        }
+    }
+
+    /// The host's side of the protocol: the device's own capabilities, its lost reports. The offset between the clocks
+    /// is that of the times of the ticks, which are a little earlier than the times at which reports are read.
+    pub fn host(&self) -> &Host {
+        &self.host
     }
 
     /// Calls `next` until no report waits, and returns the newest good state. `next` fills the buffer and returns the
@@ -42,12 +69,13 @@ impl Reports {
     pub(super) fn newest(
         &mut self,
         sensed: Freedom,
+        now_ns: u64,
         mut next: impl FnMut(&mut [u8]) -> Result<usize, DeviceError>,
     ) -> Result<DeviceState, DeviceError> {
         // The buffer is one byte longer than a report, so that a report that is too long can be detected.
         let mut buffer = [0_u8; report::LENGTH + 1];
         let mut newest: Option<StateReport> = None;
-        let mut fault: Option<ReportError> = None;
+        let mut fault: Option<DeviceError> = None;
         for _ in 0..QUEUE {
             let length = match next(&mut buffer) {
                 Ok(0) => break,
@@ -56,67 +84,73 @@ impl Reports {
                 Err(_) if newest.is_some() => break,
                 Err(error) => return Err(error),
             };
-            match StateReport::decode(buffer.get(..length).unwrap_or(&buffer)) {
-                Ok(report) => {
+            match self
+                .host
+                .receive(buffer.get(..length).unwrap_or(&buffer), now_ns)
+            {
+                Ok(Event::State {
+                    report,
+                    motion_to_force,
+                }) => {
+                    self.good += 1;
                     self.superseded += u64::from(newest.is_some());
-                    self.take(&report);
+                    self.take(&report, motion_to_force);
                     newest = Some(report);
                 }
-                Err(error) => {
+                // This driver has no kinematics.
+                Ok(Event::Encoders { .. }) => {
                     self.corrupt += 1;
-                    fault = Some(error);
+                    fault = Some(DeviceError::Corrupt(Corruption::Kind));
+                }
+                Ok(Event::Capabilities(_) | Event::Geometry(_) | Event::Joint(_)) => self.good += 1,
+                Err(HostError::Session { .. }) => self.other_session += 1,
+                Err(HostError::Sequence) => self.old += 1,
+                Err(HostError::Report(error)) => {
+                    self.corrupt += 1;
+                    fault = Some(corrupt(error));
                 }
             }
         }
         match (newest, fault) {
             (Some(report), _) => {
-                let device_time_ns = self.clock.advance(report.time_us);
-                if report.status & status::CALIBRATED == 0 {
+                let device_time_ns = self.clock.advance(report.condition.time_us);
+                if report.condition.status & status::CALIBRATED == 0 {
                     return Err(DeviceError::NoReport);
                 }
                 Ok(state_of(&report, sensed, device_time_ns))
             }
-            (None, Some(fault)) => Err(corrupt(fault)),
+            (None, Some(fault)) => Err(fault),
             (None, None) => Err(DeviceError::NoReport),
         }
     }
 
-    fn take(&mut self, report: &StateReport) {
-        self.good += 1;
-        self.status = report.status;
-        if let Some(last) = self.last {
-            let step = report.sequence.wrapping_sub(last);
-            // A step of more than half the range is a restart of the device, not a loss.
-            if step <= u16::MAX / 2 {
-                self.lost += u64::from(step.saturating_sub(1));
-            }
-        }
-        self.last = Some(report.sequence);
+    /// The hello to write before the first tick.
+    pub(super) fn greet(&mut self) -> Command {
+        numbered(&self.host.greet())
+    }
+
+    /// The report to write in the tick of `now_ns`, if any; see [`Host::command`]. `wrench` is in device axes.
+    pub(super) fn command(&mut self, wrench: &Wrench, now_ns: u64) -> Option<Command> {
+        let report = self.host.command(&si_of(wrench), now_ns)?;
+        Some(numbered(&report))
+    }
+
+    fn take(&mut self, report: &StateReport, motion_to_force: Option<MotionToForce>) {
+        self.status = report.condition.status;
+        self.mode = report.condition.mode;
+        self.fault = report.condition.fault;
+        self.motion_to_force = motion_to_force.or(self.motion_to_force);
     }
 }
 
 /// A report to write, after the report number 0 of unnumbered reports.
 pub type Command = [u8; report::LENGTH + 1];
 
-/// The report that commands `wrench` (device axes).
-pub(super) fn command(wrench: &Wrench, sequence: u16) -> Command {
-    numbered(&report_of(wrench, sequence))
-}
-
-/// The report that commands zero force, with the wrench disabled.
-pub(super) fn let_go() -> Command {
-    numbered(&WrenchReport {
-        sequence: 0,
-        force: [0; 3],
-        moment: [0; 3],
-        flags: 0,
-    })
-}
-
-fn numbered(report: &WrenchReport) -> Command {
+/// The command that writes `report`.
+pub(super) fn numbered(report: &[u8; report::LENGTH]) -> Command {
     let mut command = [0; report::LENGTH + 1];
-    for (byte, from) in command.iter_mut().skip(1).zip(report.encode()) {
-        *byte = from;
+    for (byte, from) in command.iter_mut().skip(1).zip(report) {
+        *byte = *from;
     }
     command
 }
@@ -124,22 +158,31 @@ fn numbered(report: &WrenchReport) -> Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use firmware_proto::report::flags;
-    use rt_core::{Corruption, Pose, Vec3};
+    use firmware_proto::host::release;
+    use firmware_proto::report::{CapabilitiesReport, Condition, HelloReport, Model};
+    use firmware_proto::report::{WrenchReport, flags};
+    use rt_core::{Pose, Vec3};
     use std::collections::VecDeque;
+
+    const SESSION: NonZeroU32 = NonZeroU32::new(0xCAFE).unwrap();
 
     fn sent(sequence: u16, time_us: u32) -> StateReport {
         StateReport {
             sequence,
-            time_us,
+            session: SESSION.get(),
+            condition: Condition {
+                time_us,
+                buttons: 0b101,
+                status: status::CALIBRATED | status::POWERED,
+                mode: Mode::Idle,
+                ..Condition::default()
+            },
             // 10 mm, -20 mm, 0.1 um.
             position: [100_000, -200_000, 1],
             // A quarter turn about z: cosine and sine of 45 degrees.
             orientation: [23170, 0, 0, 23170],
             velocity: [50_000, 0, -1],
             angular_velocity: [0, 0, 1500],
-            buttons: 0b101,
-            status: status::CALIBRATED | status::POWERED,
         }
     }
 
@@ -166,9 +209,9 @@ mod tests {
 
     #[test]
     fn a_report_becomes_a_state_in_si() {
-        let mut reports = Reports::new();
+        let mut reports = Reports::new(SESSION, 0);
         let state = reports
-            .newest(Freedom::Six, queue(bytes(&[sent(7, 1234)])))
+            .newest(Freedom::Six, 0, queue(bytes(&[sent(7, 1234)])))
             .expect("good");
         assert_eq!(state.pose.position, Vec3::new(0.01, -0.02, 1e-7));
         assert_eq!(state.twist.linear, Vec3::new(0.05, 0.0, -1e-6));
@@ -184,7 +227,7 @@ mod tests {
         assert_eq!(reports.status, status::CALIBRATED | status::POWERED);
         // A device that senses no rotation reports the identity, whatever it sends.
         let state = reports
-            .newest(Freedom::Three, queue(bytes(&[sent(8, 2234)])))
+            .newest(Freedom::Three, 0, queue(bytes(&[sent(8, 2234)])))
             .expect("good");
         assert_eq!(
             (state.pose.rotation, state.twist.angular),
@@ -194,15 +237,18 @@ mod tests {
 
     #[test]
     fn the_newest_of_many_is_taken_and_gaps_are_counted() {
-        let mut reports = Reports::new();
+        let mut reports = Reports::new(SESSION, 0);
         let many = [sent(65534, 1000), sent(65535, 2000), sent(2, 5000)];
         let state = reports
-            .newest(Freedom::Three, queue(bytes(&many)))
+            .newest(Freedom::Three, 0, queue(bytes(&many)))
             .expect("good");
         assert_eq!(state.device_time_ns, 5_000_000);
         // The numbers 0 and 1 never arrived.
-        assert_eq!((reports.good, reports.superseded, reports.lost), (3, 2, 2));
-        let none = reports.newest(Freedom::Three, queue(VecDeque::new()));
+        assert_eq!(
+            (reports.good, reports.superseded, reports.host().lost()),
+            (3, 2, 2)
+        );
+        let none = reports.newest(Freedom::Three, 0, queue(VecDeque::new()));
         assert_eq!(none, Err(DeviceError::NoReport));
     }
 
@@ -212,27 +258,25 @@ mod tests {
         broken[20] ^= 4;
         let mut long = sent(1, 1000).encode().to_vec();
         long.push(0);
-        let mut reports = Reports::new();
-        let result = reports.newest(Freedom::Three, queue([broken.clone()].into()));
+        let mut reports = Reports::new(SESSION, 0);
+        let result = reports.newest(Freedom::Three, 0, queue([broken.clone()].into()));
         assert!(
             matches!(result, Err(DeviceError::Corrupt(Corruption::CheckSum))),
             "{result:?}"
         );
-        let result = reports.newest(Freedom::Three, queue([long].into()));
+        let result = reports.newest(Freedom::Three, 0, queue([long].into()));
         assert_eq!(result, Err(DeviceError::Corrupt(Corruption::Length)));
         let mixed = [sent(1, 1000).encode().to_vec(), broken].into();
-        assert!(reports.newest(Freedom::Three, queue(mixed)).is_ok());
+        assert!(reports.newest(Freedom::Three, 0, queue(mixed)).is_ok());
         assert_eq!((reports.good, reports.corrupt), (1, 3));
     }
 
     #[test]
     fn a_device_without_its_reference_has_no_state() {
-        let lost = StateReport {
-            status: status::POWERED,
-            ..sent(1, 1000)
-        };
-        let mut reports = Reports::new();
-        let result = reports.newest(Freedom::Three, queue(bytes(&[lost])));
+        let mut lost = sent(1, 1000);
+        lost.condition.status = status::POWERED;
+        let mut reports = Reports::new(SESSION, 0);
+        let result = reports.newest(Freedom::Three, 0, queue(bytes(&[lost])));
         assert_eq!(
             (result, reports.status),
             (Err(DeviceError::NoReport), status::POWERED)
@@ -244,10 +288,14 @@ mod tests {
         let mut asked = 0;
         let flood = |buffer: &mut [u8]| {
             asked += 1;
-            buffer[..report::LENGTH].copy_from_slice(&sent(1, 1000).encode());
+            buffer[..report::LENGTH].copy_from_slice(&sent(asked as u16, 1000).encode());
             Ok(report::LENGTH)
         };
-        assert!(Reports::new().newest(Freedom::Three, flood).is_ok());
+        assert!(
+            Reports::new(SESSION, 0)
+                .newest(Freedom::Three, 0, flood)
+                .is_ok()
+        );
         assert_eq!(asked, QUEUE);
     }
 
@@ -261,38 +309,70 @@ mod tests {
             buffer[..report::LENGTH].copy_from_slice(&sent(1, 1000).encode());
             Ok(report::LENGTH)
         };
-        let mut reports = Reports::new();
-        assert!(reports.newest(Freedom::Three, &mut next).is_ok());
+        let mut reports = Reports::new(SESSION, 0);
+        assert!(reports.newest(Freedom::Three, 0, &mut next).is_ok());
         let mut gone = |_: &mut [u8]| Err(DeviceError::Disconnected(19));
-        let result = reports.newest(Freedom::Three, &mut gone);
+        let result = reports.newest(Freedom::Three, 0, &mut gone);
         assert_eq!(result, Err(DeviceError::Disconnected(19)));
     }
 
     #[test]
-    fn device_time_counts_on_over_wraps_and_restarts() {
-        let mut clock = DeviceClock::default();
-        assert_eq!(clock.advance(4_294_000_000), 4_294_000_000_000);
-        assert_eq!(clock.advance(32_704), 4_295_000_000_000);
-        assert_eq!(clock.advance(33_704), 4_295_001_000_000);
-        // A restarted device sets its counter back by a little: the time continues from there.
-        assert_eq!(clock.advance(100), 4_295_001_000_000);
-        assert_eq!(clock.advance(1_100), 4_295_002_000_000);
+    fn reports_of_another_session_and_old_ones_are_no_states() {
+        let mut reports = Reports::new(SESSION, 0);
+        let other = StateReport {
+            session: 0,
+            ..sent(9, 1000)
+        };
+        let result = reports.newest(Freedom::Three, 0, queue(bytes(&[other])));
+        assert_eq!(result, Err(DeviceError::NoReport));
+        let first = queue(bytes(&[sent(2, 2000), sent(1, 1000)]));
+        let state = reports.newest(Freedom::Three, 0, first).expect("good");
+        assert_eq!(state.device_time_ns, 2_000_000);
+        let counts = (reports.good, reports.other_session, reports.old);
+        assert_eq!(counts, (1, 1, 1));
     }
 
     #[test]
-    fn a_wrench_is_sent_after_its_report_number() {
+    fn a_wrench_follows_the_greeting_and_names_the_newest_state() {
         let wrench = Wrench {
             force: Vec3::new(1.5, -0.25, 0.0),
             moment: Vec3::new(0.0, 0.0, 0.01),
         };
-        let bytes = command(&wrench, 9);
-        let sent = WrenchReport::decode(&bytes[1..]).expect("what is encoded is decoded");
-        assert_eq!((bytes[0], sent.sequence, sent.flags), (0, 9, flags::ENABLE));
+        let mut reports = Reports::new(SESSION, 0);
+        // The report number 0 comes before the report.
+        let command = reports.command(&wrench, 0).expect("a hello");
+        let hello = HelloReport::decode(&command[1..]).expect("a hello");
+        assert_eq!((command[0], hello.session), (0, SESSION.get()));
+        assert!(reports.command(&wrench, 1).is_none());
+        let answer = CapabilitiesReport {
+            sequence: 6,
+            session: SESSION.get(),
+            hello: hello.sequence,
+            hello_time_us: 500,
+            watchdog_us: 10_000,
+            model: Model {
+                sensed: 7,
+                rate: [1, 1000],
+                name: [b'x'; 16],
+                ..Model::default()
+            },
+        };
+        let mut waiting = bytes(&[sent(7, 1000)]);
+        waiting.push_front(answer.encode().to_vec());
+        let state = reports.newest(Freedom::Three, 0, queue(waiting));
+        assert!(state.is_ok(), "{state:?}");
+        let command = reports.command(&wrench, 0).expect("a wrench");
+        let sent = WrenchReport::decode(&command[1..]).expect("a wrench");
+        assert_eq!(
+            (command[0], sent.answers, sent.flags),
+            (0, 7, flags::ENABLE)
+        );
         assert_eq!(
             (sent.force, sent.moment),
             ([1_500_000, -250_000, 0], [0, 0, 10_000])
         );
-        let sent = WrenchReport::decode(&let_go()[1..]).expect("what is encoded is decoded");
+        let bytes = numbered(&release(SESSION.get(), 0));
+        let sent = WrenchReport::decode(&bytes[1..]).expect("a wrench");
         assert_eq!((sent.force, sent.moment, sent.flags), ([0; 3], [0; 3], 0));
     }
 }
