@@ -1,7 +1,7 @@
 //! Every device and every wrapper passes the one suite of `devices::conformance`.
 
 use devices::conformance::Suite;
-use devices::hid::{Command, HidDevice};
+use devices::hid::{Command, HidDevice, ReadReport, WriteReport};
 use devices::scripted::{Scripted, small};
 use devices::{AnyDevice, DeviceModel, Registry, Replay, Request};
 use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
@@ -223,6 +223,52 @@ fn hid_devices_conform_over_a_fake_transport() {
             let device = HidDevice::over(read, write, capabilities);
             Box::new(device.expect("the system gives a thread"))
         });
+    }
+}
+
+#[test]
+fn a_hid_device_that_is_unplugged_comes_back_without_a_restart() {
+    // Each connection is a device that was just switched on, and goes away after 200 reports.
+    let make = || {
+        let capabilities = simulated("virtuose6d").capabilities();
+        let open = move || {
+            let far = Arc::new(Mutex::new(FarEnd::new(simulated("virtuose6d"), 200)));
+            let near = Arc::clone(&far);
+            let read: Box<ReadReport> =
+                Box::new(move |buffer| near.lock().map_err(|_| 5)?.send(buffer));
+            let write: Box<WriteReport> =
+                Box::new(move |command| far.lock().map_err(|_| 5)?.take(command));
+            Ok((read, write))
+        };
+        HidDevice::reopened(open, capabilities).expect("the system gives a thread")
+    };
+    Suite::new("unplugged")
+        .states(190)
+        .check(|| Box::new(make()));
+
+    let mut device = make();
+    let push = Wrench {
+        force: Vec3::new(1.0, 0.0, 0.0),
+        moment: Vec3::zeros(),
+    };
+    let (mut losses, mut was_there, mut clock) = (0, false, 0);
+    // Until it has come back twice, and moves under a force again.
+    for now in (0..).map(|tick| tick * MS) {
+        match device.read(now) {
+            Ok(state) => {
+                assert!(state.device_time_ns >= clock);
+                clock = state.device_time_ns;
+                was_there = true;
+                if losses == 2 && state.pose.position.x > 1e-4 {
+                    break;
+                }
+            }
+            Err(DeviceError::Disconnected(_)) if was_there => {
+                (losses, was_there) = (losses + 1, false);
+            }
+            Err(_) => std::thread::yield_now(),
+        }
+        let _ = device.write(now, &push);
     }
 }
 

@@ -2,15 +2,80 @@
 //! whatever the wrench and the time.
 
 use alloc_count::calls::{Counting, count};
-use devices::ReplayDevice;
 use devices::conformance::Suite;
-use rt_core::{Device, Vec3};
+use devices::hid::{HidDevice, ReadReport, WriteReport};
+use devices::{Exchange, Exchanged, ReplayDevice};
+use rt_core::{Device, DeviceError, DeviceState, Vec3, Wrench};
 use sim::{
     DeviceModel, Fault, Faulty, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired,
 };
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
+
+/// A HID device that is lost and comes back allocates and frees nothing on the thread of the tick, not even in the tick
+/// that loses it. A device with a thread of its own does neither.
+#[test]
+fn losing_a_device_never_allocates() {
+    let push = Wrench {
+        force: Vec3::new(1.0, 0.0, 0.0),
+        moment: Vec3::zeros(),
+    };
+    let tick = |device: &mut dyn Device, now: u64| {
+        let mut result = Ok(DeviceState::resting());
+        let calls = count(|| {
+            result = device.read(now);
+            let _ = device.write(now, &push);
+        });
+        assert_eq!(calls, 0, "allocations in a tick: {result:?}");
+        result
+    };
+
+    let opened = Arc::new(AtomicU64::new(0));
+    let times = Arc::clone(&opened);
+    let open = move || {
+        times.fetch_add(1, Ordering::Relaxed);
+        let mut left = 20;
+        let read: Box<ReadReport> = Box::new(move |_| {
+            left -= 1;
+            if left == 0 { Err(19) } else { Ok(0) }
+        });
+        let write: Box<WriteReport> = Box::new(|_| Ok(()));
+        Ok((read, write))
+    };
+    let capabilities = DeviceModel::named("falcon").unwrap().capabilities();
+    let mut device = HidDevice::reopened(open, capabilities).expect("a thread");
+    let mut now = 0;
+    while opened.load(Ordering::Relaxed) < 4 {
+        let _ = tick(&mut device, now);
+        now += 1_000_000;
+        std::thread::yield_now();
+    }
+
+    /// Loses the device now and then.
+    struct Lossy(u64);
+    impl Exchange for Lossy {
+        fn exchange(&mut self, _: &Wrench) -> Result<DeviceState, DeviceError> {
+            self.0 += 1;
+            if self.0.is_multiple_of(20) {
+                return Err(DeviceError::Disconnected(19));
+            }
+            Ok(DeviceState::resting())
+        }
+        fn release(&mut self) {}
+        fn reopen(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+    }
+    let mut device = Exchanged::start(Lossy(0), capabilities).expect("a thread");
+    let counts = device.counts();
+    while counts.returns() < 2 {
+        let _ = tick(&mut device, 0);
+        std::thread::yield_now();
+    }
+}
 
 #[test]
 fn reads_and_writes_never_allocate() {

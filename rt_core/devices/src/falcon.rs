@@ -3,16 +3,19 @@
 //! - [`geometry`]: from encoder counts to a position, and from a force to torques.
 //! - [`packet`]: the bytes of the firmware, and where packets begin and end.
 //! - [`boot`]: the upload of the firmware, whose file the user brings.
+//! - [`connect`]: finds, opens and boots the device that a scene names.
 //! - [`driver`]: a Falcon as an [`Exchange`](crate::Exchange).
 //!
 //! Lengths, bytes and steps are those of libnifalcon (BSD); its code is not used.
 
 pub mod boot;
+pub mod connect;
 pub mod driver;
 pub mod geometry;
 pub mod packet;
 
 pub use boot::{BootError, Firmware, FirmwareError, Tries};
+pub use connect::FalconDriver;
 pub use driver::{Counts, Falcon, FalconError, Settings};
 
 /// USB vendor of the Falcon (FTDI).

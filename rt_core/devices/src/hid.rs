@@ -10,29 +10,36 @@
 //! The driver greets the device with a hello when it opens it, and, in place of wrenches, until the device has answered;
 //! so also where the device was restarted. Each wrench names the newest state that the driver has read ([`firmware_proto::host`]).
 //!
+//! A device that disappears is opened again by the writing thread as soon as it is back, without a restart of the run.
+//! Its selector finds it again, so a device that was opened by its numbers may come back under another path.
+//!
 //! The bytes pass through two functions ([`HidDevice::over`]), so that a test can take the place of hidraw.
 //!
-//! The hot path consists of `poll` and `read` until the queue is empty, one copy into a ring, and one wake-up. The hot
-//! path does not allocate, except once in the tick in which the device disappears (hidapi's errors are text).
+//! The hot path consists of `read` until the queue is empty, one copy into a ring, and one wake-up. It never allocates,
+//! not even in the tick in which the device disappears.
 
 mod driver;
 mod reading;
 mod selector;
 mod writer;
 
+use crate::transport::{Hidraw, Transport};
 use firmware_proto::host::release;
 use hidapi::HidApi;
 use reading::numbered;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use std::ffi::OsStr;
 use std::hash::{BuildHasher, RandomState};
 use std::num::NonZeroU32;
-use writer::Writer;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+use writer::{Open, Write, Writer};
 
 pub use driver::Hid;
 pub use reading::{Command, QUEUE, Reports};
 pub use selector::HidSelector;
 
-/// Error number for a device that disappeared without an error number (ENODEV).
+/// Error number of a device that is not connected (ENODEV).
 const NO_DEVICE: i32 = 19;
 
 /// Why a device could not be opened.
@@ -76,7 +83,7 @@ pub enum HidError {
         /// The path of the device in the file system.
         path: String,
         /// The error of the system.
-        source: hidapi::HidError,
+        source: std::io::Error,
     },
     /// The system gave no thread for writing.
     #[error("the system gave no thread for writing to the HID device {selector}: {source}")]
@@ -91,16 +98,40 @@ pub enum HidError {
 /// Fills a buffer with the next report that waits. Returns the length of the report, zero where no report waits, or the
 /// error number of the system. Never waits.
 pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
+/// Writes a command, or returns the error number of the system. May block.
+pub type WriteReport = dyn FnMut(&Command) -> Result<(), i32> + Send;
 
 /// An open device. Dropping it sends a last command of zero force, and waits until that command is written, at most
 /// five seconds.
 pub struct HidDevice {
     read: Box<ReadReport>,
-    writer: Writer<Command>,
+    writer: Writer<Command, Box<ReadReport>>,
     reports: Reports,
     capabilities: Capabilities,
-    /// The system's error number, once the device has disappeared.
+    /// The system's error number, while the device is lost.
     gone: Option<i32>,
+}
+
+/// The two ends of an open device.
+type Ends = (Box<ReadReport>, Write<Command>);
+
+/// Opens the reading end and the writing end of the device that is selected.
+fn ends(selector: &HidSelector) -> Result<Ends, HidError> {
+    let api = HidApi::new().map_err(HidError::System)?;
+    let path = selector.find(&api)?;
+    let path = Path::new(OsStr::from_bytes(path.to_bytes()));
+    let open = || {
+        Hidraw::open(path).map_err(|source| HidError::Open {
+            selector: selector.clone(),
+            path: path.to_string_lossy().into_owned(),
+            source,
+        })
+    };
+    let (input, mut output) = (open()?, open()?);
+    let read = move |buffer: &mut [u8]| input.read_now(buffer);
+    // The transport puts the report number 0 before the report itself.
+    let write = move |report: &Command| output.write(report.get(1..).unwrap_or_default());
+    Ok((Box::new(read), Box::new(write)))
 }
 
 impl HidDevice {
@@ -114,27 +145,15 @@ impl HidDevice {
         capabilities: Capabilities,
         watchdog_us: u32,
     ) -> Result<Self, HidError> {
-        let api = HidApi::new().map_err(HidError::System)?;
-        let path = selector.find(&api)?;
-        let open = || {
-            api.open_path(&path).map_err(|source| HidError::Open {
+        let first = ends(selector)?;
+        let again = selector.clone();
+        // The thread needs a number only.
+        let open = move || ends(&again).map_err(|_| NO_DEVICE);
+        Self::start(first, Box::new(open), capabilities, watchdog_us).map_err(|source| {
+            HidError::Thread {
                 selector: selector.clone(),
-                path: path.to_string_lossy().into_owned(),
                 source,
-            })
-        };
-        let (input, output) = (open()?, open()?);
-        let read =
-            move |buffer: &mut [u8]| input.read_timeout(buffer, 0).map_err(|error| errno(&error));
-        let write = move |report: &Command| {
-            output
-                .write(report)
-                .map(drop)
-                .map_err(|error| errno(&error))
-        };
-        Self::start(read, write, capabilities, watchdog_us).map_err(|source| HidError::Thread {
-            selector: selector.clone(),
-            source,
+            }
         })
     }
 
@@ -149,12 +168,30 @@ impl HidDevice {
         write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
         capabilities: Capabilities,
     ) -> std::io::Result<Self> {
-        Self::start(read, write, capabilities, 0)
+        let open = || Err(NO_DEVICE);
+        Self::start(
+            (Box::new(read), Box::new(write)),
+            Box::new(open),
+            capabilities,
+            0,
+        )
+    }
+
+    /// As [`over`](Self::over), with a function that opens a lost device again.
+    ///
+    /// # Errors
+    /// As [`over`](Self::over).
+    pub fn reopened(
+        mut open: impl FnMut() -> Result<(Box<ReadReport>, Box<WriteReport>), i32> + Send + 'static,
+        capabilities: Capabilities,
+    ) -> std::io::Result<Self> {
+        let first = open().map_err(std::io::Error::from_raw_os_error)?;
+        Self::start(first, Box::new(open), capabilities, 0)
     }
 
     fn start(
-        read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
-        mut write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
+        (read, mut write): Ends,
+        open: Open<Command, Box<ReadReport>>,
         capabilities: Capabilities,
         watchdog_us: u32,
     ) -> std::io::Result<Self> {
@@ -164,8 +201,8 @@ impl HidDevice {
         let _ = write(&reports.greet());
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {
-            read: Box::new(read),
-            writer: Writer::start(write, let_go)?,
+            read,
+            writer: Writer::start(write, let_go, open)?,
             reports,
             capabilities,
             gone: None,
@@ -185,7 +222,10 @@ impl Device for HidDevice {
 
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
         if let Some(number) = self.gone {
-            return Err(DeviceError::Disconnected(number));
+            if !self.writer.found(&mut self.read) {
+                return Err(DeviceError::Disconnected(number));
+            }
+            self.gone = None;
         }
         let read = &mut self.read;
         let result = self
@@ -194,8 +234,8 @@ impl Device for HidDevice {
                 read(buffer).map_err(DeviceError::Disconnected)
             });
         if let Err(DeviceError::Disconnected(number)) = result {
-            // Another read would fail again, and each failure allocates.
             self.gone = Some(number);
+            self.writer.lose();
         }
         result
     }
@@ -215,14 +255,6 @@ impl Device for HidDevice {
 fn session() -> NonZeroU32 {
     let number = RandomState::new().hash_one(0_u8);
     NonZeroU32::new(number as u32).unwrap_or(NonZeroU32::MAX)
-}
-
-/// The system's error number in a hidapi error; ENODEV where the error has none.
-fn errno(error: &hidapi::HidError) -> i32 {
-    match error {
-        hidapi::HidError::IoError { error } => error.raw_os_error().unwrap_or(NO_DEVICE),
-        _ => NO_DEVICE,
-    }
 }
 
 #[cfg(test)]
@@ -262,9 +294,7 @@ mod tests {
         let error = HidError::Open {
             selector: HidSelector::parse("1209:c0de").expect("an address"),
             path: "/dev/hidraw3".into(),
-            source: hidapi::HidError::IoError {
-                error: std::io::ErrorKind::PermissionDenied.into(),
-            },
+            source: std::io::ErrorKind::PermissionDenied.into(),
         };
         let text = error.to_string();
         for part in [

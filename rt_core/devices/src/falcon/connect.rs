@@ -1,0 +1,156 @@
+//! The driver `falcon`: finds, opens and boots the device that a scene names.
+
+use super::boot::{Firmware, Tries};
+use super::driver::{Falcon, Settings};
+use super::{PRODUCT, VENDOR};
+use crate::exchange::Exchanged;
+use crate::ftdi::Chip;
+use crate::registry::{Driver, Kind, OpenError, Request};
+use crate::usbfs::{Selector, UsbDevice};
+use rt_core::Capabilities;
+use runner::AnyDevice;
+use std::error::Error;
+use std::time::Instant;
+
+/// Largest force (N) that is asked of a Falcon, whatever its profile. The limit of the torques allows it in every
+/// direction within 30 mm of the centre; a larger force in a weak direction would be shortened behind the back of the
+/// account of energy.
+const MOST_FORCE: f64 = 5.0;
+
+/// The Novint Falcon. The scene names the firmware file, which the driver uploads. There is no force before the operator
+/// has homed the device: pull the grip out and push it in once.
+///
+/// Addresses: none, where one Falcon is connected, or its serial number.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FalconDriver;
+
+impl Driver for FalconDriver {
+    fn name(&self) -> &'static str {
+        "falcon"
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Real
+    }
+
+    fn protocol(&self) -> Option<&'static str> {
+        Some("falcon")
+    }
+
+    fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
+        let refused = |source: Box<dyn Error + Send + Sync>| OpenError::Refused {
+            source,
+            allowed: "a Novint Falcon that is connected and may be opened",
+        };
+        if request.address.contains([':', '/']) {
+            return Err(OpenError::Address {
+                found: request.address.to_owned(),
+                allowed: "falcon, where one Falcon is connected, or falcon:SERIAL",
+            });
+        }
+        let Some(file) = request.firmware else {
+            let problem = "a Falcon needs its firmware: name the file by `firmware = \"FILE\"`. It is the firmware image of \
+                           Novint's SDK, or the one in the folder `firmware` of a checkout of libnifalcon";
+            return Err(refused(problem.into()));
+        };
+        let firmware = Firmware::load(file).map_err(|error| refused(Box::new(error)))?;
+        let selector = Selector {
+            vendor: VENDOR,
+            product: PRODUCT,
+            serial: (!request.address.is_empty()).then(|| request.address.to_owned()),
+        };
+        let first = UsbDevice::open(&selector).map_err(|error| refused(Box::new(error)))?;
+        let mut first = Some(first);
+        let open = move || match first.take() {
+            Some(usb) => Ok(Chip::new(usb)),
+            // Later attempts are made by the thread of the device, which needs a number only.
+            None => match UsbDevice::open(&selector) {
+                Ok(usb) => Ok(Chip::new(usb)),
+                Err(error) => Err(error.number()),
+            },
+        };
+        let start = Instant::now();
+        let clock = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let settings = Settings {
+            firmware,
+            tries: Tries::default(),
+            period: request.period,
+        };
+        let falcon = Falcon::connect(open, clock, settings);
+        let falcon = falcon.map_err(|error| refused(Box::new(error)))?;
+        let stated = request.model.capabilities();
+        let capabilities = Capabilities {
+            max_force: stated.max_force.min(MOST_FORCE),
+            ..stated
+        };
+        let device = Exchanged::start(falcon, capabilities);
+        Ok(Box::new(device.map_err(|error| refused(Box::new(error)))?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::models::DeviceModel;
+    use std::path::Path;
+
+    fn refusal(address: &str, firmware: Option<&Path>) -> String {
+        let model = DeviceModel::named("falcon").expect("a built-in device");
+        let request = Request {
+            index: 0,
+            model: &model,
+            period: 1e-3,
+            address,
+            firmware,
+        };
+        match FalconDriver.open(&request) {
+            Ok(_) => "open".to_owned(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_named_before_anything_is_opened() {
+        let text = refusal("tcp:localhost:1", None);
+        assert!(text.contains("falcon:SERIAL"), "{text}");
+        let text = refusal("", None);
+        assert!(text.contains("firmware = \"FILE\""), "{text}");
+        let text = refusal("", Some(Path::new("no/such/firmware.bin")));
+        assert!(
+            text.contains("no/such/firmware.bin cannot be read"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn the_torques_of_the_largest_force_are_within_the_limit_near_the_centre() {
+        use super::super::geometry::{CENTRE, Jacobian, inverse, torque_counts, torque_of};
+        use rt_core::Vec3;
+        // 26 directions of the place and of the force.
+        let directions: Vec<Vec3> = (0..27)
+            .map(|k| {
+                Vec3::new(
+                    f64::from(k / 9 - 1),
+                    f64::from(k / 3 % 3 - 1),
+                    f64::from(k % 3 - 1),
+                )
+            })
+            .filter_map(|direction| direction.try_normalize(0.0))
+            .collect();
+        for place in &directions {
+            let position = CENTRE + place * 0.03;
+            let angles = inverse(&position).expect("in the workspace");
+            let jacobian = Jacobian::at(&position, &angles).expect("in the workspace");
+            for direction in &directions {
+                let torques = jacobian.torques(&(direction * MOST_FORCE));
+                for (torque, count) in torques.iter().zip(torque_counts(&torques)) {
+                    // The counts are rounded, and not limited.
+                    assert!(
+                        (torque - torque_of(count)).abs() < 1e-4,
+                        "{place} {direction}"
+                    );
+                }
+            }
+        }
+    }
+}
