@@ -11,6 +11,7 @@ mod printing;
 
 mod bench;
 mod compare;
+mod device;
 mod fault;
 mod mesh;
 mod outputs;
@@ -57,6 +58,7 @@ Examples:
   palpate solve my_scene.toml --vtu out        find equilibrium without devices, as files for ParaView
   palpate compare my_scene.toml                compare the force schemes on your own scene
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
+  palpate device list                          print which devices are connected, and how a scene names them
   palpate bench speed --quick                  measure run time against error, and compare with other programs
   palpate stress wall --quick                  find the stiffest wall of each device, and compare with theory";
 
@@ -72,6 +74,8 @@ enum Command {
     Compare(compare::CompareArguments),
     /// Write the mesh of a scene's body, with its groups and materials, for Gmsh or ParaView
     Mesh(mesh::MeshArguments),
+    /// List, probe and emulate devices
+    Device(device::DeviceArguments),
     /// Measure accuracy, speed and stability, and print the tables that the book quotes
     Bench(bench::BenchArguments),
     /// Test devices, schemes and scenes at their limits, before a person touches a device
@@ -111,6 +115,8 @@ enum CommandError {
     File(#[from] host::atomic_file::AtomicFileError),
     #[error(transparent)]
     Output(#[from] outputs::OutputError),
+    #[error(transparent)]
+    Device(#[from] device::DeviceCommandError),
     #[error("the run ended, but a part of the run failed")]
     Incomplete,
     #[error("{}: {source}", path.display())]
@@ -179,6 +185,7 @@ impl CommandError {
             #[cfg(feature = "view")]
             Self::PaceNeedsVirtualClock => 2,
             Self::Output(error) => error.exit_code(),
+            Self::Device(error) => error.exit_code(),
             #[cfg(feature = "view")]
             Self::View(error) => error.exit_code(),
             Self::Signal(number) => 128_u8.saturating_add(*number),
@@ -213,6 +220,7 @@ fn execute(command: Option<Command>) -> u8 {
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
+        Command::Device(arguments) => device::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         #[cfg(feature = "view")]

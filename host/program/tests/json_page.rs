@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 18] = [
+const OUTPUTS: [Output; 20] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -46,6 +46,18 @@ const OUTPUTS: [Output; 18] = [
         schema: "palpate.compare/1",
         about: "A scene under several force schemes.",
         root: "study::compare::Comparison",
+    },
+    Output {
+        title: "`palpate device list --json`",
+        schema: "palpate.devices/1",
+        about: "The devices that are connected.",
+        root: "palpate::device::list::DeviceList",
+    },
+    Output {
+        title: "`palpate device probe --json`",
+        schema: "palpate.probe/1",
+        about: "The states of a device.",
+        root: "study::probe::Probed",
     },
     Output {
         title: "`palpate bench accuracy --json`",

@@ -10,8 +10,16 @@ use std::path::Path;
 /// The drivers, where `held` holds the simulated devices, by index in the scene, and files are relative to `folder`.
 /// Names need neither.
 pub(crate) fn drivers(held: Vec<Held>, folder: &Path) -> Registry {
-    Registry::new()
-        .with(Simulated::new(held))
+    with_real(Registry::new().with(Simulated::new(held)), folder)
+}
+
+/// The drivers of real devices alone, for commands without a scene. Files are relative to `folder`.
+pub fn real_drivers(folder: &Path) -> Registry {
+    with_real(Registry::new(), folder)
+}
+
+fn with_real(registry: Registry, folder: &Path) -> Registry {
+    registry
         .with(Hid)
         .with(WoodenHapticsDriver)
         .with(FalconDriver)

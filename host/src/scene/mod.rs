@@ -17,6 +17,7 @@ pub(crate) mod source;
 pub mod spec;
 
 pub use device_file::NamedDevice;
+pub use drivers::real_drivers;
 pub use error::{Place, SceneError};
 pub use load::{LoadedScene, MeshFile};
 pub use overrides::Override;

@@ -7,6 +7,7 @@ pub mod elsewhere;
 mod error;
 pub mod extrapolation;
 mod level;
+pub mod probe;
 pub mod speed;
 pub mod stability;
 pub mod stress;

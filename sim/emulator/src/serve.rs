@@ -19,7 +19,7 @@ pub struct Served {
     pub refused: u64,
 }
 
-/// Runs an emulator until `running` is false or the transport ends. The emulator's time starts at zero. It is asked for
+/// Runs an emulator until `stop` is true or the transport ends. The emulator's time starts at zero. It is asked for
 /// bytes after each arrival, and once every `period` at least.
 ///
 /// # Errors
@@ -28,13 +28,13 @@ pub fn serve(
     emulator: &mut (impl Emulator + ?Sized),
     transport: &mut (impl Transport + ?Sized),
     period: Duration,
-    running: &AtomicBool,
+    stop: &AtomicBool,
     served: &mut Served,
 ) -> Result<(), i32> {
     let start = Instant::now();
     let now = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
     let mut due = period;
-    while running.load(Ordering::Relaxed) {
+    while !stop.load(Ordering::Relaxed) {
         let wait = due.saturating_sub(start.elapsed());
         let mut buffer = [0; BUFFER];
         let count = transport.read(&mut buffer, wait)?;

@@ -1,0 +1,94 @@
+//! `palpate device`: the devices of this machine, and emulated ones.
+
+mod emulate;
+mod list;
+mod probe;
+
+use super::CommandError;
+use devices::DeviceFile;
+use host::scene::{NamedDevice, SceneError};
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate device list                                          print what is connected, and how a scene names it
+  palpate device emulate woodenhaptics --on tcp:4000           emulate a device, in a simulated hand
+  palpate device probe woodenhaptics:tcp:localhost:4000 --model woodenhaptics
+                                                               measure the rate and the jitter of a device, without force";
+
+/// Arguments of `palpate device`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct DeviceArguments {
+    #[command(subcommand)]
+    command: DeviceCommand,
+}
+
+#[derive(Clone, Debug, clap::Subcommand)]
+enum DeviceCommand {
+    /// List the devices that are connected, how a scene names them, and why one cannot be used
+    List(list::ListArguments),
+    /// Open a device and measure the rate, the jitter and the resolution of its states. It gets no force
+    Probe(probe::ProbeArguments),
+    /// Emulate a device in a simulated hand, on a transport of this machine, until Ctrl-C
+    Emulate(emulate::EmulateArguments),
+}
+
+/// Why a command of `palpate device` ended without its result.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum DeviceCommandError {
+    #[error("found the driver {found:?}, allowed: {allowed}")]
+    Driver { found: String, allowed: String },
+    #[error("{connect}: {problem}")]
+    Open { connect: String, problem: String },
+    #[error(
+        "--model {model}: found {name}, allowed: a device file with `protocol = \"{protocol}\"`"
+    )]
+    Profile {
+        model: String,
+        name: String,
+        protocol: &'static str,
+    },
+    #[error(transparent)]
+    Place(#[from] emulator::PlaceError),
+    #[error("{0}")]
+    NotEmulated(String),
+    #[error("the transport of the emulated device ended (system error {0})")]
+    Ended(i32),
+    #[error("the transport of the emulated device failed: {0}")]
+    Host(std::io::Error),
+    #[error("the device gave no state in {0} s; see the errors above")]
+    NoState(f64),
+}
+
+impl DeviceCommandError {
+    /// 2 for a wrong argument, 1 for a failure.
+    pub(super) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Driver { .. } | Self::Profile { .. } | Self::NotEmulated(_) => 2,
+            _ => 1,
+        }
+    }
+}
+
+pub(super) fn run(arguments: &DeviceArguments) -> Result<(), CommandError> {
+    match &arguments.command {
+        DeviceCommand::List(arguments) => list::run(arguments),
+        DeviceCommand::Probe(arguments) => probe::run(arguments),
+        DeviceCommand::Emulate(arguments) => emulate::run(arguments),
+    }
+}
+
+/// The device file that `--model` names: a built-in device, or a file.
+fn profile(model: &str) -> Result<DeviceFile, SceneError> {
+    let named = NamedDevice::load(model)?;
+    // The text was read as a device file before.
+    Ok(
+        DeviceFile::parse(&named.source.text).unwrap_or_else(|_| DeviceFile {
+            name: named.name,
+            protocol: None,
+            model: named.model,
+            estimated: Vec::new(),
+            sources: std::collections::BTreeMap::new(),
+        }),
+    )
+}

@@ -1,0 +1,141 @@
+//! `palpate device probe`: the states of a device, measured without force.
+
+use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::progress_bar;
+use super::{DeviceCommandError, profile};
+use devices::{Connection, Request};
+use host::atomic_file::write_json;
+use rt_core::Wrench;
+use runner::AnyDevice;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use study::probe::{Probed, Seen};
+
+/// Arguments of `palpate device probe`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct ProbeArguments {
+    /// The connection of the device, as a scene names it: hid:VID:PID, woodenhaptics, falcon, tty:PATH, tcp:HOST:PORT,
+    /// plugin:FILE
+    connect: String,
+    /// The profile of the device: a built-in device, or a device file
+    #[arg(long, value_name = "MODEL")]
+    model: String,
+    /// The firmware file, for a Falcon
+    #[arg(long, value_name = "FILE")]
+    firmware: Option<PathBuf>,
+    /// Duration of the measurement (s)
+    #[arg(long, value_name = "SECONDS", default_value_t = 3.0, value_parser = super::super::run::seconds)]
+    duration: f64,
+    /// Write the result as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Opens the device of a connection outside of a scene.
+fn open(arguments: &ProbeArguments) -> Result<AnyDevice, CommandError> {
+    let folder = PathBuf::new();
+    let registry = host::scene::real_drivers(&folder);
+    let connection = Connection::parse(&arguments.connect);
+    let file = profile(&arguments.model)?;
+    let Some(driver) = registry.driver(&connection.driver) else {
+        return Err(DeviceCommandError::Driver {
+            found: connection.driver,
+            allowed: registry.names().collect::<Vec<_>>().join(", "),
+        }
+        .into());
+    };
+    if let Some(protocol) = driver.protocol()
+        && file.protocol.as_deref() != Some(protocol)
+    {
+        return Err(DeviceCommandError::Profile {
+            model: arguments.model.clone(),
+            name: file.name,
+            protocol,
+        }
+        .into());
+    }
+    let request = Request {
+        index: 0,
+        model: &file.model,
+        period: 1e-3,
+        address: &connection.address,
+        firmware: arguments.firmware.as_deref(),
+    };
+    driver.open(&request).map_err(|error| {
+        DeviceCommandError::Open {
+            connect: arguments.connect.clone(),
+            problem: error.to_string(),
+        }
+        .into()
+    })
+}
+
+pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
+    let mut device = open(arguments)?;
+    let bar = progress_bar();
+    let period = Duration::from_millis(1);
+    let ticks = (arguments.duration * 1e3).ceil() as u64;
+    let mut seen = Seen::new(ticks as usize);
+    let start = Instant::now();
+    for tick in 0..ticks {
+        let due = period * tick as u32;
+        std::thread::sleep(due.saturating_sub(start.elapsed()));
+        let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        seen.take(now, &device.read(now));
+        let _ = device.write(now, &Wrench::zero());
+    }
+    drop(device);
+    bar.finish_and_clear();
+    let probed = Probed::new(&arguments.connect, &seen);
+    print(&probed);
+    if let Some(path) = &arguments.json {
+        write_json(path, &probed)?;
+    }
+    if probed.states == 0 {
+        return Err(DeviceCommandError::NoState(arguments.duration).into());
+    }
+    Ok(())
+}
+
+fn print(probed: &Probed) {
+    outln!("{}: {} ticks without force", probed.connect, probed.ticks);
+    let line = |title: &str, text: String| outln!("  {title:<10} {text}");
+    line(
+        "states",
+        format!(
+            "{} ({:.1} a second), {} ticks without a state, {} with an error",
+            probed.states, probed.rate, probed.missing, probed.errors
+        ),
+    );
+    if let Some(error) = &probed.last_error {
+        line("error", error.clone());
+    }
+    if let Some(interval) = probed.interval {
+        line(
+            "interval",
+            format!(
+                "median {:.3} ms, 99 % {:.3}, longest {:.3} (clock of the device)",
+                1e3 * interval.median,
+                1e3 * interval.p99,
+                1e3 * interval.longest
+            ),
+        );
+    }
+    if let Some(step) = probed.step {
+        line(
+            "step",
+            format!(
+                "{:.4} mm, the smallest displacement between two states",
+                1e3 * step
+            ),
+        );
+    }
+    if let Some(span) = probed.span {
+        let [x, y, z] = span.map(|length| 1e3 * length);
+        line("moved", format!("{x:.2} x {y:.2} x {z:.2} mm"));
+    }
+}
