@@ -1,4 +1,4 @@
-//! Emulated devices: the device's side of a published protocol, over a simulated device and its hand.
+//! Emulated devices: the device's side of a protocol, published or our own, over a simulated device and its hand.
 //!
 //! An emulator takes the bytes that a driver sends and gives the bytes that a driver reads, so a test can put it behind
 //! any transport: in memory under virtual time, or behind the kernel.
@@ -13,8 +13,10 @@
 )]
 
 pub mod falcon;
+pub mod firmware;
 pub mod woodenhaptics;
 
+pub use firmware::{Firmware, Framing};
 pub use woodenhaptics::WoodenHaptics;
 
 /// The device's end of a connection. Times are of one clock and do not go back; an earlier time counts as the latest.

@@ -36,6 +36,8 @@ use std::path::Path;
 use writer::{Open, Write, Writer};
 
 pub use driver::Hid;
+pub(crate) use driver::watchdog_us;
+pub(crate) use reading::Newest;
 pub use reading::{Command, QUEUE, Reports};
 pub use selector::HidSelector;
 
@@ -198,7 +200,7 @@ impl HidDevice {
         let session = session();
         let mut reports = Reports::new(session, watchdog_us);
         // Where this write fails, the tick greets the device again, and reports the failure.
-        let _ = write(&reports.greet());
+        let _ = write(&numbered(&reports.greet()));
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {
             read,
@@ -245,14 +247,14 @@ impl Device for HidDevice {
             return Err(DeviceError::Disconnected(number));
         }
         match self.reports.command(wrench, now_ns) {
-            Some(command) => self.writer.hand_on(command),
+            Some(command) => self.writer.hand_on(numbered(&command)),
             None => Ok(()),
         }
     }
 }
 
 /// A session that no other host has, but by chance: the standard library draws the keys of its hashes at random.
-fn session() -> NonZeroU32 {
+pub(crate) fn session() -> NonZeroU32 {
     let number = RandomState::new().hash_one(0_u8);
     NonZeroU32::new(number as u32).unwrap_or(NonZeroU32::MAX)
 }

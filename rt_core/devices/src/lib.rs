@@ -4,7 +4,7 @@
 //!   every driver.
 //! - [`registry`]: drivers by name. The program that runs a scene opens its devices through a [`Registry`] and needs no
 //!   other knowledge of a driver.
-//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`woodenhaptics`] and [`falcon`] (devices with
+//! - Drivers: [`hid`] and [`serial`] (real devices that use Palpate's firmware protocol), [`woodenhaptics`] and [`falcon`] (devices with
 //!   published protocols), [`replay`] (recorded readings). The driver of simulated devices is `sim::driver`, beside the
 //!   simulation.
 //! - [`transport`]: how bytes reach a device. [`ftdi`]: FTDI's USB serial chips. [`usbfs`]: USB devices through the
@@ -27,6 +27,7 @@ pub mod plugin;
 pub mod registry;
 pub mod replay;
 pub mod scripted;
+pub mod serial;
 pub mod transport;
 pub mod usbfs;
 pub mod wire;
@@ -39,4 +40,5 @@ pub use registry::{Connection, Driver, Kind, OpenError, Registry, Request};
 pub use replay::{Replay, ReplayDevice};
 pub use runner::AnyDevice;
 pub use scripted::Scripted;
+pub use serial::{Tcp, Tty};
 pub use transport::Transport;

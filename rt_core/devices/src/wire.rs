@@ -12,7 +12,7 @@
     )
 )]
 
-use firmware_proto::report::{ReportError, StateReport, WrenchSi};
+use firmware_proto::report::{ReportError, StateReport, WrenchSi, axes};
 use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
 
 pub use firmware_proto::host::DeviceClock;
@@ -39,6 +39,18 @@ pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> D
         twist,
         buttons: u32::from(report.condition.buttons),
         device_time_ns,
+    }
+}
+
+/// The degrees of freedom in the form in which a device names them; see [`axes`].
+pub fn axes_of(freedom: Freedom) -> u8 {
+    match freedom {
+        Freedom::Six => axes::ALL,
+        Freedom::Three => axes::TRANSLATIONS,
+        Freedom::Along(free) => {
+            let bits = free.free().into_iter().zip([axes::X, axes::Y, axes::Z]);
+            bits.fold(0, |all, (free, bit)| if free { all | bit } else { all })
+        }
     }
 }
 

@@ -18,7 +18,7 @@ const ADDRESSES: &str = "hid:VID:PID or hid:VID:PID:SERIAL, with the numbers of 
 
 /// The watchdog for a loop of a period (s): four ticks, so that a late tick is no silence, but not less than the
 /// device's own.
-fn watchdog_us(period: f64) -> u32 {
+pub(crate) fn watchdog_us(period: f64) -> u32 {
     // The conversion saturates.
     let ticks = (period * 4e6) as u32;
     ticks.clamp(WATCHDOG_US, WATCHDOG_MOST_US)

@@ -35,6 +35,8 @@ pub struct Reports {
     pub fault: u8,
     /// The last motion to force that the device's reports show.
     pub motion_to_force: Option<MotionToForce>,
+    /// Why the last report that was not used was not.
+    pub refused: Option<HostError>,
 }
 
 impl Reports {
@@ -52,6 +54,7 @@ impl Reports {
             mode: Mode::Boot,
             fault: 0,
             motion_to_force: None,
+            refused: None,
         }
     }
 
@@ -66,7 +69,7 @@ impl Reports {
     ///
     /// The position of a device that has not found its reference cannot be trusted: the states of such a device count
     /// as missing.
-    pub(super) fn newest(
+    pub(crate) fn newest(
         &mut self,
         sensed: Freedom,
         now_ns: u64,
@@ -74,65 +77,79 @@ impl Reports {
     ) -> Result<DeviceState, DeviceError> {
         // The buffer is one byte longer than a report, so that a report that is too long can be detected.
         let mut buffer = [0_u8; report::LENGTH + 1];
-        let mut newest: Option<StateReport> = None;
-        let mut fault: Option<DeviceError> = None;
+        let mut newest = Newest::default();
         for _ in 0..QUEUE {
             let length = match next(&mut buffer) {
                 Ok(0) => break,
                 Ok(length) => length,
                 // A report that arrived before the device disappeared is still good. The next read returns the error.
-                Err(_) if newest.is_some() => break,
+                Err(_) if newest.is_state() => break,
                 Err(error) => return Err(error),
             };
-            match self
-                .host
-                .receive(buffer.get(..length).unwrap_or(&buffer), now_ns)
-            {
-                Ok(Event::State {
-                    report,
-                    motion_to_force,
-                }) => {
-                    self.good += 1;
-                    self.superseded += u64::from(newest.is_some());
-                    self.take(&report, motion_to_force);
-                    newest = Some(report);
-                }
-                // This driver has no kinematics.
-                Ok(Event::Encoders { .. }) => {
-                    self.corrupt += 1;
-                    fault = Some(DeviceError::Corrupt(Corruption::Kind));
-                }
-                Ok(Event::Capabilities(_) | Event::Geometry(_) | Event::Joint(_)) => self.good += 1,
-                Err(HostError::Session { .. }) => self.other_session += 1,
-                Err(HostError::Sequence) => self.old += 1,
-                Err(HostError::Report(error)) => {
-                    self.corrupt += 1;
-                    fault = Some(corrupt(error));
-                }
+            let bytes = buffer.get(..length).unwrap_or(&buffer);
+            self.receive(&mut newest, bytes, now_ns);
+        }
+        self.state(newest, sensed)
+    }
+
+    /// Takes one report, which came at `now_ns`, among those of which the newest state is wanted.
+    pub(crate) fn receive(&mut self, newest: &mut Newest, bytes: &[u8], now_ns: u64) {
+        let result = self.host.receive(bytes, now_ns);
+        self.refused = result.err().or(self.refused);
+        match result {
+            Ok(Event::State {
+                report,
+                motion_to_force,
+            }) => {
+                self.good += 1;
+                self.superseded += u64::from(newest.is_state());
+                self.take(&report, motion_to_force);
+                newest.state = Some(report);
+            }
+            // No driver has the kinematics of such a device.
+            Ok(Event::Encoders { .. }) => {
+                self.corrupt += 1;
+                newest.fault = Some(DeviceError::Corrupt(Corruption::Kind));
+            }
+            Ok(Event::Capabilities(_) | Event::Geometry(_) | Event::Joint(_)) => self.good += 1,
+            Err(HostError::Session { .. }) => self.other_session += 1,
+            Err(HostError::Sequence) => self.old += 1,
+            Err(HostError::Report(error)) => {
+                self.corrupt += 1;
+                newest.fault = Some(corrupt(error));
             }
         }
-        match (newest, fault) {
-            (Some(report), _) => {
-                let device_time_ns = self.clock.advance(report.condition.time_us);
-                if report.condition.status & status::CALIBRATED == 0 {
-                    return Err(DeviceError::NoReport);
-                }
-                Ok(state_of(&report, sensed, device_time_ns))
-            }
-            (None, Some(fault)) => Err(fault),
-            (None, None) => Err(DeviceError::NoReport),
+    }
+
+    /// The newest state of the reports that came.
+    pub(crate) fn state(
+        &mut self,
+        newest: Newest,
+        sensed: Freedom,
+    ) -> Result<DeviceState, DeviceError> {
+        let Some(report) = newest.state else {
+            return Err(newest.fault.unwrap_or(DeviceError::NoReport));
+        };
+        let device_time_ns = self.clock.advance(report.condition.time_us);
+        if report.condition.status & status::CALIBRATED == 0 {
+            return Err(DeviceError::NoReport);
         }
+        Ok(state_of(&report, sensed, device_time_ns))
     }
 
     /// The hello to write before the first tick.
-    pub(super) fn greet(&mut self) -> Command {
-        numbered(&self.host.greet())
+    pub(crate) fn greet(&mut self) -> [u8; report::LENGTH] {
+        self.host.greet()
     }
 
     /// The report to write in the tick of `now_ns`, if any; see [`Host::command`]. `wrench` is in device axes.
-    pub(super) fn command(&mut self, wrench: &Wrench, now_ns: u64) -> Option<Command> {
-        let report = self.host.command(&si_of(wrench), now_ns)?;
-        Some(numbered(&report))
+    pub(crate) fn command(&mut self, wrench: &Wrench, now_ns: u64) -> Option<[u8; report::LENGTH]> {
+        self.host.command(&si_of(wrench), now_ns)
+    }
+
+    /// The report that lets the device go.
+    pub(crate) fn release(&mut self) -> [u8; report::LENGTH] {
+        self.host.release()
     }
 
     fn take(&mut self, report: &StateReport, motion_to_force: Option<MotionToForce>) {
@@ -140,6 +157,26 @@ impl Reports {
         self.mode = report.condition.mode;
         self.fault = report.condition.fault;
         self.motion_to_force = motion_to_force.or(self.motion_to_force);
+    }
+}
+
+/// The newest state of some reports, or the last fault among them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Newest {
+    state: Option<StateReport>,
+    fault: Option<DeviceError>,
+}
+
+impl Newest {
+    /// Whether a state has come.
+    pub(crate) fn is_state(&self) -> bool {
+        self.state.is_some()
+    }
+
+    /// Notes bytes that are no report, unless a state or another fault has come.
+    pub(crate) fn garbage(&mut self) {
+        let garbage = DeviceError::Corrupt(Corruption::Length);
+        self.fault.get_or_insert(garbage);
     }
 }
 
@@ -339,10 +376,9 @@ mod tests {
             moment: Vec3::new(0.0, 0.0, 0.01),
         };
         let mut reports = Reports::new(SESSION, 0);
-        // The report number 0 comes before the report.
         let command = reports.command(&wrench, 0).expect("a hello");
-        let hello = HelloReport::decode(&command[1..]).expect("a hello");
-        assert_eq!((command[0], hello.session), (0, SESSION.get()));
+        let hello = HelloReport::decode(&command).expect("a hello");
+        assert_eq!(hello.session, SESSION.get());
         assert!(reports.command(&wrench, 1).is_none());
         let answer = CapabilitiesReport {
             sequence: 6,
@@ -361,7 +397,8 @@ mod tests {
         waiting.push_front(answer.encode().to_vec());
         let state = reports.newest(Freedom::Three, 0, queue(waiting));
         assert!(state.is_ok(), "{state:?}");
-        let command = reports.command(&wrench, 0).expect("a wrench");
+        // The report number 0 comes before the report.
+        let command = numbered(&reports.command(&wrench, 0).expect("a wrench"));
         let sent = WrenchReport::decode(&command[1..]).expect("a wrench");
         assert_eq!(
             (command[0], sent.answers, sent.flags),

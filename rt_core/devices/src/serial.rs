@@ -1,0 +1,19 @@
+//! Real devices that speak the firmware protocol over a stream of bytes: a serial line, a pty, TCP.
+//!
+//! - [`Serial`]: the exchange with a device, over any transport, with [`firmware_proto::host::Host`] and
+//!   [`firmware_proto::stream`].
+//! - [`Tty`], [`Tcp`]: the drivers `tty` and `tcp`, which open the device that a scene names.
+//!
+//! The device sends its states by itself; an exchange sends the wrench, and takes the newest state that has come. A
+//! report counts as over HID ([`crate::hid`]): the same bytes are a state, missing or corrupt.
+//!
+//! The device names its own limits when it is greeted. They must agree with the profile that the scene names: a
+//! controller with another device's profile relies on a mass and on a damping that the device does not have.
+
+mod connect;
+mod error;
+mod exchange;
+
+pub use connect::{Tcp, Tty};
+pub use error::{AxisNames, Name, SerialError};
+pub use exchange::{GREETING_NS, SILENT_PERIODS, Serial};
