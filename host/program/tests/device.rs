@@ -136,11 +136,21 @@ fn an_emulated_woodenhaptics_is_probed_and_held_over_a_pty() {
 }
 
 #[test]
+fn an_emulated_device_of_the_firmware_protocol_is_probed_and_held_over_tcp() {
+    probed_and_held("omega3", "tcp");
+}
+
+#[test]
+fn an_emulated_device_of_the_firmware_protocol_is_probed_and_held_over_a_pty() {
+    probed_and_held("touch", "pty");
+}
+
+#[test]
 fn a_wrong_device_is_an_error_before_anything_moves() {
     for (arguments, expected) in [
         (
             ["probe", "hdi:1209:c0de", "--model", "falcon"],
-            "found the driver \"hdi\", allowed: hid, woodenhaptics, falcon",
+            "found the driver \"hdi\", allowed: hid, tty, tcp, woodenhaptics, falcon",
         ),
         (
             ["probe", "woodenhaptics", "--model", "falcon"],

@@ -2,6 +2,7 @@
 
 use devices::falcon::FalconDriver;
 use devices::plugin::Plugins;
+use devices::serial::{Tcp, Tty};
 use devices::woodenhaptics::WoodenHapticsDriver;
 use devices::{Hid, Registry};
 use sim::{Held, Simulated};
@@ -21,6 +22,8 @@ pub fn real_drivers(folder: &Path) -> Registry {
 fn with_real(registry: Registry, folder: &Path) -> Registry {
     registry
         .with(Hid)
+        .with(Tty)
+        .with(Tcp)
         .with(WoodenHapticsDriver)
         .with(FalconDriver)
         .with(Plugins::new(folder))

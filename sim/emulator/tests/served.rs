@@ -74,8 +74,8 @@ struct Server<E> {
     shared: Arc<Shared<E>>,
     connection: String,
     stop: Arc<AtomicBool>,
-    /// Whether the present host is served.
-    serving: Arc<AtomicBool>,
+    /// Whether the connection of the present host has to end.
+    interrupted: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -92,14 +92,14 @@ impl<E: Emulator + Send + 'static> Server<E> {
             start: Instant::now(),
         });
         let mut behind = Behind(Arc::clone(&shared));
-        let (stop, serving) = (
+        let (stop, interrupted) = (
             Arc::new(AtomicBool::new(false)),
             Arc::new(AtomicBool::new(false)),
         );
-        let (end, running) = (Arc::clone(&stop), Arc::clone(&serving));
+        let (end, interrupt) = (Arc::clone(&stop), Arc::clone(&interrupted));
         let thread = std::thread::spawn(move || {
             loop {
-                running.store(true, Ordering::SeqCst);
+                interrupt.store(false, Ordering::SeqCst);
                 if end.load(Ordering::SeqCst) {
                     break;
                 }
@@ -108,10 +108,10 @@ impl<E: Emulator + Send + 'static> Server<E> {
                 let mut served = Served::default();
                 // An error is the end of a host. The next one may come.
                 let _ = match length {
-                    None => serve(&mut behind, &mut host, PERIOD, &running, &mut served),
+                    None => serve(&mut behind, &mut host, PERIOD, &interrupt, &mut served),
                     Some(length) => {
                         let mut packets = Packets::new(&mut *host, length);
-                        serve(&mut behind, &mut packets, PERIOD, &running, &mut served)
+                        serve(&mut behind, &mut packets, PERIOD, &interrupt, &mut served)
                     }
                 };
             }
@@ -120,14 +120,14 @@ impl<E: Emulator + Send + 'static> Server<E> {
             shared,
             connection,
             stop,
-            serving,
+            interrupted,
             thread: Some(thread),
         }
     }
 
     /// Ends the connection of the present host.
     fn hang_up(&self) {
-        self.serving.store(false, Ordering::SeqCst);
+        self.interrupted.store(true, Ordering::SeqCst);
     }
 
     /// Opens the device by its address.
@@ -181,7 +181,7 @@ impl<E: Emulator + Send + 'static> Server<E> {
 impl<E> Drop for Server<E> {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::SeqCst);
-        self.serving.store(false, Ordering::SeqCst);
+        self.interrupted.store(true, Ordering::SeqCst);
         if let Some(thread) = self.thread.take() {
             let ended = thread.join();
             assert!(ended.is_ok() || std::thread::panicking());

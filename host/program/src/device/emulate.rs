@@ -3,24 +3,35 @@
 use super::super::CommandError;
 use super::super::signals;
 use super::{DeviceCommandError, profile};
+use devices::DeviceFile;
+use devices::transport::Packets;
+use devices::woodenhaptics::report::LENGTH;
 use devices::woodenhaptics::{Form, Geometry};
 use emulator::uhid::Identity;
 use emulator::{Place, Served, serve};
 use runner::Stop;
+use sim::emulate::firmware::{Firmware, Framing};
 use sim::emulate::{Emulator, WoodenHaptics};
 use sim::{Hand, SimDevice, Trajectory, Tremor};
 use std::time::{Duration, Instant};
 
 /// Period at which the emulated device is asked for its state, where no bytes come.
 const PERIOD: Duration = Duration::from_micros(500);
+/// The numbers of an emulated HID device with the firmware protocol: those that pid.codes leaves for tests.
+const VENDOR: u16 = 0x1209;
+const PRODUCT: u16 = 0x0001;
 /// Time after the first bytes of a host at which the operator presses the button for calibration (ns).
 const PRESS_NS: u64 = 300_000_000;
 
 /// Arguments of `palpate device emulate`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct EmulateArguments {
-    /// The device: a built-in device, or a device file. Its protocol decides what is emulated
+    /// The device: a built-in device, or a device file
     model: String,
+    /// The protocol of the emulated device. Default: that of the device where it is woodenhaptics, else firmware, the
+    /// firmware protocol of Palpate
+    #[arg(long, value_enum)]
+    protocol: Option<ProtocolName>,
     /// Where the device is found: pty, tcp (any free port), tcp:PORT, or uhid (a HID device of the kernel, which needs
     /// the right to write to /dev/uhid)
     #[arg(long, value_name = "PLACE")]
@@ -34,6 +45,59 @@ pub(super) struct EmulateArguments {
     /// Seed of the tremor
     #[arg(long, default_value_t = 1)]
     seed: u64,
+}
+
+/// The protocols that can be emulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum ProtocolName {
+    /// The firmware protocol of Palpate.
+    Firmware,
+    /// That of WoodenHaptics.
+    Woodenhaptics,
+}
+
+impl ProtocolName {
+    /// How a scene connects to a device at a place.
+    fn connect(self, address: &str) -> String {
+        match (self, address.strip_prefix("hid:")) {
+            (Self::Firmware, _) => address.to_owned(),
+            // HID is the usual transport of this device, which is found by its numbers.
+            (Self::Woodenhaptics, Some(_)) => "woodenhaptics".to_owned(),
+            (Self::Woodenhaptics, None) => format!("woodenhaptics:{address}"),
+        }
+    }
+}
+
+/// An emulated device of any protocol.
+enum Emulated {
+    Firmware(Box<Firmware>),
+    WoodenHaptics(Box<Operated>),
+}
+
+impl Emulator for Emulated {
+    fn receive(&mut self, bytes: &[u8], now_ns: u64) {
+        match self {
+            Self::Firmware(device) => device.receive(bytes, now_ns),
+            Self::WoodenHaptics(device) => device.receive(bytes, now_ns),
+        }
+    }
+
+    fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize> {
+        match self {
+            Self::Firmware(device) => device.send(now_ns, report),
+            Self::WoodenHaptics(device) => device.send(now_ns, report),
+        }
+    }
+}
+
+impl Emulated {
+    /// A new host has come.
+    fn begin(&mut self) {
+        if let Self::WoodenHaptics(device) = self {
+            device.first_ns = None;
+            device.pressed = false;
+        }
+    }
 }
 
 /// A device with the operator who calibrates it, soon after a host has come.
@@ -59,16 +123,23 @@ impl Emulator for Operated {
 }
 
 /// The place that `--on` names.
-fn place(arguments: &EmulateArguments) -> Result<Place, DeviceCommandError> {
+fn place(
+    arguments: &EmulateArguments,
+    protocol: ProtocolName,
+) -> Result<Place, DeviceCommandError> {
+    let (vid, pid, report) = match protocol {
+        ProtocolName::Firmware => (VENDOR, PRODUCT, 64),
+        ProtocolName::Woodenhaptics => (0x1234, 0x0006, 14),
+    };
     match arguments.on.split_once(':') {
         None if arguments.on == "pty" => Ok(Place::pty()?),
         None if arguments.on == "tcp" => Ok(Place::tcp(0)?),
         None if arguments.on == "uhid" => Ok(Place::uhid(Identity {
             name: format!("Palpate's emulated {}", arguments.model),
             serial: arguments.serial.clone(),
-            vid: 0x1234,
-            pid: 0x0006,
-            report: 14,
+            vid,
+            pid,
+            report,
         })?),
         Some(("tcp", port)) if port.parse::<u16>().is_ok() => {
             Ok(Place::tcp(port.parse().unwrap_or(0))?)
@@ -81,15 +152,12 @@ fn place(arguments: &EmulateArguments) -> Result<Place, DeviceCommandError> {
 }
 
 /// The device in its hand.
-fn device(arguments: &EmulateArguments) -> Result<Operated, CommandError> {
-    let file = profile(&arguments.model)?;
+fn device(
+    arguments: &EmulateArguments,
+    file: &DeviceFile,
+    protocol: ProtocolName,
+) -> Result<Emulated, CommandError> {
     let refused = |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
-    if file.protocol.as_deref() != Some("woodenhaptics") {
-        return Err(refused(format!(
-            "{}: found a device without an emulated protocol on these transports, allowed: woodenhaptics",
-            arguments.model
-        )));
-    }
     let mut hand = Hand::new(Trajectory::still());
     if arguments.tremor != 0.0 {
         let tremor = Tremor::new(arguments.tremor, arguments.seed);
@@ -97,26 +165,35 @@ fn device(arguments: &EmulateArguments) -> Result<Operated, CommandError> {
     }
     let device = SimDevice::new(file.model, Some(hand), 1e-3);
     let device = device.map_err(|error| refused(error.to_string()))?;
+    if protocol == ProtocolName::Firmware {
+        let framing = match arguments.on.as_str() {
+            "uhid" => Framing::Report,
+            _ => Framing::Stream,
+        };
+        let device = Firmware::new(device, &arguments.model, framing);
+        return Ok(Emulated::Firmware(Box::new(device)));
+    }
     let emulated = WoodenHaptics::new(device, &Geometry::default(), Form::Short);
-    Ok(Operated {
+    Ok(Emulated::WoodenHaptics(Box::new(Operated {
         device: emulated.map_err(|error| refused(error.to_string()))?,
         first_ns: None,
         pressed: false,
-    })
+    })))
 }
 
 pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
-    let mut emulated = device(arguments)?;
-    let mut place = place(arguments)?;
+    let file = profile(&arguments.model)?;
+    let own = file.protocol.as_deref() == Some("woodenhaptics");
+    let protocol = arguments.protocol.unwrap_or(if own {
+        ProtocolName::Woodenhaptics
+    } else {
+        ProtocolName::Firmware
+    });
+    let mut emulated = device(arguments, &file, protocol)?;
+    let mut place = place(arguments, protocol)?;
     let stop = Stop::new();
     let signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
-    let address = place.connection();
-    // The driver of the device comes first, and HID is its usual transport.
-    let connect = match address.strip_prefix("hid:") {
-        Some(_) => "woodenhaptics".to_owned(),
-        None => format!("woodenhaptics:{address}"),
-    };
-    outln!("connect = \"{connect}\"");
+    outln!("connect = \"{}\"", protocol.connect(&place.connection()));
     errln!("emulating {} until Ctrl-C", arguments.model);
     let start = Instant::now();
     let mut served = Served::default();
@@ -124,15 +201,19 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     while !flag.load(std::sync::atomic::Ordering::Relaxed) {
         let host = place.host(PERIOD).map_err(DeviceCommandError::Host)?;
         let Some(mut transport) = host else { continue };
-        emulated.first_ns = None;
-        emulated.pressed = false;
+        emulated.begin();
         let before = start.elapsed();
         let mut shifted = Later {
             device: &mut emulated,
             by_ns: u64::try_from(before.as_nanos()).unwrap_or(u64::MAX),
         };
         // A host that goes away ends its connection, and the next may come.
-        let ended = serve(&mut shifted, &mut *transport, PERIOD, &flag, &mut served);
+        let ended = if protocol == ProtocolName::Woodenhaptics && arguments.on != "uhid" {
+            let mut packets = Packets::new(&mut *transport, LENGTH);
+            serve(&mut shifted, &mut packets, PERIOD, &flag, &mut served)
+        } else {
+            serve(&mut shifted, &mut *transport, PERIOD, &flag, &mut served)
+        };
         drop(transport);
         if let Err(number) = ended
             && !arguments.on.starts_with("tcp")
