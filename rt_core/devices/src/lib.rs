@@ -12,6 +12,7 @@
 //! - [`plugin`]: any other device, by a shared library with a C interface.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
 //! - [`found`]: which devices are connected, and why a device cannot be used.
+//! - [`identify`]: mass, damping and friction of a device, from a limited motion that its motors guide.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
 //!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
 #![deny(unsafe_code)]
@@ -22,6 +23,7 @@ pub mod falcon;
 pub mod found;
 pub mod ftdi;
 pub mod hid;
+pub mod identify;
 pub mod models;
 pub mod plugin;
 pub mod registry;

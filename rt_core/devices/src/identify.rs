@@ -1,0 +1,189 @@
+//! The mechanics of a device, identified from a limited motion that the motors guide.
+//!
+//! [`Guide`] moves the free handle along one axis after another and records positions and forces. [`Guide::result`] fits
+//! the mass, damping and friction of [`DeviceModel`](crate::DeviceModel) to the record, with 95 % intervals.
+//! [`Identified::profile`] writes them into a device's file. All of it is computation over readings: the caller owns
+//! the device and the tick.
+//!
+//! The handle must be free: with a hand on it, the numbers would be those of the device and the arm together. A hand
+//! with stiffness is noticed in the record ([`IdentifyError::Held`]). A mass that is fixed to the handle cannot be
+//! noticed.
+
+mod fit;
+mod guide;
+mod profile;
+
+pub use guide::Guide;
+
+/// A number that was identified, with its interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The most likely value.
+    pub value: f64,
+    /// Lower end of the 95 % interval.
+    pub low: f64,
+    /// Upper end of the 95 % interval.
+    pub high: f64,
+}
+
+impl Estimate {
+    /// Whether the interval contains a value.
+    pub fn contains(&self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+
+    /// The estimate with each end at least zero, for a number that cannot be negative.
+    fn not_negative(self) -> Self {
+        Self {
+            value: self.value.max(0.0),
+            low: self.low.max(0.0),
+            high: self.high.max(0.0),
+        }
+    }
+}
+
+/// The mechanics of a device along one axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisIdentified {
+    /// The axis: 0, 1, 2 for x, y, z.
+    pub axis: usize,
+    /// Mass that moves with the handle (kg).
+    pub mass: Estimate,
+    /// Viscous damping (N s/m).
+    pub damping: Estimate,
+    /// Coulomb friction (N).
+    pub friction: Estimate,
+    /// Constant force on the handle that the motors do not make (N), such as weight that is not compensated.
+    pub bias: f64,
+    /// Number of swings in the fit.
+    pub swings: usize,
+    /// Root mean square of the fit's residual (m).
+    pub residual: f64,
+}
+
+/// The mechanics of a device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Mass that moves with the handle (kg): the mean over the axes.
+    pub mass: Estimate,
+    /// Viscous damping (N s/m): the mean over the axes.
+    pub damping: Estimate,
+    /// Coulomb friction (N): the mean over the axes.
+    pub friction: Estimate,
+    /// Smallest change of a position coordinate (m): one encoder count, where the device moves in counts along the axes.
+    pub position_step: f64,
+    /// Whole periods from the write of a force to the reading that first shows it, beyond the period that the force
+    /// needs to act: 0 for a device without delay. `None` where the record does not tell.
+    pub delay_periods: Option<u32>,
+    /// The numbers along each axis.
+    pub axes: Vec<AxisIdentified>,
+}
+
+/// Why a device was not identified. After each of them the force is zero.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum IdentifyError {
+    /// The device has no number that the motion needs.
+    #[error("the device's {field} must be finite and above zero, not {found}: correct its file")]
+    Senseless {
+        /// Name of the number.
+        field: &'static str,
+        /// The value that was given.
+        found: f64,
+    },
+    /// The handle left the allowed distance from its start.
+    #[error(
+        "the handle moved {:.1} mm from its start, allowed are {:.1} mm: put the handle down freely near the middle of \
+         its workspace, let nobody hold it, and start again",
+        found * 1e3, most * 1e3
+    )]
+    TooFar {
+        /// Distance from the start (m).
+        found: f64,
+        /// Largest distance (m).
+        most: f64,
+    },
+    /// The handle exceeded the allowed speed.
+    #[error(
+        "the handle moved at {found:.2} m/s, allowed are {most:.2} m/s: put the handle down freely, let nobody push it, \
+         and start again"
+    )]
+    TooFast {
+        /// Speed (m/s).
+        found: f64,
+        /// Largest speed (m/s).
+        most: f64,
+    },
+    /// The device sent no usable reading for several ticks.
+    #[error(
+        "the device sent no usable reading for {ticks} ticks, allowed are fewer than {most}: check its connection"
+    )]
+    Silent {
+        /// Ticks in a row without a reading.
+        ticks: u32,
+        /// Number of such ticks that ends the motion.
+        most: u32,
+    },
+    /// The handle hardly moved under the largest force that is allowed.
+    #[error(
+        "along {} the handle moved {:.2} mm under {force:.2} N, needed are {:.2} mm: let nobody hold the handle, put it \
+         down freely, and check that the motors are on",
+        axis_name(*axis), moved * 1e3, needed * 1e3
+    )]
+    TooLittleMotion {
+        /// The axis: 0, 1, 2 for x, y, z.
+        axis: usize,
+        /// Span of the positions (m).
+        moved: f64,
+        /// Span that the fit needs (m).
+        needed: f64,
+        /// Largest force (N).
+        force: f64,
+    },
+    /// The motion has too few swings to separate mass, damping and friction.
+    #[error(
+        "along {} the motion has {found} usable swings, needed are {needed}: let nobody hold the handle and put it down \
+         freely",
+        axis_name(*axis)
+    )]
+    TooFewSwings {
+        /// The axis: 0, 1, 2 for x, y, z.
+        axis: usize,
+        /// Number of swings.
+        found: usize,
+        /// Number of swings that the fit needs.
+        needed: usize,
+    },
+    /// The handle moved as if a spring held it.
+    #[error(
+        "along {} the handle moves as if a spring of {stiffness:.0} N/m held it: let nobody hold the handle, put it down \
+         freely, away from its stops",
+        axis_name(*axis)
+    )]
+    Held {
+        /// The axis: 0, 1, 2 for x, y, z.
+        axis: usize,
+        /// Stiffness that the record shows (N/m).
+        stiffness: f64,
+    },
+    /// The motion is not that of a mass with damping and friction.
+    #[error(
+        "along {} the motion differs by {:.3} mm from that of a mass with damping and friction: let nobody touch the \
+         handle, and keep it away from its stops",
+        axis_name(*axis), residual * 1e3
+    )]
+    Disturbed {
+        /// The axis: 0, 1, 2 for x, y, z.
+        axis: usize,
+        /// Root mean square of the fit's residual (m).
+        residual: f64,
+    },
+}
+
+/// The name of an axis.
+fn axis_name(axis: usize) -> &'static str {
+    match axis {
+        0 => "x",
+        1 => "y",
+        _ => "z",
+    }
+}
