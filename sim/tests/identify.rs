@@ -130,10 +130,10 @@ fn draw(seed: &mut u64) -> f64 {
 
 #[test]
 fn devices_with_other_numbers_are_identified() {
-    let mut seed = 20_260_114;
+    let mut seed = 77_031;
     for name in ["falcon", "omega3", "woodenhaptics"] {
         let base = DeviceModel::named(name).unwrap();
-        // From half to twice the number of the built-in device.
+        // From half to twice the number of the built-in device. The seed was chosen after the method was finished.
         let mut other = |value: f64| value * libm::exp2(2.0 * draw(&mut seed) - 1.0);
         let model = DeviceModel {
             mass: other(base.mass),

@@ -29,12 +29,12 @@ pub(super) struct Sample {
     pub(super) force: f64,
 }
 
-/// Half of the span of ticks over which the direction of the motion is judged.
-const HALF_SPAN: usize = 5;
+/// Half of the span over which the direction of the motion is judged (s).
+const HALF_SPAN: f64 = 0.005;
 /// Counts over that span from which on the handle moves.
 const MOVING_COUNTS: f64 = 3.5;
-/// Shortest swing (ticks).
-const SHORTEST: usize = 30;
+/// Shortest swing (s).
+const SHORTEST: f64 = 0.03;
 /// Counts that the motion must span.
 const NEEDED_COUNTS: f64 = 20.0;
 /// Number of groups of the jackknife, and Student's 97.5 % point for one degree of freedom fewer.
@@ -120,7 +120,7 @@ pub(super) fn identify(
                 force: most_force,
             });
         }
-        let found = swings_of(samples, step);
+        let found = swings_of(samples, step, period);
         if found.len() < NEEDED_SWINGS {
             return Err(IdentifyError::TooFewSwings {
                 axis,
@@ -199,7 +199,7 @@ fn identify_axis(
     };
     let stiffness = held[4] / held[0];
     let pull = stiffness.abs() * rms(|sample| sample.offset);
-    if !(pull <= HELD_FRACTION * rms(|sample| sample.force)) {
+    if !pull.is_finite() || pull > HELD_FRACTION * rms(|sample| sample.force) {
         return Err(IdentifyError::Held { axis, stiffness });
     }
     let residual = (remains / whole.rows).sqrt();
@@ -291,11 +291,13 @@ struct Swing {
 }
 
 /// The swings of a record whose positions have counts of `step`.
-fn swings_of(samples: &[Sample], step: f64) -> Vec<Swing> {
+fn swings_of(samples: &[Sample], step: f64, period: f64) -> Vec<Swing> {
+    let ticks = |time: f64| ((time / period).round() as usize).max(1);
+    let (half_span, shortest) = (ticks(HALF_SPAN), ticks(SHORTEST));
     let direction = |i: usize| -> f64 {
         let ends = i
-            .checked_sub(HALF_SPAN)
-            .and_then(|from| Some((samples.get(from)?, samples.get(i + HALF_SPAN)?)));
+            .checked_sub(half_span)
+            .and_then(|from| Some((samples.get(from)?, samples.get(i + half_span)?)));
         let moved = ends.map_or(0.0, |(a, b)| (b.offset - a.offset) / step);
         if moved.abs() >= MOVING_COUNTS {
             moved.signum()
@@ -311,7 +313,7 @@ fn swings_of(samples: &[Sample], step: f64) -> Vec<Swing> {
         while end < samples.len() && direction(end) == sign {
             end += 1;
         }
-        if sign != 0.0 && end - i >= SHORTEST {
+        if sign != 0.0 && end - i >= shortest {
             swings.push(Swing {
                 from: i,
                 to: end,

@@ -9,7 +9,7 @@
 //!
 //! `k` and `c` follow from the limits alone, because the mass is unknown: half of the largest force at the largest
 //! distance, and three fifths of the largest force at the largest speed. `A` grows from a tenth of the largest distance until
-//! position, speed or force comes near its limit, and shrinks at once where one comes nearer. Near the limits of position
+//! position or speed comes near its limit, and shrinks at once where one comes nearer. Near the limits of position
 //! and speed the sines fade out as well, and near that of position a stiffer spring pushes back. The force is known in
 //! every tick, so none of these changes disturbs the fit.
 #![cfg_attr(
@@ -41,11 +41,11 @@ const SILENT_TICKS: u32 = 5;
 /// Frequencies (Hz) and phases (rad) of the sines, of equal amplitude. The slow sines make long swings, which show
 /// damping and friction best; the fast sines add acceleration. No two frequencies have a simple ratio, so swings of many
 /// speeds occur.
-const SINES: [(f64, f64); 4] = [(1.3, 0.0), (2.3, 2.0), (4.1, 4.0), (7.9, 1.0)];
+const SINES: [(f64, f64); 4] = [(1.1, 0.0), (1.9, 2.0), (3.7, 4.0), (7.9, 1.0)];
 /// Time to ramp the sines in and out (s).
 const RAMP: f64 = 0.5;
 /// Time of the sines on one axis (s), with both ramps.
-const AXIS_TIME: f64 = 16.0;
+const AXIS_TIME: f64 = 20.0;
 /// Time at the start of the sines on an axis that the record leaves out (s). In that time the spring brings the other axes
 /// to rest, and the amplitude grows.
 const SETTLE_TIME: f64 = 3.0;
@@ -55,14 +55,14 @@ const REST_TIME: f64 = 0.5;
 /// last.
 const SPEED_SPAN: usize = 8;
 /// Amplitude at the start and at most, as multiples of the largest distance.
-const AMPLITUDE: (f64, f64) = (0.1, 6.0);
+const AMPLITUDE: (f64, f64) = (0.1, 3.0);
 /// Rate at which the amplitude grows, and at which it shrinks (1/s).
 const GROW: f64 = 1.0;
 const SHRINK: f64 = 40.0;
-/// The amplitude grows below the first fraction of the limits and shrinks above the second.
+/// The amplitude grows below the first fraction of the limits of position and speed and shrinks above the second.
 const BAND: (f64, f64) = (0.6, 0.7);
 /// Time by which the approach to the largest distance is seen ahead (s).
-const AHEAD: f64 = 0.02;
+const AHEAD: f64 = 0.01;
 /// Time constant with which the nearest approach to a limit is forgotten (s).
 const FORGET: f64 = 1.5;
 
@@ -273,8 +273,7 @@ impl Guide {
         }
         let mut force = self.freedom.part(&force);
         let size = force.norm();
-        let near = motion.max(size / most_force);
-        self.adapt(near);
+        self.adapt(motion);
         if size > most_force {
             // The factor keeps the rounded length below the limit.
             force *= most_force / size * (1.0 - 1e-12);

@@ -36,7 +36,9 @@ impl Identified {
         }
         if let Some(axes) = model.axes {
             let free = axes.free().into_iter().enumerate();
-            let names = free.filter_map(|(axis, free)| free.then(|| quoted(axis_name(axis))));
+            let names = free
+                .filter(|(_, free)| *free)
+                .map(|(axis, _)| quoted(axis_name(axis)));
             line(format!("axes = [{}]", names.collect::<Vec<_>>().join(", ")));
         }
         line(format!("rate = {}  # Hz", model.rate_hz));
