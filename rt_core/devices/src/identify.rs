@@ -72,8 +72,9 @@ pub struct Identified {
     pub friction: Estimate,
     /// Smallest change of a position coordinate (m): one encoder count, where the device moves in counts along the axes.
     pub position_step: f64,
-    /// Whole periods from the write of a force to the reading that first shows it, beyond the period that the force
-    /// needs to act: 0 for a device without delay. `None` where the record does not tell.
+    /// Whole periods from the write of a force to its start on the handle, with any delay of the readings: 0 for a device
+    /// without delay, which the reading after the write already shows. `None` where the record does not tell; delays
+    /// above 5 are not tried.
     pub delay_periods: Option<u32>,
     /// The numbers along each axis.
     pub axes: Vec<AxisIdentified>,

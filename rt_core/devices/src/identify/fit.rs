@@ -294,11 +294,20 @@ struct Swing {
 fn swings_of(samples: &[Sample], step: f64, period: f64) -> Vec<Swing> {
     let ticks = |time: f64| ((time / period).round() as usize).max(1);
     let (half_span, shortest) = (ticks(HALF_SPAN), ticks(SHORTEST));
+    // A position that is missing stays at the last one, so that a lost reading does not cut a swing.
+    let mut last = f64::NAN;
+    let held = samples.iter().map(|sample| {
+        if sample.offset.is_finite() {
+            last = sample.offset;
+        }
+        last
+    });
+    let held: Vec<f64> = held.collect();
     let direction = |i: usize| -> f64 {
         let ends = i
             .checked_sub(half_span)
-            .and_then(|from| Some((samples.get(from)?, samples.get(i + half_span)?)));
-        let moved = ends.map_or(0.0, |(a, b)| (b.offset - a.offset) / step);
+            .and_then(|from| Some((held.get(from)?, held.get(i + half_span)?)));
+        let moved = ends.map_or(0.0, |(from, to)| (to - from) / step);
         if moved.abs() >= MOVING_COUNTS {
             moved.signum()
         } else {
@@ -313,9 +322,12 @@ fn swings_of(samples: &[Sample], step: f64, period: f64) -> Vec<Swing> {
         while end < samples.len() && direction(end) == sign {
             end += 1;
         }
-        if sign != 0.0 && end - i >= shortest {
+        // The integrals start at a reading.
+        let missing = samples[i..end].iter();
+        let from = i + missing.take_while(|sample| sample.offset.is_nan()).count();
+        if sign != 0.0 && end - from >= shortest {
             swings.push(Swing {
-                from: i,
+                from,
                 to: end,
                 sign,
             });
