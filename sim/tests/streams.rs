@@ -38,6 +38,8 @@ struct World {
     /// Whether bytes to the device are lost.
     deaf: bool,
     gone: Option<i32>,
+    /// Whether the connection ends behind the next bytes.
+    last: bool,
     /// True position when the device last sent bytes (m).
     sampled: Vec3,
 }
@@ -57,6 +59,7 @@ impl Link {
             mute: false,
             deaf: false,
             gone: None,
+            last: false,
             sampled: Vec3::zeros(),
         })))
     }
@@ -116,6 +119,7 @@ impl Transport for Link {
                 }
                 let count = world.arrived.len().min(world.chunk).min(buffer.len());
                 if count > 0 {
+                    world.gone = world.last.then_some(19);
                     let bytes: Vec<_> = world.arrived.drain(..count).collect();
                     buffer[..count].copy_from_slice(&bytes);
                     return Ok(count);
@@ -331,6 +335,29 @@ fn a_connection_that_ended_is_opened_again_with_a_new_session() {
     let states = (0..10).filter_map(|_| tick(&mut driver, &link, &force).ok());
     assert!(states.count() >= 8);
     assert!((link.force() - force.force).amax() <= HALF_UNIT);
+}
+
+#[test]
+fn a_state_before_the_end_of_the_connection_counts() {
+    let (mut driver, link) = opened(emulated(held()));
+    for _ in 0..10 {
+        let _ = tick(&mut driver, &link, &Wrench::zero());
+    }
+    link.world(|world| world.last = true);
+    let state = tick(&mut driver, &link, &Wrench::zero());
+    assert!(state.is_ok(), "{state:?}");
+    let state = tick(&mut driver, &link, &Wrench::zero());
+    assert_eq!(state, Err(DeviceError::Disconnected(19)));
+}
+
+#[test]
+fn the_first_hello_is_heard_behind_half_a_packet() {
+    let mut device = emulated(resting());
+    device.receive(&[9; 30], 0);
+    let (_, link) = opened(device);
+    // The hello is not repeated before 0.1 s.
+    assert!(link.now_ns() < 20 * MS, "{}", link.now_ns());
+    link.world(|world| assert_eq!(world.device.counters().accepted, 1));
 }
 
 #[test]
