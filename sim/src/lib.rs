@@ -6,9 +6,10 @@
 //! real-time tick.
 //!
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
-//! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for its energy. [`firmware`]
-//! puts a device behind the bytes of its real wire. [`emulate`] does so for published protocols. [`faulty`] lets a device fail at
-//! given times. [`driver`] opens the devices of a scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
+//! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for
+//! its energy. [`firmware`] puts a device behind the bytes of its reports. [`emulate`] has whole devices behind a
+//! protocol, published or our own. [`faulty`] lets a device fail at given times. [`driver`] opens the devices of a
+//! scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
 #![forbid(unsafe_code)]
 
 pub mod adversary;

@@ -1,12 +1,13 @@
 //! The driver of the firmware protocol over a stream against an emulated device, in memory and under virtual time.
 
+use core::num::NonZeroU32;
 use devices::serial::{GREETING_NS, Serial, SerialError};
 use devices::{DeviceModel, Exchange, Transport};
-use firmware_proto::host::HostError;
-use firmware_proto::report::{Mode, ReportError, WATCHDOG_US, fault};
+use firmware_proto::host::{Event as HostEvent, Host, HostError};
+use firmware_proto::report::{Mode, ReportError, WATCHDOG_US, WrenchSi, fault};
 use proptest::prelude::*;
-use rt_core::{DeviceError, DeviceState, Freedom, Vec3, Wrench};
-use sim::emulate::firmware::LOOP_NS;
+use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Vec3, Wrench};
+use sim::emulate::firmware::{LOOP_NS, WAITING};
 use sim::emulate::{Emulator, Firmware, Framing};
 use sim::{Arm, Hand, SimDevice, Sine, Trajectory};
 use std::sync::{Arc, Mutex};
@@ -37,6 +38,8 @@ struct World {
     /// Whether bytes to the device are lost.
     deaf: bool,
     gone: Option<i32>,
+    /// Whether the connection ends behind the next bytes.
+    last: bool,
     /// True position when the device last sent bytes (m).
     sampled: Vec3,
 }
@@ -56,6 +59,7 @@ impl Link {
             mute: false,
             deaf: false,
             gone: None,
+            last: false,
             sampled: Vec3::zeros(),
         })))
     }
@@ -115,6 +119,7 @@ impl Transport for Link {
                 }
                 let count = world.arrived.len().min(world.chunk).min(buffer.len());
                 if count > 0 {
+                    world.gone = world.last.then_some(19);
                     let bytes: Vec<_> = world.arrived.drain(..count).collect();
                     buffer[..count].copy_from_slice(&bytes);
                     return Ok(count);
@@ -330,6 +335,29 @@ fn a_connection_that_ended_is_opened_again_with_a_new_session() {
     let states = (0..10).filter_map(|_| tick(&mut driver, &link, &force).ok());
     assert!(states.count() >= 8);
     assert!((link.force() - force.force).amax() <= HALF_UNIT);
+}
+
+#[test]
+fn a_state_before_the_end_of_the_connection_counts() {
+    let (mut driver, link) = opened(emulated(held()));
+    for _ in 0..10 {
+        let _ = tick(&mut driver, &link, &Wrench::zero());
+    }
+    link.world(|world| world.last = true);
+    let state = tick(&mut driver, &link, &Wrench::zero());
+    assert!(state.is_ok(), "{state:?}");
+    let state = tick(&mut driver, &link, &Wrench::zero());
+    assert_eq!(state, Err(DeviceError::Disconnected(19)));
+}
+
+#[test]
+fn the_first_hello_is_heard_behind_half_a_packet() {
+    let mut device = emulated(resting());
+    device.receive(&[9; 30], 0);
+    let (_, link) = opened(device);
+    // The hello is not repeated before 0.1 s.
+    assert!(link.now_ns() < 20 * MS, "{}", link.now_ns());
+    link.world(|world| assert_eq!(world.device.counters().accepted, 1));
 }
 
 #[test]
@@ -572,6 +600,89 @@ fn a_device_of_version_1_is_refused_at_once() {
     );
     assert!(error.to_string().contains("update it"), "{error}");
     assert!(link.now_ns() - start_ns < 20 * MS);
+}
+
+#[test]
+fn a_device_that_comes_back_as_another_is_lost() {
+    let (mut driver, link) = opened(emulated(resting()));
+    let force = push(Vec3::new(0.0, 0.0, 1.0));
+    for _ in 0..10 {
+        let _ = tick(&mut driver, &link, &force);
+    }
+    let hapkit = DeviceModel::named("hapkit").expect("a built-in device");
+    let other = SimDevice::new(hapkit, None, 1e-3).expect("a sound model");
+    link.world(|world| {
+        world.device = Firmware::new(other, "hapkit", Framing::Stream);
+        world.device.run(world.now_ns);
+    });
+    let last = (0..10).map(|_| tick(&mut driver, &link, &force)).last();
+    assert_eq!(last, Some(Err(DeviceError::Disconnected(19))));
+    assert_eq!(driver.reopen(), Err(DeviceError::Disconnected(19)));
+    assert_eq!(link.force(), Vec3::zeros());
+    link.world(|world| {
+        world.device = emulated(resting());
+        world.device.run(world.now_ns);
+    });
+    driver.reopen().expect("it is the right one");
+}
+
+#[test]
+fn bytes_that_are_no_packets_are_corrupt() {
+    let (mut driver, link) = opened(emulated(resting()));
+    let _ = tick(&mut driver, &link, &Wrench::zero());
+    link.world(|world| world.replaced = Some(vec![3, 7, 0]));
+    let corrupt = Err(DeviceError::Corrupt(Corruption::Length));
+    assert_eq!(tick(&mut driver, &link, &Wrench::zero()), corrupt);
+    // A whole packet with one bit changed.
+    let mut changed = firmware_proto::stream::packet(&[0x5A; 64]);
+    changed[9] ^= 1;
+    link.world(|world| world.replaced = Some(changed.to_vec()));
+    let corrupt = Err(DeviceError::Corrupt(Corruption::CheckSum));
+    assert_eq!(tick(&mut driver, &link, &Wrench::zero()), corrupt);
+}
+
+#[test]
+fn a_device_over_hid_has_the_same_reports_alone() {
+    let mut device = Firmware::new(held(), "omega3", Framing::Report).with_rate(500);
+    let mut host = Host::new(NonZeroU32::MIN, 0);
+    let push = WrenchSi {
+        force: [0.0, 0.25, 0.0],
+        moment: [0.0; 3],
+    };
+    device.receive(&host.hello(0), 0);
+    let (mut states, mut report) = (0, [0; 64]);
+    for k in 0..100 {
+        let now_ns = k * MS;
+        while let Some(count) = device.send(now_ns, &mut report) {
+            assert_eq!(count, 64);
+            let event = host.receive(&report, now_ns).expect("of this session");
+            states += u32::from(matches!(event, HostEvent::State { .. }));
+        }
+        if let Some(command) = host.command(&push, now_ns) {
+            device.receive(&command, now_ns);
+        }
+    }
+    // A report every 2 ms from the second on; the first is the answer to the hello.
+    assert_eq!((states, host.lost()), (48, 0));
+    assert!((device.device().force().y - 0.25).abs() <= HALF_UNIT);
+    let model = host.capabilities().expect("it answered").model;
+    assert_eq!(model, *device.model());
+    assert_eq!((model.max_force, model.rate), (12_000_000, [1000; 2]));
+    assert_eq!(&model.name, b"omega3\0\0\0\0\0\0\0\0\0\0");
+}
+
+#[test]
+fn a_process_that_was_stopped_does_not_catch_up() {
+    let mut device = emulated(held());
+    let mut piece = [0; 64];
+    let hour = 3_600_000 * MS;
+    let mut sent = 0;
+    while let Some(count) = device.send(hour, &mut piece) {
+        sent += count;
+    }
+    // The zero at the start, and the packets that may wait.
+    assert_eq!(sent, 1 + WAITING * 66);
+    assert!(device.send(hour + 2 * MS, &mut piece).is_some());
 }
 
 /// One event of a run.

@@ -15,6 +15,22 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Loses the device now and then.
+struct Lossy(u64);
+impl Exchange for Lossy {
+    fn exchange(&mut self, _: &Wrench) -> Result<DeviceState, DeviceError> {
+        self.0 += 1;
+        if self.0.is_multiple_of(20) {
+            return Err(DeviceError::Disconnected(19));
+        }
+        Ok(DeviceState::resting())
+    }
+    fn release(&mut self) {}
+    fn reopen(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
 /// A HID device that is lost and comes back allocates and frees nothing on the thread of the tick, not even in the tick
 /// that loses it. A device with a thread of its own does neither.
 #[test]
@@ -54,21 +70,6 @@ fn losing_a_device_never_allocates() {
         std::thread::yield_now();
     }
 
-    /// Loses the device now and then.
-    struct Lossy(u64);
-    impl Exchange for Lossy {
-        fn exchange(&mut self, _: &Wrench) -> Result<DeviceState, DeviceError> {
-            self.0 += 1;
-            if self.0.is_multiple_of(20) {
-                return Err(DeviceError::Disconnected(19));
-            }
-            Ok(DeviceState::resting())
-        }
-        fn release(&mut self) {}
-        fn reopen(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-    }
     let mut device = Exchanged::start(Lossy(0), capabilities).expect("a thread");
     let counts = device.counts();
     while counts.returns() < 2 {

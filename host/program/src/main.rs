@@ -65,7 +65,7 @@ Examples:
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run a scene and print a summary
-    Run(run::RunArguments),
+    Run(Box<run::RunArguments>),
     /// Print which stages a scene needs and why the others are skipped
     Plan(plan::PlanArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
@@ -214,7 +214,7 @@ fn main() -> ExitCode {
 
 /// Executes a command and reports its error. Returns the exit code.
 fn execute(command: Option<Command>) -> u8 {
-    let result = match command.unwrap_or_else(|| Command::Run(run::RunArguments::default())) {
+    let result = match command.unwrap_or_else(|| Command::Run(Box::default())) {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),

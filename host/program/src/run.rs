@@ -13,6 +13,7 @@ use host::live::session::ViewOptions;
 use host::run::frames::FrameOptions;
 use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
+use host::scene::spec::Device;
 use physics::FactorCode;
 use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
@@ -220,7 +221,7 @@ fn priority(text: &str) -> Result<u8, String> {
 /// The system calls that a scene's devices need in the tick.
 fn needed_calls(scene: &Scene) -> CallPolicy {
     let mut devices = scene.devices.iter();
-    if devices.all(|device| device.is_simulated()) {
+    if devices.all(Device::is_simulated) {
         CallPolicy::Simulated
     } else {
         CallPolicy::Hid

@@ -297,7 +297,7 @@ fn a_woodenhaptics_over_a_stream_is_calibrated_and_has_force() {
         server.run(&mut *device, |emulator, state| {
             // The operator holds the handle at the origin, and presses the button until it works.
             events += 1;
-            if events % 20 == 0 && state.is_err() {
+            if events.is_multiple_of(20) && state.is_err() {
                 emulator.press_calibration();
             }
             state.is_err().then_some(Wrench::zero())

@@ -84,6 +84,14 @@ impl Stream {
     }
 }
 
+impl Drop for Stream {
+    fn drop(&mut self) {
+        // A pty that its other end holds open stays exclusive otherwise, and only root can open it again. What is no
+        // terminal refuses the call.
+        let _ = rustix::termios::ioctl_tiocnxcl(&self.end);
+    }
+}
+
 impl AsFd for Stream {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.end.as_fd()
