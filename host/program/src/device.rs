@@ -1,7 +1,9 @@
 //! `palpate device`: the devices of this machine, and emulated ones.
 
 mod emulate;
+mod identify;
 mod list;
+mod open;
 mod probe;
 
 use super::CommandError;
@@ -29,6 +31,8 @@ enum DeviceCommand {
     List(list::ListArguments),
     /// Open a device and measure the rate, the jitter and the resolution of its states. It gets no force
     Probe(probe::ProbeArguments),
+    /// Measure mass, damping and friction of a device by a guided motion that nobody holds, for its profile
+    Identify(identify::IdentifyArguments),
     /// Emulate a device in a simulated hand, on a transport of this machine, until Ctrl-C
     Emulate(emulate::EmulateArguments),
 }
@@ -56,6 +60,12 @@ pub(super) enum DeviceCommandError {
     Ended(i32),
     #[error("the transport of the emulated device failed: {0}")]
     Host(std::io::Error),
+    #[error(
+        "the device will move by itself: put it down freely, with 20 mm of room, and confirm by --nobody-holds-it"
+    )]
+    Unconfirmed,
+    #[error("{0}")]
+    Unidentified(String),
     #[error("the device gave no state in {0} s; see the errors above")]
     NoState(f64),
 }
@@ -64,7 +74,10 @@ impl DeviceCommandError {
     /// 2 for a wrong argument, 1 for a failure.
     pub(super) fn exit_code(&self) -> u8 {
         match self {
-            Self::Driver { .. } | Self::Profile { .. } | Self::NotEmulated(_) => 2,
+            Self::Driver { .. }
+            | Self::Profile { .. }
+            | Self::NotEmulated(_)
+            | Self::Unconfirmed => 2,
             _ => 1,
         }
     }
@@ -74,6 +87,7 @@ pub(super) fn run(arguments: &DeviceArguments) -> Result<(), CommandError> {
     match &arguments.command {
         DeviceCommand::List(arguments) => list::run(arguments),
         DeviceCommand::Probe(arguments) => probe::run(arguments),
+        DeviceCommand::Identify(arguments) => identify::run(arguments),
         DeviceCommand::Emulate(arguments) => emulate::run(arguments),
     }
 }

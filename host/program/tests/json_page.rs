@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 20] = [
+const OUTPUTS: [Output; 21] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -58,6 +58,12 @@ const OUTPUTS: [Output; 20] = [
         schema: "palpate.probe/1",
         about: "The states of a device.",
         root: "study::probe::Probed",
+    },
+    Output {
+        title: "`palpate device identify --json`",
+        schema: "palpate.identified/1",
+        about: "The mechanics of a device, each number with its interval.",
+        root: "palpate::device::identify::IdentifiedJson",
     },
     Output {
         title: "`palpate bench accuracy --json`",

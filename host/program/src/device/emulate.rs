@@ -36,6 +36,9 @@ pub(super) struct EmulateArguments {
     /// the right to write to /dev/uhid)
     #[arg(long, value_name = "PLACE")]
     on: String,
+    /// Leave the device to itself: no hand holds it
+    #[arg(long, conflicts_with = "tremor")]
+    free: bool,
     /// Root mean square of the tremor of the simulated hand (m), which holds the device at its origin
     #[arg(long, value_name = "METRES", default_value_t = 0.0)]
     tremor: f64,
@@ -163,7 +166,7 @@ fn device(
         let tremor = Tremor::new(arguments.tremor, arguments.seed);
         hand = hand.with_tremor(tremor.map_err(|error| refused(format!("--tremor: {error}")))?);
     }
-    let device = SimDevice::new(file.model, Some(hand), 1e-3);
+    let device = SimDevice::new(file.model, (!arguments.free).then_some(hand), 1e-3);
     let device = device.map_err(|error| refused(error.to_string()))?;
     if protocol == ProtocolName::Firmware {
         let framing = match arguments.on.as_str() {

@@ -3,11 +3,9 @@
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::progress_bar;
-use super::{DeviceCommandError, profile};
-use devices::{Connection, Request};
+use super::{DeviceCommandError, open};
 use host::atomic_file::write_json;
-use rt_core::Wrench;
-use runner::AnyDevice;
+use rt_core::{Device, Wrench};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use study::probe::{Probed, Seen};
@@ -32,50 +30,15 @@ pub(super) struct ProbeArguments {
     json: Option<PathBuf>,
 }
 
-/// Opens the device of a connection outside of a scene.
-fn open(arguments: &ProbeArguments) -> Result<AnyDevice, CommandError> {
-    let folder = PathBuf::new();
-    let registry = host::scene::real_drivers(&folder);
-    let connection = Connection::parse(&arguments.connect);
-    let file = profile(&arguments.model)?;
-    let Some(driver) = registry.driver(&connection.driver) else {
-        return Err(DeviceCommandError::Driver {
-            found: connection.driver,
-            allowed: registry.names().collect::<Vec<_>>().join(", "),
-        }
-        .into());
-    };
-    if let Some(protocol) = driver.protocol()
-        && file.protocol.as_deref() != Some(protocol)
-    {
-        return Err(DeviceCommandError::Profile {
-            model: arguments.model.clone(),
-            name: file.name,
-            protocol,
-        }
-        .into());
-    }
-    let request = Request {
-        index: 0,
-        model: &file.model,
-        period: 1e-3,
-        address: &connection.address,
-        firmware: arguments.firmware.as_deref(),
-    };
-    driver.open(&request).map_err(|error| {
-        DeviceCommandError::Open {
-            connect: arguments.connect.clone(),
-            problem: error.to_string(),
-        }
-        .into()
-    })
-}
-
 pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
-    let mut device = open(arguments)?;
+    let (mut device, _) = open::device(
+        &arguments.connect,
+        &arguments.model,
+        arguments.firmware.as_deref(),
+    )?;
     let bar = progress_bar();
     let period = Duration::from_millis(1);
     let ticks = (arguments.duration * 1e3).ceil() as u64;

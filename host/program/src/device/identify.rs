@@ -1,0 +1,155 @@
+//! `palpate device identify`: the mechanics of a device, from a guided motion that nobody holds.
+
+use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::{progress_bar, signals};
+use super::{DeviceCommandError, open};
+use devices::identify::{Estimate, Guide, Identified};
+use host::atomic_file::{write_atomically, write_json};
+use runner::Stop;
+use rt_core::{Device, Wrench};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+/// Period of the ticks (s).
+const PERIOD: f64 = 1e-3;
+
+/// Arguments of `palpate device identify`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct IdentifyArguments {
+    /// The connection of the device, as a scene names it
+    connect: String,
+    /// The present profile of the device: a built-in device, or a device file
+    #[arg(long, value_name = "MODEL")]
+    model: String,
+    /// The firmware file, for a Falcon
+    #[arg(long, value_name = "FILE")]
+    firmware: Option<PathBuf>,
+    /// Date for the sources of the numbers, such as 2026-11-25
+    #[arg(long, value_name = "DATE")]
+    date: String,
+    /// Write the device file with the identified numbers (TOML)
+    #[arg(long, value_name = "FILE")]
+    profile: Option<PathBuf>,
+    /// Write the result as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Confirm that nobody holds the device, and that it has room to move by 20 mm
+    #[arg(long)]
+    nobody_holds_it: bool,
+}
+
+/// The JSON that `--json` writes.
+#[derive(Serialize)]
+struct IdentifiedJson {
+    /// Version of this layout.
+    schema: &'static str,
+    /// The connection of the device.
+    connect: String,
+    /// Date that was given.
+    date: String,
+    /// Mass that moves with the handle, with the ends of its 95 % interval (kg).
+    mass: [f64; 3],
+    /// Viscous damping, with the ends of its 95 % interval (N s/m).
+    damping: [f64; 3],
+    /// Coulomb friction, with the ends of its 95 % interval (N).
+    friction: [f64; 3],
+    /// Ticks from the command of a force to its rendering; `None` where they were not found.
+    delay_ticks: Option<u32>,
+}
+
+pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--profile", arguments.profile.as_ref(), Format::Text)
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
+    if !arguments.nobody_holds_it {
+        return Err(DeviceCommandError::Unconfirmed.into());
+    }
+    let stop = Stop::new();
+    let signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
+    let (mut device, base) = open::device(
+        &arguments.connect,
+        &arguments.model,
+        arguments.firmware.as_deref(),
+    )?;
+    let refused = |error: devices::identify::IdentifyError| {
+        CommandError::from(DeviceCommandError::Unidentified(error.to_string()))
+    };
+    let mut guide = Guide::new(&device.capabilities(), PERIOD).map_err(refused)?;
+    let (force, distance, speed) = guide.limits();
+    errln!(
+        "the device moves by itself for about a minute: at most {force:.1} N, {:.0} mm and {speed:.1} m/s. Ctrl-C stops it",
+        1e3 * distance
+    );
+    open::wait_for_state(&mut *device, PERIOD)?;
+    let bar = progress_bar();
+    let start = Instant::now();
+    for tick in 0_u32.. {
+        let due = Duration::from_secs_f64(PERIOD) * tick;
+        std::thread::sleep(due.saturating_sub(start.elapsed()));
+        let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let reading = device.read(now);
+        let stopped = stop.flag().load(Ordering::Relaxed);
+        let wrench = if stopped {
+            Wrench::zero()
+        } else {
+            guide.tick(&reading)
+        };
+        let _ = device.write(now, &wrench);
+        if stopped || guide.ended() {
+            break;
+        }
+    }
+    drop(device);
+    bar.finish_and_clear();
+    if let Some(number) = signal.number() {
+        return Err(CommandError::Signal(number));
+    }
+    let Some(found) = guide.result() else {
+        return Err(DeviceCommandError::NoState(0.0).into());
+    };
+    let found = found.map_err(refused)?;
+    print(&arguments.connect, &found);
+    if let Some(path) = &arguments.profile {
+        write_atomically(path, found.profile(&base, &arguments.date).as_bytes())?;
+        outln!("  {:<10} {}", "profile", path.display());
+    }
+    if let Some(path) = &arguments.json {
+        write_json(path, &json(arguments, &found))?;
+    }
+    Ok(())
+}
+
+fn print(connect: &str, found: &Identified) {
+    outln!("{connect}: identified by a guided motion");
+    let line = |title: &str, estimate: &Estimate, unit: &str| {
+        outln!(
+            "  {title:<10} {:.4} {unit}, 95 % interval {:.4} to {:.4}",
+            estimate.value,
+            estimate.low,
+            estimate.high
+        );
+    };
+    line("mass", &found.mass, "kg");
+    line("damping", &found.damping, "N s/m");
+    line("friction", &found.friction, "N");
+    if let Some(delay) = found.delay_periods {
+        outln!("  {:<10} {delay} ticks from the command of a force to its rendering", "delay");
+    }
+}
+
+fn json(arguments: &IdentifyArguments, found: &Identified) -> IdentifiedJson {
+    let numbers = |estimate: &Estimate| [estimate.value, estimate.low, estimate.high];
+    IdentifiedJson {
+        schema: "palpate.identified/1",
+        connect: arguments.connect.clone(),
+        date: arguments.date.clone(),
+        mass: numbers(&found.mass),
+        damping: numbers(&found.damping),
+        friction: numbers(&found.friction),
+        delay_ticks: found.delay_periods,
+    }
+}

@@ -1,0 +1,77 @@
+//! Opens the device of a connection, outside of a scene.
+
+use super::super::CommandError;
+use super::{DeviceCommandError, profile};
+use devices::{Connection, DeviceFile, Request};
+use rt_core::{Device, Wrench};
+use runner::AnyDevice;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Longest time that a device may take until its first state: the operator has to calibrate it (s).
+const FIRST: f64 = 60.0;
+
+/// The device of a connection, and its profile.
+///
+/// # Errors
+/// [`DeviceCommandError`], which names the connection, the driver or the profile that is wrong.
+pub(super) fn device(
+    connect: &str,
+    model: &str,
+    firmware: Option<&Path>,
+) -> Result<(AnyDevice, DeviceFile), CommandError> {
+    let registry = host::scene::real_drivers(Path::new(""));
+    let connection = Connection::parse(connect);
+    let file = profile(model)?;
+    let Some(driver) = registry.driver(&connection.driver) else {
+        return Err(DeviceCommandError::Driver {
+            found: connection.driver,
+            allowed: registry.names().collect::<Vec<_>>().join(", "),
+        }
+        .into());
+    };
+    if let Some(protocol) = driver.protocol()
+        && file.protocol.as_deref() != Some(protocol)
+    {
+        return Err(DeviceCommandError::Profile {
+            model: model.to_owned(),
+            name: file.name,
+            protocol,
+        }
+        .into());
+    }
+    let request = Request {
+        index: 0,
+        model: &file.model,
+        period: 1e-3,
+        address: &connection.address,
+        firmware,
+    };
+    let opened = driver.open(&request);
+    let opened = opened.map_err(|error| DeviceCommandError::Open {
+        connect: connect.to_owned(),
+        problem: error.to_string(),
+    })?;
+    Ok((opened, file))
+}
+
+/// Waits for the first state of a device, with zero force. The operator may have to calibrate or home the device.
+///
+/// # Errors
+/// [`DeviceCommandError::NoState`] where none comes within a minute.
+pub(super) fn wait_for_state(
+    device: &mut (impl Device + ?Sized),
+    period: f64,
+) -> Result<(), CommandError> {
+    let start = Instant::now();
+    while start.elapsed().as_secs_f64() < FIRST {
+        let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let reading = device.read(now);
+        let _ = device.write(now, &Wrench::zero());
+        if reading.is_ok() {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_secs_f64(period));
+    }
+    Err(DeviceCommandError::NoState(FIRST).into())
+}
