@@ -6,8 +6,8 @@ use super::super::{progress_bar, signals};
 use super::{DeviceCommandError, open};
 use devices::identify::{Estimate, Guide, Identified};
 use host::atomic_file::{write_atomically, write_json};
+use rt_core::Wrench;
 use runner::Stop;
-use rt_core::{Device, Wrench};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -62,7 +62,7 @@ struct IdentifiedJson {
 
 pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
-        .file("--profile", arguments.profile.as_ref(), Format::Text)
+        .file("--profile", arguments.profile.as_ref(), Format::Toml)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     if !arguments.nobody_holds_it {
@@ -137,7 +137,10 @@ fn print(connect: &str, found: &Identified) {
     line("damping", &found.damping, "N s/m");
     line("friction", &found.friction, "N");
     if let Some(delay) = found.delay_periods {
-        outln!("  {:<10} {delay} ticks from the command of a force to its rendering", "delay");
+        outln!(
+            "  {:<10} {delay} ticks from the command of a force to its rendering",
+            "delay"
+        );
     }
 }
 

@@ -5,7 +5,7 @@ use super::super::outputs::{Declared, Format};
 use super::super::progress_bar;
 use super::{DeviceCommandError, open};
 use host::atomic_file::write_json;
-use rt_core::{Device, Wrench};
+use rt_core::Wrench;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use study::probe::{Probed, Seen};
