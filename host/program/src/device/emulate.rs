@@ -10,6 +10,7 @@ use devices::woodenhaptics::{Form, Geometry};
 use emulator::uhid::Identity;
 use emulator::{Place, Served, serve};
 use runner::Stop;
+use runner::schedule::realtime;
 use sim::emulate::firmware::{Firmware, Framing};
 use sim::emulate::{Emulator, WoodenHaptics};
 use sim::{Hand, SimDevice, Trajectory, Tremor};
@@ -20,6 +21,10 @@ const PERIOD: Duration = Duration::from_micros(500);
 /// The numbers of an emulated HID device with the firmware protocol: those that pid.codes leaves for tests.
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;
+/// Priority of the emulated device under SCHED_FIFO, where allowed: below the threads that exchange with devices.
+const PRIORITY: u8 = 40;
+/// Time without bytes after which the next bytes are those of another host (ns). A host exchanges every 10 ms at least.
+const GONE_NS: u64 = 200_000_000;
 /// Time after the first bytes of a host at which the operator presses the button for calibration (ns).
 const PRESS_NS: u64 = 300_000_000;
 
@@ -107,11 +112,17 @@ impl Emulated {
 struct Operated {
     device: WoodenHaptics,
     first_ns: Option<u64>,
+    last_ns: u64,
     pressed: bool,
 }
 
 impl Emulator for Operated {
     fn receive(&mut self, bytes: &[u8], now_ns: u64) {
+        // Hosts of a pty follow each other without another sign.
+        if now_ns.saturating_sub(self.last_ns) > GONE_NS {
+            (self.first_ns, self.pressed) = (None, false);
+        }
+        self.last_ns = now_ns;
         let first = *self.first_ns.get_or_insert(now_ns);
         if !self.pressed && now_ns.saturating_sub(first) >= PRESS_NS {
             self.pressed = true;
@@ -180,6 +191,7 @@ fn device(
     Ok(Emulated::WoodenHaptics(Box::new(Operated {
         device: emulated.map_err(|error| refused(error.to_string()))?,
         first_ns: None,
+        last_ns: 0,
         pressed: false,
     })))
 }
@@ -198,6 +210,8 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     let signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
     outln!("connect = \"{}\"", protocol.connect(&place.connection()));
     errln!("emulating {} until Ctrl-C", arguments.model);
+    // The device stands for hardware, which no other program delays. A refusal makes it as late as any program.
+    let _ = realtime(PRIORITY);
     let start = Instant::now();
     let mut served = Served::default();
     let flag = stop.flag();

@@ -8,6 +8,7 @@ use devices::identify::{Estimate, Guide, Identified};
 use host::atomic_file::{write_atomically, write_json};
 use rt_core::Wrench;
 use runner::Stop;
+use runner::schedule::realtime;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -15,6 +16,8 @@ use std::time::{Duration, Instant};
 
 /// Period of the ticks (s).
 const PERIOD: f64 = 1e-3;
+/// Priority of the ticks under SCHED_FIFO, where allowed: that of the tick of a run.
+const PRIORITY: u8 = 80;
 
 /// Arguments of `palpate device identify`.
 #[derive(Clone, Debug, clap::Args)]
@@ -85,6 +88,8 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
         1e3 * distance
     );
     open::wait_for_state(&mut *device, PERIOD)?;
+    // A tick that comes late is a force that lasts too long. Without the privilege the motion may end early.
+    let _ = realtime(PRIORITY);
     let bar = progress_bar();
     let start = Instant::now();
     for tick in 0_u32.. {
