@@ -3,7 +3,7 @@
 use crate::uhid::{FILE, Identity, Uhid};
 use devices::Transport;
 use devices::transport::Stream;
-use rustix::fd::OwnedFd;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::io;
 use std::net::{Ipv4Addr, TcpListener};
@@ -42,8 +42,6 @@ pub enum Place {
         master: Stream,
         /// The path of the host's end.
         path: String,
-        /// The host's end, held open: a pty whose other end is closed has errors until it is opened.
-        _held: OwnedFd,
     },
     /// A port that listens.
     Tcp {
@@ -73,18 +71,18 @@ impl Place {
             unlockpt(&master)?;
             let path = ptsname(&master, Vec::new())?;
             let path = path.to_string_lossy().into_owned();
+            // The line discipline must neither echo nor change bytes, from the first byte on. Its settings outlive this
+            // opening. After it, the kernel tells whether a host has the other end open.
             let held = std::fs::OpenOptions::new()
                 .read(true)
                 .write(true)
                 .open(&path)?;
-            // The line discipline must neither echo nor change bytes, from the first byte on.
             let mut settings = rustix::termios::tcgetattr(&held)?;
             settings.make_raw();
             rustix::termios::tcsetattr(&held, rustix::termios::OptionalActions::Now, &settings)?;
             Ok(Self::Pty {
                 master: Stream::nonblocking(master)?,
                 path,
-                _held: held.into(),
             })
         };
         made().map_err(PlaceError::Pty)
@@ -125,14 +123,19 @@ impl Place {
         }
     }
 
-    /// The end of the device, once a host has come; `None` where none has come within `wait`. A pty and a HID device need
-    /// no host.
+    /// The end of the device, once a host has come; `None` where none has come within `wait`. A HID device needs no host.
     ///
     /// # Errors
     /// The error of the system.
     pub fn host(&mut self, wait: Duration) -> io::Result<Option<Box<dyn Transport + '_>>> {
         match self {
-            Self::Pty { master, .. } => Ok(Some(Box::new(master))),
+            Self::Pty { master, .. } => {
+                if hung_up(master)? {
+                    std::thread::sleep(wait);
+                    return Ok(None);
+                }
+                Ok(Some(Box::new(master)))
+            }
             Self::Uhid { device, .. } => Ok(Some(Box::new(device))),
             Self::Tcp { listener, .. } => match listener.accept() {
                 Ok((stream, _)) => Ok(Some(Box::new(Stream::connected(stream)?))),
@@ -144,4 +147,15 @@ impl Place {
             },
         }
     }
+}
+
+/// Whether nobody has the other end of a pty open.
+fn hung_up(master: &Stream) -> io::Result<bool> {
+    let now = Timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    let mut ends = [PollFd::new(master, PollFlags::IN)];
+    poll(&mut ends, Some(&now))?;
+    Ok(ends[0].revents().contains(PollFlags::HUP))
 }

@@ -118,7 +118,7 @@ struct Operated {
 
 impl Emulator for Operated {
     fn receive(&mut self, bytes: &[u8], now_ns: u64) {
-        // Hosts of a pty follow each other without another sign.
+        // Hosts of a HID device follow each other without another sign.
         if now_ns.saturating_sub(self.last_ns) > GONE_NS {
             (self.first_ns, self.pressed) = (None, false);
         }
@@ -233,7 +233,7 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
         };
         drop(transport);
         if let Err(number) = ended
-            && !arguments.on.starts_with("tcp")
+            && arguments.on == "uhid"
         {
             return Err(DeviceCommandError::Ended(number).into());
         }
