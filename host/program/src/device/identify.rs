@@ -16,6 +16,8 @@ use std::time::{Duration, Instant};
 
 /// Period of the ticks (s).
 const PERIOD: f64 = 1e-3;
+/// Ticks between two positions of the progress bar.
+const DRAWN: u32 = 250;
 /// Priority of the ticks under SCHED_FIFO, where allowed: that of the tick of a run.
 const PRIORITY: u8 = 80;
 
@@ -60,7 +62,7 @@ struct IdentifiedJson {
     /// Coulomb friction, with the ends of its 95 % interval (N).
     friction: [f64; 3],
     /// Ticks from the command of a force to its rendering; `None` where they were not found.
-    delay_ticks: Option<u32>,
+    delay_ticks: Option<f64>,
 }
 
 pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
@@ -107,6 +109,9 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
         if stopped || guide.ended() {
             break;
         }
+        if tick.is_multiple_of(DRAWN) {
+            bar.set_position((1e3 * guide.progress()) as u64);
+        }
     }
     drop(device);
     bar.finish_and_clear();
@@ -143,7 +148,7 @@ fn print(connect: &str, found: &Identified) {
     line("friction", &found.friction, "N");
     if let Some(delay) = found.delay_periods {
         outln!(
-            "  {:<10} {delay} ticks from the command of a force to its rendering",
+            "  {:<10} {delay:.2} ticks from the command of a force to its rendering",
             "delay"
         );
     }

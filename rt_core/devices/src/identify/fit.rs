@@ -44,6 +44,10 @@ const STUDENT: f64 = 2.262;
 const NEEDED_SWINGS: usize = 2 * GROUPS;
 /// Longest delay that is tried (periods).
 const LONGEST_DELAY: u32 = 5;
+/// Steps of the delay about the best whole number of periods (periods).
+const DELAY_STEP: f64 = 0.05;
+/// Number of such steps on either side: less than a period.
+const DELAY_STEPS: i32 = 19;
 /// Number of columns without and with the spring.
 const FREE: usize = 4;
 const HELD: usize = 5;
@@ -130,7 +134,7 @@ pub(super) fn identify(
         }
         swings.push(found);
     }
-    let sums_at = |delay: u32| -> Vec<Vec<Sums>> {
+    let sums_at = |delay: f64| -> Vec<Vec<Sums>> {
         let axes = records.iter().zip(&swings);
         axes.map(|((_, samples), swings)| {
             let swings = swings.iter();
@@ -145,21 +149,21 @@ pub(super) fn identify(
         axes.map(|solved| solved.map_or(f64::INFINITY, |(_, remains)| remains))
             .sum()
     };
-    let mut best = (0, sums_at(0));
-    let mut least = remains(&best.1);
-    let mut others = f64::INFINITY;
-    for delay in 1..=LONGEST_DELAY {
-        let sums = sums_at(delay);
-        let left = remains(&sums);
-        if left < least {
-            others = least;
-            least = left;
-            best = (delay, sums);
-        } else {
-            others = others.min(left);
-        }
-    }
-    let (delay, sums) = best;
+    let at = |delay: f64| remains(&sums_at(delay));
+    let least_of = |delays: &mut dyn Iterator<Item = f64>| {
+        let tried = delays.map(|delay| (delay, at(delay)));
+        let least = tried.min_by(|a, b| a.1.total_cmp(&b.1));
+        least.unwrap_or((0.0, f64::INFINITY))
+    };
+    let longest = f64::from(LONGEST_DELAY);
+    let (whole, _) = least_of(&mut (0..=LONGEST_DELAY).map(f64::from));
+    let steps = (-DELAY_STEPS..=DELAY_STEPS).map(|step| whole + DELAY_STEP * f64::from(step));
+    let (delay, least) = least_of(&mut steps.filter(|delay| (0.0..=longest).contains(delay)));
+    let beside = [delay - 1.0, delay + 1.0].map(|other| {
+        let tried = (0.0..=longest).contains(&other);
+        if tried { at(other) } else { f64::INFINITY }
+    });
+    let sums = sums_at(delay);
     let mut axes = Vec::new();
     for (&(axis, samples), sums) in records.iter().zip(&sums) {
         axes.push(identify_axis(axis, samples, sums, step)?);
@@ -173,8 +177,9 @@ pub(super) fn identify(
         damping: over(|axis| axis.damping),
         friction: over(|axis| axis.friction),
         position_step: step,
-        // A delay that fits hardly better than the next one is not told by the record.
-        delay_periods: (least < 0.9 * others).then_some(delay),
+        // A delay that fits hardly better than another by a period is not told by the record.
+        delay_periods: (least < 0.9 * beside[0].min(beside[1])).then_some(delay),
+        period,
         axes,
     })
 }
@@ -338,10 +343,14 @@ fn swings_of(samples: &[Sample], step: f64, period: f64) -> Vec<Swing> {
 }
 
 /// The sums of one swing, with its start and its speed at the start eliminated. A force acts `delay` periods after its
-/// write.
-fn sums_of(samples: &[Sample], swing: &Swing, period: f64, delay: u32) -> Sums {
-    let force = |i: usize| {
-        let written = i.checked_sub(delay as usize).and_then(|i| samples.get(i));
+/// write; the delay need not be whole, because the device holds the force before until then.
+fn sums_of(samples: &[Sample], swing: &Swing, period: f64, delay: f64) -> Sums {
+    let whole = delay.floor();
+    // The part of a period for which the force before still acts.
+    let part = delay - whole;
+    let force = |i: usize, older: usize| {
+        let written = i.checked_sub(whole as usize + older);
+        let written = written.and_then(|i| samples.get(i));
         written.map_or(0.0, |sample| sample.force)
     };
     let mut rows = Vec::with_capacity(swing.to - swing.from);
@@ -351,9 +360,13 @@ fn sums_of(samples: &[Sample], swing: &Swing, period: f64, delay: u32) -> Sums {
     for i in swing.from..swing.to {
         let offset = samples[i].offset;
         if i > swing.from {
-            let held = force(i - 1);
-            force_2 += period * (force_1 + 0.5 * period * held);
-            force_1 += period * held;
+            for (held, time) in [
+                (force(i - 1, 1), part * period),
+                (force(i - 1, 0), (1.0 - part) * period),
+            ] {
+                force_2 += time * (force_1 + 0.5 * time * held);
+                force_1 += time * held;
+            }
             let now = if offset.is_finite() { offset } else { last };
             let mean = 0.5 * (last + now);
             offset_2 += period * (offset_1 + 0.5 * period * mean);

@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 
 impl Identified {
     /// The text of the device's file `base` with the identified numbers in place of its own. `[sources]` names their
-    /// intervals and the date, and they are no longer estimates. The text is TOML that [`DeviceFile::parse`] reads.
+    /// intervals and the date, and they are no longer estimates. The count stays that of `base`: on a mechanism whose
+    /// joints count, the smallest change of a coordinate is no count. The text is TOML that [`DeviceFile::parse`] reads.
     pub fn profile(&self, base: &DeviceFile, date: &str) -> String {
         let mut model = base.model;
         let mut sources: BTreeMap<&str, String> = BTreeMap::new();
@@ -22,9 +23,14 @@ impl Identified {
             *field = rounded(estimate.value);
             sources.insert(name, self.source(name, estimate, unit, date));
         }
-        model.position_step = rounded(self.position_step);
-        let step = format!("identified by guided motion on {date}: the smallest change");
-        sources.insert("position_step", step);
+        if let Some(delay) = self.delay_periods {
+            model.output_delay = rounded(delay * self.period);
+            let source = format!(
+                "identified by guided motion on {date}: {delay:.2} periods of {:?} s, with the delay of the readings",
+                self.period
+            );
+            sources.insert("output_delay", source);
+        }
         let mut text = String::new();
         let mut line = |line: String| {
             text.push_str(&line);
@@ -55,7 +61,7 @@ impl Identified {
         ] {
             line(format!("{name} = {value:?}  # {unit}"));
         }
-        let found = ["mass", "damping", "friction", "position_step"];
+        let found = ["mass", "damping", "friction"];
         let estimated = base
             .estimated
             .iter()
