@@ -7,8 +7,6 @@ mod open;
 mod probe;
 
 use super::CommandError;
-use devices::DeviceFile;
-use host::scene::{NamedDevice, SceneError};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -44,14 +42,6 @@ pub(super) enum DeviceCommandError {
     Driver { found: String, allowed: String },
     #[error("{connect}: {problem}")]
     Open { connect: String, problem: String },
-    #[error(
-        "--model {model}: found {name}, allowed: a device file with `protocol = \"{protocol}\"`"
-    )]
-    Profile {
-        model: String,
-        name: String,
-        protocol: &'static str,
-    },
     #[error(transparent)]
     Place(#[from] emulator::PlaceError),
     #[error("{0}")]
@@ -74,10 +64,7 @@ impl DeviceCommandError {
     /// 2 for a wrong argument, 1 for a failure.
     pub(super) fn exit_code(&self) -> u8 {
         match self {
-            Self::Driver { .. }
-            | Self::Profile { .. }
-            | Self::NotEmulated(_)
-            | Self::Unconfirmed => 2,
+            Self::Driver { .. } | Self::NotEmulated(_) | Self::Unconfirmed => 2,
             _ => 1,
         }
     }
@@ -90,19 +77,4 @@ pub(super) fn run(arguments: &DeviceArguments) -> Result<(), CommandError> {
         DeviceCommand::Identify(arguments) => identify::run(arguments),
         DeviceCommand::Emulate(arguments) => emulate::run(arguments),
     }
-}
-
-/// The device file that `--model` names: a built-in device, or a file.
-fn profile(model: &str) -> Result<DeviceFile, SceneError> {
-    let named = NamedDevice::load(model)?;
-    // The text was read as a device file before.
-    Ok(
-        DeviceFile::parse(&named.source.text).unwrap_or_else(|_| DeviceFile {
-            name: named.name,
-            protocol: None,
-            model: named.model,
-            estimated: Vec::new(),
-            sources: std::collections::BTreeMap::new(),
-        }),
-    )
 }

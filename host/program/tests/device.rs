@@ -154,7 +154,7 @@ fn a_wrong_device_is_an_error_before_anything_moves() {
         ),
         (
             ["probe", "woodenhaptics", "--model", "falcon"],
-            "--model falcon: found Novint Falcon, allowed: a device file with `protocol = \"woodenhaptics\"`",
+            "woodenhaptics: profile: found Novint Falcon, allowed: a device file with `protocol = \"woodenhaptics\"`",
         ),
         (
             ["probe", "falcon", "--model", "falcon"],

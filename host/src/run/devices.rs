@@ -4,7 +4,7 @@ use super::hand;
 use crate::bodies;
 use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
-use devices::{AnyDevice, Driver, Kind, OpenError, Registry, Replay, Request};
+use devices::{AnyDevice, Kind, OpenError, Registry, Replay, Request};
 use rt_core::Vec3;
 use rt_core::controller::Reading;
 use sim::Held;
@@ -30,7 +30,11 @@ pub(super) fn open(
             );
             return Err(loaded.source.error(&field, spec.connect.to_string(), allowed));
         }
-        check_profile(loaded, index, driver)?;
+        if let Some(driver) = driver {
+            let profile = &loaded.profiles[index];
+            let accepted = driver.accepts(profile);
+            accepted.map_err(|error| located(loaded, index, error))?;
+        }
         let firmware = spec.firmware.as_ref().map(|file| loaded.beside(file));
         let request = Request {
             address: &spec.connect.address,
@@ -41,24 +45,6 @@ pub(super) fn open(
         device.map_err(|error| located(loaded, index, error))
     });
     opened.collect()
-}
-
-/// Refuses a profile of another device than those of the driver, before anything moves.
-fn check_profile(
-    loaded: &LoadedScene,
-    index: usize,
-    driver: Option<&dyn Driver>,
-) -> Result<(), SceneError> {
-    let profile = &loaded.profiles[index];
-    let Some(protocol) = driver.and_then(Driver::protocol) else {
-        return Ok(());
-    };
-    if profile.protocol.as_deref() == Some(protocol) {
-        return Ok(());
-    }
-    let field = format!("device[{index}].model");
-    let allowed = format!("a device file with `protocol = \"{protocol}\"`");
-    Err(loaded.source.error(&field, profile.name.as_str(), allowed))
 }
 
 /// Opens recorded devices in place of a scene's devices, whatever their drivers: each gives its part of `readings`,
@@ -115,6 +101,10 @@ fn located(loaded: &LoadedScene, index: usize, error: OpenError) -> SceneError {
         }
         OpenError::Address { found, allowed } => {
             loaded.source.error(&at(".connect"), found, allowed)
+        }
+        OpenError::Profile { found, protocol } => {
+            let allowed = format!("a device file with `protocol = \"{protocol}\"`");
+            loaded.source.error(&at(".model"), found, allowed)
         }
         OpenError::Refused { source, .. } => loaded.source.problem(&at(""), source.to_string()),
     }

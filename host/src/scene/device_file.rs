@@ -4,8 +4,8 @@ use super::error::SceneError;
 use super::load::{read, read_device};
 use super::plausible::Warning;
 use super::source::Source;
-use sim::DeviceModel;
 use sim::models::FILES;
+use sim::{DeviceFile, DeviceModel};
 use std::path::{Path, PathBuf};
 
 /// A device with its numbers and with the text that states the numbers.
@@ -15,6 +15,8 @@ pub struct NamedDevice {
     pub name: String,
     /// The numbers of the device.
     pub model: DeviceModel,
+    /// The contents of the device file.
+    pub file: DeviceFile,
     /// The device file; none for a built-in device.
     pub path: Option<PathBuf>,
     /// The text of the device file, for errors that are found later: see [`Source::error`].
@@ -27,9 +29,11 @@ impl NamedDevice {
     /// The built-in devices, in the order of their files.
     pub fn built_in() -> impl Iterator<Item = Self> {
         FILES.iter().filter_map(|(name, text)| {
+            let file = DeviceFile::named(name)?;
             Some(Self {
                 name: (*name).to_owned(),
-                model: DeviceModel::named(name)?,
+                model: file.model,
+                file,
                 path: None,
                 source: Source::new(*name, *text),
                 warnings: Vec::new(),
@@ -70,8 +74,9 @@ impl NamedDevice {
         })?;
         let (file, source, warnings) = read_device(text.to_owned(), content)?;
         Ok(Self {
-            name: file.name,
+            name: file.name.clone(),
             model: file.model,
+            file,
             path: Some(path.to_owned()),
             source,
             warnings,

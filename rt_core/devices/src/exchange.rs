@@ -60,6 +60,21 @@ pub trait Exchange: Send {
     fn reopen(&mut self) -> Result<(), DeviceError>;
 }
 
+/// The time since this call (ns): a clock for a driver.
+pub(crate) fn clock() -> impl FnMut() -> u64 + Send {
+    let start = Instant::now();
+    move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Opens a connection: gives `first`, which is open, at the first call, and calls `again` afterwards.
+pub(crate) fn first_then<T: Send>(
+    first: T,
+    mut again: impl FnMut() -> Result<T, i32> + Send,
+) -> impl FnMut() -> Result<T, i32> + Send {
+    let mut first = Some(first);
+    move || first.take().map_or_else(&mut again, Ok)
+}
+
 /// The answer of one exchange.
 type Answer = Result<DeviceState, DeviceError>;
 

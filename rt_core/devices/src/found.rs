@@ -1,7 +1,7 @@
 //! Which devices are connected to this machine, and why a device cannot be used.
 //!
 //! All facts come from sysfs (`/sys/class/hidraw`, `/sys/bus/usb/devices`, `/sys/class/tty`) and from an attempt to open
-//! the file of the device, so nothing is sent to any device. The root of the file system is an argument, so that a test
+//! the file of the device (of a serial line, its rights alone), so nothing is sent to any device. The root of the file system is an argument, so that a test
 //! can make a tree of its own.
 
 use rustix::io::Errno;
@@ -186,7 +186,7 @@ fn serial(root: &Path) -> Vec<Found> {
             name: text("product").unwrap_or_else(|| "serial line".to_owned()),
             numbers: number("idVendor").zip(number("idProduct")),
             serial: text("serial").unwrap_or_default(),
-            trouble: trouble(&file),
+            trouble: line_trouble(&file),
             file,
             input: false,
             behind_hub: place.is_some_and(behind_hub),
@@ -212,6 +212,14 @@ fn behind_hub(place: &str) -> bool {
         .is_some_and(|ports| ports.contains('.'))
 }
 
+/// Why a serial line cannot be used. The line is not opened: that would raise its control lines, which restart many
+/// boards. Whether another program has the line is therefore not found.
+fn line_trouble(file: &Path) -> Option<Trouble> {
+    use rustix::fs::{Access, access};
+    let refusal = access(file, Access::READ_OK | Access::WRITE_OK).err()?;
+    Some(trouble_of(refusal.raw_os_error()))
+}
+
 /// Why a file cannot be opened for reading and writing.
 fn trouble(file: &Path) -> Option<Trouble> {
     use rustix::fs::OFlags;
@@ -222,13 +230,17 @@ fn trouble(file: &Path) -> Option<Trouble> {
         .write(true)
         .custom_flags(flags)
         .open(file);
-    let number = opened.err()?.raw_os_error().unwrap_or_default();
-    Some(match Errno::from_raw_os_error(number) {
+    Some(trouble_of(opened.err()?.raw_os_error().unwrap_or_default()))
+}
+
+/// The trouble with an error number of the system.
+fn trouble_of(number: i32) -> Trouble {
+    match Errno::from_raw_os_error(number) {
         Errno::ACCESS | Errno::PERM => Trouble::Permission,
         Errno::BUSY => Trouble::Busy,
         Errno::NOENT | Errno::NXIO => Trouble::NoFile,
         _ => Trouble::Other(number),
-    })
+    }
 }
 
 /// The names and paths in a folder, sorted; none where the folder does not exist.

@@ -5,7 +5,7 @@
 //! the driver needs: the hands of simulated devices, the readings of a replay. It then opens every device by the name of
 //! its driver.
 
-use crate::models::DeviceModel;
+use crate::models::{DeviceFile, DeviceModel};
 use runner::AnyDevice;
 use std::error::Error;
 use std::fmt;
@@ -96,6 +96,24 @@ pub trait Driver {
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError>;
 }
 
+impl dyn Driver + '_ {
+    /// Refuses the profile of another device than those of the driver.
+    ///
+    /// # Errors
+    /// [`OpenError::Profile`].
+    pub fn accepts(&self, profile: &DeviceFile) -> Result<(), OpenError> {
+        match self.protocol() {
+            Some(protocol) if profile.protocol.as_deref() != Some(protocol) => {
+                Err(OpenError::Profile {
+                    found: profile.name.clone(),
+                    protocol,
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
@@ -114,6 +132,14 @@ pub enum OpenError {
         found: String,
         /// The allowed addresses, each with its driver, as a scene names them.
         allowed: &'static str,
+    },
+    /// The profile is that of another device than those of the driver.
+    #[error("profile: found {found}, allowed: a device file with `protocol = \"{protocol}\"`")]
+    Profile {
+        /// Name of the device in the profile.
+        found: String,
+        /// The protocol of the driver's devices.
+        protocol: &'static str,
     },
     /// The driver cannot open such a device.
     #[error("{source}; allowed: {allowed}")]

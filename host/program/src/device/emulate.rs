@@ -2,13 +2,14 @@
 
 use super::super::CommandError;
 use super::super::signals;
-use super::{DeviceCommandError, profile};
+use super::DeviceCommandError;
 use devices::DeviceFile;
 use devices::transport::Packets;
 use devices::woodenhaptics::report::LENGTH;
 use devices::woodenhaptics::{Form, Geometry};
 use emulator::uhid::Identity;
 use emulator::{Place, Served, serve};
+use host::scene::NamedDevice;
 use runner::Stop;
 use runner::schedule::realtime;
 use sim::emulate::firmware::{Firmware, Framing};
@@ -197,7 +198,7 @@ fn device(
 }
 
 pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
-    let file = profile(&arguments.model)?;
+    let file = NamedDevice::load(&arguments.model)?.file;
     let own = file.protocol.as_deref() == Some("woodenhaptics");
     let protocol = arguments.protocol.unwrap_or(if own {
         ProtocolName::Woodenhaptics
@@ -207,7 +208,8 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     let mut emulated = device(arguments, &file, protocol)?;
     let mut place = place(arguments, protocol)?;
     let stop = Stop::new();
-    let signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
+    // The signal is the usual end.
+    let _signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
     outln!("connect = \"{}\"", protocol.connect(&place.connection()));
     errln!("emulating {} until Ctrl-C", arguments.model);
     // The device stands for hardware, which no other program delays. A refusal makes it as late as any program.
@@ -244,8 +246,6 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
         served.sent,
         served.refused
     );
-    // The signal is the usual end.
-    let _ = signal.number();
     Ok(())
 }
 

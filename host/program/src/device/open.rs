@@ -1,8 +1,9 @@
 //! Opens the device of a connection, outside of a scene.
 
 use super::super::CommandError;
-use super::{DeviceCommandError, profile};
-use devices::{Connection, DeviceFile, Request};
+use super::DeviceCommandError;
+use devices::{Connection, DeviceFile, OpenError, Request};
+use host::scene::NamedDevice;
 use rt_core::{Device, Wrench};
 use runner::AnyDevice;
 use std::path::Path;
@@ -22,7 +23,7 @@ pub(super) fn device(
 ) -> Result<(AnyDevice, DeviceFile), CommandError> {
     let registry = host::scene::real_drivers(Path::new(""));
     let connection = Connection::parse(connect);
-    let file = profile(model)?;
+    let file = NamedDevice::load(model)?.file;
     let Some(driver) = registry.driver(&connection.driver) else {
         return Err(DeviceCommandError::Driver {
             found: connection.driver,
@@ -30,16 +31,11 @@ pub(super) fn device(
         }
         .into());
     };
-    if let Some(protocol) = driver.protocol()
-        && file.protocol.as_deref() != Some(protocol)
-    {
-        return Err(DeviceCommandError::Profile {
-            model: model.to_owned(),
-            name: file.name,
-            protocol,
-        }
-        .into());
-    }
+    let refused = |error: OpenError| DeviceCommandError::Open {
+        connect: connect.to_owned(),
+        problem: error.to_string(),
+    };
+    driver.accepts(&file).map_err(refused)?;
     let request = Request {
         index: 0,
         model: &file.model,
@@ -47,11 +43,7 @@ pub(super) fn device(
         address: &connection.address,
         firmware,
     };
-    let opened = driver.open(&request);
-    let opened = opened.map_err(|error| DeviceCommandError::Open {
-        connect: connect.to_owned(),
-        problem: error.to_string(),
-    })?;
+    let opened = driver.open(&request).map_err(refused)?;
     Ok((opened, file))
 }
 

@@ -3,14 +3,13 @@
 use super::boot::{Firmware, Tries};
 use super::driver::{Falcon, Settings};
 use super::{PRODUCT, VENDOR};
-use crate::exchange::Exchanged;
+use crate::exchange::{Exchanged, clock, first_then};
 use crate::ftdi::Chip;
 use crate::registry::{Driver, Kind, OpenError, Request};
 use crate::usbfs::{Selector, UsbDevice};
 use rt_core::Capabilities;
 use runner::AnyDevice;
 use std::error::Error;
-use std::time::Instant;
 
 /// Largest force (N) that is asked of a Falcon, whatever its profile. The limit of the torques allows it in every
 /// direction within 30 mm of the centre; a larger force in a weak direction would be shortened behind the back of the
@@ -60,23 +59,18 @@ impl Driver for FalconDriver {
             serial: (!request.address.is_empty()).then(|| request.address.to_owned()),
         };
         let first = UsbDevice::open(&selector).map_err(|error| refused(Box::new(error)))?;
-        let mut first = Some(first);
-        let open = move || match first.take() {
-            Some(usb) => Ok(Chip::new(usb)),
-            // Later attempts are made by the thread of the device, which needs a number only.
-            None => match UsbDevice::open(&selector) {
-                Ok(usb) => Ok(Chip::new(usb)),
-                Err(error) => Err(error.number()),
-            },
+        // Later attempts are made by the thread of the device, which needs a number only.
+        let again = move || match UsbDevice::open(&selector) {
+            Ok(usb) => Ok(Chip::new(usb)),
+            Err(error) => Err(error.number()),
         };
-        let start = Instant::now();
-        let clock = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let open = first_then(Chip::new(first), again);
         let settings = Settings {
             firmware,
             tries: Tries::default(),
             period: request.period,
         };
-        let falcon = Falcon::connect(open, clock, settings);
+        let falcon = Falcon::connect(open, clock(), settings);
         let falcon = falcon.map_err(|error| refused(Box::new(error)))?;
         let stated = request.model.capabilities();
         let capabilities = Capabilities {

@@ -1,7 +1,7 @@
 //! The drivers `tty` and `tcp`: they open the device that a scene names.
 
 use super::Serial;
-use crate::exchange::Exchanged;
+use crate::exchange::{Exchanged, clock, first_then};
 use crate::hid::watchdog_us;
 use crate::registry::{Driver, Kind, OpenError, Request};
 use crate::transport::Stream;
@@ -9,7 +9,6 @@ use runner::AnyDevice;
 use std::fmt::Display;
 use std::io;
 use std::path::Path;
-use std::time::Instant;
 
 /// Speed of a serial line where the address names none (bits a second). On USB CDC and on a pty the speed has no effect.
 const BAUD: u32 = 115_200;
@@ -114,15 +113,10 @@ fn start(
     first: Stream,
     open: impl Fn() -> io::Result<Stream> + Send + 'static,
 ) -> Result<AnyDevice, OpenError> {
-    let mut first = Some(first);
-    let open = move || match first.take() {
-        Some(stream) => Ok(stream),
-        None => open().map_err(|error| error.raw_os_error().unwrap_or(NO_DEVICE)),
-    };
-    let start = Instant::now();
-    let clock = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    let again = move || open().map_err(|error| error.raw_os_error().unwrap_or(NO_DEVICE));
+    let open = first_then(first, again);
     let capabilities = request.model.capabilities();
-    let device = Serial::open(capabilities, watchdog_us(request.period), open, clock)
+    let device = Serial::open(capabilities, watchdog_us(request.period), open, clock())
         .map_err(|error| refused(request.address, &error))?;
     let device =
         Exchanged::start(device, capabilities).map_err(|error| refused(request.address, &error))?;

@@ -3,7 +3,7 @@
 use super::driver::{OpenError as DriverError, Setup, WoodenHaptics};
 use super::geometry::Geometry;
 use super::report::{Form, LENGTH};
-use crate::exchange::Exchanged;
+use crate::exchange::{Exchanged, clock, first_then};
 use crate::hid::HidSelector;
 use crate::registry::{Driver, Kind, OpenError, Request};
 use crate::transport::{Hidraw, Packets, Stream, Transport};
@@ -13,7 +13,6 @@ use runner::AnyDevice;
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
-use std::time::Instant;
 
 /// The numbers of the two boards, each with the length of its reports.
 const BOARDS: [(u16, u16, Form); 2] = [(0x1234, 0x0006, Form::Short), (0x16c0, 0x0486, Form::Long)];
@@ -139,17 +138,12 @@ impl Driver for WoodenHapticsDriver {
             form,
             home: Some(Vec3::zeros()),
         };
-        let mut first = Some(first);
-        let open = move || match first.take() {
-            Some(transport) => Ok(transport),
-            // Later attempts are made by the thread of the device, which needs a number only.
-            None => address
-                .open()
-                .map_or(Err(NO_DEVICE), |(transport, _)| Ok(transport)),
+        // Later attempts are made by the thread of the device, which needs a number only.
+        let again = move || match address.open() {
+            Ok((transport, _)) => Ok(transport),
+            Err(_) => Err(NO_DEVICE),
         };
-        let start = Instant::now();
-        let clock = move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        let device = WoodenHaptics::open(&setup, open, clock);
+        let device = WoodenHaptics::open(&setup, first_then(first, again), clock());
         let device = device.map_err(|error: DriverError| refused(Box::new(error)))?;
         let device = Exchanged::start(device, request.model.capabilities());
         Ok(Box::new(device.map_err(|error| refused(Box::new(error)))?))
