@@ -93,14 +93,18 @@ impl<D: Device> Device for Wired<D> {
 /// The report that a device sends for `state`. Numbers beyond the report's range saturate at its ends, NaN becomes
 /// zero, and buttons beyond the sixteenth are not sent.
 pub fn state_bytes(state: &DeviceState, sequence: u16) -> [u8; LENGTH] {
+    StateReport::from_si(sequence, SESSION, condition(state), &state_si(state)).encode()
+}
+
+/// Pose and velocities of a state, as a report takes them.
+pub(crate) fn state_si(state: &DeviceState) -> StateSi {
     let q = &state.pose.rotation;
-    let si = StateSi {
+    StateSi {
         position: state.pose.position.into(),
         orientation: [q.w, q.i, q.j, q.k],
         velocity: state.twist.linear.into(),
         angular_velocity: state.twist.angular.into(),
-    };
-    StateReport::from_si(sequence, SESSION, condition(state), &si).encode()
+    }
 }
 
 /// The condition of a simulated device: its force is the host's at any time.

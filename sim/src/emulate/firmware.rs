@@ -13,10 +13,11 @@
 
 use super::Emulator;
 use crate::SimDevice;
+use crate::firmware::state_si;
 use core::num::NonZeroU8;
 use devices::wire::axes_of;
 use firmware_proto::device::{self, Counters, Geometry, Inputs, Measured};
-use firmware_proto::report::{Condition, LENGTH, Mode, Model, StateReport, StateSi};
+use firmware_proto::report::{Condition, LENGTH, Mode, Model, StateReport};
 use firmware_proto::stream::{Decoder, PACKET, packet};
 use rt_core::{Capabilities, Device, Vec3, Wrench};
 use std::collections::VecDeque;
@@ -230,14 +231,7 @@ impl Firmware {
         let Ok(state) = self.device.read(self.now_ns) else {
             return;
         };
-        let q = &state.pose.rotation;
-        let si = StateSi {
-            position: state.pose.position.into(),
-            orientation: [q.w, q.i, q.j, q.k],
-            velocity: state.twist.linear.into(),
-            angular_velocity: state.twist.angular.into(),
-        };
-        let units = StateReport::from_si(0, 0, Condition::default(), &si);
+        let units = StateReport::from_si(0, 0, Condition::default(), &state_si(&state));
         let measured = Measured::Pose {
             position: units.position,
             orientation: units.orientation,

@@ -61,8 +61,9 @@ struct IdentifiedJson {
     damping: [f64; 3],
     /// Coulomb friction, with the ends of its 95 % interval (N).
     friction: [f64; 3],
-    /// Ticks from the command of a force to its rendering; `None` where they were not found.
-    delay_ticks: Option<f64>,
+    /// Time from the command of a force to its rendering, with the delay of the readings (s); `None` where the motion does
+    /// not tell it.
+    delay: Option<f64>,
 }
 
 pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
@@ -163,6 +164,6 @@ fn json(arguments: &IdentifyArguments, found: &Identified) -> IdentifiedJson {
         mass: numbers(&found.mass),
         damping: numbers(&found.damping),
         friction: numbers(&found.friction),
-        delay_ticks: found.delay_periods,
+        delay: found.delay_periods.map(|periods| periods * found.period),
     }
 }

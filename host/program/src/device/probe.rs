@@ -11,6 +11,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use study::probe::{Probed, Seen};
 
+/// Ticks between two positions of the progress bar.
+const DRAWN: u64 = 250;
 /// Priority of the ticks under SCHED_FIFO, where allowed: that of the tick of a run.
 const PRIORITY: u8 = 80;
 
@@ -56,6 +58,9 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
         let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         seen.take(now, &device.read(now));
         let _ = device.write(now, &Wrench::zero());
+        if tick.is_multiple_of(DRAWN) {
+            bar.set_position(1000 * tick / ticks);
+        }
     }
     drop(device);
     bar.finish_and_clear();
