@@ -4,11 +4,12 @@
 //! A reading that no hand can have led to since the last one is rejected like a missing reading: a count that jumps, or
 //! a coordinate at the end of its range. If such readings persist, the device counts as away. Beyond the limiter's
 //! patience it gets no force. The next sound reading is then believed, and the proxy continues from where the device
-//! left it ([`crate::clutch`]).
+//! left it ([`crate::clutch`]). A device that has to be engaged first has its proxy wait at the device's origin.
 
 use crate::clutch::Clutch;
 use crate::device::DeviceState;
 use crate::device_frame::DeviceFrame;
+use crate::engage::Engagement;
 use crate::geometry::{Pose, Twist};
 use crate::held_back::HeldBackByDevice;
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
@@ -26,6 +27,7 @@ const SKEW: f64 = 0.01;
 pub(crate) struct Channel {
     pub(crate) frame: DeviceFrame,
     pub(crate) limiter: Limiter,
+    pub(crate) engagement: Engagement,
     /// The force that the last stage held back.
     pub(crate) held_back: HeldBackByDevice,
     /// The last state that was believed; at rest before the first.
@@ -37,13 +39,15 @@ pub(crate) struct Channel {
 
 impl Channel {
     pub(crate) fn new(frame: DeviceFrame, safety: SafetyConfig) -> Self {
+        let limiter = Limiter::new(safety);
         Self {
             frame,
-            limiter: Limiter::new(safety),
+            clutch: Clutch::before(&limiter),
+            limiter,
+            engagement: Engagement::new(safety.engage),
             held_back: HeldBackByDevice::default(),
             state: DeviceState::resting(),
             seen_ns: None,
-            clutch: Clutch::new(),
         }
     }
 
@@ -57,6 +61,9 @@ impl Channel {
             if !self.limiter.is_stale() && !self.can_have_come(within_ns, state) {
                 return false;
             }
+        }
+        self.engagement.see(state.buttons);
+        if self.seen_ns.is_some() || self.clutch.is_open() {
             self.clutch
                 .follow(&self.limiter, &mut self.frame, &self.state, state);
         }

@@ -1,4 +1,5 @@
-//! The clutch between a device and its proxy. It opens when the device goes away, and closes as the force comes back.
+//! The clutch between a device and its proxy. It opens when the device goes away or is disengaged, and closes as the force
+//! comes back.
 //!
 //! While a device is away, its hand moves without the scene. If the proxy followed at once when the device came back,
 //! the body would store energy that no hand supplied, and the other hands would feel a blow. The proxy therefore
@@ -15,15 +16,23 @@ use crate::device_frame::DeviceFrame;
 use crate::safety::Limiter;
 
 /// The state of the clutch between one device and its proxy.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Clutch {
     slips: bool,
 }
 
 impl Clutch {
-    /// A closed clutch: the proxy follows its device.
-    pub fn new() -> Self {
-        Self::default()
+    /// The clutch before the first tick: open where the force of `limiter` has yet to come in. The proxy then waits at
+    /// the device's origin until the device is engaged, wherever the hand holds the device.
+    pub fn before(limiter: &Limiter) -> Self {
+        Self {
+            slips: limiter.fraction() < 1.0,
+        }
+    }
+
+    /// Whether the proxy does not follow the whole motion of its device.
+    pub fn is_open(&self) -> bool {
+        self.slips
     }
 
     /// Follows the device from its state `before` to its state `now`. `limiter` tells the fraction of the force that
@@ -35,7 +44,7 @@ impl Clutch {
         before: &DeviceState,
         now: &DeviceState,
     ) {
-        self.slips |= limiter.is_stale();
+        self.slips |= limiter.is_stale() || limiter.is_disengaged();
         if self.slips {
             let fraction = limiter.fraction();
             frame.slip(1.0 - fraction, before, now);

@@ -60,14 +60,7 @@ pub struct ControllerConfig {
 ///     safety: SafetyConfig {
 ///         actuated: Freedom::Three,
 ///         max_force: 8.0,
-///         max_moment: 0.0,
-///         max_speed: f64::INFINITY,
-///         max_reach: f64::INFINITY,
-///         max_slew: f64::INFINITY,
-///         patience: 10,
-///         decay: 0.1,
-///         recovery: 0.1,
-///         period,
+///         ..SafetyConfig::unlimited(period)
 ///     },
 /// };
 /// let body = CouplingConfig {
@@ -237,7 +230,20 @@ impl Controller {
             }
             *proxy = channel.on_scene();
         }
+        self.engage();
         fresh
+    }
+
+    /// Tells each last stage whether its device may render force. A stop of one device stops all.
+    fn engage(&mut self) {
+        let mut channels = self.channels.iter();
+        let stop = channels.any(|channel| channel.engagement.asks_to_stop());
+        for channel in &mut self.channels {
+            if stop {
+                channel.engagement.stop();
+            }
+            channel.limiter.engage(channel.engagement.engaged());
+        }
     }
 
     /// The second phase: computes the wrench of each body on each proxy.
@@ -331,6 +337,8 @@ impl Controller {
             record.device_time_ns = channel.state.device_time_ns;
             record.fresh = fresh;
             record.safety = channel.limiter.state();
+            // The grip takes this force up: neither the hand nor the scene has any part in it.
+            command.force += channel.limiter.grip_force();
         }
         commands
     }

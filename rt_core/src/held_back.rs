@@ -84,6 +84,8 @@ impl HeldBack {
 pub struct HeldBackByDevice {
     /// The largest force or moment of the device.
     pub limited: HeldBack,
+    /// The heat of the motors.
+    pub hot: HeldBack,
     /// The slew limit.
     pub slewed: HeldBack,
     /// The device moved too fast.
@@ -92,6 +94,14 @@ pub struct HeldBackByDevice {
     pub out_of_reach: HeldBack,
     /// The force was coming back after a fault.
     pub recovering: HeldBack,
+    /// The force was coming in after the device was engaged.
+    pub engaging: HeldBack,
+    /// The hand did not hold the dead-man button.
+    pub hands_off: HeldBack,
+    /// The device was not armed.
+    pub disarmed: HeldBack,
+    /// The emergency stop acted.
+    pub stopped: HeldBack,
     /// The device gave no state.
     pub silent: HeldBack,
 }
@@ -106,10 +116,15 @@ impl HeldBackByDevice {
         }
         let cause = match state {
             SafetyState::Limited => &mut self.limited,
+            SafetyState::Hot => &mut self.hot,
             SafetyState::Slewed => &mut self.slewed,
             SafetyState::TooFast => &mut self.too_fast,
             SafetyState::OutOfReach => &mut self.out_of_reach,
             SafetyState::Recovering => &mut self.recovering,
+            SafetyState::Engaging => &mut self.engaging,
+            SafetyState::HandsOff => &mut self.hands_off,
+            SafetyState::Disarmed => &mut self.disarmed,
+            SafetyState::Stopped => &mut self.stopped,
             SafetyState::DeviceStale => &mut self.silent,
             SafetyState::Normal | SafetyState::NotANumber => return,
         };

@@ -7,18 +7,26 @@
 //! - A moment for a device that actuates no moments is left out, and so is a force along an axis that the device does
 //!   not actuate. That is no fault and is not counted.
 //! - A wrench beyond the device's limits is scaled down to them; its direction stays.
+//! - A force whose mean square heats the motors too much is scaled down to the **continuous force** ([`crate::heat`]).
 //! - A force that would change faster than the device can stand follows at its **slew limit**.
+//! - A device that is **disarmed**, or **stopped** by the emergency stop, gets no force. A device whose dead-man button
+//!   the hand does not hold has its force fade ([`crate::engage`]).
 //!
-//! After a fault the force comes back along a smooth step, never at once. Each case has a named state, a counter, the
-//! number that tripped the limit first, and this return. The energy account receives the wrench that left (a slew limit
-//! that the account does not know of injects energy).
+//! After a fault the force comes back along a smooth step, never at once, and after an engagement it comes in so. Each
+//! case has a named state, a counter, the number that tripped the limit first, and this return. The energy account
+//! receives the wrench that left (a slew limit that the account does not know of injects energy).
 
 use crate::count_one;
 use crate::device::{DeviceState, Freedom};
+use crate::engage::{EngageConfig, Engaged, Engagement};
 use crate::geometry::{Vec3, Wrench, smooth_step};
+use crate::heat::{Heat, HeatConfig};
 
 /// Fraction of a limit below which the limit releases the force.
 const BACK: f64 = 0.9;
+/// Time in which the force fades when the hand lets go of the dead-man button (s). A free handle of 0.2 kg under 5 N
+/// reaches 0.25 m/s in this time, and a hand that only lifts its finger feels no blow.
+const RELEASE: f64 = 0.02;
 
 /// Limits of the commands to a device. Infinite limits never act.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +49,33 @@ pub struct SafetyConfig {
     pub decay: f64,
     /// Time in which the force comes back after a fault (s).
     pub recovery: f64,
+    /// How the device is engaged.
+    pub engage: EngageConfig,
+    /// The heat that the device's motors bear.
+    pub heat: HeatConfig,
     /// The tick's period (s).
     pub period: f64,
+}
+
+impl SafetyConfig {
+    /// Limits that never act on a device of six degrees of freedom, for ticks of `period` (s). A device that falls
+    /// silent still gets no force from the eleventh tick on, and a force fades or comes back within 0.1 s.
+    pub fn unlimited(period: f64) -> Self {
+        Self {
+            actuated: Freedom::Six,
+            max_force: f64::INFINITY,
+            max_moment: f64::INFINITY,
+            max_speed: f64::INFINITY,
+            max_reach: f64::INFINITY,
+            max_slew: f64::INFINITY,
+            patience: 10,
+            decay: 0.1,
+            recovery: 0.1,
+            engage: EngageConfig::default(),
+            heat: HeatConfig::default(),
+            period,
+        }
+    }
 }
 
 /// What the last stage does to the wrench.
@@ -52,14 +85,24 @@ pub enum SafetyState {
     Normal,
     /// The wrench is scaled to the device's limits.
     Limited,
+    /// The wrench is scaled down, because its mean square heats the motors.
+    Hot,
     /// The force changes no faster than the device can stand.
     Slewed,
     /// The force comes back after a fault.
     Recovering,
+    /// The force comes in after the device was engaged.
+    Engaging,
     /// The force fades, because the device moves too fast.
     TooFast,
     /// The force fades, because the device is out of reach.
     OutOfReach,
+    /// The force fades or is zero, because the hand does not hold the dead-man button.
+    HandsOff,
+    /// The wrench is replaced by zero, because the device is not armed.
+    Disarmed,
+    /// The wrench is replaced by zero, because of the emergency stop.
+    Stopped,
     /// The wrench is replaced by zero, because the device gives no good state.
     DeviceStale,
     /// The wrench is replaced by zero, because it was not a number.
@@ -71,6 +114,14 @@ pub enum SafetyState {
 pub struct SafetyCounters {
     /// Ticks with the wrench scaled down.
     pub limited: u64,
+    /// Ticks with the wrench scaled down because of the motors' heat.
+    pub hot: u64,
+    /// Times that the device was engaged.
+    pub engaged: u64,
+    /// Times that the hand let go of the dead-man button of an armed device.
+    pub hands_off: u64,
+    /// Times that the emergency stop acted.
+    pub stopped: u64,
     /// Ticks with the force held back by the slew limit.
     pub slewed: u64,
     /// Ticks with a wrench that was not a number.
@@ -108,14 +159,9 @@ pub struct Trip {
 /// let mut limiter = Limiter::new(SafetyConfig {
 ///     actuated: Freedom::Three,
 ///     max_force: 8.0,
-///     max_moment: 0.0,
 ///     max_speed: 1.5,
 ///     max_reach: 0.2,
-///     max_slew: f64::INFINITY,
-///     patience: 10,
-///     decay: 0.1,
-///     recovery: 0.1,
-///     period: 1e-3,
+///     ..SafetyConfig::unlimited(1e-3)
 /// });
 /// let mut wrench = Wrench::zero();
 /// wrench.force = Vec3::new(0.0, 20.0, 0.0);
@@ -129,6 +175,11 @@ pub struct Limiter {
     config: SafetyConfig,
     /// The linear ramp from zero to one whose smooth step is the fraction that passes.
     authority: f64,
+    /// Whether the device may render force.
+    engaged: Engaged,
+    /// Whether the ramp rises because the device was engaged, and not after a fault.
+    comes_in: bool,
+    heat: Heat,
     misses: u32,
     too_fast: bool,
     out_of_reach: bool,
@@ -141,11 +192,16 @@ pub struct Limiter {
 }
 
 impl Limiter {
-    /// A last stage that passes the whole force: the coupling's own start is smooth.
+    /// A last stage before the first tick. A device that is engaged from the start without a ramp gets the whole force:
+    /// the coupling's own start is smooth.
     pub fn new(config: SafetyConfig) -> Self {
+        let whole = config.engage.is_whole_at_start();
         Self {
             config,
-            authority: 1.0,
+            authority: if whole { 1.0 } else { 0.0 },
+            engaged: Engagement::new(config.engage).engaged(),
+            comes_in: !whole,
+            heat: Heat::default(),
             misses: 0,
             too_fast: false,
             out_of_reach: false,
@@ -157,13 +213,39 @@ impl Limiter {
         }
     }
 
+    /// Tells whether the device may render force from the next wrench on.
+    pub fn engage(&mut self, engaged: Engaged) {
+        if engaged == self.engaged {
+            return;
+        }
+        match engaged {
+            Engaged::Yes => count_one(&mut self.counters.engaged),
+            Engaged::HandsOff if self.engaged == Engaged::Yes => {
+                count_one(&mut self.counters.hands_off);
+            }
+            Engaged::Stopped => count_one(&mut self.counters.stopped),
+            Engaged::HandsOff | Engaged::Disarmed => {}
+        }
+        self.comes_in = true;
+        self.engaged = engaged;
+    }
+
     /// The wrench that may leave. `state` is the good state that the device gave in this tick (its own axes), if there
     /// is one.
     pub fn pass(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
         let passed = self.decide(wrench, state);
         self.last = passed.force;
+        if self.config.heat.continuous_force.is_finite() {
+            let whole = (passed.force + self.grip_force()).norm();
+            self.heat.note(&self.config.heat, whole, self.config.period);
+        }
         self.tick = self.tick.saturating_add(1);
         passed
+    }
+
+    /// The force that bears the weight of the grip in this tick, beside the force of [`Self::pass`] (N, device axes).
+    pub fn grip_force(&self) -> Vec3 {
+        self.config.engage.grip_force * self.fraction()
     }
 
     /// Whether the device has given no good state for longer than its patience. Other faults do not matter here.
@@ -171,7 +253,12 @@ impl Limiter {
         self.misses > self.config.patience
     }
 
-    /// Fraction of the force that passes after faults: one if no limit has tripped for a while.
+    /// Whether the device may not render force, by its engagement.
+    pub fn is_disengaged(&self) -> bool {
+        self.engaged != Engaged::Yes
+    }
+
+    /// Fraction of the force that passes after faults and engagements: one if no limit has tripped for a while.
     pub fn fraction(&self) -> f64 {
         smooth_step(self.authority)
     }
@@ -221,28 +308,27 @@ impl Limiter {
             let (found, limit) = (f64::from(self.misses), f64::from(config.patience));
             return self.fault(SafetyState::DeviceStale, found, limit);
         }
+        match self.engaged {
+            Engaged::Disarmed => return self.none(SafetyState::Disarmed),
+            Engaged::Stopped => return self.none(SafetyState::Stopped),
+            Engaged::HandsOff | Engaged::Yes => {}
+        }
         self.state = SafetyState::Normal;
         let mut passed = *wrench;
         if !config.actuated.turns() {
             passed.moment = Vec3::zeros();
         }
         passed.force = config.actuated.part(&passed.force);
-        let fading = self.too_fast || self.out_of_reach;
-        if fading || self.authority < 1.0 {
-            let step = if fading {
-                -config.period / config.decay
-            } else {
-                config.period / config.recovery
-            };
-            self.authority = (self.authority + step).clamp(0.0, 1.0);
-            self.state = if self.too_fast {
-                SafetyState::TooFast
-            } else if self.out_of_reach {
-                SafetyState::OutOfReach
-            } else {
-                SafetyState::Recovering
-            };
-            passed = passed.scaled(self.fraction());
+        if self.is_ramping() {
+            passed = passed.scaled(self.ramp());
+        }
+        let largest = self.largest_force();
+        if largest < config.max_force
+            && let Some(found) = shorten(&mut passed.force, largest)
+        {
+            self.act(SafetyState::Hot);
+            count_one(&mut self.counters.hot);
+            self.note(SafetyState::Hot, found, largest);
         }
         let force = shorten(&mut passed.force, config.max_force);
         let moment = shorten(&mut passed.moment, config.max_moment);
@@ -266,6 +352,46 @@ impl Limiter {
         passed
     }
 
+    /// Whether only a fraction of the force passes, or soon will.
+    fn is_ramping(&self) -> bool {
+        self.too_fast || self.out_of_reach || self.is_disengaged() || self.authority < 1.0
+    }
+
+    /// Moves the ramp by a tick. Returns the fraction of the force that passes.
+    fn ramp(&mut self) -> f64 {
+        let config = &self.config;
+        let (state, step) = if self.is_disengaged() {
+            (SafetyState::HandsOff, -config.period / RELEASE)
+        } else if self.too_fast {
+            (SafetyState::TooFast, -config.period / config.decay)
+        } else if self.out_of_reach {
+            (SafetyState::OutOfReach, -config.period / config.decay)
+        } else if self.comes_in {
+            // A ramp of no length is a step of infinite length.
+            (SafetyState::Engaging, config.period / config.engage.ramp)
+        } else {
+            (SafetyState::Recovering, config.period / config.recovery)
+        };
+        self.state = state;
+        self.authority = (self.authority + step).clamp(0.0, 1.0);
+        if self.authority >= 1.0 {
+            self.comes_in = false;
+        }
+        self.fraction()
+    }
+
+    /// The largest force that the motors' heat allows (N), beside the force that bears the grip.
+    fn largest_force(&self) -> f64 {
+        let SafetyConfig {
+            max_force, heat, ..
+        } = &self.config;
+        if heat.continuous_force.is_infinite() {
+            return *max_force;
+        }
+        let grip = self.config.engage.grip_force.norm();
+        (self.heat.largest_force(heat, max_force + grip) - grip).max(0.0)
+    }
+
     /// Watches the device's limits of motion.
     fn watch(&mut self, state: &DeviceState) {
         let speed = state.twist.linear.norm();
@@ -283,7 +409,10 @@ impl Limiter {
 
     /// Sets the state, unless a graver state is set.
     fn act(&mut self, state: SafetyState) {
-        if matches!(self.state, SafetyState::Normal | SafetyState::Recovering) {
+        if matches!(
+            self.state,
+            SafetyState::Normal | SafetyState::Recovering | SafetyState::Engaging
+        ) {
             self.state = state;
         }
     }
@@ -300,6 +429,11 @@ impl Limiter {
 
     fn fault(&mut self, state: SafetyState, found: f64, limit: f64) -> Wrench {
         self.note(state, found, limit);
+        self.none(state)
+    }
+
+    /// No wrench, in the given state. The force comes back along the ramp.
+    fn none(&mut self, state: SafetyState) -> Wrench {
         self.authority = 0.0;
         self.state = state;
         Wrench::zero()

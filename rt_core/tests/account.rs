@@ -276,13 +276,11 @@ fn out_of_a_slow_device(k: f64, slew: f64, rate: f64) -> f64 {
             actuated: Freedom::Three,
             max_force: 100.0,
             max_moment: 0.0,
-            max_speed: f64::INFINITY,
-            max_reach: f64::INFINITY,
             max_slew: slew,
             decay: 0.1,
             patience: 10,
             recovery: PERIOD,
-            period: PERIOD,
+            ..SafetyConfig::unlimited(PERIOD)
         },
     };
     assert!(all.devices.push(device).is_ok());

@@ -28,13 +28,10 @@ fn controller(scheme: Scheme) -> Controller {
             actuated: Freedom::Three,
             max_force: 8.0,
             max_moment: 0.0,
-            max_speed: f64::INFINITY,
-            max_reach: f64::INFINITY,
-            max_slew: f64::INFINITY,
             patience: PATIENCE,
             decay: 0.1,
             recovery: 0.1,
-            period: PERIOD,
+            ..SafetyConfig::unlimited(PERIOD)
         };
         let _ = config.devices.push(DeviceConfig { frame, safety });
     }

@@ -27,13 +27,11 @@ fn controller(free: [bool; 3], turn: Vec3, max_force: f64, max_slew: f64) -> Con
         actuated: Freedom::Along(Axes::new(free).unwrap()),
         max_force,
         max_moment: 0.0,
-        max_speed: f64::INFINITY,
-        max_reach: f64::INFINITY,
         max_slew,
         patience: 10,
         decay: 0.1,
         recovery: 0.1,
-        period: PERIOD,
+        ..SafetyConfig::unlimited(PERIOD)
     };
     let _ = config.devices.push(DeviceConfig { frame, safety });
     let _ = config.bodies.push(CouplingConfig {

@@ -22,13 +22,10 @@ fn controller(change: impl Fn(&mut SafetyConfig)) -> Controller {
         actuated: Freedom::Three,
         max_force: 8.0,
         max_moment: 0.0,
-        max_speed: f64::INFINITY,
-        max_reach: f64::INFINITY,
-        max_slew: f64::INFINITY,
         patience: 10,
         decay: FADE,
         recovery: FADE,
-        period: PERIOD,
+        ..SafetyConfig::unlimited(PERIOD)
     };
     change(&mut safety);
     let mut config = ControllerConfig::default();

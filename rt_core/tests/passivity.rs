@@ -53,13 +53,10 @@ fn rig(scheme: Scheme, delay: usize, x: f64) -> Rig {
             actuated: Freedom::Three,
             max_force: 20.0,
             max_moment: 0.0,
-            max_speed: f64::INFINITY,
-            max_reach: f64::INFINITY,
-            max_slew: f64::INFINITY,
             decay: 0.1,
             patience: 10,
             recovery: 0.1,
-            period: PERIOD,
+            ..SafetyConfig::unlimited(PERIOD)
         },
     });
     let _ = config.bodies.push(coupling_config(scheme, &passivity));

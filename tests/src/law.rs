@@ -83,7 +83,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Box<Controller> {
                 patience: PATIENCE,
                 decay: 0.3,
                 recovery: 0.2,
-                period,
+                ..SafetyConfig::unlimited(period)
             },
         };
         let _ = config.devices.push(device);

@@ -8,11 +8,10 @@ fn config() -> SafetyConfig {
         max_moment: 0.2,
         max_speed: 1.0,
         max_reach: 0.1,
-        max_slew: f64::INFINITY,
         patience: 3,
         decay: 0.01,
         recovery: 0.01,
-        period: 1e-3,
+        ..SafetyConfig::unlimited(1e-3)
     }
 }
 

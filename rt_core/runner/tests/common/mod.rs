@@ -100,13 +100,10 @@ pub(crate) fn controller(devices: usize) -> Controller {
             actuated: Freedom::Three,
             max_force: 8.0,
             max_moment: 0.0,
-            max_speed: f64::INFINITY,
-            max_reach: f64::INFINITY,
-            max_slew: f64::INFINITY,
             patience: 3,
             decay: 0.1,
             recovery: 0.1,
-            period: 1e-3,
+            ..SafetyConfig::unlimited(1e-3)
         };
         let device = DeviceConfig {
             frame: DeviceFrame::at(Vec3::zeros()),

@@ -237,7 +237,7 @@ fn config(chance: Chance, scheme: Scheme, model: Option<&DeviceModel>) -> Contro
                 patience: 10,
                 decay: 0.3,
                 recovery: 0.2,
-                period,
+                ..SafetyConfig::unlimited(period)
             },
         });
     }

@@ -91,13 +91,10 @@ impl Wall {
                 actuated: self.model.axes.map_or(Freedom::Three, Freedom::Along),
                 max_force: self.model.max_force,
                 max_moment: 0.0,
-                max_speed: f64::INFINITY,
-                max_reach: f64::INFINITY,
-                max_slew: f64::INFINITY,
                 patience: 10,
                 decay: 0.1,
                 recovery: period,
-                period,
+                ..SafetyConfig::unlimited(period)
             },
         });
         let _ = config.bodies.push(CouplingConfig {
