@@ -4,7 +4,8 @@
 //! A reading that no hand can have led to since the last one is rejected like a missing reading: a count that jumps, or
 //! a coordinate at the end of its range. If such readings persist, the device counts as away. Beyond the limiter's
 //! patience it gets no force. The next sound reading is then believed, and the proxy continues from where the device
-//! left it ([`crate::clutch`]). A device that has to be engaged first has its proxy wait at the device's origin.
+//! left it ([`crate::clutch`]). The proxy of a device that has to be engaged first
+//! waits where its handle rests.
 
 use crate::clutch::Clutch;
 use crate::device::DeviceState;
@@ -30,7 +31,7 @@ pub(crate) struct Channel {
     pub(crate) engagement: Engagement,
     /// The force that the last stage held back.
     pub(crate) held_back: HeldBackByDevice,
-    /// The last state that was believed; at rest before the first.
+    /// The last state that was believed; at rest before the first, where the proxy waits.
     pub(crate) state: DeviceState,
     /// Time of that state (ns).
     seen_ns: Option<u64>,
@@ -40,13 +41,18 @@ pub(crate) struct Channel {
 impl Channel {
     pub(crate) fn new(frame: DeviceFrame, safety: SafetyConfig) -> Self {
         let limiter = Limiter::new(safety);
+        let clutch = Clutch::before(&limiter);
+        let mut state = DeviceState::resting();
+        if clutch.is_open() {
+            state.pose.position = safety.engage.waits_at;
+        }
         Self {
             frame,
-            clutch: Clutch::before(&limiter),
+            clutch,
             limiter,
             engagement: Engagement::new(safety.engage),
             held_back: HeldBackByDevice::default(),
-            state: DeviceState::resting(),
+            state,
             seen_ns: None,
         }
     }

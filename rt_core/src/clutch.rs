@@ -16,14 +16,19 @@ use crate::device_frame::DeviceFrame;
 use crate::safety::Limiter;
 
 /// The state of the clutch between one device and its proxy.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Clutch {
     slips: bool,
 }
 
 impl Clutch {
-    /// The clutch before the first tick: open where the force of `limiter` has yet to come in. The proxy then waits at
-    /// the device's origin until the device is engaged, wherever the hand holds the device.
+    /// A closed clutch: the proxy follows its device.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The clutch before the first tick: open where the force of `limiter` has yet to come in. The proxy then waits
+    /// until the device is engaged, wherever the hand holds the device.
     pub fn before(limiter: &Limiter) -> Self {
         Self {
             slips: limiter.fraction() < 1.0,

@@ -33,6 +33,8 @@ pub struct EngageConfig {
     /// The force that bears the weight of the grip while the device is engaged (N, device axes). The force does no work
     /// on the hand, because the grip takes it up: no account counts it.
     pub grip_force: Vec3,
+    /// Where the proxy waits until the device is engaged for the first time, as a position of the device (m).
+    pub waits_at: Vec3,
 }
 
 impl Default for EngageConfig {
@@ -45,6 +47,7 @@ impl Default for EngageConfig {
             stop: 0,
             ramp: 0.0,
             grip_force: Vec3::zeros(),
+            waits_at: Vec3::zeros(),
         }
     }
 }

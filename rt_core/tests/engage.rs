@@ -104,16 +104,21 @@ fn after(
 }
 
 #[test]
-fn a_disarmed_device_gets_no_force_and_its_proxy_waits_at_the_origin() {
-    let mut controller = controller(Scheme::Linear, engage(), HeatConfig::default());
+fn a_disarmed_device_gets_no_force_and_its_proxy_waits() {
+    let config = EngageConfig {
+        waits_at: Vec3::new(0.01, 0.0, 0.0),
+        ..engage()
+    };
+    let mut controller = controller(Scheme::Linear, config, HeatConfig::default());
     for x in [0.03, 0.04, 0.05] {
         let (commands, telemetry) = after(&mut controller, 50, [(x, 0), (0.0, 0)]);
         assert_eq!(commands[0], Wrench::zero());
         assert_eq!(telemetry.devices[0].safety, SafetyState::Disarmed);
         // Rounding of a sum of displacements.
-        assert!(telemetry.devices[0].pose.position.norm() < 1e-15);
+        let place = telemetry.devices[0].pose.position;
+        assert!((place - config.waits_at).norm() < 1e-15);
     }
-    // The hand arms the device where it is: the proxy starts at the origin, without force.
+    // The hand arms the device where it is: the proxy starts where it waited, without force.
     let (commands, telemetry) = tick(&mut controller, [(0.05, ARM), (0.0, 0)]);
     assert_eq!(telemetry.devices[0].safety, SafetyState::Engaging);
     assert!(commands[0].force.norm() < 1e-12);
@@ -123,7 +128,8 @@ fn a_disarmed_device_gets_no_force_and_its_proxy_waits_at_the_origin() {
     after(&mut controller, 110, [(0.05, 0), (0.0, 0)]);
     let (commands, telemetry) = tick(&mut controller, [(0.06, 0), (0.0, 0)]);
     assert_eq!(telemetry.devices[0].safety, SafetyState::Normal);
-    assert!((commands[0].force.x + SPRING * 0.01).abs() < 1e-12);
+    // The proxy waited at 10 mm, which stretches the spring, and has moved by 10 mm since.
+    assert!((commands[0].force.x + SPRING * 0.02).abs() < 1e-12);
 }
 
 #[test]

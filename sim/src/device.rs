@@ -345,7 +345,10 @@ impl Device for SimDevice {
         Ok(DeviceState {
             pose,
             twist,
-            buttons: 0,
+            buttons: self
+                .aim
+                .as_ref()
+                .map_or(0, |aim| aim.buttons(self.moved_ns)),
             device_time_ns: self.clock.map_or(0, |(first, last)| last - first),
         })
     }

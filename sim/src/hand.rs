@@ -11,6 +11,17 @@ use crate::trajectory::Trajectory;
 use crate::tremor::Tremor;
 use rt_core::Vec3;
 
+/// A button that a hand holds down for a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Press {
+    /// The button, from zero to fifteen.
+    pub button: u8,
+    /// Start (s).
+    pub from: f64,
+    /// End (s).
+    pub to: f64,
+}
+
 /// A hand with an aim.
 ///
 /// ```
@@ -36,6 +47,8 @@ pub struct Hand {
     pub trajectory: Trajectory,
     /// The tremor, if there is any.
     pub tremor: Option<Tremor>,
+    /// The buttons that the hand presses.
+    pub presses: Vec<Press>,
 }
 
 impl Hand {
@@ -46,6 +59,7 @@ impl Hand {
             wrist: Wrist::default(),
             trajectory,
             tremor: None,
+            presses: Vec::new(),
         }
     }
 
@@ -65,6 +79,20 @@ impl Hand {
             tremor: Some(tremor),
             ..self
         }
+    }
+
+    /// The same hand with buttons that it presses.
+    pub fn with_presses(self, presses: Vec<Press>) -> Self {
+        Self { presses, ..self }
+    }
+
+    /// The buttons that the hand holds down at `time` (s), one bit each.
+    pub fn buttons(&self, time: f64) -> u32 {
+        let down = self.presses.iter();
+        let down = down.filter(|press| (press.from..press.to).contains(&time));
+        down.fold(0, |buttons, press| {
+            buttons | 1_u32.checked_shl(press.button.into()).unwrap_or(0)
+        })
     }
 
     /// The aim of the hand at `time` (s): displacement from the start (m) and velocity (m/s).
@@ -108,6 +136,11 @@ impl Aim {
 
     pub(crate) fn arm(&self) -> Arm {
         self.hand.arm
+    }
+
+    /// The buttons that the hand holds down at `time_ns`.
+    pub(crate) fn buttons(&self, time_ns: u64) -> u32 {
+        self.hand.buttons(time_ns as f64 * 1e-9)
     }
 
     /// Displacement (m) at `time_ns`.

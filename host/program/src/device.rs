@@ -56,6 +56,8 @@ pub(super) enum DeviceCommandError {
     Unconfirmed,
     #[error("{0}")]
     Unidentified(String),
+    #[error("no delay from force to motion: {0}")]
+    NoMotion(String),
     #[error("the device gave no state in {0} s; see the errors above")]
     NoState(f64),
 }

@@ -14,6 +14,8 @@ mod compare;
 mod device;
 mod fault;
 mod mesh;
+mod operator;
+mod order;
 mod outputs;
 mod overrides;
 mod panics;

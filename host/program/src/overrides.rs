@@ -49,6 +49,10 @@ pub(super) struct Overrides {
     /// scene
     #[arg(long = "device", value_name = "NAME=CONNECT", value_parser = named_connection, conflicts_with = "replay")]
     devices: Vec<(String, String)>,
+    /// Arm the devices at the start, for a run that nobody attends. Default: `engage.arm` of each device in the scene; a
+    /// real device waits to be armed
+    #[arg(long, conflicts_with = "replay")]
+    armed: bool,
 }
 
 /// Parses `NAME=CONNECT`.
@@ -92,7 +96,10 @@ impl Overrides {
             let flag = format!("--device {name}={to}");
             (flag, Override::connection(name, to))
         });
-        scheme.chain(numbers).chain(devices).collect()
+        let armed = self
+            .armed
+            .then(|| ("--armed".to_owned(), Override::armed()));
+        scheme.chain(numbers).chain(devices).chain(armed).collect()
     }
 
     /// Checks that every device whose connection is given exists.

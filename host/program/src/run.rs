@@ -1,12 +1,15 @@
 //! `palpate run`: runs a scene from beginning to end.
 
 use super::fault::fault;
+use super::operator::{self, Operator};
+use super::order::order;
 use super::outputs::{Declared, Format};
 use super::overrides::Overrides;
 use super::progress::ProgressBar;
 #[cfg(feature = "view")]
 use super::watch::Watch;
 use super::{COMMIT, CommandError, SceneArgument, signals};
+use devices::panel::TimedOrder;
 use host::engine::faults::HostFault;
 #[cfg(feature = "view")]
 use host::live::session::ViewOptions;
@@ -105,6 +108,10 @@ pub(super) struct RunArguments {
     /// 0.5 s; nan@T+D and topology@T+D publish bad models; panic@T ends the host. May be given several times
     #[arg(long, value_name = "FAULT", value_parser = fault, conflicts_with = "replay")]
     fault: Vec<HostFault>,
+    /// Arm or stop the devices at a time of the run: arm@0.5 arms them at 0.5 s, and stop@2 stops their forces at 2 s
+    /// until they are armed again. May be given several times
+    #[arg(long, value_name = "ORDER", value_parser = order, conflicts_with = "replay")]
+    order: Vec<TimedOrder>,
     /// Real clock: refuse to start without the realtime privileges, and end the run at the first system call that
     /// the tick may not make; or only one of the two
     #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
@@ -171,6 +178,7 @@ impl Default for RunArguments {
             replay: None,
             report_progress: false,
             fault: Vec::new(),
+            order: Vec::new(),
             strict: None,
             core: None,
             priority: None,
@@ -301,6 +309,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         frames,
         json: arguments.json.clone(),
         faults: arguments.fault.clone(),
+        orders: arguments.order.clone(),
         instructions: match arguments.instructions {
             InstructionsName::Auto => FactorCode::Fastest,
             InstructionsName::Portable => FactorCode::Portable,
@@ -331,9 +340,22 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let in_order = options.clock == Clock::Real || options.view.is_some();
     let signal = in_order.then(|| signals::end_in_order(&options.stop));
     let signal = signal.transpose().map_err(CommandError::Signals)?;
+    // A display that has the terminal reads its keys.
+    let lines = options.view.is_none();
+    let real = options.clock == Clock::Real;
+    let operator = real.then(|| Operator::begin(&options.panel, lines));
+    let operator = operator.transpose().map_err(CommandError::Signals)?;
+    if let Some(waiting) = operator::waiting(&loaded.scene, operator.is_some(), lines)
+        && options.orders.is_empty()
+    {
+        errln!("{waiting}");
+    }
     let bar = ProgressBar::begin(!arguments.report_progress);
     let mut warned = false;
     let result = host::run::run(&loaded, &options, |progress| {
+        if let Some(operator) = &operator {
+            operator.look();
+        }
         let position = (1000.0 * progress.fraction()) as u64;
         #[cfg(feature = "view")]
         if watch.as_mut().is_some_and(|watch| watch.shows(&bar)) {

@@ -100,7 +100,7 @@ fn probed_and_held(model: &str, on: &str) {
 
     let scene = SCENE.replace("MODEL", model).replace("CONNECT", &connect);
     std::fs::write(file("scene.toml"), scene).expect("a temporary folder");
-    let result = palpate(&["run", "--clock", "real"])
+    let result = palpate(&["run", "--clock", "real", "--armed"])
         .arg(file("scene.toml"))
         .arg("--json")
         .arg(file("run.json"))

@@ -34,11 +34,16 @@ uint8 NOT_A_NUMBER=4
 uint8 SLEWED=5
 uint8 TOO_FAST=6
 uint8 OUT_OF_REACH=7
+uint8 HOT=8
+uint8 ENGAGING=9
+uint8 HANDS_OFF=10
+uint8 DISARMED=11
+uint8 STOPPED=12
 geometry_msgs/Pose pose      # of the proxy
 geometry_msgs/Twist twist    # of the proxy
 geometry_msgs/Wrench wrench  # on the hand, as it left for the device
 uint64 device_time_ns        # the device's own clock
-uint32 buttons               # one bit each
+uint32 buttons               # one bit each; the two highest are the operator's orders
 bool fresh                   # whether the device gave a good state this tick
 uint8 safety                 # what the last stage did to the wrench
 ================================================================================
@@ -249,7 +254,7 @@ pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
 }
 
 /// In the order of the constants in [`SCHEMA`].
-const SAFETY_STATES: [SafetyState; 8] = [
+const SAFETY_STATES: [SafetyState; 13] = [
     SafetyState::Normal,
     SafetyState::Limited,
     SafetyState::Recovering,
@@ -258,6 +263,11 @@ const SAFETY_STATES: [SafetyState; 8] = [
     SafetyState::Slewed,
     SafetyState::TooFast,
     SafetyState::OutOfReach,
+    SafetyState::Hot,
+    SafetyState::Engaging,
+    SafetyState::HandsOff,
+    SafetyState::Disarmed,
+    SafetyState::Stopped,
 ];
 
 /// In the order of the constants in [`SCHEMA`].

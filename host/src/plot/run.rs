@@ -71,6 +71,8 @@ pub(crate) enum Cause {
     Capped,
     /// The force or its slew was at a limit.
     Limited,
+    /// The device was not armed, stopped, or without its dead-man button.
+    Disengaged,
     /// The device gave no state.
     Silent,
     /// The force was not a number.
@@ -87,6 +89,7 @@ impl Cause {
             Self::Held => "safe hold",
             Self::Capped => "force capped",
             Self::Limited => "force or slew limited",
+            Self::Disengaged => "device disengaged",
             Self::Silent => "device silent",
             Self::NotANumber => "force not a number",
             Self::Torn => "tear grows",
@@ -100,6 +103,7 @@ impl Cause {
             Self::Held => RGBColor(90, 90, 90),
             Self::Capped => ink::PURPLE,
             Self::Limited => ink::SKY,
+            Self::Disengaged => RGBColor(200, 120, 150),
             Self::Silent => RGBColor(0, 0, 0),
             Self::NotANumber => RGBColor(130, 80, 60),
             Self::Torn => RGBColor(150, 200, 60),

@@ -23,12 +23,17 @@ const FLUSH_PERIOD: f64 = 0.5;
 const WAITING: usize = 1 << 16;
 
 /// What the last stage does to a wrench, each with its column.
-const SAFETY: [(SafetyState, &str); 7] = [
+const SAFETY: [(SafetyState, &str); 12] = [
     (SafetyState::Limited, "limited"),
     (SafetyState::Slewed, "slewed"),
     (SafetyState::Recovering, "recovering"),
     (SafetyState::TooFast, "too_fast"),
     (SafetyState::OutOfReach, "out_of_reach"),
+    (SafetyState::Hot, "hot"),
+    (SafetyState::Engaging, "engaging"),
+    (SafetyState::HandsOff, "hands_off"),
+    (SafetyState::Disarmed, "disarmed"),
+    (SafetyState::Stopped, "stopped"),
     (SafetyState::DeviceStale, "silent"),
     (SafetyState::NotANumber, "not_a_number"),
 ];

@@ -87,6 +87,11 @@ pub(crate) fn acting_limit(safety: SafetyState) -> Option<&'static str> {
         SafetyState::Slewed => Some("force at its slew limit"),
         SafetyState::TooFast => Some("too fast, force fading"),
         SafetyState::OutOfReach => Some("out of reach, force fading"),
+        SafetyState::Hot => Some("motors hot, force limited"),
+        SafetyState::Engaging => Some("engaging, force coming in"),
+        SafetyState::HandsOff => Some("dead-man button not held, no force"),
+        SafetyState::Disarmed => Some("disarmed, no force"),
+        SafetyState::Stopped => Some("emergency stop, no force"),
         SafetyState::DeviceStale => Some("device silent"),
         SafetyState::NotANumber => Some("force not a number"),
     }

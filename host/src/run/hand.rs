@@ -3,6 +3,7 @@
 use crate::scene::spec::{self, TaskName};
 use crate::scene::{LoadedScene, SceneError};
 use rt_core::Vec3;
+use sim::hand::Press;
 use sim::trajectory::Sine;
 use sim::{Hand, Task, TaskError, Trajectory, Tremor};
 use std::fmt::Display;
@@ -64,7 +65,14 @@ pub(super) fn build(
         let samples: Vec<_> = samples.iter().map(|(t, p)| (*t, Vec3::from(*p))).collect();
         parts.push(Trajectory::new_recorded(&samples).map_err(|e| refuse("recording", &e))?);
     }
+    let presses = spec.presses.iter().map(|press| Press {
+        // The scene counts buttons from one, up to sixteen.
+        button: press.button.saturating_sub(1) as u8,
+        from: press.from,
+        to: press.to,
+    });
     let hand = Hand::new(Trajectory::new_sum(parts))
+        .with_presses(presses.collect())
         .with_arm(spec.arm())
         .with_wrist(spec.wrist());
     if spec.tremor > 0.0 {

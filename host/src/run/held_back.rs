@@ -34,6 +34,9 @@ pub(super) fn summaries(
         let force = infinite(device.max_force).min(able.max_force);
         let why = format!("the device renders at most {force} N");
         push(&device.name, "force limit", &found.limited, why);
+        let heat = infinite(device.continuous_force);
+        let why = format!("the motors bear {heat} N for ever (`continuous_force`)");
+        push(&device.name, "heat limit", &found.hot, why);
         let slew = infinite(device.max_slew);
         let why = format!("its force may change by at most {slew} N/s (`max_slew`)");
         push(&device.name, "slew limit", &found.slewed, why);
@@ -47,6 +50,17 @@ pub(super) fn summaries(
         push(&device.name, "no reading", &found.silent, why);
         let why = "the force returns slowly after a fault".to_owned();
         push(&device.name, "return", &found.recovering, why);
+        let why = format!(
+            "the force comes in over {} s (`engage.ramp`)",
+            device.ramp()
+        );
+        push(&device.name, "engagement", &found.engaging, why);
+        let why = "the hand did not hold the dead-man button".to_owned();
+        push(&device.name, "dead-man button", &found.hands_off, why);
+        let why = "the device was not armed".to_owned();
+        push(&device.name, "disarmed", &found.disarmed, why);
+        let why = "the emergency stop acted".to_owned();
+        push(&device.name, "emergency stop", &found.stopped, why);
     }
     all
 }

@@ -46,8 +46,13 @@ impl Marks {
     pub(super) fn take(&mut self, telemetry: &Telemetry) {
         let time = telemetry.time_ns as f64 * 1e-9;
         let device = telemetry.devices().map(|device| match device.safety {
-            SafetyState::Normal | SafetyState::Recovering => None,
-            SafetyState::Limited | SafetyState::Slewed => Some((Cause::Limited, time)),
+            SafetyState::Normal | SafetyState::Recovering | SafetyState::Engaging => None,
+            SafetyState::Limited | SafetyState::Slewed | SafetyState::Hot => {
+                Some((Cause::Limited, time))
+            }
+            SafetyState::HandsOff | SafetyState::Disarmed | SafetyState::Stopped => {
+                Some((Cause::Disengaged, time))
+            }
             SafetyState::TooFast | SafetyState::OutOfReach => Some((Cause::Fading, time)),
             SafetyState::DeviceStale => Some((Cause::Silent, time)),
             SafetyState::NotANumber => Some((Cause::NotANumber, time)),

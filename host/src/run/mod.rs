@@ -39,6 +39,7 @@ use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
+use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
 use log_frames::LogFrames;
@@ -47,7 +48,7 @@ use observer::Observers;
 use parts::Parts;
 use physics::{Body, FactorCode};
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
-use runner::{CoreChoice, Cores, Reserved};
+use runner::{AnyDevice, CoreChoice, Cores, Reserved};
 use setup::Setup;
 use slow_host::StepTime;
 use std::collections::BTreeMap;
@@ -101,6 +102,10 @@ pub struct RunOptions {
     pub runner: RunnerConfig,
     /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
+    /// The operator's panel, which arms and stops the devices.
+    pub panel: Panel,
+    /// Orders of the operator at times of the run.
+    pub orders: Vec<TimedOrder>,
     /// A request to end the run early and in order.
     pub stop: Arc<Stop>,
     /// The commit from which the program was built, if the program knows it.
@@ -125,6 +130,8 @@ impl RunOptions {
             instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
             faults: Vec::new(),
+            panel: Panel::default(),
+            orders: Vec::new(),
             stop: Arc::default(),
             commit: None,
         }
@@ -324,6 +331,13 @@ fn prepare(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> Result<Setu
     };
     let mut prepared = setup::setup_with(loaded, duration, seed, how)?;
     prepared.faults = Faults::new(options.faults.clone());
+    let devices = std::mem::take(&mut prepared.tick.devices).into_iter();
+    prepared.tick.devices = devices
+        .map(|device| {
+            let operated = Operated::new(device, options.panel.clone(), &options.orders);
+            Box::new(operated) as AnyDevice
+        })
+        .collect();
     Ok(prepared)
 }
 

@@ -114,6 +114,10 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
             missed_reads: safety.missed_reads,
             too_fast: safety.too_fast,
             out_of_reach: safety.out_of_reach,
+            hot_ticks: safety.hot,
+            engaged: safety.engaged,
+            hands_off: safety.hands_off,
+            stopped: safety.stopped,
             first_trip: trip.map(|trip| trip_summary(&trip, scene.realtime.rate)),
         })
         .collect()
@@ -134,19 +138,24 @@ fn held_back(scene: &Scene, parts: &Parts) -> Vec<HeldBackSummary> {
     )
 }
 
-/// The faults on purpose, then what the observers saw.
+/// The faults and orders on purpose, then what the observers saw.
 fn events(options: &RunOptions, parts: &Parts) -> Vec<EventSummary> {
     let injected = options.faults.iter().map(|fault| EventSummary {
         from: fault.at,
         to: fault.at + fault.duration,
         description: format!("fault on purpose: {}", fault.name()),
     });
+    let ordered = options.orders.iter().map(|order| EventSummary {
+        from: order.at,
+        to: order.at,
+        description: format!("order on purpose: {}", order.order.name()),
+    });
     let met = parts.collected.spans.iter().map(|span| EventSummary {
         from: span.from,
         to: span.to,
         description: span.description.clone(),
     });
-    injected.chain(met).collect()
+    injected.chain(ordered).chain(met).collect()
 }
 
 fn dropped(parts: &Parts) -> DroppedSummary {
@@ -196,7 +205,13 @@ fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<E
 
 fn trip_summary(trip: &Trip, rate: f64) -> TripSummary {
     let (event, unit) = match trip.state {
-        SafetyState::Normal | SafetyState::Recovering => ("nothing", ""),
+        SafetyState::Hot => ("motors hot", "N"),
+        SafetyState::Normal
+        | SafetyState::Recovering
+        | SafetyState::Engaging
+        | SafetyState::HandsOff
+        | SafetyState::Disarmed
+        | SafetyState::Stopped => ("nothing", ""),
         SafetyState::Limited => ("force or moment limited", "N or N m"),
         SafetyState::Slewed => ("force at its slew limit", "N/s"),
         SafetyState::TooFast => ("too fast", "m/s"),

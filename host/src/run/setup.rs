@@ -15,11 +15,13 @@ use crate::scene::{LoadedScene, SceneError};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
+use rt_core::engage::EngageConfig;
+use rt_core::heat::HeatConfig;
 use rt_core::passivity::MAX_DELAY;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
-    Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Scheme,
+    Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Scheme, Vec3,
 };
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::{AnyDevice, TickLoop};
@@ -177,7 +179,13 @@ pub(super) fn controller(
         };
         let capabilities = device.capabilities();
         let model = credited(loaded, index);
-        let safety = safety(&scene.devices[index], &model, &capabilities, scene, period);
+        let spec = &scene.devices[index];
+        check_grip(loaded, index, &capabilities)?;
+        let limits = safety(spec, &model, &capabilities, scene, period);
+        let safety = SafetyConfig {
+            engage: engage(spec, mount.start),
+            ..limits
+        };
         let whole = port(&model, safety.max_slew, &frame, period);
         passivity.ports[index] = share(&whole, held[index]);
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
@@ -314,7 +322,7 @@ fn safety(
         max_force: spec
             .max_force
             .unwrap_or(f64::INFINITY)
-            .min(capabilities.max_force),
+            .min(capabilities.max_force - grip_force(spec).norm()),
         max_moment: capabilities.max_moment,
         max_speed: spec.max_speed.unwrap_or(f64::INFINITY),
         max_reach: spec.max_reach.unwrap_or(f64::INFINITY),
@@ -322,6 +330,48 @@ fn safety(
         patience: patience(model, period),
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
+        engage: EngageConfig::default(),
+        heat: HeatConfig {
+            continuous_force: spec.continuous_force.unwrap_or(f64::INFINITY),
+            time: spec.heat_time,
+        },
         period,
     }
+}
+
+/// How a device is engaged; its handle rests at `start` (m, device axes).
+fn engage(spec: &spec::Device, start: Vec3) -> EngageConfig {
+    // The scene counts buttons from one, up to sixteen.
+    let mask = |button: Option<usize>| button.map_or(0, |number| 1 << (number - 1));
+    EngageConfig {
+        armed: spec.is_armed_at_start(),
+        arm: mask(spec.engage.arm_button),
+        dead_man: mask(spec.engage.dead_man_button),
+        stop: mask(spec.engage.stop_button),
+        ramp: spec.ramp(),
+        grip_force: grip_force(spec),
+        waits_at: start,
+    }
+}
+
+/// Checks that a device keeps most of its force beside the weight of its grip.
+fn check_grip(
+    loaded: &LoadedScene,
+    index: usize,
+    capabilities: &Capabilities,
+) -> Result<(), SceneError> {
+    let weight = grip_force(&loaded.scene.devices[index]).norm();
+    let most = 0.5 * capabilities.max_force;
+    if weight <= most {
+        return Ok(());
+    }
+    let allowed = format!("at most half of the largest force of the device, {most:?} N");
+    let field = format!("device[{index}].grip_weight");
+    let found = format!("a weight of {weight:?} N");
+    Err(loaded.source.error(&field, found, allowed))
+}
+
+/// The force that bears the grip of a device (N, device axes).
+fn grip_force(spec: &spec::Device) -> Vec3 {
+    -Vec3::from(spec.grip_weight.unwrap_or_default())
 }

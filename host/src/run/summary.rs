@@ -215,6 +215,14 @@ pub struct DeviceSummary {
     pub too_fast: u64,
     /// Number of times that the device was out of reach.
     pub out_of_reach: u64,
+    /// Ticks with the force limited because of the motors' heat.
+    pub hot_ticks: u64,
+    /// Number of times that the device was engaged after the start of the run.
+    pub engaged: u64,
+    /// Number of times that the hand let go of the dead-man button.
+    pub hands_off: u64,
+    /// Number of times that the emergency stop acted.
+    pub stopped: u64,
     /// The first trip, if there was one.
     pub first_trip: Option<TripSummary>,
 }
@@ -241,8 +249,9 @@ pub struct TripSummary {
 pub struct HeldBackSummary {
     /// The name of the body or the device whose force was held back.
     pub of: String,
-    /// The cause: `cap` or `old model` of a body; `force limit`, `slew limit`, `speed limit`, `reach limit`,
-    /// `no reading` or `return` (after a fault) of a device.
+    /// The cause: `cap` or `old model` of a body; `force limit`, `slew limit`, `heat limit`, `speed limit`,
+    /// `reach limit`, `no reading`, `return` (after a fault), `engagement`, `dead-man button`, `disarmed` or
+    /// `emergency stop` of a device.
     pub cause: &'static str,
     /// The cause, in words.
     pub why: String,

@@ -6,7 +6,7 @@ use super::spec::{
     Body, Device, Hand, Handle, Host, MeshSource, Notch, Realtime, Rotation, Scene, SolverName,
     Starts, TaskName, Tear,
 };
-use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
+use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES, Vec3};
 use sim::TaskKind;
 use std::path::Path;
 
@@ -61,6 +61,7 @@ pub(super) fn check(scene: &Scene) -> Check {
         check_driver(&format!("device[{index}]"), device)?;
         check_held(&format!("device[{index}]"), device)?;
         check_mounting(&format!("device[{index}]"), device)?;
+        check_heat(&format!("device[{index}]"), device)?;
     }
     Ok(())
 }
@@ -340,6 +341,16 @@ fn check_mounting(at: &str, device: &Device) -> Check {
     })
 }
 
+/// The force that the motors bear for ever bears the grip, and more.
+fn check_heat(at: &str, device: &Device) -> Check {
+    let weight = Vec3::from(device.grip_weight.unwrap_or_default()).norm();
+    device.continuous_force.map_or(Ok(()), |force| {
+        let allowed = format!("a force above the weight of the grip, {weight:?} N");
+        let field = format!("{at}.continuous_force");
+        require(force > weight, &field, format!("{force:?}"), allowed)
+    })
+}
+
 /// Checks the selection of a part of a mesh: by group or by box, not both.
 fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) -> Check {
     let allowed = "exactly one of the two";
@@ -457,6 +468,16 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
             Some(last) => require(time > last, &field, found, format!("a time after {last:?}"))?,
         }
         last = Some(time);
+    }
+    for (index, press) in hand.presses.iter().enumerate() {
+        let allowed = format!("a time after {:?}", press.from);
+        let field = format!("{at}.presses[{index}].to");
+        require(
+            press.to > press.from,
+            &field,
+            format!("{:?}", press.to),
+            allowed,
+        )?;
     }
     check_task(at, hand)?;
     hand.recording

@@ -26,6 +26,8 @@ enum Change {
     },
     /// The connection of a device.
     Connection { device: String, to: Connection },
+    /// Every device is armed at the start.
+    Armed,
 }
 
 impl Override {
@@ -55,6 +57,11 @@ impl Override {
         })
     }
 
+    /// Every device is armed at the start of the run.
+    pub fn armed() -> Self {
+        Self(Change::Armed)
+    }
+
     /// Writes the value into the text of a scene. A field or a table that the text lacks is added.
     fn write(&self, document: &mut DocumentMut) {
         match &self.0 {
@@ -65,6 +72,12 @@ impl Override {
                 // The scene was read before: this is a table.
                 if let Some(table) = table.as_table_like_mut() {
                     set(table, name, value.clone());
+                }
+            }
+            Change::Armed => {
+                let devices = document.get_mut("device").map(tables).unwrap_or_default();
+                for device in devices {
+                    arm(device);
                 }
             }
             Change::Connection { device, to } => {
@@ -102,6 +115,17 @@ fn connect(device: &mut dyn TableLike, to: &Connection) {
     } else {
         device.remove("hand");
         device.remove("wire");
+    }
+}
+
+/// Arms the device of a table at the start.
+fn arm(device: &mut dyn TableLike) {
+    if let Some(engage) = device.get_mut("engage").and_then(Item::as_table_like_mut) {
+        set(engage, "arm", Value::from("start"));
+    } else {
+        let mut engage = InlineTable::new();
+        engage.insert("arm", Value::from("start"));
+        set(device, "engage", Value::from(engage));
     }
 }
 

@@ -1,5 +1,6 @@
 //! What the states of a device say about it: their rate, their jitter, and their resolution.
 
+use devices::response::Response;
 use rt_core::{DeviceError, DeviceState, Vec3};
 use serde::Serialize;
 
@@ -47,6 +48,41 @@ pub struct Interval {
     pub longest: f64,
 }
 
+/// The delay from a force to the motion, from short pulses of force.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Motion {
+    /// Force of a pulse (N).
+    pub force: f64,
+    /// Pulses that moved the handle.
+    pub pulses: usize,
+    /// Time from the command of a pulse to the first state that shows a motion (s): the smallest, the median and the
+    /// largest.
+    pub first_motion: [f64; 3],
+    /// The part of the median that is not the motion itself (s), by mass and friction of the profile.
+    pub delay: f64,
+    /// The delay is known up to this time either way (s).
+    pub bound: f64,
+}
+
+impl From<Response> for Motion {
+    fn from(found: Response) -> Self {
+        let Response {
+            first_motion,
+            delay,
+            bound,
+            pulses,
+            force,
+        } = found;
+        Self {
+            force,
+            pulses,
+            first_motion,
+            delay,
+            bound,
+        }
+    }
+}
+
 /// What a device's states say about it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probed {
@@ -72,6 +108,8 @@ pub struct Probed {
     pub step: Option<f64>,
     /// Extent of the positions along x, y and z (m).
     pub span: Option<[f64; 3]>,
+    /// The delay from a force to the motion; `None` without pulses.
+    pub motion: Option<Motion>,
 }
 
 impl Probed {
@@ -114,6 +152,7 @@ impl Probed {
             }),
             step,
             span: most.zip(least).map(|(most, least)| (most - least).into()),
+            motion: None,
         }
     }
 }

@@ -5,6 +5,7 @@ mod rig;
 
 mod body_change;
 mod energy;
+mod engage;
 mod few_axes;
 mod hands;
 mod host_body;

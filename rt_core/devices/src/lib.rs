@@ -11,8 +11,10 @@
 //!   kernel. [`exchange`]: devices that may block, in a thread of their own.
 //! - [`plugin`]: any other device, by a shared library with a C interface.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
+//! - [`panel`]: the operator's orders to arm and to stop the devices.
 //! - [`found`]: which devices are connected, and why a device cannot be used.
 //! - [`identify`]: mass, damping and friction of a device, from a limited motion that its motors guide.
+//! - [`response`]: the delay from a force to the motion that the device reports.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
 //!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
 #![deny(unsafe_code)]
@@ -25,9 +27,11 @@ pub mod ftdi;
 pub mod hid;
 pub mod identify;
 pub mod models;
+pub mod panel;
 pub mod plugin;
 pub mod registry;
 pub mod replay;
+pub mod response;
 pub mod scripted;
 pub mod serial;
 pub mod transport;

@@ -1,15 +1,18 @@
-//! `palpate device probe`: the states of a device, measured without force.
+//! `palpate device probe`: the states of a device, measured without force, and the delay from a force to the motion.
 
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
-use super::super::progress_bar;
+use super::super::{progress_bar, signals};
 use super::{DeviceCommandError, open};
+use devices::DeviceModel;
+use devices::response::{Pulses, Response, ResponseError};
 use host::atomic_file::write_json;
-use rt_core::Wrench;
+use rt_core::{Device, Wrench};
+use runner::Stop;
 use runner::schedule::realtime;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use study::probe::{Probed, Seen};
+use study::probe::{Motion, Probed, Seen};
 
 /// Ticks between two positions of the progress bar.
 const DRAWN: u64 = 250;
@@ -31,6 +34,10 @@ pub(super) struct ProbeArguments {
     /// Duration of the measurement (s)
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, value_parser = super::super::run::seconds)]
     duration: f64,
+    /// Also measure the delay from a force to the first motion, by twenty short pulses of at most 1.5 N. Let nobody hold the
+    /// device
+    #[arg(long)]
+    pulse: bool,
     /// Write the result as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -40,7 +47,9 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
-    let (mut device, _) = open::device(
+    let stop = Stop::new();
+    let signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
+    let (mut device, file) = open::device(
         &arguments.connect,
         &arguments.model,
         arguments.firmware.as_deref(),
@@ -58,13 +67,24 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
         let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         seen.take(now, &device.read(now));
         let _ = device.write(now, &Wrench::zero());
+        if stop.is_requested() {
+            break;
+        }
         if tick.is_multiple_of(DRAWN) {
             bar.set_position(1000 * tick / ticks);
         }
     }
+    let mut probed = Probed::new(&arguments.connect, &seen);
+    if arguments.pulse && probed.states > 0 && !stop.is_requested() {
+        let found = pulses(&mut *device, &file.model, &stop);
+        let failed = |error: ResponseError| DeviceCommandError::NoMotion(error.to_string());
+        probed.motion = found.transpose().map_err(failed)?.map(Motion::from);
+    }
     drop(device);
     bar.finish_and_clear();
-    let probed = Probed::new(&arguments.connect, &seen);
+    if let Some(number) = signal.number() {
+        return Err(CommandError::Signal(number));
+    }
     print(&probed);
     if let Some(path) = &arguments.json {
         write_json(path, &probed)?;
@@ -73,6 +93,32 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
         return Err(DeviceCommandError::NoState(arguments.duration).into());
     }
     Ok(())
+}
+
+/// Moves the device by pulses of force, until the end or until `stop` is requested. `None` where it was.
+fn pulses(
+    device: &mut dyn Device,
+    model: &DeviceModel,
+    stop: &Stop,
+) -> Option<Result<Response, ResponseError>> {
+    let period = Duration::from_millis(1);
+    let mut pulses = Pulses::new(model, period.as_secs_f64());
+    let start = Instant::now();
+    for tick in 0_u32.. {
+        std::thread::sleep((period * tick).saturating_sub(start.elapsed()));
+        let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        let reading = device.read(now);
+        let wrench = if stop.is_requested() {
+            Wrench::zero()
+        } else {
+            pulses.tick(&reading)
+        };
+        let _ = device.write(now, &wrench);
+        if stop.is_requested() || pulses.ended() {
+            break;
+        }
+    }
+    pulses.result()
 }
 
 fn print(probed: &Probed) {
@@ -111,5 +157,23 @@ fn print(probed: &Probed) {
     if let Some(span) = probed.span {
         let [x, y, z] = span.map(|length| 1e3 * length);
         line("moved", format!("{x:.2} x {y:.2} x {z:.2} mm"));
+    }
+    if let Some(motion) = &probed.motion {
+        let [least, median, most] = motion.first_motion.map(|time| 1e3 * time);
+        line(
+            "motion",
+            format!(
+                "first seen {median:.1} ms after a force of {:.2} N ({least:.1} to {most:.1}, {} pulses)",
+                motion.force, motion.pulses
+            ),
+        );
+        line(
+            "delay",
+            format!(
+                "{:.1} ms, up to {:.1} ms either way (without the motion itself, by the mass of the profile)",
+                1e3 * motion.delay,
+                1e3 * motion.bound
+            ),
+        );
     }
 }

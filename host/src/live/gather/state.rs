@@ -65,6 +65,11 @@ fn safety_name(safety: SafetyState) -> &'static str {
         SafetyState::Slewed => "slewed",
         SafetyState::TooFast => "too_fast",
         SafetyState::OutOfReach => "out_of_reach",
+        SafetyState::Hot => "hot",
+        SafetyState::Engaging => "engaging",
+        SafetyState::HandsOff => "hands_off",
+        SafetyState::Disarmed => "disarmed",
+        SafetyState::Stopped => "stopped",
     }
 }
 

@@ -179,6 +179,9 @@ impl DeviceSummary {
         if self.limited_ticks > 0 {
             write!(f, ", force limited in {} ticks", self.limited_ticks)?;
         }
+        if self.hot_ticks > 0 {
+            write!(f, ", motors hot in {} ticks", self.hot_ticks)?;
+        }
         if self.missed_reads > 0 {
             write!(f, ", no reading in {} ticks", self.missed_reads)?;
         }
@@ -192,6 +195,9 @@ impl DeviceSummary {
         for (count, what) in [
             (self.too_fast, "too fast"),
             (self.out_of_reach, "out of reach"),
+            (self.engaged, "engaged"),
+            (self.hands_off, "let go of"),
+            (self.stopped, "stopped"),
         ] {
             if count > 0 {
                 write!(f, ", {what} {count} times")?;

@@ -86,6 +86,8 @@ optional! {
     optional_poisson: poisson => f64;
     /// Three finite numbers, for an optional field.
     optional_finite3: finite3 => [f64; 3];
+    /// A button of a device, for an optional field.
+    optional_button: button => usize;
     /// Room for vertices that tears add, for an optional field.
     optional_room: room => usize;
 }
@@ -115,6 +117,8 @@ wholes! {
     order: "1 (linear) or 2 (quadratic)", 1, 2;
     /// Vertices that tears may add.
     room: "a whole number from 1 to 1000000", 1, 1_000_000;
+    /// A button of a device.
+    button: "a whole number from 1 to 16", 1, 16;
     /// Cuts of a row.
     cuts: "a whole number from 1 to 1000", 1, 1_000;
 }

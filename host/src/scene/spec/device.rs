@@ -38,6 +38,19 @@ pub struct Device {
     /// Limit on the slew of the force (N/s), for a device that needs one.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_slew: Option<f64>,
+    /// The force that the motors bear for ever (N): the limit on the root of the mean square of the force. Default: no
+    /// limit.
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    pub continuous_force: Option<f64>,
+    /// Time constant of the motors' cooling (s).
+    #[serde(default = "ten", deserialize_with = "check::positive")]
+    pub heat_time: f64,
+    /// The weight of the grip that the device bears while it is engaged (N, device axes). Default: the mechanism bears it.
+    #[serde(default, deserialize_with = "check::optional_finite3")]
+    pub grip_weight: Option<[f64; 3]>,
+    /// When the device may render force.
+    #[serde(default, deserialize_with = "check::table")]
+    pub engage: Engage,
     /// Scene metres per device metre.
     #[serde(default = "one", deserialize_with = "check::positive")]
     pub motion_scale: f64,
@@ -51,6 +64,38 @@ pub struct Device {
     /// Simulated devices: the hand that holds it. A person holds a real one.
     #[serde(default, deserialize_with = "check::optional_table")]
     pub hand: Option<Hand>,
+}
+
+/// `[device.engage]`: when a device may render force. Buttons are counted from one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Engage {
+    /// What arms the device. Default: a simulated device without `arm_button` is armed at the start; any other device
+    /// waits for an order.
+    #[serde(deserialize_with = "check::optional_word")]
+    pub arm: Option<ArmName>,
+    /// The button that arms the device, beside the order.
+    #[serde(deserialize_with = "check::optional_button")]
+    pub arm_button: Option<usize>,
+    /// The button that the hand holds while the device renders force.
+    #[serde(deserialize_with = "check::optional_button")]
+    pub dead_man_button: Option<usize>,
+    /// The button that stops all devices.
+    #[serde(deserialize_with = "check::optional_button")]
+    pub stop_button: Option<usize>,
+    /// Time in which the force comes in (s). Default: 1 s, or at once for a simulated device that is armed at the start.
+    #[serde(deserialize_with = "check::optional_not_negative")]
+    pub ramp: Option<f64>,
+}
+
+/// What arms a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ArmName {
+    /// The device is armed from the start of the run.
+    Start,
+    /// The device waits for an order of the operator, or for its button.
+    Command,
 }
 
 /// `[device.mounting]`: how a device stands in the scene. Positions pass from the device to the scene, and forces pass
@@ -67,6 +112,13 @@ pub struct Mounting {
     pub rotation: Option<Rotation>,
 }
 
+/// Time in which the force of a device comes in, where the scene gives none (s).
+const RAMP: f64 = 1.0;
+
+fn ten() -> f64 {
+    10.0
+}
+
 /// The driver of simulated devices.
 pub const SIMULATED: &str = "sim";
 
@@ -75,6 +127,22 @@ fn simulated() -> Connection {
 }
 
 impl Device {
+    /// Whether the device is armed from the start of a run.
+    pub fn is_armed_at_start(&self) -> bool {
+        let Engage {
+            arm, arm_button, ..
+        } = self.engage;
+        let start = self.is_simulated() && arm_button.is_none();
+        arm.map_or(start, |arm| arm == ArmName::Start)
+    }
+
+    /// Time in which the force comes in after the device was engaged (s).
+    pub fn ramp(&self) -> f64 {
+        let at_once = self.is_simulated() && self.is_armed_at_start();
+        let usual = if at_once { 0.0 } else { RAMP };
+        self.engage.ramp.unwrap_or(usual)
+    }
+
     /// Whether the device is simulated.
     pub fn is_simulated(&self) -> bool {
         self.connect.driver == SIMULATED

@@ -53,6 +53,9 @@ pub struct Hand {
     /// Sinusoids of the trajectory.
     #[serde(default, deserialize_with = "check::tables")]
     pub sines: Vec<Sine>,
+    /// The buttons that the hand presses.
+    #[serde(default, deserialize_with = "check::tables")]
+    pub presses: Vec<Press>,
     /// A recorded trajectory, its path relative to the scene file (CSV: time, x, y, z).
     #[serde(default)]
     pub recording: Option<String>,
@@ -140,6 +143,21 @@ impl TaskName {
             Self::Shake => TaskKind::Shake,
         }
     }
+}
+
+/// One button that a hand holds down for a time.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Press {
+    /// The button, counted from one.
+    #[serde(deserialize_with = "check::button")]
+    pub button: usize,
+    /// Start (s).
+    #[serde(deserialize_with = "check::not_negative")]
+    pub from: f64,
+    /// End (s).
+    #[serde(deserialize_with = "check::not_negative")]
+    pub to: f64,
 }
 
 /// One sinusoid of a hand's trajectory.

@@ -1,0 +1,199 @@
+//! Engagement in whole runs: orders and buttons, what the summary and the log say of them, and what a hand gets.
+
+use devices::panel::{Order, TimedOrder};
+use host::log::Log;
+use host::run::replay::{replay, scene_of};
+use host::run::summary::RunSummary;
+use host::run::{Clock, RunOptions, run};
+use host::scene::{LoadedScene, Scene};
+use rt_core::safety::SafetyState;
+use std::collections::BTreeMap;
+use std::error::Error;
+
+/// A soft block under one hand, which presses it by 12 mm and holds. `DEVICE` stands for further fields of the device.
+const SCENE: &str = "\
+name = 'block'
+gravity = [0, 0, 0]
+[[body]]
+name = 'block'
+damping = { mass = 0.1, stiffness = 0.02 }
+mesh.box = { size = [0.1, 0.1, 0.06], cells = [2, 2, 1] }
+material = { young = 8e3, poisson = 0.3, density = 1000 }
+[[body.support]]
+name = 'table'
+group = 'bottom'
+[[body.handle]]
+name = 'top'
+group = 'top'
+device = 'hand'
+[[device]]
+name = 'hand'
+model = 'omega3'
+DEVICE
+[device.hand]
+grip = 'firm'
+waypoints = [[0, 0, 0, 0], [0.3, 0, 0, -0.004], [0.6, 0, 0, -0.012]]
+HAND
+";
+
+fn scene(device: &str, hand: &str) -> Result<LoadedScene, Box<dyn Error>> {
+    let text = SCENE.replace("DEVICE", device).replace("HAND", hand);
+    Ok(Scene::load_texts("block.toml", &text, &BTreeMap::new())?)
+}
+
+/// Runs a scene with orders. Returns the summary, and the log after an exact replay.
+fn logged(
+    loaded: &LoadedScene,
+    orders: &[(Order, f64)],
+) -> Result<(RunSummary, Log), Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("run.mcap");
+    let orders = orders.iter().map(|(order, at)| TimedOrder {
+        order: *order,
+        at: *at,
+    });
+    let options = RunOptions {
+        duration: Some(2.0),
+        log: Some(path.clone()),
+        orders: orders.collect(),
+        ..RunOptions::new(Clock::Virtual)
+    };
+    let summary = run(loaded, &options, |_| {})?;
+    let log = Log::parse(&std::fs::read(path)?)?;
+    // The log holds the orders and the buttons: a replay engages at the same ticks.
+    let report = replay(&log, &scene_of(&log, "a log")?, |_| {})?;
+    assert!(report.is_exact());
+    Ok((summary, log))
+}
+
+fn state(log: &Log, tick: usize) -> (SafetyState, f64) {
+    let device = &log.rows[tick].devices[0];
+    (device.safety, device.wrench.force.norm())
+}
+
+/// Whether an event of the hand with these words lasts over that time.
+fn has_event(summary: &RunSummary, words: &str, time: f64) -> bool {
+    summary.events.iter().any(|event| {
+        event.description == format!("hand: {words}") && event.from <= time && time <= event.to
+    })
+}
+
+#[test]
+fn a_device_waits_to_be_armed_stops_on_an_order_and_waits_again() -> Result<(), Box<dyn Error>> {
+    let loaded = scene("engage = { arm = 'command', ramp = 0.3 }", "")?;
+    let orders = [(Order::Arm, 0.2), (Order::Stop, 1.0), (Order::Arm, 1.3)];
+    let (summary, log) = logged(&loaded, &orders)?;
+    // The hand has moved on when it arms the device: the proxy has waited at the top of the block, and continues there.
+    assert_eq!(state(&log, 150), (SafetyState::Disarmed, 0.0));
+    assert_eq!(state(&log, 250).0, SafetyState::Engaging);
+    let (engaged, force) = state(&log, 900);
+    assert_eq!(engaged, SafetyState::Normal);
+    assert!(force > 0.1, "{force} N");
+    assert_eq!(state(&log, 999).0, SafetyState::Normal);
+    // The tick of the order renders no force.
+    assert_eq!(state(&log, 1000), (SafetyState::Stopped, 0.0));
+    assert_eq!(state(&log, 1299), (SafetyState::Stopped, 0.0));
+    assert_eq!(state(&log, 1300).0, SafetyState::Engaging);
+    assert_eq!(state(&log, 1900).0, SafetyState::Normal);
+    let device = &summary.devices[0];
+    assert_eq!((device.engaged, device.stopped), (2, 1));
+    for (words, time) in [
+        ("disarmed, no force", 0.1),
+        ("engaging, force coming in", 0.3),
+        ("emergency stop, no force", 1.2),
+    ] {
+        assert!(
+            has_event(&summary, words, time),
+            "{words}: {:?}",
+            summary.events
+        );
+    }
+    // The bar of the project for the net energy at a hand.
+    assert!(summary.energy[0].most_out < 1e-3);
+    Ok(())
+}
+
+#[test]
+fn buttons_of_the_hand_arm_hold_and_stop() -> Result<(), Box<dyn Error>> {
+    let buttons = "engage = { arm_button = 1, dead_man_button = 2, stop_button = 3, ramp = 0.1 }";
+    let presses = "presses = [
+        { button = 1, from = 0.1, to = 0.15 },
+        { button = 2, from = 0.2, to = 0.8 },
+        { button = 2, from = 1.0, to = 2.0 },
+        { button = 3, from = 1.5, to = 1.6 },
+    ]";
+    let (summary, log) = logged(&scene(buttons, presses)?, &[])?;
+    for (tick, expected) in [
+        (50, SafetyState::Disarmed),
+        (150, SafetyState::HandsOff),
+        (250, SafetyState::Engaging),
+        (700, SafetyState::Normal),
+        (900, SafetyState::HandsOff),
+        (1400, SafetyState::Normal),
+        (1900, SafetyState::Stopped),
+    ] {
+        assert_eq!(state(&log, tick).0, expected, "tick {tick}");
+    }
+    // The force is gone 20 ms after the hand lets go.
+    assert!(state(&log, 799).1 > 0.1);
+    assert_eq!(state(&log, 822).1, 0.0);
+    let device = &summary.devices[0];
+    assert_eq!((device.hands_off, device.stopped), (1, 1));
+    assert!(summary.energy[0].most_out < 1e-3);
+    Ok(())
+}
+
+#[test]
+fn motors_that_heat_keep_their_continuous_force() -> Result<(), Box<dyn Error>> {
+    let (cool, _) = logged(&scene("", "")?, &[])?;
+    let (summary, log) = logged(&scene("continuous_force = 0.5\nheat_time = 0.2", "")?, &[])?;
+    assert!(cool.devices[0].peak_force > 1.0 && cool.devices[0].hot_ticks == 0);
+    assert!(summary.devices[0].hot_ticks > 500);
+    let (hot, force) = state(&log, 1999);
+    assert_eq!(hot, SafetyState::Hot);
+    assert!((force - 0.5).abs() < 0.02, "{force} N");
+    // The mean square of the force over the run, by the time constant of the motors.
+    let mut mean_square = 0.0;
+    for row in &log.rows {
+        let force = row.devices[0].wrench.force.norm();
+        mean_square += (force * force - mean_square) * 1e-3 / 0.2;
+        assert!(mean_square <= 0.25 + 1e-9);
+    }
+    Ok(())
+}
+
+#[test]
+fn wrong_values_name_their_field() {
+    for (device, hand, expected) in [
+        (
+            "engage = { arm = 'now' }",
+            "",
+            "device[0].engage.arm: found 'now'",
+        ),
+        (
+            "engage = { arm_button = 17 }",
+            "",
+            "device[0].engage.arm_button: found 17",
+        ),
+        (
+            "continuous_force = 0.5\ngrip_weight = [0, 0, -1]",
+            "",
+            "device[0].continuous_force: found 0.5",
+        ),
+        (
+            "",
+            "presses = [{ button = 1, from = 1, to = 0.5 }]",
+            "device[0].hand.presses[0].to: found 0.5",
+        ),
+    ] {
+        let error = scene(device, hand).expect_err("refused").to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let heavy = scene("grip_weight = [0, 0, -9]", "").expect("it is read");
+    let error = run(&heavy, &RunOptions::new(Clock::Virtual), |_| {}).expect_err("refused");
+    let said = error.to_string();
+    assert!(
+        said.contains("device[0].grip_weight: found a weight of 9.0 N"),
+        "{said}"
+    );
+}

@@ -1,0 +1,217 @@
+//! The operator's panel: orders to arm and to stop the devices of a run, and the wrapper that hands the orders to the
+//! tick.
+//!
+//! An order is a bit of the device's buttons ([`rt_core::engage`]). The log of the readings then holds the orders, and a
+//! replay needs no other record of them. An order may come from any thread, and the stop also from a signal handler: the
+//! panel is two atomic values. Orders at given times serve rehearsals: the device hands them over in the tick at or
+//! after their time, under either clock.
+
+use rt_core::engage::{ARM_ORDER, OWN_BUTTONS, STOP_ORDER};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Wrench};
+use runner::AnyDevice;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+/// The operator's panel of a run. Clones are the same panel.
+///
+/// ```
+/// use devices::panel::{Operated, Panel};
+/// use devices::scripted::{Scripted, small};
+/// use rt_core::engage::{ARM_ORDER, STOP_ORDER};
+/// use rt_core::{Device, DeviceState, Freedom};
+///
+/// let panel = Panel::default();
+/// let capabilities = small(Freedom::Three);
+/// let device = Scripted::new(capabilities, |_| Ok(DeviceState::resting()), |_, _| Ok(()));
+/// let mut device = Operated::new(Box::new(device), panel.clone(), &[]);
+/// panel.arm();
+/// assert_eq!(device.read(0)?.buttons, ARM_ORDER);
+/// panel.stop();
+/// assert_eq!(device.read(1_000_000)?.buttons, ARM_ORDER | STOP_ORDER);
+/// # Ok::<(), rt_core::DeviceError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Panel {
+    stopped: Arc<AtomicBool>,
+    /// Number of orders to arm.
+    armed: Arc<AtomicU32>,
+}
+
+impl Panel {
+    /// Arms the devices, and takes back an order to stop.
+    pub fn arm(&self) {
+        self.stopped.store(false, Ordering::Relaxed);
+        self.armed.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Stops the devices, until they are armed again.
+    pub fn stop(&self) {
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// The flag that stops the devices while it is set, for a signal handler.
+    pub fn stop_flag(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.stopped)
+    }
+
+    /// The orders as bits of buttons.
+    fn bits(&self) -> u32 {
+        orders(
+            self.armed.load(Ordering::Relaxed),
+            self.stopped.load(Ordering::Relaxed),
+        )
+    }
+}
+
+/// The bits of a number of orders to arm, and of a stop.
+fn orders(armed: u32, stopped: bool) -> u32 {
+    let arm = if armed % 2 == 1 { ARM_ORDER } else { 0 };
+    let stop = if stopped { STOP_ORDER } else { 0 };
+    arm | stop
+}
+
+/// An order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Arm the devices.
+    Arm,
+    /// Stop the devices.
+    Stop,
+}
+
+impl Order {
+    /// The order, in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Arm => "arm",
+            Self::Stop => "stop",
+        }
+    }
+}
+
+/// An order at a time of the run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimedOrder {
+    /// The order.
+    pub order: Order,
+    /// Its time (s).
+    pub at: f64,
+}
+
+/// A device with an operator: its own buttons, and the orders of the panel and of a schedule.
+pub struct Operated {
+    device: AnyDevice,
+    panel: Panel,
+    /// The orders to come, the next one last.
+    schedule: Vec<(u64, Order)>,
+    armed: u32,
+    stopped: bool,
+}
+
+impl Operated {
+    /// The `device` with the orders of the `panel`, and with those of a `schedule`.
+    pub fn new(device: AnyDevice, panel: Panel, schedule: &[TimedOrder]) -> Self {
+        let orders = schedule.iter();
+        let mut schedule: Vec<_> = orders
+            .map(|timed| ((timed.at.max(0.0) * 1e9) as u64, timed.order))
+            .collect();
+        schedule.sort_by_key(|(at, _)| std::cmp::Reverse(*at));
+        Self {
+            device,
+            panel,
+            schedule,
+            armed: 0,
+            stopped: false,
+        }
+    }
+
+    /// Takes the orders of the schedule until `now_ns`.
+    fn follow_schedule(&mut self, now_ns: u64) {
+        while let Some((_, order)) = self.schedule.pop_if(|(at, _)| *at <= now_ns) {
+            match order {
+                Order::Arm => {
+                    self.armed = self.armed.wrapping_add(1);
+                    self.stopped = false;
+                }
+                Order::Stop => self.stopped = true,
+            }
+        }
+    }
+}
+
+impl Device for Operated {
+    fn capabilities(&self) -> Capabilities {
+        self.device.capabilities()
+    }
+
+    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+        self.follow_schedule(now_ns);
+        let mut state = self.device.read(now_ns)?;
+        let scheduled = orders(self.armed, self.stopped);
+        let panel = self.panel.bits();
+        // An order to arm is a change of its bit, so two sources of orders are joined by their sum.
+        let arm = (scheduled ^ panel) & ARM_ORDER;
+        let stop = (scheduled | panel) & STOP_ORDER;
+        state.buttons = state.buttons & OWN_BUTTONS | arm | stop;
+        Ok(state)
+    }
+
+    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+        self.device.write(now_ns, wrench)
+    }
+
+    fn probe(&self) -> Option<Probe> {
+        self.device.probe()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scripted::{Scripted, small};
+    use rt_core::Freedom;
+
+    fn pressed(buttons: u32) -> AnyDevice {
+        let state = DeviceState {
+            buttons,
+            ..DeviceState::resting()
+        };
+        let capabilities = small(Freedom::Three);
+        Box::new(Scripted::new(
+            capabilities,
+            move |_| Ok(state),
+            |_, _| Ok(()),
+        ))
+    }
+
+    #[test]
+    fn no_device_gives_an_order_by_its_own_buttons() {
+        let mut device = Operated::new(pressed(u32::MAX), Panel::default(), &[]);
+        assert_eq!(device.read(0).expect("a state").buttons, OWN_BUTTONS);
+    }
+
+    #[test]
+    fn scheduled_orders_come_in_the_tick_at_or_after_their_time_whatever_their_order() {
+        let at = |order, at| TimedOrder { order, at };
+        let schedule = [
+            at(Order::Stop, 2e-3),
+            at(Order::Arm, 1e-3),
+            at(Order::Arm, 3.5e-3),
+        ];
+        let panel = Panel::default();
+        let mut device = Operated::new(pressed(1), panel.clone(), &schedule);
+        let mut read = |ms: u64| device.read(ms * 1_000_000).expect("a state").buttons;
+        assert_eq!(read(0), 1);
+        assert_eq!(read(1), 1 | ARM_ORDER);
+        assert_eq!(read(2), 1 | ARM_ORDER | STOP_ORDER);
+        assert_eq!(read(3), 1 | ARM_ORDER | STOP_ORDER);
+        assert_eq!(read(4), 1);
+        // An order of the panel is a change, too.
+        panel.arm();
+        assert_eq!(read(5), 1 | ARM_ORDER);
+        panel.stop_flag().store(true, Ordering::Relaxed);
+        assert_eq!(read(6), 1 | ARM_ORDER | STOP_ORDER);
+        panel.arm();
+        assert_eq!(read(7), 1);
+    }
+}
