@@ -2,6 +2,8 @@
 #include "board.h"
 
 #define SYSTICK ((volatile uint32_t *)0xE000E010u) /* control, reload, current */
+#define PENDING (*(volatile uint32_t *)0xE000ED04u)
+#define TICK_PENDING (1u << 26)
 #define CYCLES (TICK_US * CYCLES_A_US)
 
 volatile uint32_t clock_ticks;
@@ -48,9 +50,10 @@ void clock_sleep_until(int (*work)(void)) {
         if (asleep) {
             uint32_t from = SYSTICK[2];
             __asm volatile("dsb\n wfi" ::: "memory");
+            /* The counter counts down, and starts over after zero, where the next tick begins. */
+            int ticked = (PENDING & TICK_PENDING) != 0;
             uint32_t to = SYSTICK[2];
-            /* The counter counts down, and starts over after zero. */
-            clock_slept += to <= from ? from - to : from + CYCLES - to;
+            clock_slept += (ticked || to > from ? from + CYCLES : from) - to;
         }
         __asm volatile("cpsie i\n isb" ::: "memory");
     }

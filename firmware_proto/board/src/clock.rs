@@ -5,8 +5,8 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::asm;
-use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::peripheral::{SCB, SYST};
 
 /// Cycles of the processor in one us: 25 MHz.
 pub const CYCLES_A_US: u32 = 25;
@@ -73,13 +73,15 @@ pub fn sleep_until(work: impl Fn() -> bool) {
             }
             let from = SYST::get_current();
             asm::wfi();
+            // The counter counts down, and starts over after zero, where the next tick begins.
+            let ticked = SCB::is_pendst_pending();
             let to = SYST::get_current();
-            // The counter counts down, and starts over after zero.
-            let slept = if to <= from {
-                from - to
+            let start = if ticked || to > from {
+                from + CYCLES
             } else {
-                from + CYCLES - to
+                from
             };
+            let slept = start - to;
             SLEPT.fetch_add(slept, Ordering::Relaxed);
             true
         });

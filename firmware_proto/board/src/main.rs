@@ -61,6 +61,7 @@ fn main() -> ! {
     let mut handle = Handle::new(registers());
     let mut device = Device::new(MODEL, Geometry::default());
     let mut decoder = Decoder::new();
+    plant::start();
     let mut clock = Clock::start(core.SYST);
     LINE.start();
     // The zero ends whatever came before.
@@ -123,9 +124,6 @@ fn main() -> ! {
 #[exception]
 fn SysTick() {
     static mut PLANT: Plant = Plant::new();
-    if clock::ticks() == 0 {
-        PLANT.start();
-    }
     clock::tick();
     PLANT.step(TICK_US as f32 * 1e-6, clock::slept());
 }

@@ -123,11 +123,11 @@ impl Plant {
             _ => {}
         }
     }
+}
 
-    /// Begins to listen to a test.
-    pub fn start(&self) {
-        UART1.start(Block::POLLED);
-    }
+/// Begins to listen to a test.
+pub fn start() {
+    UART1.start(Block::POLLED);
 }
 
 /// Metres as nm; the reach is 40,000,000 nm.

@@ -48,10 +48,6 @@ pub struct Block {
     address: usize,
 }
 
-/// The UART of the line to the host.
-const UART0: Block = Block {
-    address: 0x4000_4000,
-};
 /// The UART of the line that a test has to the simulated mechanism.
 pub const UART1: Block = Block {
     address: 0x4000_5000,
@@ -109,6 +105,7 @@ unsafe impl InterruptNumber for Interrupt {
 
 /// The line to the host.
 pub struct Line {
+    uart: Block,
     incoming: Ring<BYTES>,
     outgoing: Ring<BYTES>,
     /// Number of zeros that have come: ends of packets.
@@ -117,6 +114,9 @@ pub struct Line {
 
 /// The line to the host.
 pub static LINE: Line = Line {
+    uart: Block {
+        address: 0x4000_4000,
+    },
     incoming: Ring::new(),
     outgoing: Ring::new(),
     ends: AtomicU32::new(0),
@@ -125,7 +125,7 @@ pub static LINE: Line = Line {
 impl Line {
     /// Starts the line.
     pub fn start(&self) {
-        UART0.start(control::DIRECTIONS | control::INTERRUPTS);
+        self.uart.start(control::DIRECTIONS | control::INTERRUPTS);
         for interrupt in [Interrupt::Received, Interrupt::Sent] {
             // SAFETY: no code relies on the absence of this interrupt.
             unsafe { NVIC::unmask(interrupt) };
@@ -157,7 +157,7 @@ impl Line {
     pub fn send_failed(&self, bytes: &[u8]) {
         for &byte in bytes {
             let mut patience = 16 * 10 * CYCLES_A_BIT;
-            while !UART0.put(byte) && patience > 0 {
+            while !self.uart.put(byte) && patience > 0 {
                 patience -= 1;
             }
         }
@@ -165,8 +165,8 @@ impl Line {
 
     /// The interrupt [`Interrupt::Received`].
     pub fn received(&self) {
-        UART0.layout().interrupts.set(interrupts::RECEIVED);
-        while let Some(byte) = UART0.take() {
+        self.uart.layout().interrupts.set(interrupts::RECEIVED);
+        while let Some(byte) = self.uart.take() {
             // Where the ring is full the byte is lost, and the check sum of the packet is wrong.
             self.incoming.put(byte);
             if byte == 0 {
@@ -177,12 +177,12 @@ impl Line {
 
     /// The interrupt [`Interrupt::Sent`].
     pub fn sent(&self) {
-        UART0.layout().interrupts.set(interrupts::SENT);
-        while UART0.layout().state.get() & state::CANNOT_PUT == 0 {
+        self.uart.layout().interrupts.set(interrupts::SENT);
+        while self.uart.layout().state.get() & state::CANNOT_PUT == 0 {
             let Some(byte) = self.outgoing.take() else {
                 break;
             };
-            UART0.put(byte);
+            self.uart.put(byte);
         }
     }
 }

@@ -11,7 +11,7 @@ use devices::conformance::Suite;
 use devices::{AnyDevice, DeviceModel, Registry, Request, Tcp};
 use firmware_proto::report::{
     CapabilitiesReport, FirmwareVersion, HelloReport, LENGTH, Mode, Report, Sends, StateReport,
-    VERSION, WATCHDOG_LEAST_US, WATCHDOG_MOST_US, WrenchReport, axes, fault, flags, status,
+    VERSION, WATCHDOG_MOST_US, WrenchReport, axes, fault, flags, status,
 };
 use firmware_proto::stream::{Decoder, PACKET, packet};
 use std::io::{ErrorKind, Read, Write};
@@ -68,7 +68,14 @@ struct Board {
 impl Drop for Board {
     fn drop(&mut self) {
         let _ = self.qemu.kill();
+        let mut text = String::new();
+        if let Some(errors) = &mut self.qemu.stderr {
+            let _ = errors.read_to_string(&mut text);
+        }
         let _ = self.qemu.wait();
+        if std::thread::panicking() {
+            let _ = writeln!(std::io::stderr(), "{}: QEMU printed:\n{text}", self.name);
+        }
     }
 }
 
@@ -118,7 +125,7 @@ impl Board {
             .args(["-kernel", image])
             .stdin(OwnedFd::from(line))
             .stdout(OwnedFd::from(bench))
-            .stderr(Stdio::inherit())
+            .stderr(Stdio::piped())
             .spawn()
             .expect("qemu-system-arm starts (apt-get install qemu-system-arm)");
         Self {
@@ -214,11 +221,7 @@ impl Host {
                     return Report::decode(report).expect("a report of the device is valid");
                 }
             }
-            assert!(
-                start.elapsed() < PATIENCE,
-                "{}: no report comes",
-                self.name
-            );
+            assert!(start.elapsed() < PATIENCE, "{}: no report comes", self.name);
             self.fill();
         }
     }
@@ -303,7 +306,9 @@ impl Host {
 
     /// Opens a session, once the device has found its reference.
     fn greet(&mut self, session: u32, watchdog_us: u32) -> CapabilitiesReport {
-        self.see("the end of the search", |state| state.condition.mode == Mode::Idle);
+        self.see("the end of the search", |state| {
+            state.condition.mode == Mode::Idle
+        });
         self.session = session;
         let start = Instant::now();
         while start.elapsed() < PATIENCE {
@@ -414,12 +419,18 @@ fn the_device_finds_its_reference_answers_and_sends_states_in_sequence() {
         }
         // The loop of an emulated processor may be held up at times.
         let us = last.condition.time_us.wrapping_sub(first.condition.time_us);
-        assert!((495_000..525_000).contains(&us), "{name}: 500 states in {us} us");
+        assert!(
+            (495_000..525_000).contains(&us),
+            "{name}: 500 states in {us} us"
+        );
         // The reference is right: the position is the true one, to a count.
         let state = host.rest();
         let truth = board.truth();
         for (told, nm) in state.position.into_iter().zip(truth.position_nm) {
-            assert!((nm - told * 100).abs() <= 10_000, "{name}: {state:?} {truth:?}");
+            assert!(
+                (nm - told * 100).abs() <= 10_000,
+                "{name}: {state:?} {truth:?}"
+            );
         }
         board.command(b'b');
         host.see("the button", |state| state.condition.buttons == 1);
@@ -462,15 +473,17 @@ fn a_force_moves_the_handle_by_its_mass_and_ends_with_the_watchdog() {
         let end = host.see("no force", |state| state.condition.in_force().is_none());
         let lasted_us = end.condition.since_us.wrapping_sub(begin_us);
         // The firmware looks at its watchdog in each tick; it may be late by one, and by another where it was held up.
-        let most_us = WATCHDOG_MOST_US + 2 * TICK_US;
-        assert!((WATCHDOG_MOST_US - TICK_US..=most_us).contains(&lasted_us), "{name}: {lasted_us} us");
+        let range_us = WATCHDOG_MOST_US - TICK_US..=WATCHDOG_MOST_US + 2 * TICK_US;
+        assert!(range_us.contains(&lasted_us), "{name}: {lasted_us} us");
         assert_eq!(end.condition.mode, Mode::Idle, "{name}");
-        assert!(end.condition.status & status::WATCHDOG != 0, "{name}: {end:?}");
+        assert!(
+            end.condition.status & status::WATCHDOG != 0,
+            "{name}: {end:?}"
+        );
         let truth = board.truth();
         assert_eq!(truth.force, [0; 3], "{name}: {truth:?}");
 
         // The device comes back after the silence, with the true force.
-        host.push([500_000, 0, 0]);
         let mut felt = false;
         let start = Instant::now();
         while !felt {
@@ -478,9 +491,15 @@ fn a_force_moves_the_handle_by_its_mass_and_ends_with_the_watchdog() {
             host.push([500_000, 0, 0]);
             felt = board.truth().force == [500_000, 0, 0];
         }
-        // The least watchdog holds as well.
+        // The watchdog that the host asks for is the one that ends.
         host.see("no force", |state| state.condition.in_force().is_none());
-        host.greet(8, WATCHDOG_LEAST_US);
+        let wanted_us = 40_000;
+        host.greet(8, wanted_us);
+        let begin_us = host.push([500_000, 0, 0]).condition.since_us;
+        let end = host.see("no force", |state| state.condition.in_force().is_none());
+        let lasted_us = end.condition.since_us.wrapping_sub(begin_us);
+        let range_us = wanted_us - TICK_US..=wanted_us + 2 * TICK_US;
+        assert!(range_us.contains(&lasted_us), "{name}: {lasted_us} us");
     });
 }
 
@@ -584,13 +603,24 @@ fn nothing_wrong_is_ever_applied() {
             state.condition.refused.wrapping_sub(refused) < 128,
             "{name}: {state:?}"
         );
-        // No other host takes an active device.
-        let begun = state.condition.refused;
-        host.hello(99, 0);
-        host.see("a refused hello", |state| {
-            assert_eq!(state.session, 7, "{name}");
-            state.condition.refused != begun || state.condition.mode == Mode::Idle
-        });
+        // No other host takes an active device. Where the watchdog was faster than the hello, try again.
+        let start = Instant::now();
+        loop {
+            let begun = host.push([250_000, 0, 0]).condition.refused;
+            host.hello(99, 0);
+            let state = host.see("an answer to the hello", |state| {
+                state.condition.refused != begun || state.session == 99
+            });
+            if state.session == 7 {
+                assert_eq!(state.condition.mode, Mode::Active, "{name}");
+                break;
+            }
+            assert!(
+                start.elapsed() < PATIENCE,
+                "{name}: the hello of another host is accepted"
+            );
+            host.greet(7, WATCHDOG_MOST_US);
+        }
     });
 }
 
@@ -628,7 +658,11 @@ fn the_emergency_stop_cuts_the_amplifiers_and_its_release_begins_anew() {
         let state = host.see("a fault", |state| state.condition.mode == Mode::Fault);
         let stop = fault::EMERGENCY_STOP.get();
         assert_eq!(state.condition.fault, stop, "{name}");
-        assert_eq!(state.condition.status & (status::POWERED | status::IN_FORCE), 0, "{name}");
+        assert_eq!(
+            state.condition.status & (status::POWERED | status::IN_FORCE),
+            0,
+            "{name}"
+        );
         let truth = board.truth();
         assert!(!truth.enabled && truth.force == [0; 3], "{name}: {truth:?}");
         // A wrench is refused.
@@ -665,7 +699,11 @@ fn a_firmware_that_fails_lets_go_and_says_so() {
             };
             let state = host.see("a fault of its own", failed);
             assert_eq!(state.session, 0, "{name}");
-            assert_eq!(state.condition.status & (status::POWERED | status::IN_FORCE), 0, "{name}");
+            assert_eq!(
+                state.condition.status & (status::POWERED | status::IN_FORCE),
+                0,
+                "{name}"
+            );
             if cause == b'p' {
                 // After a trap the mechanism stands still, too: its interrupt has a lower priority.
                 let truth = board.truth();
