@@ -1,13 +1,14 @@
-/* The board: a Cortex-M4 at 25 MHz with CMSDK UARTs (QEMU's mps2-an386), and what the files of the firmware share.
+/* The board: a Cortex-M4 at 25 MHz with CMSDK UARTs (QEMU's mps2-an386), and the declarations that its files share.
  *
- * The firmware is that of ../src, in C99: one file for each of its files. See there, and docs/src/devices.md. */
+ * The firmware in ../src is the model of this firmware in C99, and has the longer comments. See also
+ * docs/src/devices.md, "Firmware". */
 #ifndef BOARD_H
 #define BOARD_H
 
 #include "palpate_proto.h"
 
 /* registers: between the firmware and its mechanism (../src/registers.rs). On a board of your own they belong to
- * counters, inputs and amplifiers. Here the simulated mechanism (plant.c) has the place of the hardware. */
+ * counters, inputs and amplifiers. Here the simulated mechanism (plant.c) takes the place of the hardware. */
 
 #define AXES 3
 #define COUNT_NM 10000 /* length of one count */
@@ -15,11 +16,11 @@
 
 #define SWITCH_STOP 0x1u
 #define SWITCH_BUTTON 0x2u
-#define SWITCH_FAIL 0x4u /* asks the firmware to fail: it lets a test try the way out */
-#define SWITCH_TRAP 0x8u /* asks for an instruction that the processor does not have */
+#define SWITCH_FAIL 0x4u /* asks the firmware to fail, for a test of the way out */
+#define SWITCH_TRAP 0x8u /* asks for an unknown instruction, for the same test */
 
 typedef struct {
-    volatile uint32_t counts[AXES]; /* signed; they start anywhere and wrap */
+    volatile uint32_t counts[AXES]; /* signed; a counter starts anywhere, and wraps */
     volatile uint32_t marks[AXES];  /* counts at the marks, valid where the bit in marked is set */
     volatile uint32_t marked;       /* bit k: the mark of axis k has passed */
     volatile uint32_t switches;
@@ -42,7 +43,7 @@ void clock_start(void);
 uint32_t clock_now_us(void);
 void clock_sleep_until(int (*work)(void));
 
-/* uart: the line to the host (UART0, by interrupts) and that of a test to the mechanism (UART1). */
+/* uart: the line to the host (UART0, by interrupts), and the line between a test and the mechanism (UART1). */
 
 extern volatile uint32_t line_ends; /* ends of packets that have come */
 

@@ -43,8 +43,8 @@ uint32_t clock_now_us(void) {
 void clock_sleep_until(int (*work)(void)) {
     int asleep = 1;
     while (asleep) {
-        /* Interrupts wait here, so none comes between the question and the sleep. They still wake the processor, and run
-         * after this section: the time is that of the sleep alone. */
+        /* Interrupts wait here, so no interrupt comes between the question and the sleep. An interrupt still wakes the
+         * processor, and runs after this section: the measured time is the time of the sleep alone. */
         __asm volatile("cpsid i" ::: "memory");
         asleep = !work();
         if (asleep) {

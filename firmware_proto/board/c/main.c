@@ -1,6 +1,6 @@
 /* Firmware of a haptic device on a Cortex-M4, in C99.
  *
- * The protocol, the modes and the watchdog are those of palpate_proto.c. This file has the loop (../src/main.rs), the
+ * The protocol, the modes and the watchdog come from palpate_proto.c. This file has the loop (../src/main.rs), the
  * handle (../src/handle.rs) and the way out of a failure (../src/failure.rs). */
 #include "board.h"
 
@@ -9,7 +9,7 @@
 #define ALL_AXES ((1u << AXES) - 1)
 #define MEAN 4              /* states over which the velocity is a mean */
 #define COUNT (COUNT_NM / 100) /* a count in 0.1 um */
-#define FAILED 128          /* the fault of a firmware that has failed; the device's own */
+#define FAILED 128          /* the fault of a firmware that has failed: the first number of the device's own */
 
 static const palpate_model model = {
     .sensed = 7, /* translations */
@@ -22,8 +22,8 @@ static const palpate_model model = {
     .name = "board c99",
 };
 
-/* The handle: what the registers of the mechanism mean in the units of a report. Change it for a mechanism of your own:
- * its kinematics turns counts into a pose, and a wrench into the forces of the motors. */
+/* The handle: the registers of the mechanism in the units of a report. Change this part for a mechanism of your own:
+ * the kinematics turns counts into a pose, and a wrench into the forces of the motors. */
 
 static uint32_t origin[AXES];     /* the counts at the origin, once the marks have passed */
 static int32_t past[MEAN][AXES];  /* the last positions (0.1 um) */
@@ -43,7 +43,7 @@ static void handle_drive(const int32_t wrench[6]) {
     REGISTERS->enable = 1;
 }
 
-/* The position (0.1 um). The counters wrap, so their difference does, too. */
+/* The position (0.1 um). The counters wrap, and so does the difference of two counts. */
 static int32_t handle_position(int axis) {
     int32_t count = (int32_t)(REGISTERS->counts[axis] - origin[axis]);
     if (count > INT32_MAX / COUNT) {
@@ -65,7 +65,7 @@ static int handle_find(void) {
     return 1;
 }
 
-/* Called once a state. */
+/* The measurement for a state. Called once a state, because the velocity is the mean over the last states. */
 static void handle_measure(palpate_pose *pose) {
     uint32_t oldest = (newest + 1) % MEAN;
     *pose = (palpate_pose){.orientation = {32767, 0, 0, 0}};
@@ -89,7 +89,8 @@ static palpate_inputs handle_inputs(void) {
     };
 }
 
-/* Lets go for good, and reports the fault. The old device may be broken, so a new one, without a session, reports. */
+/* Lets go for good, and reports the fault. The old device may be broken, so a new device, without a session, sends the
+ * reports. */
 void halt(void) {
     static palpate_device failed;
     uint8_t report[PALPATE_LENGTH], packet[PALPATE_PACKET];
@@ -138,7 +139,7 @@ int main(void) {
         seen_ends = line_ends;
         while (line_take(&byte)) {
             if (palpate_push(&decoder, byte)) {
-                /* The device counts the reports that it refuses. */
+                /* The device counts refused reports. */
                 palpate_device_receive(&device, decoder.report, PALPATE_LENGTH, clock_now_us(), NULL);
             }
         }
@@ -178,7 +179,7 @@ int main(void) {
             handle_let_go();
         }
         if (ticks - due < UINT32_MAX / 2) {
-            /* A loop that was held up does not catch up. */
+            /* After a delay, the loop does not catch up. */
             due = ticks + TICKS_A_STATE;
             palpate_pose pose;
             palpate_inputs inputs = handle_inputs();

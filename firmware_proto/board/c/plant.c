@@ -1,6 +1,7 @@
-/* The simulated mechanism behind the registers. It is no part of the firmware: a board of your own has none.
+/* The simulated mechanism behind the registers. The mechanism is no part of the firmware: delete this file for
+ * a board of your own.
  *
- * The mechanism, the line of a test and its commands are those of ../src/plant.rs, number by number. */
+ * The model, the numbers, and the commands of a test are the same as in ../src/plant.rs. */
 #include "board.h"
 
 #define MASS 0.2f       /* kg */
@@ -38,7 +39,7 @@ static void move_axis(int axis, float motor) {
     }
 }
 
-/* Sets the counter, and keeps the count at the mark once the handle has passed it. */
+/* Sets the counter, and keeps the count at the mark once the handle has passed the mark. */
 static void encode(int axis) {
     int32_t at = nm(position[axis]);
     int32_t count = at / COUNT_NM - (at % COUNT_NM < 0);

@@ -9,7 +9,8 @@ extern uint32_t stack_top, data_from, data_start, data_end, bss_start, bss_end;
 void reset(void);
 void systick(void);
 
-/* The compiler makes calls of these from copies of structures. The loops must not become calls of themselves. */
+/* The compiler turns copies of structures into calls of these functions. The option keeps the loops from becoming such
+ * calls themselves. */
 __attribute__((optimize("no-tree-loop-distribute-patterns"))) void *memcpy(void *to, const void *from, size_t length) {
     uint8_t *put = to;
     const uint8_t *take = from;
@@ -29,7 +30,7 @@ __attribute__((optimize("no-tree-loop-distribute-patterns"))) void *memset(void 
 
 #define AT(address) ((uintptr_t)(address))
 
-/* The vectors of the processor, then those of the board. */
+/* The vectors of the processor, then the vectors of the board. */
 __attribute__((section(".vectors"), used)) static const uintptr_t vectors[18] = {
     AT(&stack_top),
     AT(reset),

@@ -20,7 +20,8 @@ typedef struct {
 #define NVIC_ENABLE (*(volatile uint32_t *)0xE000E100u)
 #define NVIC_PEND (*(volatile uint32_t *)0xE000E200u)
 
-/* A ring of bytes between an interrupt and the loop: only one side changes head, only the other tail. */
+/* A ring of bytes between an interrupt and the loop: only the putting side changes head, and only the
+ * taking side changes tail. */
 typedef struct {
     volatile uint8_t bytes[BYTES];
     volatile uint32_t head, tail;
@@ -59,18 +60,18 @@ int line_take(uint8_t *byte) {
     return take(&incoming, byte);
 }
 
-/* Sends all bytes, or none where there is no room: the host sees a gap in the sequence, never half a packet. */
+/* Sends all bytes, or no byte where room is missing: the host sees a gap in the sequence, never half a packet. */
 void line_send(const uint8_t *bytes, uint32_t length) {
     if (room(&outgoing) >= length) {
         for (uint32_t k = 0; k < length; k++) {
             put(&outgoing, bytes[k]);
         }
-        /* Only the interrupt touches the UART, so the two sides need no lock. */
+        /* Only the interrupt touches the UART, so the loop and the interrupt need no lock. */
         NVIC_PEND = 1u << 1;
     }
 }
 
-/* Sends without interrupts, for a firmware that has failed. Waits for each byte, but not for ever. */
+/* Sends without interrupts, for a firmware that has failed. Waits a bounded time for each byte. */
 void line_send_failed(const uint8_t *bytes, uint32_t length) {
     for (uint32_t k = 0; k < length; k++) {
         uint32_t patience = 16 * 10 * CYCLES_A_BIT;

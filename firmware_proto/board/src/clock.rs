@@ -1,7 +1,8 @@
 //! Time: the tick of the hardware, the clock in us, and sleep until there is work.
 //!
-//! The clock counts the ticks of SysTick, and the part of the present tick by its counter. A tick that the processor
-//! misses is missing in the clock, too, so the time and the mechanism of a stopped emulator stop together.
+//! The clock counts the ticks of SysTick, and measures the part of the present tick by the counter of SysTick. A tick
+//! that the processor misses is missing in the clock, too: the time and the simulated mechanism always agree, whatever
+//! delays an emulator has.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::asm;
@@ -33,7 +34,7 @@ impl Clock {
         Self { last_us: 0 }
     }
 
-    /// The time (us), which wraps and never goes back.
+    /// The time (us). The time wraps, and never goes back.
     pub fn now_us(&mut self) -> u32 {
         loop {
             let ticks = ticks();
@@ -65,8 +66,8 @@ pub fn tick() {
 pub fn sleep_until(work: impl Fn() -> bool) {
     let mut asleep = true;
     while asleep {
-        // Interrupts wait here, so none comes between the question and the sleep. They still wake the processor, and run
-        // after this section: the time is that of the sleep alone.
+        // Interrupts wait here, so no interrupt comes between the question and the sleep. An interrupt still wakes the
+        // processor, and runs after this section: the measured time is the time of the sleep alone.
         asleep = cortex_m::interrupt::free(|_| {
             if work() {
                 return false;

@@ -1,7 +1,7 @@
-//! The handle: what the registers of the mechanism mean in the units of a report.
+//! The handle: the registers of the mechanism in the units of a report.
 //!
-//! Change this file for a mechanism of your own: its kinematics turns the counts of the encoders into a pose, and a
-//! wrench into the forces of the motors. The mechanism of this file is the simplest: each motor drives one axis.
+//! Change this file for a mechanism of your own: the kinematics turns the counts of the encoders into a pose,
+//! and a wrench into the forces of the motors. The mechanism of this file is the simplest: each motor drives one axis.
 
 use crate::registers::{AXES, COUNT_NM, MARK, Registers, switches};
 use firmware_proto::device::{Inputs, Measured, Wrench};
@@ -25,7 +25,7 @@ pub struct Handle {
 }
 
 impl Handle {
-    /// A handle with its amplifiers off.
+    /// A handle, with the amplifiers off.
     pub fn new(registers: &'static Registers) -> Self {
         let new = Self {
             registers,
@@ -48,7 +48,7 @@ impl Handle {
         found
     }
 
-    /// The position (0.1 um). The counters wrap, so their difference does, too.
+    /// The position (0.1 um). The counters wrap, and so does the difference of two counts.
     fn position(&self) -> [i32; AXES] {
         let mut position = [0; AXES];
         for axis in 0..AXES {
@@ -60,7 +60,7 @@ impl Handle {
         position
     }
 
-    /// What the device measures now. Called once a state.
+    /// The measurement for a state. Called once a state, because the velocity is the mean over the last states.
     pub fn measure(&mut self) -> Measured {
         let position = self.position();
         let [.., oldest] = self.past;
@@ -80,7 +80,7 @@ impl Handle {
         }
     }
 
-    /// What the device knows of itself.
+    /// The button, and whether the amplifiers are on.
     pub fn inputs(&self) -> Inputs {
         Inputs {
             buttons: u16::from(self.switches() & switches::BUTTON != 0),

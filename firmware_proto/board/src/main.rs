@@ -1,12 +1,12 @@
 //! Firmware of a haptic device on a Cortex-M4, in Rust.
 //!
-//! The protocol, the modes and the watchdog are those of `firmware_proto`. The rest is the board: a line to the host
-//! ([`uart`]), the time ([`clock`]), the handle behind its registers ([`handle`], [`registers`]), and the way out of a
-//! failure ([`failure`]). The mechanism ([`plant`]) is simulated, and has the place of the hardware. `c/` is the same
+//! The protocol, the modes and the watchdog come from `firmware_proto`. The rest is the board: a line to the host
+//! ([`uart`]), the time ([`clock`]), the handle and the registers ([`handle`], [`registers`]), and the way out of a
+//! failure ([`failure`]). The mechanism ([`plant`]) is simulated, and takes the place of the hardware. `c/` is the same
 //! firmware in C99. The book says how to start from here (`docs/src/devices.md`, "Firmware").
 //!
-//! The loop sleeps until a packet or a tick of 250 us has come. It then takes the packet, sets the amplifiers and, each
-//! fourth tick, sends a state. A wrench is in force as soon as it has come, not at the next state.
+//! The loop sleeps until a packet or a tick of 250 us has come. The loop then takes the packet, sets the amplifiers
+//! and, in each fourth tick, sends a state. A wrench comes into force on arrival, and does not wait for the next state.
 #![no_std]
 #![no_main]
 
@@ -35,7 +35,7 @@ const TICKS_A_STATE: u32 = STATE_US / TICK_US;
 /// The search for the reference fails after so many ticks: ten seconds.
 const SEARCH_TICKS: u32 = 10_000_000 / TICK_US;
 
-/// What the device can do.
+/// The capabilities of the device.
 const MODEL: Model = Model {
     sensed: axes::TRANSLATIONS,
     actuated: axes::TRANSLATIONS,
@@ -74,7 +74,7 @@ fn main() -> ! {
         ends = LINE.ends();
         while let Some(byte) = LINE.take() {
             if let Some(report) = decoder.push(byte) {
-                // The device counts the reports that it refuses.
+                // The device counts refused reports.
                 let _ = device.receive(report, clock.now_us());
             }
         }
@@ -112,7 +112,7 @@ fn main() -> ! {
             Mode::Boot | Mode::Homing | Mode::Fault => handle.let_go(),
         }
         if ticks.wrapping_sub(due) < u32::MAX / 2 {
-            // A loop that was held up does not catch up.
+            // After a delay, the loop does not catch up.
             due = ticks.wrapping_add(TICKS_A_STATE);
             let report = device.report(now_us, handle.inputs(), &handle.measure());
             LINE.send(&packet(&report));
@@ -136,10 +136,10 @@ unsafe fn DefaultHandler(number: i16) {
     match number {
         RECEIVED => LINE.received(),
         SENT => LINE.sent(),
-        // No other is enabled.
+        // No other interrupt is enabled.
         _ => failure::halt(),
     }
 }
 
-/// The number of the fault of a firmware that has failed; the device's own.
+/// The number of the fault of a firmware that has failed: the first number of the device's own.
 const FAILED: NonZeroU8 = NonZeroU8::MIN.saturating_add(127);

@@ -1,12 +1,13 @@
-//! The simulated mechanism behind the registers. It is no part of the firmware: a board of your own has none.
+//! The simulated mechanism behind the registers. The mechanism is no part of the firmware: delete this file for a board
+//! of your own.
 //!
 //! Each axis is a mass with damping and friction, which a hand pulls to the origin like a spring. The steps are
 //! semi-implicit Euler, and friction takes speed away down to rest. The handle starts away from the origin, and passes
-//! the reference marks on its way. The counters start at numbers of no meaning, as those of real encoders do.
+//! the reference marks on its way. The counters start at arbitrary numbers, as real encoders do.
 //!
-//! A test has a line of its own to the mechanism (UART1 of the board). Each byte is a command: `e` and `E` press and
-//! release the emergency stop, `b` and `B` the button, `p` and `t` set the switches that ask for a panic and for a trap.
-//! `?` asks for the truth: [`Truth`], in little-endian words. `c/plant.c` is the same mechanism in C.
+//! A test has a second line, to the mechanism (UART1 of the board). Each byte is a command: `e` and `E` press and
+//! release the emergency stop, `b` and `B` the button; `p` and `t` set the switches that ask for a panic and for a
+//! trap. `?` asks for the truth: [`Truth`], in little-endian words. `c/plant.c` is the same mechanism in C.
 
 use crate::registers::{AXES, COUNT_NM, MARK, Registers, registers, switches};
 use crate::uart::{Block, UART1};
@@ -26,7 +27,7 @@ const START: f32 = 0.005;
 /// The counters at the origin.
 const ORIGIN: [i32; AXES] = [12_345, -6_789, 424_242];
 
-/// What a test may know of the mechanism, in words of 32 bits: the number of steps, the time that the processor slept
+/// The answer to a test, in words of 32 bits: the number of steps, the time that the processor slept
 /// (cycles), the position (nm), the forces on the handle (uN), whether the amplifiers are on.
 pub type Truth = [u32; 9];
 
@@ -38,7 +39,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A mechanism at rest, before its marks.
+    /// A mechanism at rest, in front of the marks.
     pub const fn new() -> Self {
         Self {
             position: [START; AXES],
@@ -81,7 +82,7 @@ impl Plant {
         }
     }
 
-    /// Sets the counter, and keeps the count at the mark once the handle has passed it.
+    /// Sets the counter, and keeps the count at the mark once the handle has passed the mark.
     fn encode(&self, axis: usize, registers: &Registers) {
         let count = nm(self.position[axis]).div_euclid(COUNT_NM);
         registers.counts[axis].set_signed(ORIGIN[axis] + count);

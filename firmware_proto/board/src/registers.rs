@@ -1,7 +1,7 @@
-//! The registers between the firmware and its mechanism: what the encoders and switches say, and what the motors get.
+//! The registers between the firmware and its mechanism: encoders and switches in, forces of the motors out.
 //!
 //! On a board of your own the registers belong to counters, inputs and amplifiers. Here the simulated mechanism
-//! ([`crate::plant`]) has the place of the hardware. The firmware knows only this file.
+//! ([`crate::plant`]) takes the place of the hardware. The firmware proper uses only the registers of this file.
 
 use core::cell::UnsafeCell;
 
@@ -20,9 +20,9 @@ pub mod switches {
     pub const STOP: u32 = 1 << 0;
     /// The button of the handle is pressed.
     pub const BUTTON: u32 = 1 << 1;
-    /// Asks the firmware to panic: it lets a test try the way out.
+    /// Asks the firmware to panic, for a test of the way out. Leave the bit out on a board of your own.
     pub const PANIC: u32 = 1 << 2;
-    /// Asks the firmware for an instruction that the processor does not have, which is a hard fault.
+    /// Asks the firmware for an instruction that the processor does not have, for the same test: a hard fault.
     pub const TRAP: u32 = 1 << 3;
 }
 
@@ -36,7 +36,7 @@ unsafe impl Sync for Register {}
 impl Register {
     /// The value.
     pub fn get(&self) -> u32 {
-        // SAFETY: the pointer is that of a reference, so it is valid and aligned.
+        // SAFETY: the pointer comes from a reference, so the pointer is valid and aligned.
         unsafe { self.0.get().read_volatile() }
     }
 
@@ -60,7 +60,7 @@ impl Register {
 /// The registers of the mechanism, in their order in memory.
 #[repr(C)]
 pub struct Registers {
-    /// The counters of the encoders. They start anywhere and wrap.
+    /// The counters of the encoders. A counter starts anywhere, and wraps.
     pub counts: [Register; AXES],
     /// The counts at the reference marks, valid where the bit in `marked` is set.
     pub marks: [Register; AXES],
@@ -76,7 +76,7 @@ pub struct Registers {
 
 /// The registers.
 pub fn registers() -> &'static Registers {
-    // SAFETY: the address is aligned memory of the board that nothing else is placed in, and every value of a register is
-    // valid.
+    // SAFETY: the address is aligned memory of the board, no image places anything there, and every value of a register
+    // is valid.
     unsafe { &*core::ptr::with_exposed_provenance(ADDRESS) }
 }

@@ -1,13 +1,13 @@
-//! A ring of bytes between an interrupt and the loop: one side puts, the other takes, and neither waits.
+//! A ring of bytes between an interrupt and the loop: one side puts, the other takes, and neither side waits.
 
 use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 
 /// A ring that holds up to `N` - 1 bytes.
 pub struct Ring<const N: usize> {
     bytes: [AtomicU8; N],
-    /// Place of the next byte to put; only the side that puts changes it.
+    /// Place of the next byte to put; only the putting side changes this number.
     head: AtomicUsize,
-    /// Place of the next byte to take; only the side that takes changes it.
+    /// Place of the next byte to take; only the taking side changes this number.
     tail: AtomicUsize,
 }
 
@@ -21,7 +21,7 @@ impl<const N: usize> Ring<N> {
         }
     }
 
-    /// The number of bytes that there is room for.
+    /// The number of bytes that can be put.
     pub fn room(&self) -> usize {
         let (head, tail) = (
             self.head.load(Ordering::Relaxed),

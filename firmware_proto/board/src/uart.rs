@@ -1,7 +1,7 @@
-//! The UARTs of the board: CMSDK APB UART (Arm DDI 0479), which hold one byte each way.
+//! The UARTs of the board: CMSDK APB UART (Arm DDI 0479), each with room for one byte in each direction.
 //!
-//! The line to the host ([`LINE`]) is driven by interrupts, with a ring of bytes each way. The firmware of a faster board
-//! would let a DMA controller do this.
+//! Interrupts drive the line to the host ([`LINE`]), with a ring of bytes each way. The firmware of a faster board
+//! would let a DMA controller move the bytes.
 
 use crate::ring::Ring;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -10,7 +10,7 @@ use cortex_m::peripheral::NVIC;
 
 use crate::registers::Register;
 
-/// Bytes that wait in each direction, at most one less: room for three packets.
+/// Length of the ring of each direction: room for three packets.
 const BYTES: usize = 256;
 /// Cycles of the processor for one bit: 25 MHz by 16 is 1.56 Mbaud, the fastest that the UART can.
 const CYCLES_A_BIT: u32 = 16;
@@ -48,7 +48,7 @@ pub struct Block {
     address: usize,
 }
 
-/// The UART of the line that a test has to the simulated mechanism.
+/// The UART of the line between a test and the simulated mechanism.
 pub const UART1: Block = Block {
     address: 0x4000_5000,
 };
@@ -58,7 +58,7 @@ impl Block {
     pub const POLLED: u32 = control::DIRECTIONS;
 
     fn layout(&self) -> &Layout {
-        // SAFETY: only this file makes blocks, with the addresses of the board's UARTs.
+        // SAFETY: only this file makes blocks, and their addresses are the UARTs of the board.
         unsafe { &*core::ptr::with_exposed_provenance(self.address) }
     }
 
@@ -92,7 +92,7 @@ impl Block {
 pub enum Interrupt {
     /// A byte has come on the line.
     Received = 0,
-    /// A byte has gone, or the firmware has put bytes in the ring.
+    /// A byte has left, or the firmware has put bytes into the ring.
     Sent = 1,
 }
 
@@ -142,18 +142,18 @@ impl Line {
         self.incoming.take()
     }
 
-    /// Sends bytes, or none of them where there is no room: the host sees a gap in the sequence, never half a packet.
+    /// Sends all bytes, or no byte where room is missing: the host sees a gap in the sequence, never half a packet.
     pub fn send(&self, bytes: &[u8]) {
         if self.outgoing.room() >= bytes.len() {
             for &byte in bytes {
                 self.outgoing.put(byte);
             }
-            // Only the interrupt touches the UART, so the two sides need no lock.
+            // Only the interrupt touches the UART, so the loop and the interrupt need no lock.
             NVIC::pend(Interrupt::Sent);
         }
     }
 
-    /// Sends bytes without interrupts, for a firmware that has failed. Waits for each byte, but not for ever.
+    /// Sends bytes without interrupts, for a firmware that has failed. Waits a bounded time for each byte.
     pub fn send_failed(&self, bytes: &[u8]) {
         for &byte in bytes {
             let mut patience = 16 * 10 * CYCLES_A_BIT;

@@ -1,11 +1,12 @@
 //! Real firmware: the images for a Cortex-M4, in Rust and in C99 (`firmware_proto/board`), in QEMU.
 //!
 //! `tests/firmware` builds the images and names them in the environment; without them the tests skip themselves. Each
-//! test starts QEMU, which passes the UART of the board on to a TCP connection, and a second UART to the simulated
-//! mechanism behind the registers: the mechanism tells the test its true position and the true forces of the motors.
+//! test starts QEMU, which passes the UART of the board on to a TCP connection. A second UART belongs to the
+//! simulated mechanism behind the registers, which tells the test its true position and the true forces of the motors.
 //!
-//! QEMU is no board in time: it runs faster or slower than this machine's clock. All times here are those of the device,
-//! and a test goes on until it has seen what it waits for. Only a test that fails waits for its time to be over.
+//! QEMU does not keep the time of this machine: the device may run faster or slower. All times here are therefore read
+//! from the clock of the device, and a test goes on until the awaited event has come. Only a test that fails waits for
+//! its time to be over.
 
 use devices::conformance::Suite;
 use devices::{AnyDevice, DeviceModel, Registry, Request, Tcp};
@@ -22,7 +23,7 @@ use std::time::{Duration, Instant};
 
 /// Time after which a test has failed.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Number of states after which a test sends a report again that had no effect.
+/// Number of states after which a test sends a report again, where the first had no effect.
 const STATES: u32 = 300;
 /// The period of the firmware's loop (us): the amplifiers are set so often.
 const TICK_US: u32 = 250;
@@ -31,12 +32,12 @@ const TICK_CYCLES: u32 = 6250;
 /// QEMU's time for one instruction (ns): 2^5, as `-icount shift=5` says. A cycle of the board's clock is 40 ns.
 const INSTRUCTION_NS: u32 = 32;
 const CYCLE_NS: u32 = 40;
-/// The simulated mechanism, as its sources have it: mass (kg), damping (N s/m), friction of an axis (N).
+/// The simulated mechanism, as in its sources: mass (kg), damping (N s/m), friction of an axis (N).
 const MASS: f64 = 0.2;
 const DAMPING: f64 = 4.0;
 const FRICTION: f64 = 0.05;
 
-/// The images: the variable of the environment that names each, and the name that its capabilities have.
+/// The images: for each the variable of the environment with its path, and the name in its capabilities.
 const IMAGES: [(&str, &str); 2] = [
     ("PALPATE_FIRMWARE_RUST", "board rust"),
     ("PALPATE_FIRMWARE_C99", "board c99"),
@@ -79,7 +80,7 @@ impl Drop for Board {
     }
 }
 
-/// What the mechanism says of itself.
+/// The answer of the mechanism.
 #[derive(Clone, Copy, Debug)]
 struct Truth {
     steps: u32,
@@ -105,7 +106,7 @@ fn connect(address: SocketAddr) -> TcpStream {
 }
 
 impl Board {
-    /// Starts a board, which waits for the first connection of its line.
+    /// Starts a board. The board waits for the first connection to its line.
     fn start(image: &str, name: &'static str) -> Self {
         let (line, line_address) = listener();
         let (bench, bench_address) = listener();
@@ -177,12 +178,12 @@ impl Board {
     }
 }
 
-/// A host, which sends what a test wants.
+/// A host. Each test decides which reports the host sends.
 struct Host {
     name: &'static str,
     stream: TcpStream,
     decoder: Decoder,
-    /// Bytes that have come and are not decoded yet, the last first.
+    /// Received bytes that are not decoded yet, the last first.
     bytes: Vec<u8>,
     session: u32,
     /// Sequence number of the next report.
@@ -235,7 +236,7 @@ impl Host {
         }
     }
 
-    /// Waits for a state that has not waited for this host.
+    /// Waits for a fresh state: older states that wait on the line are left out.
     fn newest(&mut self) -> StateReport {
         self.bytes.clear();
         self.stream.set_nonblocking(true).expect("a TCP stream");
@@ -249,7 +250,7 @@ impl Host {
             }
         }
         self.stream.set_nonblocking(false).expect("a TCP stream");
-        // The decoder has lost a part of a packet: it is in step after the next.
+        // A part of a packet may be lost: begin after the next zero.
         self.decoder = Decoder::new();
         while !matches!(self.next_byte(), 0) {}
         self.state()
@@ -264,7 +265,7 @@ impl Host {
         }
     }
 
-    /// Waits for a state of which `holds` is true. Does `again` now, and each time that many states were others.
+    /// Waits for a state of which `holds` is true. Calls `again` now, and again after each [`STATES`] other states.
     fn until(
         &mut self,
         waits_for: &str,
@@ -334,8 +335,8 @@ impl Host {
         }
     }
 
-    /// Sends a force (uN) until a state says that it is in force; returns this state. A slow machine makes a wrench too
-    /// old; the firmware refuses such a wrench, so the host sends another.
+    /// Sends wrenches with a force (uN) until a state names the last wrench as in force; returns this state. On a slow
+    /// machine a wrench may come too late: the firmware refuses it, and the host sends another.
     fn push(&mut self, force: [i32; 3]) -> StateReport {
         let mut sent = 0;
         let again = |host: &mut Self| {
@@ -423,7 +424,7 @@ fn the_device_finds_its_reference_answers_and_sends_states_in_sequence() {
             (495_000..525_000).contains(&us),
             "{name}: 500 states in {us} us"
         );
-        // The reference is right: the position is the true one, to a count.
+        // The reference is right: the device reports the true position, to a count.
         let state = host.rest();
         let truth = board.truth();
         for (told, nm) in state.position.into_iter().zip(truth.position_nm) {
@@ -447,7 +448,7 @@ fn a_force_moves_the_handle_by_its_mass_and_ends_with_the_watchdog() {
         host.greet(7, WATCHDOG_MOST_US);
         let force = [3_000_000, -2_000_000, 1_000_000];
         let from = host.rest();
-        // One wrench, and then silence: it is in force for a watchdog, whatever this machine does.
+        // One wrench, and then silence: the wrench is in force for one watchdog, at any speed of QEMU.
         let first = host.push(force);
         let begin_us = first.condition.since_us;
         let after = |state: &StateReport| state.condition.time_us.wrapping_sub(begin_us);
@@ -461,8 +462,8 @@ fn a_force_moves_the_handle_by_its_mass_and_ends_with_the_watchdog() {
             let free = (newtons.abs() - FRICTION) / MASS * newtons.signum();
             let expected = free * (1.0 - DAMPING / MASS * seconds / 3.0);
             let found = 2.0 * metres / (seconds * seconds);
-            // In 20 ms, 1 N moves the handle by 0.9 mm. A count is 0.01 mm, the hand's spring takes 2 %, the next term of
-            // the series is 1 %, and the force begins up to a tick of the mechanism later: 2.5 %.
+            // In 20 ms, 1 N moves the handle by 0.8 mm. A count is 1.2 % of this path. The spring of the hand takes
+            // 1.7 %, the next term of the series adds 1.3 %, and the force acts up to a tick later: 2.5 %.
             assert!(
                 (found - expected).abs() <= 0.08 * expected.abs(),
                 "{name}: axis {axis}: {found} m/s^2, expected {expected} m/s^2"
@@ -472,7 +473,8 @@ fn a_force_moves_the_handle_by_its_mass_and_ends_with_the_watchdog() {
 
         let end = host.see("no force", |state| state.condition.in_force().is_none());
         let lasted_us = end.condition.since_us.wrapping_sub(begin_us);
-        // The firmware looks at its watchdog in each tick; it may be late by one, and by another where it was held up.
+        // The firmware looks at its watchdog in each tick, so the end may be a tick late. A second tick is for delays
+        // of the loop.
         let range_us = WATCHDOG_MOST_US - TICK_US..=WATCHDOG_MOST_US + 2 * TICK_US;
         assert!(range_us.contains(&lasted_us), "{name}: {lasted_us} us");
         assert_eq!(end.condition.mode, Mode::Idle, "{name}");
@@ -491,7 +493,7 @@ fn a_force_moves_the_handle_by_its_mass_and_ends_with_the_watchdog() {
             host.push([500_000, 0, 0]);
             felt = board.truth().force == [500_000, 0, 0];
         }
-        // The watchdog that the host asks for is the one that ends.
+        // A watchdog of another length, which the host asks for, ends the force as well.
         host.see("no force", |state| state.condition.in_force().is_none());
         let wanted_us = 40_000;
         host.greet(8, wanted_us);
@@ -503,7 +505,7 @@ fn a_force_moves_the_handle_by_its_mass_and_ends_with_the_watchdog() {
     });
 }
 
-/// A report that the device must refuse, and what is wrong with it.
+/// A kind of error, and a report with this error, which the device must refuse.
 type Wrong = (&'static str, fn(&mut Host, u16) -> [u8; LENGTH]);
 
 const WRONG: [Wrong; 8] = [
@@ -565,7 +567,7 @@ fn nothing_wrong_is_ever_applied() {
         let mut host = board.host();
         host.greet(7, WATCHDOG_MOST_US);
         host.sequence = 5000;
-        // A release is the last that the device has accepted: an older number must not follow.
+        // The device accepts this release, so an older number must not follow.
         let mut release = host.wrench(0, [0; 3]);
         release.flags = 0;
         host.send(&release.encode());
@@ -688,7 +690,7 @@ fn the_emergency_stop_cuts_the_amplifiers_and_its_release_begins_anew() {
 fn a_firmware_that_fails_lets_go_and_says_so() {
     each(|mut board| {
         let name = board.name;
-        // A panic, then an instruction that the processor does not have.
+        // A panic, then an unknown instruction.
         for cause in *b"pt" {
             let mut host = board.host();
             host.greet(7, WATCHDOG_MOST_US);
@@ -705,11 +707,11 @@ fn a_firmware_that_fails_lets_go_and_says_so() {
                 "{name}"
             );
             if cause == b'p' {
-                // After a trap the mechanism stands still, too: its interrupt has a lower priority.
+                // After a trap the mechanism does not answer: the fault has a higher priority than the tick.
                 let truth = board.truth();
                 assert!(!truth.enabled && truth.force == [0; 3], "{name}: {truth:?}");
             }
-            // No greeting brings it back.
+            // No greeting ends the fault.
             for _ in 0..3 {
                 host.hello(8, 0);
                 for _ in 0..50 {
@@ -722,7 +724,7 @@ fn a_firmware_that_fails_lets_go_and_says_so() {
     });
 }
 
-/// Opens the board by its address, as a scene does.
+/// Opens the board by address, as a scene does.
 fn open(board: &Board) -> AnyDevice {
     let model = DeviceModel::named("falcon").expect("a built-in device");
     let registry = Registry::new().with(Tcp);
