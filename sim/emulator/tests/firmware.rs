@@ -9,28 +9,33 @@
 //! its time to be over.
 
 use devices::conformance::Suite;
+use devices::transport::Stream;
 use devices::{AnyDevice, DeviceModel, Registry, Request, Tcp};
+use emulator::board::INSTRUCTION_NS;
+use emulator::{Board, Paced, Place, Served, Truth, serve};
 use firmware_proto::report::{
     CapabilitiesReport, FirmwareVersion, HelloReport, LENGTH, Mode, Report, Sends, StateReport,
     VERSION, WATCHDOG_MOST_US, WrenchReport, axes, fault, flags, status,
 };
 use firmware_proto::stream::{Decoder, PACKET, packet};
+use rt_core::{Vec3, Wrench};
 use std::io::{ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
-use std::os::fd::OwnedFd;
-use std::process::{Child, Command, Stdio};
+use std::net::TcpStream;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Time after which a test has failed.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Number of states after which a test sends a report again, where the first had no effect.
 const STATES: u32 = 300;
+/// Longest time between two questions for bytes of a board.
+const PERIOD: Duration = Duration::from_micros(500);
 /// The period of the firmware's loop (us): the amplifiers are set so often.
 const TICK_US: u32 = 250;
 /// Cycles of the board's clock in a tick: 25 MHz.
 const TICK_CYCLES: u32 = 6250;
-/// QEMU's time for one instruction (ns): 2^5, as `-icount shift=5` says. A cycle of the board's clock is 40 ns.
-const INSTRUCTION_NS: u32 = 32;
+/// A cycle of the board's clock (ns).
 const CYCLE_NS: u32 = 40;
 /// The simulated mechanism, as in its sources: mass (kg), damping (N s/m), friction of an axis (N).
 const MASS: f64 = 0.2;
@@ -44,7 +49,7 @@ const IMAGES: [(&str, &str); 2] = [
 ];
 
 /// Runs a test with each image.
-fn each(test: fn(Board)) {
+fn each(test: fn(Tested)) {
     for (variable, name) in IMAGES {
         let Ok(image) = std::env::var(variable) else {
             let _ = writeln!(
@@ -53,88 +58,25 @@ fn each(test: fn(Board)) {
             );
             continue;
         };
-        test(Board::start(&image, name));
+        test(Tested::start(&image, name));
     }
 }
 
-/// A board in QEMU.
-struct Board {
+/// A board that a test uses.
+struct Tested {
     name: &'static str,
     image: String,
-    qemu: Child,
-    line: SocketAddr,
-    bench: TcpStream,
+    board: Board,
 }
 
-impl Drop for Board {
-    fn drop(&mut self) {
-        let _ = self.qemu.kill();
-        let mut text = String::new();
-        if let Some(errors) = &mut self.qemu.stderr {
-            let _ = errors.read_to_string(&mut text);
-        }
-        let _ = self.qemu.wait();
-        if std::thread::panicking() {
-            let _ = writeln!(std::io::stderr(), "{}: QEMU printed:\n{text}", self.name);
-        }
-    }
-}
-
-/// The answer of the mechanism.
-#[derive(Clone, Copy, Debug)]
-struct Truth {
-    steps: u32,
-    slept_cycles: u32,
-    position_nm: [i32; 3],
-    force: [i32; 3],
-    enabled: bool,
-}
-
-fn listener() -> (TcpListener, SocketAddr) {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
-    let address = listener.local_addr().expect("a port");
-    (listener, address)
-}
-
-fn connect(address: SocketAddr) -> TcpStream {
-    let stream = TcpStream::connect(address).expect("QEMU listens");
-    stream.set_nodelay(true).expect("a TCP stream");
-    stream
-        .set_read_timeout(Some(PATIENCE))
-        .expect("a TCP stream");
-    stream
-}
-
-impl Board {
-    /// Starts a board. The board waits for the first connection to its line.
+impl Tested {
     fn start(image: &str, name: &'static str) -> Self {
-        let (line, line_address) = listener();
-        let (bench, bench_address) = listener();
-        // QEMU gets the listening sockets as its files 0 and 1, so no other program can take a port in between.
-        let qemu = Command::new("qemu-system-arm")
-            .args(["-M", "mps2-an386", "-cpu", "cortex-m4", "-nodefaults"])
-            .args(["-display", "none", "-icount", "shift=5"])
-            .args([
-                "-chardev",
-                "socket,id=bench,fd=1,server=on,wait=on,nodelay=on",
-            ])
-            .args([
-                "-chardev",
-                "socket,id=line,fd=0,server=on,wait=on,nodelay=on",
-            ])
-            .args(["-serial", "chardev:line", "-serial", "chardev:bench"])
-            .args(["-kernel", image])
-            .stdin(OwnedFd::from(line))
-            .stdout(OwnedFd::from(bench))
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("qemu-system-arm starts (apt-get install qemu-system-arm)");
+        let board =
+            Board::start(Path::new(image)).unwrap_or_else(|error| panic!("{name}: {error}"));
         Self {
             name,
             image: image.to_owned(),
-            qemu,
-            line: line_address,
-            bench: connect(bench_address),
+            board,
         }
     }
 
@@ -144,9 +86,14 @@ impl Board {
     }
 
     fn host(&self) -> Host {
+        let stream = TcpStream::connect(self.board.line()).expect("QEMU listens");
+        let patient = stream.set_read_timeout(Some(PATIENCE));
+        patient
+            .and_then(|()| stream.set_nodelay(true))
+            .expect("a TCP stream");
         Host {
             name: self.name,
-            stream: connect(self.line),
+            stream,
             decoder: Decoder::new(),
             bytes: Vec::new(),
             session: 0,
@@ -154,27 +101,15 @@ impl Board {
         }
     }
 
-    /// Gives the mechanism a command; see the sources of the mechanism.
+    /// Gives the mechanism a command; `firmware_proto/board/src/plant.rs` lists the commands.
     fn command(&mut self, command: u8) {
-        self.bench.write_all(&[command]).expect("QEMU runs");
+        let given = self.board.command(command);
+        given.unwrap_or_else(|error| panic!("{}: {error}", self.name));
     }
 
     fn truth(&mut self) -> Truth {
-        self.command(b'?');
-        let mut bytes = [0; 36];
-        self.bench.read_exact(&mut bytes).expect("QEMU runs");
-        let mut words = [0_i32; 9];
-        for (word, bytes) in words.iter_mut().zip(bytes.chunks_exact(4)) {
-            *word = i32::from_le_bytes(bytes.try_into().expect("four bytes"));
-        }
-        let [steps, slept, x, y, z, fx, fy, fz, enabled] = words;
-        Truth {
-            steps: steps as u32,
-            slept_cycles: slept as u32,
-            position_nm: [x, y, z],
-            force: [fx, fy, fz],
-            enabled: enabled != 0,
-        }
+        let truth = self.board.truth();
+        truth.unwrap_or_else(|error| panic!("{}: {error}", self.name))
     }
 }
 
@@ -725,14 +660,14 @@ fn a_firmware_that_fails_lets_go_and_says_so() {
 }
 
 /// Opens the board by address, as a scene does.
-fn open(board: &Board) -> AnyDevice {
+fn open(name: &str, address: &str) -> AnyDevice {
     let model = DeviceModel::named("falcon").expect("a built-in device");
     let registry = Registry::new().with(Tcp);
     let request = Request {
         index: 0,
         model: &model,
         period: 1e-3,
-        address: &board.line.to_string(),
+        address,
         firmware: None,
     };
     let start = Instant::now();
@@ -740,7 +675,7 @@ fn open(board: &Board) -> AnyDevice {
         match registry.open("tcp", &request) {
             Ok(device) => return device,
             // The driver waits for a second; QEMU on a busy machine may need longer to start, or to end a connection.
-            Err(error) => assert!(start.elapsed() < PATIENCE, "{}: {error}", board.name),
+            Err(error) => assert!(start.elapsed() < PATIENCE, "{name}: {error}"),
         }
     }
 }
@@ -749,7 +684,60 @@ fn open(board: &Board) -> AnyDevice {
 fn the_driver_finds_that_the_firmware_conforms() {
     each(|board| {
         // The suite does not wait for states.
-        Suite::new(board.name).states(0).check(|| open(&board));
+        Suite::new(board.name)
+            .states(0)
+            .check(|| open(board.name, &board.board.line().to_string()));
+    });
+}
+
+#[test]
+fn the_driver_moves_the_handle_of_the_firmware_through_a_paced_line() {
+    each(|mut board| {
+        let name = board.name;
+        let mut place = Place::tcp(0).expect("a port");
+        let connection = place.connection();
+        let address = connection.strip_prefix("tcp:").expect("a port");
+        let line = Stream::tcp(&board.board.line().to_string()).expect("QEMU listens");
+        let mut paced = Paced::new(line);
+        let stop = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !stop.load(Ordering::Relaxed) {
+                    paced.clear();
+                    let host = place.host(Duration::from_millis(1)).expect("a place");
+                    let Some(mut host) = host else { continue };
+                    // An error is the end of a host.
+                    let _ = serve(&mut paced, &mut host, PERIOD, &stop, &mut Served::default());
+                }
+            });
+            let mut device = open(name, address);
+            let force = Vec3::new(0.75, -0.5, 0.25);
+            let wrench = Wrench {
+                force,
+                moment: Vec3::zeros(),
+            };
+            let (mut felt, mut moved) = (false, false);
+            let start = Instant::now();
+            while !felt || !moved {
+                assert!(
+                    start.elapsed() < PATIENCE,
+                    "{name}: felt {felt}, moved {moved}"
+                );
+                let now_ns = start.elapsed().as_nanos() as u64;
+                let state = device.read(now_ns);
+                // The hand is a spring of 100 N/m: 0.75 N move the handle by 7 mm.
+                moved |= state.is_ok_and(|state| state.pose.position.x > 3e-3);
+                let _ = device.write(now_ns, &wrench);
+                std::thread::sleep(PERIOD);
+                felt |= board.truth().force == [750_000, -500_000, 250_000];
+            }
+            drop(device);
+            // The driver lets go by its last report, or the watchdog does.
+            while board.truth().force != [0; 3] {
+                assert!(start.elapsed() < 2 * PATIENCE, "{name}: the force stays");
+            }
+            stop.store(true, Ordering::Relaxed);
+        });
     });
 }
 
@@ -763,7 +751,7 @@ fn figures() {
             let (before, start) = (board.truth(), Instant::now());
             let first = host.newest();
             let (mut last, mut wrenches, mut delays) = (first, 0_u32, Vec::new());
-            while last.sequence.wrapping_sub(first.sequence) < 1000 {
+            while last.sequence.wrapping_sub(first.sequence) < 500 {
                 if busy {
                     let answered = host.newest();
                     let wrench = host.wrench(answered.sequence, [100_000, 0, 0]);
@@ -783,7 +771,7 @@ fn figures() {
             }
             let wall = start.elapsed().as_secs_f64();
             let after = board.truth();
-            let steps = after.steps.wrapping_sub(before.steps);
+            let steps = after.ticks.wrapping_sub(before.ticks);
             let slept = after.slept_cycles.wrapping_sub(before.slept_cycles);
             let worked = (steps * TICK_CYCLES).saturating_sub(slept);
             let states = f64::from(last.sequence.wrapping_sub(first.sequence));
