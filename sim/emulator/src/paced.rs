@@ -99,8 +99,11 @@ impl<T: Transport> Paced<T> {
         if let Some(passed) = &mut self.passed {
             passed.states += 1;
             let answered = condition.in_force() == passed.wrench
-                || passed.refused != Some(condition.refused)
+                || passed
+                    .refused
+                    .is_some_and(|before| before != condition.refused)
                 || passed.states >= LOST;
+            passed.refused = Some(condition.refused);
             if answered {
                 self.passed = None;
             }
@@ -153,5 +156,145 @@ impl<T: Transport> Emulator for Paced<T> {
             *to = from;
         }
         (count > 0).then_some(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use firmware_proto::report::{Condition, StateReport, VERSION, status};
+
+    /// A line of which the test holds the other end.
+    #[derive(Debug, Default)]
+    struct Line {
+        taken: Vec<u8>,
+        given: VecDeque<u8>,
+    }
+
+    impl Transport for Line {
+        fn read(&mut self, buffer: &mut [u8], _: Duration) -> Result<usize, i32> {
+            let count = self.given.len().min(buffer.len());
+            for (to, from) in buffer.iter_mut().zip(self.given.drain(..count)) {
+                *to = from;
+            }
+            Ok(count)
+        }
+
+        fn write(&mut self, bytes: &[u8]) -> Result<(), i32> {
+            self.taken.extend(bytes);
+            Ok(())
+        }
+    }
+
+    fn wrench(sequence: u16, flags: u8) -> [u8; 64] {
+        WrenchReport {
+            sequence,
+            session: 7,
+            answers: 0,
+            force: [1, 2, 3],
+            moment: [0; 3],
+            flags,
+        }
+        .encode()
+    }
+
+    fn hello(sequence: u16) -> [u8; 64] {
+        HelloReport {
+            sequence,
+            session: 7,
+            newest: VERSION,
+            watchdog_us: 0,
+        }
+        .encode()
+    }
+
+    /// A state that names a wrench as in force.
+    fn state(in_force: Option<u16>, refused: u8) -> [u8; 64] {
+        let condition = Condition {
+            status: in_force.map_or(0, |_| status::IN_FORCE),
+            wrench: in_force.unwrap_or(0),
+            refused,
+            ..Condition::default()
+        };
+        StateReport {
+            sequence: 0,
+            session: 7,
+            condition,
+            position: [0; 3],
+            orientation: [i16::MAX, 0, 0, 0],
+            velocity: [0; 3],
+            angular_velocity: [0; 3],
+        }
+        .encode()
+    }
+
+    impl Paced<Line> {
+        /// Takes reports from the host, and then reports from the device. Returns the reports that went to the device.
+        fn turn(&mut self, host: &[[u8; 64]], device: &[[u8; 64]]) -> Vec<[u8; 64]> {
+            for report in host {
+                self.receive(&packet(report), 0);
+            }
+            for report in device {
+                self.line.given.extend(packet(report));
+            }
+            let mut bytes = Vec::new();
+            let mut buffer = [0; 64];
+            while let Some(count) = self.send(0, &mut buffer) {
+                bytes.extend_from_slice(&buffer[..count]);
+            }
+            let sent: Vec<_> = device.iter().flat_map(packet).collect();
+            assert_eq!(bytes, sent, "all reports of the device reach the host");
+            let mut decoder = Decoder::new();
+            let taken = std::mem::take(&mut self.line.taken);
+            let reports = taken.iter().filter_map(|&byte| decoder.push(byte).copied());
+            reports.collect()
+        }
+    }
+
+    #[test]
+    fn of_the_wrenches_that_wait_the_newest_passes_once_the_last_has_an_answer() {
+        let mut paced = Paced::new(Line::default());
+        let on = |sequence| wrench(sequence, flags::ENABLE);
+        // The first passes at once, and the next ones wait.
+        assert_eq!(paced.turn(&[on(1), on(2), on(3)], &[]), [on(1)]);
+        assert!(paced.turn(&[on(4)], &[state(None, 0)]).is_empty());
+        assert_eq!(paced.turn(&[], &[state(Some(1), 0)]), [on(4)]);
+        // A refusal is an answer, too.
+        assert_eq!(paced.turn(&[on(5)], &[state(Some(1), 1)]), [on(5)]);
+        // A report that got lost holds the line for some states only.
+        let states = [state(None, 1); LOST as usize];
+        assert!(paced.turn(&[on(6)], &states[1..]).is_empty());
+        assert_eq!(paced.turn(&[], &states[..1]), [on(6)]);
+    }
+
+    #[test]
+    fn a_hello_and_a_release_are_not_left_out() {
+        let mut paced = Paced::new(Line::default());
+        let on = |sequence| wrench(sequence, flags::ENABLE);
+        assert_eq!(paced.turn(&[on(1), hello(2), on(3)], &[]), [on(1)]);
+        assert_eq!(paced.turn(&[], &[state(Some(1), 0)]), [hello(2)]);
+        // States without the answer to the hello let it go on as lost.
+        let states = [state(Some(1), 0); LOST as usize];
+        assert_eq!(paced.turn(&[], &states), [on(3)]);
+        let release = wrench(4, 0);
+        assert_eq!(paced.turn(&[release], &[state(Some(3), 0)]), [release]);
+        assert!(paced.turn(&[on(5)], &[state(Some(3), 0)]).is_empty());
+        assert_eq!(paced.turn(&[], &[state(None, 0)]), [on(5)]);
+        // A new host begins with nothing of the old one.
+        paced.receive(&packet(&on(6)), 0);
+        paced.clear();
+        assert!(paced.turn(&[], &[state(Some(5), 0)]).is_empty());
+    }
+
+    #[test]
+    fn garbage_does_not_pass() {
+        let mut paced = Paced::new(Line::default());
+        let mut broken = wrench(1, flags::ENABLE);
+        broken[20] ^= 1;
+        assert!(paced.turn(&[broken, state(None, 0)], &[]).is_empty());
+        assert_eq!(
+            paced.turn(&[wrench(2, flags::ENABLE)], &[]),
+            [wrench(2, flags::ENABLE)]
+        );
     }
 }
