@@ -1,8 +1,8 @@
 //! Firmware for a microcontroller in QEMU: the images of `firmware_proto/board`.
 //!
-//! QEMU's `mps2-an386` has a Cortex-M4 and UARTs. Its first UART is the line to the host, and is found at a TCP address.
-//! The second UART belongs to the simulated mechanism behind the registers of the firmware: a test gives commands to the
-//! mechanism, and asks for its true position and forces.
+//! QEMU's `mps2-an386` has a Cortex-M4 and UARTs. The first UART is the line to the host, and is found at a TCP
+//! address. The second UART belongs to the simulated mechanism behind the registers of the firmware: a test gives
+//! commands to the mechanism, and asks for its true position and forces.
 //!
 //! QEMU does not keep the time of this machine, and its UART is slow towards the board; see [`crate::paced`].
 

@@ -22,6 +22,7 @@ use rt_core::{Vec3, Wrench};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
+use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -52,14 +53,23 @@ const IMAGES: [(&str, &str); 2] = [
 fn each(test: fn(Tested)) {
     for (variable, name) in IMAGES {
         let Ok(image) = std::env::var(variable) else {
-            let _ = writeln!(
-                std::io::stderr(),
-                "\n!! SKIPPED: the firmware \"{name}\" in QEMU: {variable} names no image (run tests/firmware)"
-            );
+            skipped(name, variable);
             continue;
         };
         test(Tested::start(&image, name));
     }
+}
+
+/// Says once that there is no image.
+fn skipped(name: &str, variable: &str) {
+    static SAID: [Once; 2] = [Once::new(), Once::new()];
+    let place = usize::from(variable == IMAGES[1].0);
+    SAID[place].call_once(|| {
+        let _ = writeln!(
+            std::io::stderr(),
+            "\n!! SKIPPED: the firmware \"{name}\" in QEMU: {variable} names no image (run tests/firmware)"
+        );
+    });
 }
 
 /// A board that a test uses.
