@@ -3,11 +3,17 @@
 //! The emulators themselves (`sim::emulate`) are computation: bytes and a time in, bytes out. This crate gives them a
 //! clock and a place: a [`Place`] is a pty, a TCP port or a HID device of the kernel's uhid, and [`serve()`] passes bytes
 //! between the place and an emulator until it is told to stop.
+//!
+//! [`Board`] runs real firmware in QEMU, and [`Paced`] makes an emulator of its line.
 #![forbid(unsafe_code)]
 
+pub mod board;
+pub mod paced;
 pub mod place;
 pub mod serve;
 pub mod uhid;
 
+pub use board::{Board, BoardError, Truth};
+pub use paced::Paced;
 pub use place::{Place, PlaceError};
 pub use serve::{Served, serve};
