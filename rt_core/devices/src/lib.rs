@@ -14,7 +14,8 @@
 //! - [`found`]: which devices are connected, and why a device cannot be used.
 //! - [`identify`]: mass, damping and friction of a device, from a limited motion that its motors guide.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
-//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
+//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass. [`hostile`]: all that
+//!   reads bytes from outside, under hostile bytes.
 #![deny(unsafe_code)]
 
 pub mod conformance;
@@ -23,6 +24,7 @@ pub mod falcon;
 pub mod found;
 pub mod ftdi;
 pub mod hid;
+pub mod hostile;
 pub mod identify;
 pub mod models;
 pub mod plugin;
