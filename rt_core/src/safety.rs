@@ -2,6 +2,8 @@
 //!
 //! - A wrench that is **not a number** becomes zero.
 //! - A device that has given **no good state** for a while gets no force.
+//! - After the **loop stood still** for longer than a device waits for a command, the device gets no force: it has let go
+//!   by itself, and a force that came back at once would be a blow.
 //! - A device that moves **too fast**, or is **out of reach**, has its force fade. The force comes back once the device
 //!   is below nine tenths of the limit.
 //! - A moment for a device that actuates no moments is left out, and so is a force along an axis that the device does
@@ -19,6 +21,10 @@ use crate::geometry::{Vec3, Wrench, smooth_step};
 
 /// Fraction of a limit below which the limit releases the force.
 const BACK: f64 = 0.9;
+
+/// Time without a tick (s) after which a device has let go by itself: the watchdog of the firmware protocol, and the time
+/// after which the thread of a device that answers when it is asked commands zero.
+const STANDSTILL: f64 = 0.01;
 
 /// Limits of the commands to a device. Infinite limits never act.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,7 +66,7 @@ pub enum SafetyState {
     TooFast,
     /// The force fades, because the device is out of reach.
     OutOfReach,
-    /// The wrench is replaced by zero, because the device gives no good state.
+    /// The wrench is replaced by zero, because the device gives no good state, or the loop stood still.
     DeviceStale,
     /// The wrench is replaced by zero, because it was not a number.
     NotANumber,
@@ -77,7 +83,7 @@ pub struct SafetyCounters {
     pub not_a_number: u64,
     /// Ticks without a good device state.
     pub missed_reads: u64,
-    /// Times that the device gave no good state for longer than its patience.
+    /// Times that the device gave no good state for longer than its patience, or that the loop stood still as long.
     pub stale: u64,
     /// Times that the device began to move too fast.
     pub too_fast: u64,
@@ -130,6 +136,10 @@ pub struct Limiter {
     /// The linear ramp from zero to one whose smooth step is the fraction that passes.
     authority: f64,
     misses: u32,
+    /// Time of the last tick (ns).
+    ticked_ns: Option<u64>,
+    /// Whether the loop stood still before this tick.
+    stood_still: bool,
     too_fast: bool,
     out_of_reach: bool,
     /// The force of the last command.
@@ -147,6 +157,8 @@ impl Limiter {
             config,
             authority: 1.0,
             misses: 0,
+            ticked_ns: None,
+            stood_still: false,
             too_fast: false,
             out_of_reach: false,
             last: Vec3::zeros(),
@@ -154,6 +166,23 @@ impl Limiter {
             state: SafetyState::Normal,
             counters: SafetyCounters::default(),
             trip: None,
+        }
+    }
+
+    /// Begins the tick at `now_ns`, before its reading is looked at. Where the loop stood still, the device counts as away
+    /// up to this tick, which commands no force.
+    pub fn begin(&mut self, now_ns: u64) {
+        let config = &self.config;
+        let patience = f64::from(config.patience.saturating_add(1)) * config.period;
+        let last_ns = self.ticked_ns.replace(now_ns).unwrap_or(now_ns);
+        let passed = now_ns.saturating_sub(last_ns) as f64 * 1e-9;
+        if passed > patience.max(STANDSTILL) {
+            if !self.is_stale() {
+                count_one(&mut self.counters.stale);
+            }
+            self.misses = self.misses.max(config.patience.saturating_add(1));
+            self.stood_still = true;
+            self.authority = 0.0;
         }
     }
 
@@ -203,6 +232,8 @@ impl Limiter {
 
     fn decide(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
         let config = self.config;
+        let stood_still = core::mem::take(&mut self.stood_still);
+        let missing = self.misses;
         if let Some(state) = state {
             self.misses = 0;
             self.watch(state);
@@ -216,6 +247,10 @@ impl Limiter {
         if !wrench.is_finite() {
             count_one(&mut self.counters.not_a_number);
             return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
+        }
+        if stood_still {
+            let (found, limit) = (f64::from(missing), f64::from(config.patience));
+            return self.fault(SafetyState::DeviceStale, found, limit);
         }
         if self.is_stale() {
             let (found, limit) = (f64::from(self.misses), f64::from(config.patience));

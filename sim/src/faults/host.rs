@@ -49,6 +49,8 @@ struct Thread {
     /// When a lost device is opened again (ns).
     retry_ns: Option<u64>,
     gone: Option<i32>,
+    /// When the thread last looked for a wrench (ns).
+    looked_ns: u64,
 }
 
 impl Thread {
@@ -67,8 +69,7 @@ impl Thread {
                 } else {
                     self.retry_ns = Some(link.now_ns() + RETRY.as_nanos() as u64);
                 }
-            } else if let Some(wrench) = self.wrenches.pop_back() {
-                self.wrenches.clear();
+            } else if let Some(wrench) = self.found(link.now_ns()) {
                 self.once(link, &wrench);
             } else {
                 let due_ns = self.since_ns + LET_GO.as_nanos() as u64;
@@ -79,6 +80,15 @@ impl Thread {
                 self.once(link, &Wrench::zero());
             }
         }
+    }
+
+    /// The newest wrench that waits, unless it may be old.
+    fn found(&mut self, now_ns: u64) -> Option<Wrench> {
+        let away_ns = now_ns - self.looked_ns;
+        self.looked_ns = now_ns;
+        let newest = self.wrenches.pop_back();
+        self.wrenches.clear();
+        newest.filter(|_| away_ns <= 2 * LET_GO.as_nanos() as u64)
     }
 
     fn once(&mut self, link: &Link, wrench: &Wrench) {
@@ -169,6 +179,8 @@ pub(super) struct Host {
     /// Ticks in a row without a state; `None` before the first state.
     without: Option<u64>,
     from_ns: u64,
+    /// Times that the controller took the device for silent, before the fault.
+    trips_before: u64,
     jump: f64,
 }
 
@@ -186,6 +198,7 @@ impl Host {
                 since_ns: link.now_ns(),
                 retry_ns: None,
                 gone: None,
+                looked_ns: link.now_ns(),
             })
         };
         let driver = match protocol {
@@ -243,7 +256,15 @@ impl Host {
             missed: 0,
             without: None,
             from_ns,
+            trips_before: 0,
             jump: 0.0,
+        }
+    }
+
+    /// The process is stopped at `now_ns`.
+    pub(super) fn stop(&mut self, now_ns: u64) {
+        if let Driver::Exchanged(thread) = &mut self.driver {
+            thread.run(&self.link, now_ns);
         }
     }
 
@@ -278,6 +299,8 @@ impl Host {
                 self.jump = self.jump.max(force - last);
             }
             self.commands.push((now_ns, force));
+        } else {
+            self.trips_before = self.silences();
         }
     }
 
@@ -302,8 +325,12 @@ impl Host {
         self.without.is_none_or(|ticks| ticks > 20)
     }
 
-    /// Number of times that the controller took the device for silent.
+    /// Number of times that the controller took the device for silent since the fault began.
     pub(super) fn trips(&self) -> u64 {
+        self.silences() - self.trips_before
+    }
+
+    fn silences(&self) -> u64 {
         self.controller
             .safety_counters()
             .map(|counts| counts.stale)
