@@ -35,7 +35,7 @@ const PERIOD: f64 = PERIOD_NS as f64 * 1e-9;
 /// The driver, as the tick sees it.
 enum Driver {
     Exchanged(Thread),
-    Reports(Hid),
+    Reports(Box<Hid>),
 }
 
 /// The thread of a device that answers when it is asked: [`devices::Exchanged`] in virtual time.
@@ -206,11 +206,11 @@ impl Host {
                 let mut reports = Reports::new(SESSION, WATCHDOG_US);
                 // Where this write fails, the tick greets the device again.
                 let _ = link.clone().write(&reports.greet());
-                Driver::Reports(Hid {
+                Driver::Reports(Box::new(Hid {
                     reports,
                     sensed: model.freedom(),
                     retry_ns: None,
-                })
+                }))
             }
             Protocol::Stream => {
                 match Serial::open(model.capabilities(), WATCHDOG_US, open, clock) {

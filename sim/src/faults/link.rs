@@ -139,13 +139,11 @@ impl Way {
             return self.last.clone().into_iter().collect();
         }
         if is(Kind::Reordered) {
-            return match self.held.take() {
-                Some(held) => vec![packet, held],
-                None => {
-                    self.held = Some(packet);
-                    Vec::new()
-                }
+            let Some(held) = self.held.take() else {
+                self.held = Some(packet);
+                return Vec::new();
             };
+            return vec![packet, held];
         }
         if is(Kind::Corrupt) {
             let [place, change] = [0; 2].map(|_: u8| random.next_u32() as usize);
@@ -292,7 +290,7 @@ impl World {
                 **device = (**device).clone().with_rate(1100);
             }
             (Emulated::Firmware(device), Kind::Slow) => {
-                **device = (**device).clone().with_rate(900)
+                **device = (**device).clone().with_rate(900);
             }
             _ => {}
         }

@@ -226,7 +226,7 @@ impl World {
             };
             match Report::decode(report) {
                 Ok(Report::Hello(hello)) => {
-                    (self.session, self.hello) = (hello.session, hello.sequence)
+                    (self.session, self.hello) = (hello.session, hello.sequence);
                 }
                 Ok(Report::Wrench(wrench)) => {
                     assert_eq!(wrench.session, self.session);
@@ -249,13 +249,11 @@ impl Transport for Link {
         world.reads += 1;
         world.now_ns += READ_NS;
         if world.waiting.is_empty() {
-            match world.next()? {
-                Some(bytes) => world.waiting.extend(bytes),
-                None => {
-                    world.now_ns += wait.as_nanos() as u64;
-                    return Ok(0);
-                }
-            }
+            let Some(bytes) = world.next()? else {
+                world.now_ns += wait.as_nanos() as u64;
+                return Ok(0);
+            };
+            world.waiting.extend(bytes);
         }
         let count = world.waiting.len().min(buffer.len());
         for (place, byte) in buffer.iter_mut().zip(world.waiting.drain(..count)) {
@@ -358,7 +356,7 @@ fn check(state: &DeviceState, sensed: Freedom) {
     // The largest numbers of a report: 2^31 times 0.1 um, 2^31 um/s, 2^15 mrad/s.
     let most = |vector: &Vec3, most: f64| vector.amax() <= most * (1.0 + 1e-12);
     assert!(most(&state.pose.position, 214.748_364_8), "{state:?}");
-    assert!(most(&state.twist.linear, 2147.483_648), "{state:?}");
+    assert!(most(&state.twist.linear, 2_147.483_648), "{state:?}");
     assert!(most(&state.twist.angular, 32.768), "{state:?}");
     assert_eq!(sensed.part(&state.pose.position), state.pose.position);
     assert_eq!(sensed.part(&state.twist.linear), state.twist.linear);

@@ -67,6 +67,9 @@ pub fn sysfs(text: &str) -> usize {
     1
 }
 
+/// The profile in which a text that is no profile is the date.
+static BUILT_IN: OnceLock<Option<DeviceFile>> = OnceLock::new();
+
 /// Reads the profile of a device, and writes identified numbers into it, with the text as their date. A text that is no
 /// profile is the date in that of a built-in device. Returns one where the text is a profile.
 ///
@@ -77,7 +80,6 @@ pub fn profile(text: &str) -> usize {
         Ok(base) => (base, 1),
         Err(error) => {
             assert!(!error.to_string().contains('\n'), "an error is one line");
-            static BUILT_IN: OnceLock<Option<DeviceFile>> = OnceLock::new();
             let built_in = BUILT_IN.get_or_init(|| DeviceFile::named("falcon"));
             let Some(base) = built_in else { return 0 };
             (base.clone(), 0)
