@@ -225,6 +225,7 @@ impl Controller {
             .zip(proxies)
             .zip(&mut fresh);
         for (((channel, reading), proxy), fresh) in each {
+            channel.limiter.begin(now_ns);
             if let Ok(state) = reading {
                 *fresh = channel.follow(now_ns, state);
             }

@@ -2,6 +2,8 @@
 //!
 //! - A wrench that is **not a number** becomes zero.
 //! - A device that has given **no good state** for a while gets no force.
+//! - After the **loop stood still** for longer than a device waits for a command, the device gets no force: it has let go
+//!   by itself, and a force that came back at once would be a blow.
 //! - A device that moves **too fast**, or is **out of reach**, has its force fade. The force comes back once the device
 //!   is below nine tenths of the limit.
 //! - A moment for a device that actuates no moments is left out, and so is a force along an axis that the device does
@@ -27,6 +29,10 @@ const BACK: f64 = 0.9;
 /// Time in which the force fades when the hand lets go of the dead-man button (s). A free handle of 0.2 kg under 5 N
 /// reaches 0.25 m/s in this time, and a hand that only lifts its finger feels no blow.
 const RELEASE: f64 = 0.02;
+
+/// Time without a tick (s) after which a device has let go by itself: the watchdog of the firmware protocol, and the time
+/// after which the thread of a device that answers when it is asked commands zero.
+const STANDSTILL: f64 = 0.01;
 
 /// Limits of the commands to a device. Infinite limits never act.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,7 +109,7 @@ pub enum SafetyState {
     Disarmed,
     /// The wrench is replaced by zero, because of the emergency stop.
     Stopped,
-    /// The wrench is replaced by zero, because the device gives no good state.
+    /// The wrench is replaced by zero, because the device gives no good state, or the loop stood still.
     DeviceStale,
     /// The wrench is replaced by zero, because it was not a number.
     NotANumber,
@@ -128,7 +134,7 @@ pub struct SafetyCounters {
     pub not_a_number: u64,
     /// Ticks without a good device state.
     pub missed_reads: u64,
-    /// Times that the device gave no good state for longer than its patience.
+    /// Times that the device gave no good state for longer than its patience, or that the loop stood still as long.
     pub stale: u64,
     /// Times that the device began to move too fast.
     pub too_fast: u64,
@@ -181,6 +187,10 @@ pub struct Limiter {
     comes_in: bool,
     heat: Heat,
     misses: u32,
+    /// Time of the last tick (ns).
+    ticked_ns: Option<u64>,
+    /// Whether the loop stood still before this tick.
+    stood_still: bool,
     too_fast: bool,
     out_of_reach: bool,
     /// The force of the last command.
@@ -203,6 +213,8 @@ impl Limiter {
             comes_in: !whole,
             heat: Heat::default(),
             misses: 0,
+            ticked_ns: None,
+            stood_still: false,
             too_fast: false,
             out_of_reach: false,
             last: Vec3::zeros(),
@@ -228,6 +240,23 @@ impl Limiter {
         }
         self.comes_in = true;
         self.engaged = engaged;
+    }
+
+    /// Begins the tick at `now_ns`, before its reading is looked at. Where the loop stood still, the device counts as away
+    /// up to this tick, which commands no force.
+    pub fn begin(&mut self, now_ns: u64) {
+        let config = &self.config;
+        let patience = f64::from(config.patience.saturating_add(1)) * config.period;
+        let last_ns = self.ticked_ns.replace(now_ns).unwrap_or(now_ns);
+        let passed = now_ns.saturating_sub(last_ns) as f64 * 1e-9;
+        if passed > patience.max(STANDSTILL) {
+            if !self.is_stale() {
+                count_one(&mut self.counters.stale);
+            }
+            self.misses = self.misses.max(config.patience.saturating_add(1));
+            self.stood_still = true;
+            self.authority = 0.0;
+        }
     }
 
     /// The wrench that may leave. `state` is the good state that the device gave in this tick (its own axes), if there
@@ -290,6 +319,8 @@ impl Limiter {
 
     fn decide(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
         let config = self.config;
+        let stood_still = core::mem::take(&mut self.stood_still);
+        let missing = self.misses;
         if let Some(state) = state {
             self.misses = 0;
             self.watch(state);
@@ -303,6 +334,10 @@ impl Limiter {
         if !wrench.is_finite() {
             count_one(&mut self.counters.not_a_number);
             return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
+        }
+        if stood_still {
+            let (found, limit) = (f64::from(missing), f64::from(config.patience));
+            return self.fault(SafetyState::DeviceStale, found, limit);
         }
         if self.is_stale() {
             let (found, limit) = (f64::from(self.misses), f64::from(config.patience));

@@ -8,7 +8,8 @@
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
 //! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for
 //! its energy. [`firmware`] puts a device behind the bytes of its reports. [`emulate`] has whole devices behind a
-//! protocol, published or our own. [`faulty`] lets a device fail at given times. [`driver`] opens the devices of a
+//! protocol, published or our own. [`faulty`] lets a device fail at given times, and [`faults`] the way
+//! between a driver and its emulated device. [`driver`] opens the devices of a
 //! scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
 #![forbid(unsafe_code)]
 
@@ -21,6 +22,7 @@ mod dynamics;
 pub mod emulate;
 mod encoder;
 pub mod energy;
+pub mod faults;
 pub mod faulty;
 pub mod firmware;
 pub mod hand;

@@ -494,6 +494,37 @@ fn an_error_of_the_system_in_any_transfer_is_repeated_or_named() {
 }
 
 #[test]
+fn an_answer_too_many_makes_no_later_state_late() {
+    let sway = [(4.5, z(0.0)), (5.0, Vec3::new(0.03, 0.0, 0.0))];
+    let pipe = emulated(&homing(&sway), Faults::default());
+    let mut falcon = connect(&pipe).unwrap();
+    run(&mut falcon, &pipe, 4.7, &Wrench::zero(), |_, _| {});
+    // Somebody else's packet is answered, too.
+    let now_ns = pipe.world().now_ns;
+    let packet = devices::falcon::packet::Command::default().encode();
+    pipe.world().emulated.receive(&packet, now_ns);
+    pipe.wait(2_000_000);
+    let mut fastest = 0.0_f64;
+    run(
+        &mut falcon,
+        &pipe,
+        4.9,
+        &Wrench::zero(),
+        |state, emulated| {
+            let state = state.expect("a state each time");
+            let device = emulated.device();
+            let (truth, speed) = (device.position(), device.velocity().norm());
+            fastest = fastest.max(speed);
+            // Half a count, and the way since the packet reached the board: not a millisecond. A late answer is 1 ms older.
+            let error = (state.pose.position - truth).norm();
+            assert!(error <= 0.5 * one_count(&truth) + 0.5e-3 * speed, "{error}");
+        },
+    );
+    assert!(fastest > 0.09, "{fastest}");
+    assert_eq!(falcon.counts().early, 1);
+}
+
+#[test]
 fn faults_of_the_packets_cost_states_and_never_give_wrong_ones() {
     let every = Faults {
         short_every: 7,

@@ -9,7 +9,7 @@
 //! ring for the next tick. A state is therefore older than a state that the device sends by itself, by at most one period
 //! of the tick.
 //!
-//! The thread never repeats a force on its own. Where the tick hands over no wrench for [`LET_GO`], the thread commands
+//! The thread never repeats a force on its own, and commands none that waited while the process was stopped. Where the tick hands over no wrench for [`LET_GO`], the thread commands
 //! zero. Where the device is lost, the thread tries to reopen it every [`RETRY`], and the device comes back without a
 //! restart of the run.
 //!

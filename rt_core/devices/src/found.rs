@@ -88,8 +88,47 @@ fn hid(root: &Path) -> Vec<Found> {
     let each = each.into_iter().filter_map(|(name, path)| {
         let device = path.join("device");
         let facts = fs::read_to_string(device.join("uevent")).ok()?;
+        let facts = HidFacts::parse(&facts)?;
+        let file = root.join("dev").join(&name);
+        let (vid, pid) = facts.numbers;
+        let serial = facts.serial;
+        let known = HID.iter().find(|known| (known.0, known.1) == (vid, pid));
+        let connect = match known {
+            Some((_, _, driver, _)) => with_serial(driver, &serial),
+            None => with_serial(&format!("hid:{vid:04x}:{pid:04x}"), &serial),
+        };
+        Some(Found {
+            connect,
+            name: known.map_or(facts.name, |known| known.3.to_owned()),
+            numbers: facts.on_usb.then_some((vid, pid)),
+            serial,
+            trouble: trouble(&file),
+            file,
+            input: device.join("input").exists(),
+            behind_hub: facts.behind_hub,
+        })
+    });
+    each.collect()
+}
+
+/// What the kernel tells of a HID device in its file `uevent`. The name and the serial number are what the device
+/// states, so they may be any text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct HidFacts {
+    /// Vendor and product.
+    pub(crate) numbers: (u16, u16),
+    /// Whether the device is on USB.
+    pub(crate) on_usb: bool,
+    pub(crate) name: String,
+    pub(crate) serial: String,
+    pub(crate) behind_hub: bool,
+}
+
+impl HidFacts {
+    /// The facts in a text; `None` where it does not name a vendor and a product.
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         let fact = |key: &str| {
-            let lines = facts.lines().filter_map(|line| line.split_once('='));
+            let lines = text.lines().filter_map(|line| line.split_once('='));
             let mut values = lines.filter(|(found, _)| *found == key);
             values.next().map_or("", |(_, value)| value)
         };
@@ -100,28 +139,20 @@ fn hid(root: &Path) -> Vec<Found> {
             let wide = u32::from_str_radix(id.next()?, 16).ok()?;
             u16::try_from(wide).ok()
         };
-        let numbers = number().zip(number());
-        let file = root.join("dev").join(&name);
-        let (vid, pid) = numbers?;
-        let serial = fact("HID_UNIQ").to_owned();
-        let known = HID.iter().find(|known| (known.0, known.1) == (vid, pid));
-        let connect = match known {
-            Some((_, _, driver, _)) => with_serial(driver, &serial),
-            None => with_serial(&format!("hid:{vid:04x}:{pid:04x}"), &serial),
-        };
-        let stated = fact("HID_NAME");
-        Some(Found {
-            connect,
-            name: known.map_or(stated, |known| known.3).to_owned(),
-            numbers: (bus == Some(Ok(3))).then_some((vid, pid)),
-            serial,
-            trouble: trouble(&file),
-            file,
-            input: device.join("input").exists(),
+        let numbers = number().zip(number())?;
+        Some(Self {
+            numbers,
+            on_usb: bus == Some(Ok(3)),
+            name: printable(fact("HID_NAME")),
+            serial: printable(fact("HID_UNIQ")),
             behind_hub: fact("HID_PHYS").split('/').next().is_some_and(behind_hub),
         })
-    });
-    each.collect()
+    }
+}
+
+/// A text of a device, without the control characters that would reach the terminal of a person who lists it.
+fn printable(text: &str) -> String {
+    text.trim().chars().filter(|c| !c.is_control()).collect()
 }
 
 /// USB devices that the kernel does not show as HID.
@@ -130,7 +161,7 @@ fn usb(root: &Path) -> Vec<Found> {
     let each = each.into_iter().filter_map(|(name, path)| {
         let text = |file: &str| {
             let text = fs::read_to_string(path.join(file)).ok()?;
-            Some(text.trim().to_owned())
+            Some(printable(&text))
         };
         let number = |file: &str| u16::from_str_radix(&text(file)?, 16).ok();
         let numbers = (number("idVendor")?, number("idProduct")?);
@@ -177,7 +208,7 @@ fn serial(root: &Path) -> Vec<Found> {
         });
         let text = |file: &str| {
             let text = fs::read_to_string(usb?.join(file)).ok()?;
-            Some(text.trim().to_owned())
+            Some(printable(&text))
         };
         let number = |file: &str| u16::from_str_radix(&text(file)?, 16).ok();
         let place = usb.and_then(Path::file_name).and_then(|name| name.to_str());
@@ -195,7 +226,7 @@ fn serial(root: &Path) -> Vec<Found> {
     each.collect()
 }
 
-fn with_serial(connect: &str, serial: &str) -> String {
+pub(crate) fn with_serial(connect: &str, serial: &str) -> String {
     if serial.is_empty() {
         connect.to_owned()
     } else {

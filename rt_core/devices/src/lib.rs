@@ -16,7 +16,8 @@
 //! - [`identify`]: mass, damping and friction of a device, from a limited motion that its motors guide.
 //! - [`response`]: the delay from a force to the motion that the device reports.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
-//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
+//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass. [`hostile`]: all that
+//!   reads bytes from outside, under hostile bytes.
 #![deny(unsafe_code)]
 
 pub mod conformance;
@@ -25,6 +26,7 @@ pub mod falcon;
 pub mod found;
 pub mod ftdi;
 pub mod hid;
+pub mod hostile;
 pub mod identify;
 pub mod models;
 pub mod panel;

@@ -4,7 +4,7 @@
 //! block, so a plug-in is never called by the tick: each of its devices has a thread of its own
 //! ([`exchange`](crate::exchange)). A device that hangs, or whose states are no numbers, is a silent device to the tick.
 
-mod abi;
+pub(crate) mod abi;
 mod library;
 
 use crate::exchange::{Exchange, Exchanged};
@@ -167,7 +167,7 @@ fn finite(vector: &Vec3) -> [f64; 3] {
 }
 
 /// The state that a plug-in filled in; `None` where it is no state.
-fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
+pub(crate) fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
     let mut pose = Pose::at(sensed.part(&Vec3::from(state.position)));
     let mut twist = Twist {
         linear: sensed.part(&Vec3::from(state.velocity)),
@@ -192,7 +192,7 @@ fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
 }
 
 /// The capabilities that a plug-in states; `None` where no device has them.
-fn capabilities(found: &abi::Capabilities) -> Option<Capabilities> {
+pub(crate) fn capabilities(found: &abi::Capabilities) -> Option<Capabilities> {
     let (sensed, actuated) = (freedom(found.sensed)?, freedom(found.actuated)?);
     let positive = |x: f64| x.is_finite() && x > 0.0;
     let numbers = [found.max_force, found.workspace_radius, found.position_step];

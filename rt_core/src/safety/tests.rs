@@ -162,3 +162,45 @@ proptest! {
         prop_assert!(out.moment.norm() <= 0.2 * (1.0 + 1e-14));
     }
 }
+
+#[test]
+fn after_a_standstill_of_the_loop_the_force_comes_back_smoothly() {
+    // The patience of three ticks is over before the watchdog of a device: a gap of 10 ms is none, a longer one is.
+    let ms = 1_000_000;
+    for (gap_ms, away) in [(10, false), (11, true), (1000, true)] {
+        for state in [Some(here()), None] {
+            let mut limiter = Limiter::new(SafetyConfig {
+                max_slew: 100.0,
+                ..config()
+            });
+            let mut now = 0;
+            let mut tick = |limiter: &mut Limiter, gap_ms: u64, state: Option<&DeviceState>| {
+                now += gap_ms * ms;
+                limiter.begin(now);
+                limiter.pass(&push(2.0), state).force.x
+            };
+            // The slew limit allows 0.1 N a tick.
+            for _ in 0..30 {
+                tick(&mut limiter, 1, Some(&here()));
+            }
+            let force = tick(&mut limiter, gap_ms, state.as_ref());
+            assert_eq!(force, if away { 0.0 } else { 2.0 }, "{gap_ms} ms");
+            assert_eq!(limiter.counters().stale, u64::from(away));
+            assert_eq!(
+                limiter.first_trip().is_some(),
+                away || limiter.counters().slewed > 0
+            );
+            if !away {
+                continue;
+            }
+            assert_eq!(limiter.state(), SafetyState::DeviceStale);
+            let mut last = 0.0;
+            for _ in 0..60 {
+                let now = tick(&mut limiter, 1, Some(&here()));
+                assert!(now >= last && now - last <= 0.1 + 1e-12, "{last} {now}");
+                last = now;
+            }
+            assert_eq!((last, limiter.state()), (2.0, SafetyState::Normal));
+        }
+    }
+}

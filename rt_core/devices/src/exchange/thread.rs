@@ -8,11 +8,15 @@ use runner::schedule::realtime;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::{JoinHandle, park_timeout};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
 /// reported here, because the tick requests a higher priority and reports its own refusal.
 const PRIORITY: u8 = 45;
+
+/// Longest time between two looks for a wrench after which a wrench that is found still counts. After a longer one, the
+/// process was stopped or the device blocked, and the wrench may be as old. A wake-up that is late is no such case.
+const FRESH: Duration = LET_GO.saturating_mul(2);
 
 /// Starts the thread, which ends after `commands` has lost its writer.
 pub(super) fn start(
@@ -26,6 +30,7 @@ pub(super) fn start(
         commands,
         answers,
         counts,
+        looked: Instant::now(),
     };
     std::thread::Builder::new()
         .name("palpate-exchange".into())
@@ -43,6 +48,8 @@ struct Work<E> {
     commands: Consumer<Wrench>,
     answers: Producer<Answer>,
     counts: Arc<Counts>,
+    /// When the thread last looked for a wrench.
+    looked: Instant,
 }
 
 impl<E: Exchange> Work<E> {
@@ -67,7 +74,11 @@ impl<E: Exchange> Work<E> {
             if self.commands.is_abandoned() {
                 return None;
             }
-            if let Some(wrench) = take_newest(&mut self.commands, |wrench, _| *wrench) {
+            let away = self.looked.elapsed();
+            self.looked = Instant::now();
+            if let Some(wrench) = take_newest(&mut self.commands, |wrench, _| *wrench)
+                && away <= FRESH
+            {
                 return Some(wrench);
             }
             let Some(left) = LET_GO.checked_sub(start.elapsed()) else {

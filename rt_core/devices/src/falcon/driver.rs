@@ -15,7 +15,8 @@
 //! workspace, and 5 N at 30 mm from it. A force beyond keeps its direction.
 //!
 //! **Trouble.** Packets have no numbers. After an answer that did not come, the driver waits for it once more, so that
-//! it is not taken for the next one. A packet that is missing, cut or out of reach is one missing state. After
+//! it is not taken for the next one. An answer that comes before the device can have received the packet answers an
+//! earlier one, and is discarded: one answer too many would make every later state late. A packet that is missing, cut or out of reach is one missing state. After
 //! [`STALE`] in a row no torque is sent, because the position is not known; after [`LOST`] in a row the device counts
 //! as disconnected, so that [`Exchange::reopen`] brings firmware to it again: a Falcon that lost its power supply stays
 //! on USB.
@@ -37,6 +38,8 @@ pub const LATE: Duration = Duration::from_millis(10);
 pub const STALE: u32 = 3;
 /// Number of exchanges in a row without an answer after which the device counts as disconnected.
 pub const LOST: u32 = 50;
+/// Shortest time (ns) from the write of a packet to its answer: sixteen bytes each way take 213 us at 1.5 Mbaud.
+const SOONEST_NS: u64 = 200_000;
 /// Most reads in one exchange, so that a stopped clock cannot hold it.
 const READS: u32 = 1000;
 /// Most periods between two samples of the velocity.
@@ -91,6 +94,8 @@ pub struct Counts {
     pub silent: u64,
     /// Answers that could not be used.
     pub corrupt: u64,
+    /// Reads with answers to earlier packets, which were discarded.
+    pub early: u64,
 }
 
 /// Opens the USB device; the error is the error number of the system.
@@ -222,15 +227,18 @@ impl<T: Ftdi> Falcon<T> {
             .ok_or(DeviceError::Disconnected(NO_DEVICE))?;
         if self.owed {
             // A late answer would count as the answer to this packet, and each later answer, too.
-            let _ = read(link, &mut self.framer, &mut self.clock, LATE)?;
+            let _ = read(link, &mut self.framer, &mut self.clock, LATE, 0)?;
             for buffer in [Buffer::One, Buffer::Two] {
                 link.control(Control::Purge(buffer)).map_err(failed)?;
             }
             self.framer.restart();
         }
+        let written_ns = (self.clock)();
         link.write(&command.encode()).map_err(failed)?;
         self.owed = true;
-        let answer = read(link, &mut self.framer, &mut self.clock, WAIT)?;
+        let soonest_ns = written_ns.saturating_add(SOONEST_NS);
+        let (answer, early) = read(link, &mut self.framer, &mut self.clock, WAIT, soonest_ns)?;
+        self.counts.early = self.counts.early.saturating_add(early);
         self.owed = answer.is_none();
         answer.unwrap_or(Err(DeviceError::NoReport))
     }
@@ -292,16 +300,18 @@ fn failed(number: i32) -> DeviceError {
     }
 }
 
-/// Waits for an answer, at most for `wait`. Returns the newest that has come, or why it cannot be used; `None` where
-/// none came in time.
+/// Waits for an answer, at most for `wait`, and discards those that come before `soonest_ns`. Returns the newest that has
+/// come, or why it cannot be used, `None` where none came in time; and the number of reads with discarded answers.
 fn read<T: Ftdi>(
     link: &mut T,
     framer: &mut Framer,
     clock: &mut Clock,
     wait: Duration,
-) -> Result<Option<Result<Report, DeviceError>>, DeviceError> {
+    soonest_ns: u64,
+) -> Result<(Option<Result<Report, DeviceError>>, u64), DeviceError> {
     let start_ns = clock();
     let mut buffer = [0; PACKET];
+    let mut early: u64 = 0;
     for _ in 0..READS {
         let passed_ns = clock().saturating_sub(start_ns);
         let left = wait.saturating_sub(Duration::from_nanos(passed_ns));
@@ -319,11 +329,13 @@ fn read<T: Ftdi>(
                 newest = Some(Err(DeviceError::Corrupt(Corruption::Length)));
             }
         }
-        if newest.is_some() {
-            return Ok(newest);
+        if newest.is_some() && clock() < soonest_ns {
+            early = early.saturating_add(1);
+        } else if newest.is_some() {
+            return Ok((newest, early));
         }
     }
-    Ok(None)
+    Ok((None, early))
 }
 
 impl<T: Ftdi> Exchange for Falcon<T> {

@@ -64,12 +64,15 @@ impl Reports {
         &self.host
     }
 
-    /// Calls `next` until no report waits, and returns the newest good state. `next` fills the buffer and returns the
-    /// length of the report, or zero for none.
+    /// Calls `next` until no report waits, and returns the newest good state of the tick at `now_ns`. `next` fills the
+    /// buffer and returns the length of the report, or zero for none.
+    ///
+    /// # Errors
+    /// That of `next`, where it comes before a state; otherwise why no state came.
     ///
     /// The position of a device that has not found its reference cannot be trusted: the states of such a device count
     /// as missing.
-    pub(crate) fn newest(
+    pub fn newest(
         &mut self,
         sensed: Freedom,
         now_ns: u64,
@@ -138,17 +141,17 @@ impl Reports {
     }
 
     /// The hello to write before the first tick.
-    pub(crate) fn greet(&mut self) -> [u8; report::LENGTH] {
+    pub fn greet(&mut self) -> [u8; report::LENGTH] {
         self.host.greet()
     }
 
     /// The report to write in the tick of `now_ns`, if any; see [`Host::command`]. `wrench` is in device axes.
-    pub(crate) fn command(&mut self, wrench: &Wrench, now_ns: u64) -> Option<[u8; report::LENGTH]> {
+    pub fn command(&mut self, wrench: &Wrench, now_ns: u64) -> Option<[u8; report::LENGTH]> {
         self.host.command(&si_of(wrench), now_ns)
     }
 
     /// The report that lets the device go.
-    pub(crate) fn release(&mut self) -> [u8; report::LENGTH] {
+    pub fn release(&mut self) -> [u8; report::LENGTH] {
         self.host.release()
     }
 

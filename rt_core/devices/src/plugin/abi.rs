@@ -20,26 +20,26 @@ pub(super) struct Wrench {
 /// `palpate_state`.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
-pub(super) struct State {
-    pub(super) position: [f64; 3],
-    pub(super) orientation: [f64; 4],
-    pub(super) velocity: [f64; 3],
-    pub(super) angular_velocity: [f64; 3],
-    pub(super) time_ns: u64,
-    pub(super) buttons: u32,
-    pub(super) reserved: u32,
+pub(crate) struct State {
+    pub(crate) position: [f64; 3],
+    pub(crate) orientation: [f64; 4],
+    pub(crate) velocity: [f64; 3],
+    pub(crate) angular_velocity: [f64; 3],
+    pub(crate) time_ns: u64,
+    pub(crate) buttons: u32,
+    pub(crate) reserved: u32,
 }
 
 /// `palpate_capabilities`.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
-pub(super) struct Capabilities {
-    pub(super) sensed: u32,
-    pub(super) actuated: u32,
-    pub(super) max_force: f64,
-    pub(super) max_moment: f64,
-    pub(super) workspace_radius: f64,
-    pub(super) position_step: f64,
+pub(crate) struct Capabilities {
+    pub(crate) sensed: u32,
+    pub(crate) actuated: u32,
+    pub(crate) max_force: f64,
+    pub(crate) max_moment: f64,
+    pub(crate) workspace_radius: f64,
+    pub(crate) position_step: f64,
 }
 
 /// `palpate_device`, which only the plug-in knows.

@@ -35,7 +35,7 @@ pub struct WoodenHapticsDriver;
 
 /// Where a device is.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Address {
+pub(crate) enum Address {
     /// HID, with the serial number if there is one.
     Board(Option<String>),
     /// HID by its path, with short reports.
@@ -45,7 +45,7 @@ enum Address {
 }
 
 impl Address {
-    fn parse(text: &str) -> Option<Self> {
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         if text.is_empty() {
             return Some(Self::Board(None));
         }

@@ -1,0 +1,6 @@
+//! The connection of a device in a scene.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|text: &str| {
+    devices::hostile::connection(text);
+});

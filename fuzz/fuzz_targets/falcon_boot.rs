@@ -1,0 +1,6 @@
+//! The upload of the Falcon's firmware, under a hostile boot loader.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    devices::hostile::falcon_boot(bytes);
+});

@@ -1,0 +1,6 @@
+//! A device of the firmware protocol under a hostile host: no force but that of a sound wrench.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    devices::hostile::firmware_device(bytes);
+});

@@ -1,0 +1,6 @@
+//! The driver of the firmware protocol over a stream, under a hostile device.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    devices::hostile::firmware_host(bytes);
+});

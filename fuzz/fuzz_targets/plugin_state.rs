@@ -1,0 +1,6 @@
+//! The state and the capabilities that a plug-in fills in.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    devices::hostile::plugin_state(bytes);
+});

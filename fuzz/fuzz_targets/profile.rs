@@ -1,0 +1,6 @@
+//! The profile of a device, with identified numbers written into it.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|text: &str| {
+    devices::hostile::profile(text);
+});

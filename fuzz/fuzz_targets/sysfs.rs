@@ -1,0 +1,6 @@
+//! What the kernel tells of a HID device.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|text: &str| {
+    devices::hostile::sysfs(text);
+});

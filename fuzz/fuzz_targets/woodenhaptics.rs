@@ -1,0 +1,6 @@
+//! The reports and the driver of WoodenHaptics, under a hostile device.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    devices::hostile::woodenhaptics(bytes);
+});

@@ -1,0 +1,506 @@
+//! Faults on the way between a driver and its device, at random times, in virtual time.
+//!
+//! A run has an emulated device in a simulated hand, the true driver of `devices`, and the true controller, which renders
+//! a wall. The hand pushes into the wall, holds, and leaves it. A fault of one [`Kind`] begins at a random time of the
+//! push. The run then shows how long the force lasts at the device and in the commands of the host, how it comes back,
+//! and how much energy the hand was given.
+//!
+//! Two parts of the program cannot run in virtual time, because they are threads of the system, and are written again
+//! here (`host`): the thread of [`devices::Exchanged`], with its times, and the writing thread of `devices::hid`, which
+//! writes at once here. Everything else is the code of the program. The same seed gives the same run.
+//!
+//! What must hold ([`Limits`]): no force at the device after its own watchdog, and none commanded after five of its
+//! periods; a force that comes back without a restart of the host and without a jump; and less than a millijoule of net
+//! energy at the hand ([`crate::NetEnergy`]).
+
+mod host;
+mod link;
+
+use crate::tremor::unit;
+use crate::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor};
+use host::Host;
+use link::{Injected, Link, World};
+use rand_pcg::Pcg64;
+use rt_core::Vec3;
+use std::fmt;
+
+/// The stream of the random generator: no other part of the program draws from it.
+const STREAM: u128 = 0x6661_756c_7473;
+/// Period of the ticks and of the devices (ns).
+const PERIOD_NS: u64 = 1_000_000;
+/// Periods without a state after which the force ends, as in the program.
+const PATIENCE: u32 = 5;
+/// Stiffness (N/m) and damping (N s/m) of the wall.
+const WALL: [f64; 2] = [300.0, 1.0];
+/// Distance of the wall from the origin of the device, towards negative z (m).
+const DISTANCE: f64 = 0.003;
+/// Aim of the hand at the push, towards negative z (m).
+const DEPTH: f64 = 0.012;
+/// Root mean square of the tremor (m).
+const TREMOR: f64 = 1e-4;
+
+/// A device and its protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Protocol {
+    /// The firmware protocol, in reports (HID).
+    Reports,
+    /// The firmware protocol, in a stream of bytes (tty, TCP).
+    Stream,
+    /// WoodenHaptics: HID reports without sequence, time and check sum.
+    WoodenHaptics,
+    /// The Falcon: packets of letters through an FTDI chip.
+    Falcon,
+}
+
+impl Protocol {
+    /// All protocols.
+    pub const ALL: [Self; 4] = [
+        Self::Reports,
+        Self::Stream,
+        Self::WoodenHaptics,
+        Self::Falcon,
+    ];
+
+    /// Whether each packet has a check sum, a number and a session, so that a receiver detects every wrong one.
+    fn is_checked(self) -> bool {
+        matches!(self, Self::Reports | Self::Stream)
+    }
+}
+
+impl fmt::Display for Protocol {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Reports => "firmware, HID",
+            Self::Stream => "firmware, stream",
+            Self::WoodenHaptics => "WoodenHaptics",
+            Self::Falcon => "Falcon",
+        })
+    }
+}
+
+/// A kind of fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// No fault, for comparison.
+    Nothing,
+    /// The cable is pulled, and plugged in again. The device has power of its own.
+    Unplugged,
+    /// The device is switched off and on.
+    Reset,
+    /// Every packet, both ways, has one byte changed.
+    Corrupt,
+    /// Every packet, both ways, is the last one before the fault.
+    Stale,
+    /// Packets come in pairs, the later one first.
+    Reordered,
+    /// Packets are lost, both ways.
+    Silent,
+    /// The device sends twenty times as many packets.
+    Flooding,
+    /// The device is 10 % faster than the tick.
+    Fast,
+    /// The device is 10 % slower than the tick.
+    Slow,
+    /// The process of the host is stopped, and continues.
+    Stopped,
+    /// The process of the host ends without a last word.
+    Killed,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 12] = [
+        Self::Nothing,
+        Self::Unplugged,
+        Self::Reset,
+        Self::Corrupt,
+        Self::Stale,
+        Self::Reordered,
+        Self::Silent,
+        Self::Flooding,
+        Self::Fast,
+        Self::Slow,
+        Self::Stopped,
+        Self::Killed,
+    ];
+
+    /// Whether no sound state reaches a host that runs.
+    fn cuts_states(self, protocol: Protocol) -> bool {
+        match self {
+            Self::Unplugged | Self::Reset | Self::Silent => true,
+            Self::Corrupt | Self::Stale => protocol.is_checked(),
+            _ => false,
+        }
+    }
+
+    /// Whether no sound command reaches the device.
+    fn cuts_commands(self, protocol: Protocol) -> bool {
+        self.cuts_states(protocol) || matches!(self, Self::Stopped | Self::Killed)
+    }
+
+    /// Whether a receiver can tell the packets of the fault from sound ones. WoodenHaptics and the Falcon have neither a
+    /// check sum nor a number in their packets.
+    pub fn is_detectable(self, protocol: Protocol) -> bool {
+        protocol.is_checked() || !matches!(self, Self::Corrupt | Self::Stale)
+    }
+
+    /// Whether the host must go on as if nothing had happened.
+    fn is_harmless(self, protocol: Protocol) -> bool {
+        match self {
+            Self::Nothing | Self::Fast | Self::Slow => true,
+            Self::Flooding => protocol != Protocol::Falcon,
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Nothing => "none",
+            Self::Unplugged => "unplugged",
+            Self::Reset => "reset",
+            Self::Corrupt => "corrupt",
+            Self::Stale => "stale",
+            Self::Reordered => "reordered",
+            Self::Silent => "silent",
+            Self::Flooding => "flooding",
+            Self::Fast => "10 % fast",
+            Self::Slow => "10 % slow",
+            Self::Stopped => "host stopped",
+            Self::Killed => "host killed",
+        })
+    }
+}
+
+/// The limits that a run is held to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Longest time of a force at the device (s): its watchdog, one turn of its loop, and the exchange that was under
+    /// way.
+    pub device: f64,
+    /// Longest time of a force in the commands of the host (s): five periods of the device, the answer that was under
+    /// way, and the tick that finds out.
+    pub host: f64,
+    /// Largest growth of a force from one millisecond to the next (N).
+    pub jump: f64,
+    /// Largest net energy at the hand (J).
+    pub energy: f64,
+}
+
+impl Limits {
+    /// The limits of a fault on a protocol. WoodenHaptics cuts its motors half a second after the last command. Nobody documents
+    /// what the Falcon does: the emulator's choice is a tenth of a second. A driver of WoodenHaptics learns
+    /// of a restart by its first report, and has sent one more command by then: a pulse of one exchange.
+    pub fn of(protocol: Protocol, kind: Kind) -> Self {
+        let device = match protocol {
+            Protocol::Reports | Protocol::Stream => 0.010_1,
+            Protocol::WoodenHaptics => 0.501_5,
+            Protocol::Falcon => 0.101_5,
+        };
+        Self {
+            device,
+            host: 0.007,
+            jump: if (protocol, kind) == (Protocol::WoodenHaptics, Kind::Reset) {
+                f64::INFINITY
+            } else {
+                0.3
+            },
+            energy: 1e-3,
+        }
+    }
+}
+
+/// What a run showed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Time from the fault until the device made no force (s); `None` where commands still reached it, or where the fault
+    /// ended first.
+    pub device: Option<f64>,
+    /// Time from the fault until the host commanded no force (s); `None` where states still reached it.
+    pub host: Option<f64>,
+    /// Largest growth of the commanded force from one tick to the next, after the fault began (N).
+    pub host_jump: f64,
+    /// Largest growth of the force at the device from one millisecond to the next, after the fault began (N).
+    pub device_jump: f64,
+    /// Net energy at the hand (J).
+    pub energy: f64,
+    /// Ticks without a state, after the first state.
+    pub missed: u64,
+    /// Force before the fault, and at the end (N).
+    pub forces: [f64; 2],
+    /// What the run was to show and did not.
+    pub failures: Vec<String>,
+}
+
+/// The times of a run (s).
+struct Plan {
+    /// The hand moves the handle out and in, by which a Falcon is homed. None for the other devices.
+    homing: Option<f64>,
+    /// The operator presses the button for calibration, where there has been no state for a while.
+    presses: [f64; 2],
+    /// The path of the hand along z (m).
+    path: Vec<(f64, f64)>,
+    fault: [f64; 2],
+    arm: Arm,
+    end: f64,
+}
+
+impl Plan {
+    fn new(protocol: Protocol, kind: Kind, random: &mut Pcg64) -> Self {
+        let mut draw = |low: f64, high: f64| low + (high - low) * unit(random);
+        let mut path = Vec::new();
+        let mut now = if protocol == Protocol::Falcon {
+            3.0
+        } else {
+            0.1
+        };
+        let out_and_in = |path: &mut Vec<(f64, f64)>, now: &mut f64| {
+            path.extend([(*now, 0.0), (*now + 0.5, 0.025), (*now + 1.0, 0.0)]);
+            *now += 1.1;
+        };
+        let homing = (protocol == Protocol::Falcon).then_some(now);
+        if homing.is_some() {
+            out_and_in(&mut path, &mut now);
+        }
+        let first = now + 0.05;
+        // The push, the hold, and the way back.
+        let push = now + 0.2;
+        let hold = draw(0.5, 1.0);
+        let back = push + 0.3 + hold;
+        path.extend([
+            (push, 0.0),
+            (push + 0.3, -DEPTH),
+            (back, -DEPTH),
+            (back + 0.4, 0.0),
+        ]);
+        let from = draw(push + 0.2, back + 0.1);
+        let to = from + draw(0.05, 0.3);
+        now = back + 0.5;
+        let mut second = f64::INFINITY;
+        if kind != Kind::Killed {
+            if protocol == Protocol::Falcon && kind == Kind::Reset {
+                // It counts as lost, its firmware is uploaded, and a person homes it again.
+                now += 3.0;
+                out_and_in(&mut path, &mut now);
+            }
+            second = now.max(to + 0.3);
+            now = second + 0.2;
+            path.extend([(now, 0.0), (now + 0.3, -DEPTH)]);
+        }
+        Self {
+            homing,
+            presses: [first, second],
+            path,
+            fault: [from, to],
+            arm: if draw(0.0, 1.0) < 0.5 {
+                Arm::TYPICAL
+            } else {
+                Arm::FIRM
+            },
+            end: now + 0.8,
+        }
+    }
+}
+
+/// Runs a device of `protocol` with a fault of `kind`, both at times that `seed` decides.
+///
+/// # Panics
+/// Where the emulated device or its driver cannot be set up, which no seed causes.
+pub fn run(protocol: Protocol, kind: Kind, seed: u64) -> Outcome {
+    let mut random = Pcg64::new(u128::from(seed), STREAM);
+    let plan = Plan::new(protocol, kind, &mut random);
+    let ns = |seconds: f64| (seconds * 1e9) as u64;
+    let [from_ns, to_ns] = plan.fault.map(ns);
+    let injected = Injected {
+        kind,
+        from_ns,
+        to_ns,
+    };
+    let model = link::model(protocol);
+    let device = held(model, &plan, seed);
+    let link = Link::new(World::new(protocol, device, injected, random));
+    let mut host = Host::new(protocol, &model, &link, from_ns);
+    let end_ns = ns(plan.end);
+    let mut presses = plan.presses.map(ns).to_vec();
+    let mut now_ns = link.now_ns().next_multiple_of(PERIOD_NS);
+    assert!(
+        plan.homing.is_none_or(|homing| now_ns < ns(homing)),
+        "the boot took too long"
+    );
+    while now_ns < end_ns {
+        let absent = now_ns > from_ns
+            && match kind {
+                Kind::Stopped => now_ns < to_ns,
+                Kind::Killed => true,
+                _ => false,
+            };
+        if absent {
+            host.stop(from_ns);
+            link.run(now_ns);
+        } else {
+            host.tick(now_ns);
+        }
+        if presses.first().is_some_and(|&press_ns| now_ns >= press_ns) {
+            presses.remove(0);
+            if host.is_without_state() {
+                link.press();
+            }
+        }
+        now_ns += PERIOD_NS;
+    }
+    let seen = link.run(end_ns);
+    let since = |at_ns: Option<u64>| at_ns.map(|at_ns| (at_ns - from_ns) as f64 * 1e-9);
+    // After the end of the fault, the host may command zero.
+    let lasts = if kind == Kind::Killed {
+        f64::INFINITY
+    } else {
+        plan.fault[1] - plan.fault[0]
+    };
+    let cuts = |gone: f64| kind.cuts_commands(protocol) && gone <= lasts;
+    let mut outcome = Outcome {
+        device: since(seen.gone_ns).filter(|gone| cuts(*gone)),
+        host: since(host.gone_ns()).filter(|_| kind.cuts_states(protocol)),
+        host_jump: host.jump(),
+        device_jump: seen.jump,
+        energy: seen.energy.largest(),
+        missed: host.missed(),
+        forces: [seen.before, seen.force],
+        failures: Vec::new(),
+    };
+    judge(&mut outcome, protocol, kind, &plan, host.trips());
+    outcome
+}
+
+/// The device in the hand that follows the plan.
+fn held(model: DeviceModel, plan: &Plan, seed: u64) -> SimDevice {
+    let path = plan
+        .path
+        .iter()
+        .map(|(at, z)| (*at, Vec3::new(0.0, 0.0, *z)));
+    let trajectory = Trajectory::new_waypoints(&path.collect::<Vec<_>>());
+    let hand = trajectory.map(|trajectory| Hand::new(trajectory).with_arm(plan.arm));
+    let hand = match (hand, Tremor::new(TREMOR, seed)) {
+        (Ok(hand), Ok(tremor)) => hand.with_tremor(tremor),
+        other => panic!("the hand cannot follow its path: {other:?}"),
+    };
+    match SimDevice::new(model, Some(hand), PERIOD_NS as f64 * 1e-9) {
+        Ok(device) => device,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// Notes what a run was to show and did not.
+fn judge(outcome: &mut Outcome, protocol: Protocol, kind: Kind, plan: &Plan, trips: u64) {
+    if !kind.is_detectable(protocol) {
+        return;
+    }
+    let limits = Limits::of(protocol, kind);
+    let [from, to] = plan.fault;
+    let within = |what: &str, found: Option<f64>, limit: f64, ends: bool| match found {
+        Some(found) if found <= limit => None,
+        Some(found) => Some(format!(
+            "{what}: force for {:.2} ms, allowed {:.2} ms",
+            1e3 * found,
+            1e3 * limit
+        )),
+        // The fault ended before the limit did.
+        None if ends && to - from < limit => None,
+        None => Some(format!("{what}: force until the end")),
+    };
+    let mut problems = Vec::new();
+    if kind.cuts_commands(protocol) {
+        problems.extend(within(
+            "device",
+            outcome.device,
+            limits.device,
+            kind != Kind::Killed,
+        ));
+    }
+    if kind.cuts_states(protocol) {
+        problems.extend(within("host", outcome.host, limits.host, false));
+    }
+    if kind.is_harmless(protocol) && trips > 0 {
+        problems.push(format!("{trips} trips of a device that is there"));
+    }
+    for (what, jump) in [
+        ("commanded", outcome.host_jump),
+        ("device's", outcome.device_jump),
+    ] {
+        if jump > limits.jump {
+            problems.push(format!("the {what} force jumped by {jump:.3} N"));
+        }
+    }
+    if outcome.energy > limits.energy {
+        problems.push(format!("net energy {:.3} mJ", 1e3 * outcome.energy));
+    }
+    let [before, end] = outcome.forces;
+    if kind != Kind::Killed && end < 0.1 {
+        problems.push(format!(
+            "the force did not come back: {end:.2} N, {before:.2} N before"
+        ));
+    }
+    outcome.failures = problems;
+}
+
+/// The worst of some runs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Worst {
+    /// Number of runs.
+    pub runs: usize,
+    /// Largest [`Outcome::device`] and [`Outcome::host`] (s).
+    pub gone: [Option<f64>; 2],
+    /// Largest [`Outcome::host_jump`] and [`Outcome::device_jump`] (N).
+    pub jumps: [f64; 2],
+    /// Largest net energy (J).
+    pub energy: f64,
+    /// Largest number of missed states.
+    pub missed: u64,
+    /// Number of runs with a failure.
+    pub failed: usize,
+}
+
+impl Worst {
+    /// Takes one more run.
+    pub fn take(&mut self, outcome: &Outcome) {
+        if self.runs == 0 {
+            self.energy = f64::NEG_INFINITY;
+        }
+        self.runs += 1;
+        for (most, found) in self.gone.iter_mut().zip([outcome.device, outcome.host]) {
+            *most = (*most).into_iter().chain(found).reduce(f64::max);
+        }
+        let found = [outcome.host_jump, outcome.device_jump];
+        for (most, found) in self.jumps.iter_mut().zip(found) {
+            *most = most.max(found);
+        }
+        self.energy = self.energy.max(outcome.energy);
+        self.missed = self.missed.max(outcome.missed);
+        self.failed += usize::from(!outcome.failures.is_empty());
+    }
+
+    /// The head of a table whose rows are [`Worst::row`].
+    pub const HEAD: &'static str = "| device | fault | runs | force at the device (ms) | force commanded (ms) | jump \
+        commanded (N) | jump at the device (N) | net energy (mJ) | ticks without a state | failed |\n\
+        |---|---|---|---|---|---|---|---|---|---|";
+
+    /// The row of a table: all numbers are the largest over the runs.
+    pub fn row(&self, protocol: Protocol, kind: Kind) -> String {
+        let [device, host] = self.gone.map(|gone| match gone {
+            Some(gone) => format!("{:.2}", 1e3 * gone),
+            None => "-".to_owned(),
+        });
+        let [commanded, felt] = self.jumps;
+        let failed = if kind.is_detectable(protocol) {
+            self.failed.to_string()
+        } else {
+            "not detectable".to_owned()
+        };
+        format!(
+            "| {protocol} | {kind} | {} | {device} | {host} | {commanded:.3} | {felt:.3} | {:.3} | {} | {failed} |",
+            self.runs,
+            1e3 * self.energy,
+            self.missed,
+        )
+    }
+}
