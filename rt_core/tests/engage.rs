@@ -118,10 +118,11 @@ fn a_disarmed_device_gets_no_force_and_its_proxy_waits() {
         let place = telemetry.devices[0].pose.position;
         assert!((place - config.waits_at).norm() < 1e-15);
     }
-    // The hand arms the device where it is: the proxy starts where it waited, without force.
+    // The hand arms the device where it is: the proxy starts where it waited, nearly without force.
     let (commands, telemetry) = tick(&mut controller, [(0.05, ARM), (0.0, 0)]);
     assert_eq!(telemetry.devices[0].safety, SafetyState::Engaging);
-    assert!(commands[0].force.norm() < 1e-12);
+    // A hundredth of the ramp is 0.0003 of its smooth step.
+    assert!(commands[0].force.norm() < 4e-4 * SPRING * 0.01);
     // The other device stays disarmed.
     assert_eq!(telemetry.devices[1].safety, SafetyState::Disarmed);
     // After the ramp, 10 mm of the hand are 10 mm of the proxy.
