@@ -1,6 +1,8 @@
 //! The driver `sim` opens simulated devices, each with the hand that holds it.
 
+use crate::delayed::Delayed;
 use crate::device::SimDevice;
+use crate::faults::Protocol;
 use crate::firmware::Wired;
 use crate::hand::Hand;
 use devices::{AnyDevice, Driver, Kind, OpenError, Request};
@@ -15,6 +17,8 @@ pub struct Held {
     pub wired: bool,
     /// Where the device and the hand start (m, device axes).
     pub start: Vec3,
+    /// The protocol that an emulated device speaks.
+    pub protocol: Protocol,
 }
 
 /// The driver of simulated devices. It has no addresses, because hands and wires are given to `Simulated::new`.
@@ -47,8 +51,17 @@ impl Driver for Simulated {
         let start = held.map_or_else(Vec3::zeros, |held| held.start);
         let device = SimDevice::new(*request.model, hand, request.period);
         match device.and_then(|device| device.starting_at(start)) {
-            Ok(device) if held.is_some_and(|held| held.wired) => Ok(Box::new(Wired::new(device))),
-            Ok(device) => Ok(Box::new(device)),
+            Ok(device) => {
+                let wired = held.is_some_and(|held| held.wired);
+                let delay = request.model.output_delay;
+                // A device without a delay needs no wrenches on their way.
+                Ok(match (wired, delay > 0.0) {
+                    (true, true) => Box::new(Wired::new(Delayed::new(device, delay))),
+                    (true, false) => Box::new(Wired::new(device)),
+                    (false, true) => Box::new(Delayed::new(device, delay)),
+                    (false, false) => Box::new(device),
+                })
+            }
             Err(error) => Err(OpenError::Refused {
                 source: Box::new(error),
                 allowed: "a valid device model",

@@ -6,15 +6,16 @@
 //! and how much energy the hand was given.
 //!
 //! Two parts of the program cannot run in virtual time, because they are threads of the system, and are written again
-//! here (`host`): the thread of [`devices::Exchanged`], with its times, and the writing thread of `devices::hid`, which
+//! here (`driver`): the thread of [`devices::Exchanged`], with its times, and the writing thread of `devices::hid`, which
 //! writes at once here. Everything else is the code of the program. The same seed gives the same run.
 //!
 //! What must hold ([`Limits`]): no force at the device after its own watchdog, and none commanded after five of its
 //! periods; a force that comes back without a restart of the host and without a jump; and less than a millijoule of net
 //! energy at the hand ([`crate::NetEnergy`]).
 
+pub(crate) mod driver;
 mod host;
-mod link;
+pub(crate) mod link;
 
 use crate::tremor::unit;
 use crate::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor};

@@ -49,6 +49,8 @@ pub struct Hand {
     pub tremor: Option<Tremor>,
     /// The buttons that the hand presses.
     pub presses: Vec<Press>,
+    /// What the hand does before its own time begins: a trajectory, and its duration (s). An operator homes a device so.
+    pub opening: Option<(Trajectory, f64)>,
 }
 
 impl Hand {
@@ -60,6 +62,7 @@ impl Hand {
             trajectory,
             tremor: None,
             presses: Vec::new(),
+            opening: None,
         }
     }
 
@@ -86,8 +89,23 @@ impl Hand {
         Self { presses, ..self }
     }
 
+    /// The same hand, which first follows the trajectory of an opening for its `duration` (s).
+    pub fn after(self, opening: Trajectory, duration: f64) -> Self {
+        Self {
+            opening: Some((opening, duration)),
+            ..self
+        }
+    }
+
+    /// The hand's own time (s); below zero during the opening.
+    fn own(&self, time: f64) -> f64 {
+        let opening = self.opening.as_ref();
+        time - opening.map_or(0.0, |(_, duration)| *duration)
+    }
+
     /// The buttons that the hand holds down at `time` (s), one bit each.
     pub fn buttons(&self, time: f64) -> u32 {
+        let time = self.own(time);
         let down = self.presses.iter();
         let down = down.filter(|press| (press.from..press.to).contains(&time));
         down.fold(0, |buttons, press| {
@@ -97,6 +115,13 @@ impl Hand {
 
     /// The aim of the hand at `time` (s): displacement from the start (m) and velocity (m/s).
     pub fn aim(&self, time: f64) -> (Vec3, Vec3) {
+        let own = self.own(time);
+        if let Some((opening, _)) = &self.opening
+            && own < 0.0
+        {
+            return opening.at(time);
+        }
+        let time = own;
         let (mut position, mut velocity) = self.trajectory.at(time);
         if let Some(tremor) = &self.tremor {
             let (p, v) = tremor.at(time);

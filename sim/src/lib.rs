@@ -7,19 +7,22 @@
 //!
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
 //! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for
-//! its energy. [`firmware`] puts a device behind the bytes of its reports. [`emulate`] has whole devices behind a
+//! its energy. [`firmware`] puts a device behind the bytes of its reports, and [`delayed`] behind the
+//! delay of its output. [`emulate`] has whole devices behind a
 //! protocol, published or our own. [`faulty`] lets a device fail at given times, and [`faults`] the way
-//! between a driver and its emulated device. [`driver`] opens the devices of a
-//! scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
+//! between a driver and its emulated device. [`driver`] and [`emulated`] open the devices
+//! of a scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
 #![forbid(unsafe_code)]
 
 pub mod adversary;
 pub mod arm;
 mod curve;
+pub mod delayed;
 pub mod device;
 pub mod driver;
 mod dynamics;
 pub mod emulate;
+pub mod emulated;
 mod encoder;
 pub mod energy;
 pub mod faults;
@@ -34,8 +37,10 @@ pub use devices::models::{self, DeviceFile, DeviceModel, RotationModel};
 
 pub use arm::{Arm, Wrist};
 pub use curve::minimum_jerk;
+pub use delayed::Delayed;
 pub use device::{SimDevice, SimError};
 pub use driver::{Held, Simulated};
+pub use emulated::EmulatedDriver;
 pub use energy::{MechanicalEnergy, NetEnergy};
 pub use faulty::{Fault, Faulty};
 pub use firmware::Wired;

@@ -8,6 +8,7 @@ use devices::{AnyDevice, Kind, OpenError, Registry, Replay, Request};
 use rt_core::Vec3;
 use rt_core::controller::Reading;
 use sim::Held;
+use sim::faults::Protocol;
 
 /// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`).
 ///
@@ -71,6 +72,7 @@ fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
         Ok(Held {
             hand: hand::build(loaded, index, seed)?,
             wired: spec.wire.unwrap_or(true),
+            protocol: protocol(loaded.profiles[index].protocol.as_deref()),
             // Only a device whose origin is given starts elsewhere than at its origin.
             start: match spec.mounting.origin {
                 None => Vec3::zeros(),
@@ -80,6 +82,16 @@ fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
     });
     let held = held.collect::<Result<_, SceneError>>()?;
     Ok(drivers(held, &loaded.beside("")))
+}
+
+/// The protocol of the device whose profile names it so. A profile that names none is that of a device with the firmware
+/// protocol.
+fn protocol(name: Option<&str>) -> Protocol {
+    match name {
+        Some("woodenhaptics") => Protocol::WoodenHaptics,
+        Some("falcon") => Protocol::Falcon,
+        _ => Protocol::Reports,
+    }
 }
 
 fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {

@@ -225,6 +225,9 @@ fn delay(loaded: &LoadedScene, period: f64) -> Result<usize, SceneError> {
     let mut most = 0;
     for (index, model) in loaded.models.iter().enumerate() {
         let ticks = (model.output_delay / period - 1e-6).ceil().max(0.0) as usize;
+        // The wrench of an emulated device is on its way for a part of a tick.
+        let emulated = loaded.scene.devices[index].is_emulated();
+        let ticks = ticks.max(usize::from(emulated));
         if ticks > MAX_DELAY {
             let field = format!("device[{index}].model");
             let found = format!("an output delay of {:?} s", model.output_delay);

@@ -438,7 +438,7 @@ fn check_held(at: &str, device: &Device) -> Check {
     let connection = format!("the connection \"{}\"", device.connect);
     let field = |name: &str| format!("{at}.{name}");
     require(
-        simulated || device.wire.is_none(),
+        (simulated && !device.is_emulated()) || device.wire.is_none(),
         &field("wire"),
         connection.as_str(),
         none("simulated", "`wire`"),

@@ -5,13 +5,16 @@ use devices::plugin::Plugins;
 use devices::serial::{Tcp, Tty};
 use devices::woodenhaptics::WoodenHapticsDriver;
 use devices::{Hid, Registry};
-use sim::{Held, Simulated};
+use sim::{EmulatedDriver, Held, Simulated};
 use std::path::Path;
 
 /// The drivers, where `held` holds the simulated devices, by index in the scene, and files are relative to `folder`.
 /// Names need neither.
 pub(crate) fn drivers(held: Vec<Held>, folder: &Path) -> Registry {
-    with_real(Registry::new().with(Simulated::new(held)), folder)
+    let simulated = Registry::new()
+        .with(Simulated::new(held.clone()))
+        .with(EmulatedDriver::new(held));
+    with_real(simulated, folder)
 }
 
 /// The drivers of real devices alone, for commands without a scene. Files are relative to `folder`.

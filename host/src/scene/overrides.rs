@@ -5,7 +5,7 @@
 //! run holds the edited text, so that a replay of the log needs no overrides. Comments and order of the text stay.
 
 use super::load::load;
-use super::spec::SIMULATED;
+use super::spec::{EMULATED, SIMULATED};
 use super::{LoadedScene, SceneError};
 use devices::Connection;
 use std::io;
@@ -107,8 +107,11 @@ fn tables(list: &mut Item) -> Vec<&mut dyn TableLike> {
 /// Gives the device of a table another connection.
 fn connect(device: &mut dyn TableLike, to: &Connection) {
     set(device, "connect", Value::from(to.to_string()));
-    if to.driver == SIMULATED {
+    if [SIMULATED, EMULATED].contains(&to.driver.as_str()) {
         device.remove("firmware");
+        if to.driver == EMULATED {
+            device.remove("wire");
+        }
         if !device.contains_key("hand") {
             set(device, "hand", Value::from(InlineTable::new()));
         }

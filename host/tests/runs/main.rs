@@ -4,6 +4,7 @@
 mod rig;
 
 mod body_change;
+mod emulated;
 mod energy;
 mod engage;
 mod few_axes;

@@ -15,7 +15,7 @@ pub mod geometry;
 pub mod packet;
 
 pub use boot::{BootError, Firmware, FirmwareError, Tries};
-pub use connect::FalconDriver;
+pub use connect::{FalconDriver, MOST_FORCE};
 pub use driver::{Counts, Falcon, FalconError, Settings};
 
 /// USB vendor of the Falcon (FTDI).

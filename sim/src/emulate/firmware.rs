@@ -239,7 +239,7 @@ impl Firmware {
             angular_velocity: units.angular_velocity,
         };
         let inputs = Inputs {
-            buttons: self.buttons,
+            buttons: self.buttons | state.buttons as u16,
             powered: self.protocol.mode() != Mode::Fault,
             limited: false,
         };

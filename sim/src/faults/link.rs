@@ -12,6 +12,7 @@ use devices::ftdi::{PACKET, STATUS, Setup, Usb};
 use devices::woodenhaptics::{Form, Geometry};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
+use rt_core::{Device, Probe};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -30,10 +31,10 @@ const NO_DEVICE: i32 = 19;
 /// Time in which a device of the firmware protocol finds its reference after a start (ns).
 const HOMING_NS: u64 = 100_000_000;
 /// The image that the Falcon takes.
-pub(super) const IMAGE: [u8; 64] = [0x5A; 64];
+pub(crate) const IMAGE: [u8; 64] = [0x5A; 64];
 
 /// The model of the device, which sends 1,000 states a second.
-pub(super) fn model(protocol: Protocol) -> DeviceModel {
+pub(crate) fn model(protocol: Protocol) -> DeviceModel {
     let name = match protocol {
         Protocol::Reports | Protocol::Stream => "omega3",
         Protocol::WoodenHaptics => "woodenhaptics",
@@ -50,10 +51,10 @@ pub(super) fn model(protocol: Protocol) -> DeviceModel {
 
 /// A fault and its times (ns).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Injected {
-    pub(super) kind: Kind,
-    pub(super) from_ns: u64,
-    pub(super) to_ns: u64,
+pub(crate) struct Injected {
+    pub(crate) kind: Kind,
+    pub(crate) from_ns: u64,
+    pub(crate) to_ns: u64,
 }
 
 impl Injected {
@@ -65,15 +66,15 @@ impl Injected {
 
 /// What an observer of the device sees.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(crate) struct Seen {
     /// Force at the fault, and now (N).
-    pub(super) before: f64,
-    pub(super) force: f64,
+    pub(crate) before: f64,
+    pub(crate) force: f64,
     /// When the force was first zero after the fault began (ns).
-    pub(super) gone_ns: Option<u64>,
+    pub(crate) gone_ns: Option<u64>,
     /// Largest growth of the force in a millisecond since then (N).
-    pub(super) jump: f64,
-    pub(super) energy: NetEnergy,
+    pub(crate) jump: f64,
+    pub(crate) energy: NetEnergy,
     /// The force at the last whole millisecond (N), and the time of the next (ns).
     last: f64,
     due_ns: u64,
@@ -160,7 +161,7 @@ impl Way {
 
 /// The world of a run.
 #[derive(Debug)]
-pub(super) struct World {
+pub(crate) struct World {
     protocol: Protocol,
     emulated: Emulated,
     fault: Injected,
@@ -176,7 +177,7 @@ pub(super) struct World {
 }
 
 impl World {
-    pub(super) fn new(
+    pub(crate) fn new(
         protocol: Protocol,
         device: SimDevice,
         fault: Injected,
@@ -408,10 +409,10 @@ impl World {
 
 /// A connection to the world.
 #[derive(Clone, Debug)]
-pub(super) struct Link(Arc<Mutex<World>>);
+pub(crate) struct Link(Arc<Mutex<World>>);
 
 impl Link {
-    pub(super) fn new(world: World) -> Self {
+    pub(crate) fn new(world: World) -> Self {
         Self(Arc::new(Mutex::new(world)))
     }
 
@@ -420,26 +421,31 @@ impl Link {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn now_ns(&self) -> u64 {
+    pub(crate) fn now_ns(&self) -> u64 {
         self.world().now_ns
     }
 
     /// Lets time pass, in which nobody talks to the device. Returns what an observer of the device has seen so far.
-    pub(super) fn run(&self, to_ns: u64) -> Seen {
+    pub(crate) fn run(&self, to_ns: u64) -> Seen {
         let mut world = self.world();
         world.run(to_ns);
         world.seen
     }
 
     /// The operator presses the button for calibration, where the device has such a button.
-    pub(super) fn press(&self) {
+    pub(crate) fn press(&self) {
         if let Emulated::WoodenHaptics(device) = &mut self.world().emulated {
             device.press_calibration();
         }
     }
 
+    /// What only the simulation knows of the device.
+    pub(crate) fn probe(&self) -> Option<Probe> {
+        self.world().emulated.device().probe()
+    }
+
     /// Opens the connection.
-    pub(super) fn open(&self) -> Result<Self, i32> {
+    pub(crate) fn open(&self) -> Result<Self, i32> {
         let mut world = self.world();
         if world.is_unplugged() {
             return Err(NO_DEVICE);
@@ -451,7 +457,7 @@ impl Link {
     }
 
     /// The next report that has come; zero where none waits.
-    pub(super) fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
+    pub(crate) fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
         let mut world = self.world();
         let now_ns = world.now_ns;
         Ok(world

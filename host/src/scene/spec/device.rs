@@ -121,6 +121,8 @@ fn ten() -> f64 {
 
 /// The driver of simulated devices.
 pub const SIMULATED: &str = "sim";
+/// The driver of devices that are simulated with their protocol.
+pub const EMULATED: &str = "emulated";
 
 fn simulated() -> Connection {
     Connection::parse(SIMULATED)
@@ -143,9 +145,14 @@ impl Device {
         self.engage.ramp.unwrap_or(usual)
     }
 
-    /// Whether the device is simulated.
+    /// Whether the device is simulated, with its protocol or without.
     pub fn is_simulated(&self) -> bool {
-        self.connect.driver == SIMULATED
+        self.connect.driver == SIMULATED || self.is_emulated()
+    }
+
+    /// Whether the device is simulated with its protocol.
+    pub fn is_emulated(&self) -> bool {
+        self.connect.driver == EMULATED
     }
 }
 

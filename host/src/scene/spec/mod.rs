@@ -15,7 +15,7 @@ use super::check;
 use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
-pub use device::{ArmName, Device, Engage, ModelName, Mounting, SIMULATED};
+pub use device::{ArmName, Device, EMULATED, Engage, ModelName, Mounting, SIMULATED};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
 pub use placement::Rotation;

@@ -14,7 +14,7 @@ use std::error::Error;
 /// Largest force (N) that is asked of a Falcon, whatever its profile. The limit of the torques allows it in every
 /// direction within 30 mm of the centre; a larger force in a weak direction would be shortened behind the back of the
 /// account of energy.
-const MOST_FORCE: f64 = 5.0;
+pub const MOST_FORCE: f64 = 5.0;
 
 /// The Novint Falcon. The scene names the firmware file, which the driver uploads. There is no force before the operator
 /// has homed the device: pull the grip out and push it in once.
