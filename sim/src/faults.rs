@@ -369,7 +369,14 @@ pub fn run(protocol: Protocol, kind: Kind, seed: u64) -> Outcome {
         forces: [seen.before, seen.force],
         failures: Vec::new(),
     };
-    judge(&mut outcome, protocol, kind, &plan, host.trips());
+    judge(
+        &mut outcome,
+        protocol,
+        kind,
+        &plan,
+        host.trips(),
+        host.is_back(),
+    );
     outcome
 }
 
@@ -392,7 +399,14 @@ fn held(model: DeviceModel, plan: &Plan, seed: u64) -> SimDevice {
 }
 
 /// Notes what a run was to show and did not.
-fn judge(outcome: &mut Outcome, protocol: Protocol, kind: Kind, plan: &Plan, trips: u64) {
+fn judge(
+    outcome: &mut Outcome,
+    protocol: Protocol,
+    kind: Kind,
+    plan: &Plan,
+    trips: u64,
+    is_back: bool,
+) {
     if !kind.is_detectable(protocol) {
         return;
     }
@@ -435,11 +449,9 @@ fn judge(outcome: &mut Outcome, protocol: Protocol, kind: Kind, plan: &Plan, tri
     if outcome.energy > limits.energy {
         problems.push(format!("net energy {:.3} mJ", 1e3 * outcome.energy));
     }
-    let [before, end] = outcome.forces;
-    if kind != Kind::Killed && end < 0.1 {
-        problems.push(format!(
-            "the force did not come back: {end:.2} N, {before:.2} N before"
-        ));
+    // The wall may stand elsewhere for the hand that moved meanwhile, so the force itself shows nothing.
+    if kind != Kind::Killed && !is_back {
+        problems.push("the force has not come back".to_owned());
     }
     outcome.failures = problems;
 }
@@ -500,7 +512,8 @@ impl Worst {
         format!(
             "| {protocol} | {kind} | {} | {device} | {host} | {commanded:.3} | {felt:.3} | {:.3} | {} | {failed} |",
             self.runs,
-            1e3 * self.energy,
+            // Without the sign of a zero.
+            1e3 * self.energy + 0.0,
             self.missed,
         )
     }

@@ -441,7 +441,7 @@ fn check_held(at: &str, device: &Device) -> Check {
         (simulated && !device.is_emulated()) || device.wire.is_none(),
         &field("wire"),
         connection.as_str(),
-        none("simulated", "`wire`"),
+        "no such field: only a device with `connect = \"sim\"` has `wire`",
     )?;
     require(
         !simulated || device.firmware.is_none(),

@@ -69,6 +69,9 @@ fn an_emulated_device_is_calibrated_at_its_origin_and_has_no_other_wire() {
     let device = |fields: &str| {
         let more = format!("model = \"omega3\"\nconnect = \"emulated\"\n{fields}\n");
         let text = STRETCH.replacen("model = \"falcon\"", &more, 1);
+        let own = "wire = true              # states";
+        assert!(text.contains(own));
+        let text = text.replacen(own, "# states", 1);
         let scene = Scene::load_texts("x.toml", &text, &BTreeMap::new())?;
         setup::setup(&scene, 0.01, 1).map(|_| ())
     };

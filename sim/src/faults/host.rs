@@ -7,7 +7,7 @@ use crate::DeviceModel;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
-use rt_core::safety::SafetyConfig;
+use rt_core::safety::{SafetyConfig, SafetyState};
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
     Controller, ControllerConfig, DeviceError, Freedom, LocalModel, MAX_DEVICES, PassivityConfig,
@@ -30,6 +30,8 @@ pub(super) struct Host {
     /// Times that the controller took the device for silent, before the fault.
     trips_before: u64,
     jump: f64,
+    /// What the last stage did in the last tick.
+    safety: Option<SafetyState>,
 }
 
 impl Host {
@@ -50,6 +52,7 @@ impl Host {
             from_ns,
             trips_before: 0,
             jump: 0.0,
+            safety: None,
         }
     }
 
@@ -71,7 +74,8 @@ impl Host {
             (Err(_), None) => {}
         }
         readings[0] = reading;
-        let (commands, _) = self.controller.tick(now_ns, &readings);
+        let (commands, telemetry) = self.controller.tick(now_ns, &readings);
+        self.safety = telemetry.devices().next().map(|device| device.safety);
         let [command, ..] = commands;
         self.driver.write(&self.link, now_ns, &command);
         let force = command.force.norm();
@@ -104,6 +108,14 @@ impl Host {
     /// Whether there has been no state for a while.
     pub(super) fn is_without_state(&self) -> bool {
         self.without.is_none_or(|ticks| ticks > 20)
+    }
+
+    /// Whether the last command passed, up to the largest force of the device.
+    pub(super) fn is_back(&self) -> bool {
+        matches!(
+            self.safety,
+            Some(SafetyState::Normal | SafetyState::Limited)
+        )
     }
 
     /// Number of times that the controller took the device for silent since the fault began.
