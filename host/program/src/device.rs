@@ -44,6 +44,10 @@ pub(super) enum DeviceCommandError {
     Open { connect: String, problem: String },
     #[error(transparent)]
     Place(#[from] emulator::PlaceError),
+    #[error(transparent)]
+    Gadget(#[from] emulator::usb::GadgetError),
+    #[error(transparent)]
+    Firmware(#[from] devices::falcon::FirmwareError),
     #[error("{0}")]
     NotEmulated(String),
     #[error("the transport of the emulated device ended (system error {0})")]

@@ -6,7 +6,7 @@
 
 use devices::conformance::Suite;
 use devices::falcon::{Falcon, FalconDriver, Firmware as Image, PRODUCT, VENDOR};
-use devices::ftdi::Chip as FtdiChip;
+use devices::ftdi::{Buffer, Chip as FtdiChip, Control, Ftdi};
 use devices::transport::Hidraw;
 use devices::usbfs::{Selector, UsbDevice};
 use devices::woodenhaptics::{Form, Geometry, WoodenHapticsDriver};
@@ -20,6 +20,7 @@ use rt_core::{Device, DeviceError, DeviceState, Vec3, Wrench};
 use sim::emulate::falcon::{Falcon as EmulatedFalcon, Faults, Settings, UploadFault};
 use sim::emulate::{Emulator, Firmware, Framing, Operated, WoodenHaptics};
 use sim::{Arm, Hand, SimDevice, Trajectory};
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -479,6 +480,7 @@ fn a_falcon_boots_homes_and_has_force() {
     drop(device);
     // The driver lets the device go.
     assert_eq!(server.emulator.lock().falcon().torques(), [0; 3]);
+    a_purge_drops_what_waits();
     exchanges();
     let suite = Suite::new("falcon").states(0);
     suite.check(|| open("falcon:kernel", &falcon_model(), Some(&file.0)));
@@ -503,13 +505,41 @@ fn a_falcon_boots_homes_and_has_force() {
     no_gadget();
 }
 
-/// Exchanges without a tick, with their figures.
-fn exchanges() {
-    let selector = Selector {
+/// The Falcon that is connected.
+fn selector() -> Selector {
+    Selector {
         vendor: VENDOR,
         product: PRODUCT,
         serial: None,
-    };
+    }
+}
+
+/// An answer that waits in the chip is gone when the host empties the chip's buffer.
+fn a_purge_drops_what_waits() {
+    let mut chip = FtdiChip::new(UsbDevice::open(&selector()).expect("it is connected"));
+    falcon::boot::packet_mode(&mut chip).expect("the chip takes requests");
+    let mut buffer = [0; 64];
+    for purges in [true, false] {
+        chip.write(&falcon::packet::Command::default().encode())
+            .expect("the chip takes bytes");
+        // The answer comes 0.4 ms later; a slow machine has 50 ms for it. At most one packet is in the buffer of the chip.
+        sleep(TICK * 50);
+        if purges {
+            for buffer in [Buffer::One, Buffer::Two] {
+                chip.control(Control::Purge(buffer)).expect("it is taken");
+            }
+        }
+        let mut count = 0;
+        for _ in 0..20 {
+            count += chip.read(&mut buffer, TICK).expect("it is connected");
+        }
+        assert_eq!(count, if purges { 0 } else { 16 });
+    }
+}
+
+/// Exchanges without a tick, with their figures.
+fn exchanges() {
+    let selector = selector();
     let firmware = Image::new(Path::new("image"), image()).expect("a sound image");
     let settings = falcon::Settings {
         firmware,
@@ -532,4 +562,67 @@ fn exchanges() {
     let counts = falcon.counts();
     println!("falcon on usb: exchanges, {times}; {counts:?}");
     assert!(counts.good > u64::from(STATES) / 2, "{counts:?}");
+}
+
+/// Name of the test that a test runs in a process of its own.
+const KILLED: &str = "a_process_with_gadgets_is_killed";
+/// Tells that test what to make.
+const MAKES: &str = "PALPATE_MAKES";
+
+#[test]
+#[ignore = "another test runs it in a process of its own"]
+fn a_process_with_gadgets_is_killed() {
+    let hid = std::env::var_os(MAKES).is_some_and(|what| what == "hid");
+    let _gadgets = (
+        hid.then(|| Place::usb(identity(NUMBERS, 64)).expect("the test before made it")),
+        (!hid).then(|| Chip::create("kernel").expect("the test before made it")),
+    );
+    let process = rustix::process::getpid();
+    let _ = rustix::process::kill_process(process, rustix::process::Signal::KILL);
+    sleep(PATIENCE);
+}
+
+#[test]
+fn gadgets_of_a_killed_process_are_removed_by_the_next() {
+    let _machine = machine();
+    let Some(first) = made(Place::usb(identity(NUMBERS, 64))) else {
+        return;
+    };
+    drop(first);
+    for what in ["hid", "falcon"] {
+        let this = std::env::current_exe().expect("a path");
+        let status = std::process::Command::new(this)
+            .args(["--exact", KILLED, "--include-ignored"])
+            .env(MAKES, what)
+            .stdout(std::process::Stdio::null())
+            .status();
+        let status = status.expect("it runs");
+        assert_eq!(status.signal(), Some(9), "{status}");
+        let left = std::fs::read_dir(GADGETS).expect("the kernel has gadgets");
+        assert_eq!(left.count(), 1, "{what}");
+        drop(Place::usb(identity(NUMBERS, 64)).expect("the controller is free again"));
+        no_gadget();
+    }
+}
+
+#[test]
+fn gadgets_take_all_controllers_and_no_more() {
+    let _machine = machine();
+    let Some(first) = made(Place::usb(identity(NUMBERS, 64))) else {
+        return;
+    };
+    let controllers = std::fs::read_dir("/sys/class/udc").expect("there is one");
+    let mut gadgets = vec![first];
+    let error = loop {
+        match Place::usb(identity(NUMBERS, 64)) {
+            Ok(gadget) => gadgets.push(gadget),
+            Err(error) => break error.to_string(),
+        }
+    };
+    assert_eq!(gadgets.len(), controllers.count());
+    for part in ["no USB device controller is free", "in use: ", "num=2"] {
+        assert!(error.contains(part), "{part} in {error}");
+    }
+    drop(gadgets);
+    no_gadget();
 }
