@@ -13,7 +13,9 @@ Examples:
   palpate device list                                          print what is connected, and how a scene names it
   palpate device emulate woodenhaptics --on tcp:4000           emulate a device, in a simulated hand
   palpate device probe woodenhaptics:tcp:localhost:4000 --model woodenhaptics
-                                                               measure the rate and the jitter of a device, without force";
+                                                               measure the rate and the jitter of a device, without force
+  sudo palpate device emulate falcon --on usb --firmware novint.bin
+                                                               emulate a Falcon as a USB device of the kernel, with its upload";
 
 /// Arguments of `palpate device`.
 #[derive(Clone, Debug, clap::Args)]
