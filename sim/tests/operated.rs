@@ -176,3 +176,14 @@ fn a_packet_comes_at_the_time_that_was_named_and_no_earlier() {
         assert_eq!(host.bytes().len(), 100 * LENGTH);
     }
 }
+
+#[test]
+fn a_process_that_was_stopped_does_not_catch_up() {
+    let mut device = operated();
+    device.receive(&[], 100 * MS);
+    let before = device.falcon().device().moved_s();
+    device.receive(&[], 20_000 * MS);
+    let moved = device.falcon().device().moved_s() - before;
+    // 0.2 s in steps, and the first step over the gap, which a simulated device bounds by 0.1 s.
+    assert!((0.1..=0.31).contains(&moved), "{moved} s");
+}

@@ -30,6 +30,9 @@ pub const MODEM: [u8; STATUS] = [0x31, 0x60];
 const STALLED: i32 = 32;
 /// Longest step of the mechanism under one force (ns).
 const STEP_NS: u64 = 1_000_000;
+/// Longest time that the mechanism moves in one call (ns). In a longer gap the process was stopped, or the machine is too
+/// slow: the mechanism stands still for the rest, so that it never falls behind further with each call.
+const LONGEST_NS: u64 = 200_000_000;
 /// Number of letters of a packet that has no status: 14 bytes in all.
 const SHORT: usize = 13;
 
@@ -375,6 +378,7 @@ impl Falcon {
     }
 
     fn advance_mechanism(&mut self, to_ns: u64) {
+        self.now_ns = self.now_ns.max(to_ns.saturating_sub(LONGEST_NS));
         while self.now_ns < to_ns {
             self.now_ns = to_ns.min(self.now_ns + STEP_NS);
             // The force of the step before acts up to now; then the motors act at the new place.
