@@ -15,6 +15,7 @@ use crate::dynamics::{Dynamics, Turning};
 use crate::encoder::{Encoder, TurnEncoder};
 use crate::energy::MechanicalEnergy;
 use crate::hand::{Aim, Hand};
+use crate::trajectory::Trajectory;
 use devices::DeviceModel;
 use nalgebra::UnitQuaternion;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Probe, Twist, Vec3, Wrench};
@@ -183,6 +184,20 @@ impl SimDevice {
             return Err(SimError::Substep { found: substep_ns });
         }
         Ok(Self { substep_ns, ..self })
+    }
+
+    /// Lets the hand follow another trajectory from now on, whose time is that of [`moved_s`](Self::moved_s). The tremor
+    /// goes on. A device in nobody's hand stays free. A trajectory that does not continue the present one pulls the
+    /// device by the arm.
+    pub fn guide(&mut self, trajectory: Trajectory) {
+        if let Some(aim) = &mut self.aim {
+            aim.guide(trajectory);
+        }
+    }
+
+    /// Time for which the device has moved (s): the time of its hand.
+    pub fn moved_s(&self) -> f64 {
+        self.moved_ns as f64 * 1e-9
     }
 
     /// The model of the device.

@@ -14,9 +14,11 @@
 
 pub mod falcon;
 pub mod firmware;
+pub mod operated;
 pub mod woodenhaptics;
 
 pub use firmware::{Firmware, Framing};
+pub use operated::Operated;
 pub use woodenhaptics::WoodenHaptics;
 
 /// The device's end of a connection. Times are of one clock and do not go back; an earlier time counts as the latest.

@@ -168,6 +168,13 @@ impl Aim {
         self.hand.buttons(time_ns as f64 * 1e-9)
     }
 
+    /// Replaces the trajectory, from the next look on.
+    pub(crate) fn guide(&mut self, trajectory: Trajectory) {
+        self.hand.trajectory = trajectory;
+        let knot = |ms: u64| self.hand.aim(ms as f64 * 1e-3);
+        (self.from, self.to) = (knot(self.at_ms), knot(self.at_ms + 1));
+    }
+
     /// Displacement (m) at `time_ns`.
     pub(crate) fn at(&mut self, time_ns: u64) -> Vec3 {
         let ms = time_ns / MS_NS;

@@ -2,13 +2,16 @@
 
 use devices::falcon::boot::{Problem, Step, boot, packet_mode};
 use devices::falcon::geometry::{CENTRE, Jacobian, STEP, inverse};
+use devices::falcon::packet::Report;
 use devices::falcon::{BootError, Falcon, FalconError, Firmware, Settings, Tries};
-use devices::ftdi::{Chip, Control, Ftdi, PACKET, Setup, Usb};
+use devices::ftdi::{Chip, Control, Ftdi, PACKET, STATUS, Setup, Usb};
 use devices::{DeviceModel, Exchange, Transport};
 use proptest::prelude::*;
 use rt_core::{Corruption, DeviceError, DeviceState, Vec3, Wrench};
 use sim::emulate::Emulator;
-use sim::emulate::falcon::{Falcon as Emulated, Faults, Settings as EmulatedSettings, UploadFault};
+use sim::emulate::falcon::{
+    Falcon as Emulated, Faults, MODEM, Settings as EmulatedSettings, UploadFault,
+};
 use sim::{Arm, Hand, SimDevice, Trajectory};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -28,6 +31,8 @@ struct World {
     error: Option<(u64, i32)>,
     /// The error of all later transfers.
     gone: Option<i32>,
+    /// A packet in a buffer of the host controller, which no request to the chip empties.
+    stale: Option<Vec<u8>>,
 }
 
 /// A connection to the world.
@@ -42,6 +47,7 @@ impl Pipe {
             transfers: 0,
             error: None,
             gone: None,
+            stale: None,
         })))
     }
 
@@ -88,6 +94,10 @@ impl Usb for Pipe {
     fn bulk_in(&mut self, packet: &mut [u8; PACKET], wait: Duration) -> Result<usize, i32> {
         let mut world = self.transfer()?;
         let end_ns = world.now_ns + wait.as_nanos() as u64;
+        if let Some(stale) = world.stale.take() {
+            packet[..stale.len()].copy_from_slice(&stale);
+            return Ok(stale.len());
+        }
         loop {
             let now_ns = world.now_ns;
             if let Some(count) = world.emulated.send(now_ns, packet) {
@@ -384,6 +394,30 @@ fn firmware_that_runs_already_is_kept() {
     assert_eq!(pipe.world().emulated.uploads(), 1);
     // It is still homed, so the first exchange has a state.
     assert!(falcon.exchange(&Wrench::zero()).is_ok());
+}
+
+#[test]
+fn an_answer_to_an_earlier_host_is_not_taken_for_a_later_one() {
+    let pipe = emulated(&homing(&[]), Faults::default());
+    let mut falcon = connect(&pipe).unwrap();
+    run(&mut falcon, &pipe, 4.2, &Wrench::zero(), |_, _| {});
+    drop(falcon);
+    let old = Report {
+        encoders: [100; 3],
+        buttons: 0b0101,
+        homed: [true; 3],
+    };
+    pipe.world().stale = Some([&MODEM[..], &old.encode()].concat());
+    let mut falcon = connect(&pipe).unwrap();
+    for _ in 0..3 {
+        let state = falcon.exchange(&Wrench::zero()).expect("it is homed");
+        assert_eq!(state.buttons, 0);
+        // Nothing is on its way after an exchange: each answer was that of its own packet.
+        pipe.wait(2_000_000);
+        let mut world = pipe.world();
+        let now_ns = world.now_ns;
+        assert_eq!(world.emulated.send(now_ns, &mut [0; PACKET]), Some(STATUS));
+    }
 }
 
 /// The upload faults, with the step and the problem of the error where no upload succeeds.

@@ -13,7 +13,9 @@ Examples:
   palpate device list                                          print what is connected, and how a scene names it
   palpate device emulate woodenhaptics --on tcp:4000           emulate a device, in a simulated hand
   palpate device probe woodenhaptics:tcp:localhost:4000 --model woodenhaptics
-                                                               measure the rate and the jitter of a device, without force";
+                                                               measure the rate and the jitter of a device, without force
+  sudo palpate device emulate falcon --on usb --firmware novint.bin
+                                                               emulate a Falcon as a USB device of the kernel, with its upload";
 
 /// Arguments of `palpate device`.
 #[derive(Clone, Debug, clap::Args)]
@@ -44,6 +46,10 @@ pub(super) enum DeviceCommandError {
     Open { connect: String, problem: String },
     #[error(transparent)]
     Place(#[from] emulator::PlaceError),
+    #[error(transparent)]
+    Gadget(#[from] emulator::usb::GadgetError),
+    #[error(transparent)]
+    Firmware(#[from] devices::falcon::FirmwareError),
     #[error("{0}")]
     NotEmulated(String),
     #[error("the transport of the emulated device ended (system error {0})")]

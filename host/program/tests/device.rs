@@ -161,8 +161,12 @@ fn a_wrong_device_is_an_error_before_anything_moves() {
             "a Falcon needs its firmware: name the file",
         ),
         (
-            ["emulate", "woodenhaptics", "--on", "usb"],
-            "--on: found \"usb\", allowed: pty, tcp, tcp:PORT, uhid",
+            ["emulate", "woodenhaptics", "--on", "bus"],
+            "--on: found \"bus\", allowed: pty, tcp, tcp:PORT, uhid, usb",
+        ),
+        (
+            ["emulate", "falcon", "--on", "usb"],
+            "name the file of the scene by --firmware FILE",
         ),
     ] {
         let result = palpate(&["device"])

@@ -156,7 +156,7 @@ fn a_connection_is_refused_with_its_line() -> Outcome {
         (
             "connect = \"hid:1209:0001\"\nwire = true",
             "x.toml:12: device[0].wire: found the connection \"hid:1209:0001\", allowed: no such field: only a \
-             simulated device has `wire`",
+             device with `connect = \"sim\"` has `wire`",
         ),
         (
             "firmware = \"nvent.bin\"\nhand = {}",

@@ -1,6 +1,7 @@
-//! Where an emulated device is found: a pty, a TCP port, or a HID device of the kernel.
+//! Where an emulated device is found: a pty, a TCP port, a HID device of the kernel, or a USB gadget.
 
 use crate::uhid::{FILE, Identity, Uhid};
+use crate::usb::{GadgetError, HidGadget};
 use devices::Transport;
 use devices::transport::Stream;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -31,6 +32,9 @@ pub enum PlaceError {
          write to {FILE}; a container needs the file from its host"
     )]
     Uhid(#[source] io::Error),
+    /// The kernel made no USB gadget.
+    #[error(transparent)]
+    Usb(#[from] GadgetError),
 }
 
 /// A place where a device is found, before a host has come.
@@ -54,6 +58,13 @@ pub enum Place {
     Uhid {
         /// The device.
         device: Uhid,
+        /// What the device says of itself.
+        identity: Identity,
+    },
+    /// A HID device on USB.
+    Usb {
+        /// The gadget.
+        gadget: HidGadget,
         /// What the device says of itself.
         identity: Identity,
     },
@@ -111,12 +122,21 @@ impl Place {
         Ok(Self::Uhid { device, identity })
     }
 
+    /// A HID device on USB, as a gadget of the kernel.
+    ///
+    /// # Errors
+    /// [`PlaceError::Usb`].
+    pub fn usb(identity: Identity) -> Result<Self, PlaceError> {
+        let gadget = HidGadget::create(&identity)?;
+        Ok(Self::Usb { gadget, identity })
+    }
+
     /// How a scene connects to the device.
     pub fn connection(&self) -> String {
         match self {
             Self::Pty { path, .. } => format!("tty:{path}"),
             Self::Tcp { port, .. } => format!("tcp:localhost:{port}"),
-            Self::Uhid { identity, .. } => format!(
+            Self::Uhid { identity, .. } | Self::Usb { identity, .. } => format!(
                 "hid:{:04x}:{:04x}:{}",
                 identity.vid, identity.pid, identity.serial
             ),
@@ -137,6 +157,7 @@ impl Place {
                 Ok(Some(Box::new(master)))
             }
             Self::Uhid { device, .. } => Ok(Some(Box::new(device))),
+            Self::Usb { gadget, .. } => Ok(Some(Box::new(gadget))),
             Self::Tcp { listener, .. } => match listener.accept() {
                 Ok((stream, _)) => Ok(Some(Box::new(Stream::connected(stream)?))),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {

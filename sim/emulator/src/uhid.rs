@@ -197,7 +197,7 @@ fn put_text(event: &mut Vec<u8>, text: &str, length: usize) {
 }
 
 /// The report descriptor (USB HID 1.11, section 6.2.2): one report of `length` bytes each way, of a vendor's own usage.
-fn descriptor(length: u8) -> Vec<u8> {
+pub(crate) fn descriptor(length: u8) -> Vec<u8> {
     vec![
         0x06, 0x00, 0xff, // usage page: vendor
         0x09, 0x01, // usage 1

@@ -25,11 +25,14 @@ use rt_core::{Device, Vec3, Wrench};
 use std::collections::VecDeque;
 
 /// The status bytes of the chip: clear to send and data set ready; transmitter empty.
-const MODEM: [u8; STATUS] = [0x31, 0x60];
+pub const MODEM: [u8; STATUS] = [0x31, 0x60];
 /// Error number of a request that the chip does not know (EPIPE).
 const STALLED: i32 = 32;
 /// Longest step of the mechanism under one force (ns).
 const STEP_NS: u64 = 1_000_000;
+/// Longest time that the mechanism moves in one call (ns). In a longer gap the process was stopped, or the machine is too
+/// slow: the mechanism stands still for the rest, so that it never falls behind further with each call.
+const LONGEST_NS: u64 = 200_000_000;
 /// Number of letters of a packet that has no status: 14 bytes in all.
 const SHORT: usize = 13;
 
@@ -213,6 +216,40 @@ impl Falcon {
         &self.device
     }
 
+    /// The mechanism and the hand, for whoever guides the hand.
+    pub fn device_mut(&mut self) -> &mut SimDevice {
+        &mut self.device
+    }
+
+    /// The latency timer of the chip (ms).
+    pub fn latency_ms(&self) -> u8 {
+        // It was set in whole milliseconds, 255 at most.
+        (self.latency_ns / 1_000_000) as u8
+    }
+
+    /// The earliest time (ns) at which the chip may have a packet for the host, as far as is known now. Bytes and requests
+    /// of the host, and the call of [`send`](Emulator::send) at this time, change it.
+    pub fn due_ns(&self) -> u64 {
+        let timer = self.sent_ns.saturating_add(self.latency_ns);
+        // The board answers after the last byte of a packet.
+        let arrival = self.incoming.back().map(|(at_ns, ..)| *at_ns);
+        let most = PACKET - STATUS;
+        let complete = self
+            .outgoing
+            .iter()
+            .take(most)
+            .enumerate()
+            .find(|(index, out)| {
+                let event = *index > 0 && Some(out.byte) == self.event;
+                event || out.cut || index + 1 == most
+            });
+        let complete = complete.map(|(_, out)| out.ready_ns);
+        [arrival, complete]
+            .into_iter()
+            .flatten()
+            .fold(timer, u64::min)
+    }
+
     /// Number of resets for an upload.
     pub fn uploads(&self) -> u32 {
         self.uploads
@@ -221,6 +258,11 @@ impl Falcon {
     /// Whether the firmware runs.
     pub fn is_running(&self) -> bool {
         self.board == Board::Running
+    }
+
+    /// Whether the firmware runs and the host asks for homing.
+    pub fn is_homing(&self) -> bool {
+        self.is_running() && self.command.homing
     }
 
     /// Which axes have found their references.
@@ -336,6 +378,7 @@ impl Falcon {
     }
 
     fn advance_mechanism(&mut self, to_ns: u64) {
+        self.now_ns = self.now_ns.max(to_ns.saturating_sub(LONGEST_NS));
         while self.now_ns < to_ns {
             self.now_ns = to_ns.min(self.now_ns + STEP_NS);
             // The force of the step before acts up to now; then the motors act at the new place.

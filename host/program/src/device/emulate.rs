@@ -1,5 +1,7 @@
 //! `palpate device emulate`: an emulated device on a transport of this machine.
 
+mod falcon;
+
 use super::super::CommandError;
 use super::super::signals;
 use super::DeviceCommandError;
@@ -15,6 +17,7 @@ use runner::schedule::realtime;
 use sim::emulate::firmware::{Firmware, Framing};
 use sim::emulate::{Emulator, WoodenHaptics};
 use sim::{Hand, SimDevice, Trajectory, Tremor};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Period at which the emulated device is asked for its state, where no bytes come.
@@ -34,21 +37,25 @@ const PRESS_NS: u64 = 300_000_000;
 pub(super) struct EmulateArguments {
     /// The device: a built-in device, or a device file
     model: String,
-    /// The protocol of the emulated device. Default: that of the device where it is woodenhaptics, else firmware, the
-    /// firmware protocol of Palpate
+    /// The protocol of the emulated device. Default: that of the device where it is woodenhaptics, or falcon on usb;
+    /// else firmware, the firmware protocol of Palpate
     #[arg(long, value_enum)]
     protocol: Option<ProtocolName>,
-    /// Where the device is found: pty, tcp (any free port), tcp:PORT, or uhid (a HID device of the kernel, which needs
-    /// the right to write to /dev/uhid)
+    /// Where the device is found: pty, tcp (any free port), tcp:PORT, uhid (a HID device of the kernel, which needs the
+    /// right to write to /dev/uhid), or usb (a USB device of the kernel, which needs root and `modprobe -a dummy_hcd
+    /// libcomposite usb_f_hid usb_f_fs`)
     #[arg(long, value_name = "PLACE")]
     on: String,
+    /// The file whose upload an emulated Falcon expects: the file that the scene names. Any file will do for a rehearsal
+    #[arg(long, value_name = "FILE")]
+    firmware: Option<PathBuf>,
     /// Leave the device to itself: no hand holds it
     #[arg(long, conflicts_with = "tremor")]
     free: bool,
     /// Root mean square of the tremor of the simulated hand (m), which holds the device at its origin
     #[arg(long, value_name = "METRES", default_value_t = 0.0)]
     tremor: f64,
-    /// Serial number of a HID device
+    /// Serial number of a device on uhid or usb
     #[arg(long, value_name = "SERIAL", default_value = "emulated")]
     serial: String,
     /// Seed of the tremor
@@ -63,13 +70,15 @@ enum ProtocolName {
     Firmware,
     /// That of WoodenHaptics.
     Woodenhaptics,
+    /// That of the Novint Falcon, on usb alone.
+    Falcon,
 }
 
 impl ProtocolName {
     /// How a scene connects to a device at a place.
     fn connect(self, address: &str) -> String {
         match (self, address.strip_prefix("hid:")) {
-            (Self::Firmware, _) => address.to_owned(),
+            (Self::Firmware | Self::Falcon, _) => address.to_owned(),
             // HID is the usual transport of this device, which is found by its numbers.
             (Self::Woodenhaptics, Some(_)) => "woodenhaptics".to_owned(),
             (Self::Woodenhaptics, None) => format!("woodenhaptics:{address}"),
@@ -143,35 +152,40 @@ fn place(
     protocol: ProtocolName,
 ) -> Result<Place, DeviceCommandError> {
     let (vid, pid, report) = match protocol {
-        ProtocolName::Firmware => (VENDOR, PRODUCT, 64),
         ProtocolName::Woodenhaptics => (0x1234, 0x0006, 14),
+        _ => (VENDOR, PRODUCT, 64),
+    };
+    let identity = Identity {
+        name: format!("Palpate's emulated {}", arguments.model),
+        serial: arguments.serial.clone(),
+        vid,
+        pid,
+        report,
     };
     match arguments.on.split_once(':') {
         None if arguments.on == "pty" => Ok(Place::pty()?),
         None if arguments.on == "tcp" => Ok(Place::tcp(0)?),
-        None if arguments.on == "uhid" => Ok(Place::uhid(Identity {
-            name: format!("Palpate's emulated {}", arguments.model),
-            serial: arguments.serial.clone(),
-            vid,
-            pid,
-            report,
-        })?),
+        None if arguments.on == "uhid" => Ok(Place::uhid(identity)?),
+        None if arguments.on == "usb" => Ok(Place::usb(identity)?),
         Some(("tcp", port)) if port.parse::<u16>().is_ok() => {
             Ok(Place::tcp(port.parse().unwrap_or(0))?)
         }
         _ => Err(DeviceCommandError::NotEmulated(format!(
-            "--on: found {:?}, allowed: pty, tcp, tcp:PORT, uhid",
+            "--on: found {:?}, allowed: pty, tcp, tcp:PORT, uhid, usb",
             arguments.on
         ))),
     }
 }
 
-/// The device in its hand.
-fn device(
-    arguments: &EmulateArguments,
-    file: &DeviceFile,
-    protocol: ProtocolName,
-) -> Result<Emulated, CommandError> {
+impl EmulateArguments {
+    /// Whether the place gives reports, and no stream of bytes.
+    fn has_reports(&self) -> bool {
+        matches!(self.on.as_str(), "uhid" | "usb")
+    }
+}
+
+/// The mechanism in its hand.
+fn simulated(arguments: &EmulateArguments, file: &DeviceFile) -> Result<SimDevice, CommandError> {
     let refused = |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
     let mut hand = Hand::new(Trajectory::still());
     if arguments.tremor != 0.0 {
@@ -179,11 +193,22 @@ fn device(
         hand = hand.with_tremor(tremor.map_err(|error| refused(format!("--tremor: {error}")))?);
     }
     let device = SimDevice::new(file.model, (!arguments.free).then_some(hand), 1e-3);
-    let device = device.map_err(|error| refused(error.to_string()))?;
+    device.map_err(|error| refused(error.to_string()))
+}
+
+/// The device with its protocol.
+fn device(
+    arguments: &EmulateArguments,
+    file: &DeviceFile,
+    protocol: ProtocolName,
+) -> Result<Emulated, CommandError> {
+    let refused = |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
+    let device = simulated(arguments, file)?;
     if protocol == ProtocolName::Firmware {
-        let framing = match arguments.on.as_str() {
-            "uhid" => Framing::Report,
-            _ => Framing::Stream,
+        let framing = if arguments.has_reports() {
+            Framing::Report
+        } else {
+            Framing::Stream
         };
         let device = Firmware::new(device, &arguments.model, framing);
         return Ok(Emulated::Firmware(Box::new(device)));
@@ -199,12 +224,19 @@ fn device(
 
 pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     let file = NamedDevice::load(&arguments.model)?.file;
-    let own = file.protocol.as_deref() == Some("woodenhaptics");
-    let protocol = arguments.protocol.unwrap_or(if own {
-        ProtocolName::Woodenhaptics
-    } else {
-        ProtocolName::Firmware
-    });
+    let own = match file.protocol.as_deref() {
+        Some("woodenhaptics") => ProtocolName::Woodenhaptics,
+        Some("falcon") if arguments.on == "usb" => ProtocolName::Falcon,
+        _ => ProtocolName::Firmware,
+    };
+    let protocol = arguments.protocol.unwrap_or(own);
+    if protocol == ProtocolName::Falcon {
+        return falcon::run(arguments, &file);
+    }
+    if arguments.firmware.is_some() {
+        let problem = "--firmware is for the protocol of the Falcon (--on usb --protocol falcon)";
+        return Err(DeviceCommandError::NotEmulated(problem.to_owned()).into());
+    }
     let mut emulated = device(arguments, &file, protocol)?;
     let mut place = place(arguments, protocol)?;
     let stop = Stop::new();
@@ -227,7 +259,7 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
             by_ns: u64::try_from(before.as_nanos()).unwrap_or(u64::MAX),
         };
         // A host that goes away ends its connection, and the next may come.
-        let ended = if protocol == ProtocolName::Woodenhaptics && arguments.on != "uhid" {
+        let ended = if protocol == ProtocolName::Woodenhaptics && !arguments.has_reports() {
             let mut packets = Packets::new(&mut *transport, LENGTH);
             serve(&mut shifted, &mut packets, PERIOD, &flag, &mut served)
         } else {
@@ -235,18 +267,23 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
         };
         drop(transport);
         if let Err(number) = ended
-            && arguments.on == "uhid"
+            && arguments.has_reports()
         {
             return Err(DeviceCommandError::Ended(number).into());
         }
     }
+    report(&served);
+    Ok(())
+}
+
+/// Tells how much has passed.
+fn report(served: &Served) {
     errln!(
         "{} commands received, {} reports sent, {} not taken",
         served.received,
         served.sent,
         served.refused
     );
-    Ok(())
 }
 
 /// An emulator whose time begins later: one device lives on over several connections.

@@ -43,6 +43,8 @@ pub const BEGIN: u8 = 0x41;
 const HANDSHAKE_WAIT: Duration = Duration::from_millis(50);
 /// Wait for the answer to [`BEGIN`], and for the echo of one piece, which takes 9 ms and the latency timer.
 const ECHO_WAIT: Duration = Duration::from_millis(500);
+/// Time for which old bytes are read and dropped before the first packet: three times the latency timer.
+const DRAIN: Duration = Duration::from_millis(3);
 /// Wait for the answer to one packet.
 const ANSWER_WAIT: Duration = Duration::from_millis(20);
 /// Number of packets to firmware that may run already.
@@ -447,6 +449,9 @@ impl<T: Ftdi + ?Sized> Line<'_, T> {
     /// Sets the line for packets, and sends packets without force until one is answered.
     fn answers(&mut self, tries: u32) -> Result<(), Problem> {
         packet_mode(self.link).map_err(Problem::System)?;
+        // The answer to an earlier host may wait in a buffer that no request to the chip empties. It would count as the
+        // answer to the first packet, and each later answer would count as that of the next.
+        self.find(DRAIN, |_| false)?;
         let mut framer = Framer::new();
         for _ in 0..tries {
             self.write(&Command::default().encode())?;
