@@ -8,6 +8,7 @@
 //! The parts are those of [`crate::faults`], without a fault. They allocate, so an emulated device belongs to virtual
 //! time.
 
+use crate::device::LONGEST_MOVE_NS;
 use crate::driver::Held;
 use crate::faults::driver::Driver as Opened;
 use crate::faults::link::{Injected, Link, World};
@@ -107,8 +108,10 @@ pub struct Emulated {
     link: Link,
     driver: Opened,
     capabilities: Capabilities,
-    /// Time of the device at the start of the run (ns).
-    begins_ns: u64,
+    /// Time of the device now (ns).
+    device_ns: u64,
+    /// Time of the run at the latest call (ns).
+    run_ns: u64,
 }
 
 impl Emulated {
@@ -143,8 +146,18 @@ impl Emulated {
             link,
             driver,
             capabilities,
-            begins_ns,
+            device_ns: begins_ns,
+            run_ns: 0,
         }
+    }
+
+    /// The time of the device at the time `now_ns` of the run (ns). Time does not go back, and in a gap that is longer than
+    /// any run has, the device stands still for the rest of the gap.
+    fn time_ns(&mut self, now_ns: u64) -> u64 {
+        let passed_ns = now_ns.saturating_sub(self.run_ns).min(LONGEST_MOVE_NS);
+        self.run_ns = self.run_ns.max(now_ns);
+        self.device_ns = self.device_ns.saturating_add(passed_ns);
+        self.device_ns
     }
 }
 
@@ -154,12 +167,12 @@ impl Device for Emulated {
     }
 
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        let now_ns = self.begins_ns.saturating_add(now_ns);
+        let now_ns = self.time_ns(now_ns);
         self.driver.read(&self.link, now_ns)
     }
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        let now_ns = self.begins_ns.saturating_add(now_ns);
+        let now_ns = self.time_ns(now_ns);
         self.driver.write(&self.link, now_ns, wrench);
         Ok(())
     }

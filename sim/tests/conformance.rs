@@ -7,8 +7,11 @@ use devices::{AnyDevice, DeviceModel, Registry, Replay, Request};
 use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
 use firmware_proto::report::{Model, StateReport, axes};
 use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Vec3, Wrench};
+use sim::faults::Protocol;
 use sim::firmware::state_bytes;
-use sim::{Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind, Tremor, Wired};
+use sim::{
+    EmulatedDriver, Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind, Tremor, Wired,
+};
 use std::sync::{Arc, Mutex};
 
 const MS: u64 = 1_000_000;
@@ -108,9 +111,14 @@ fn recordings_conform() {
 
 /// A delta.3 through the door.
 fn open(registry: &Registry, driver: &str, index: usize) -> AnyDevice {
+    opened(registry, driver, index, "delta3")
+}
+
+/// A device of that name through the door.
+fn opened(registry: &Registry, driver: &str, index: usize, name: &str) -> AnyDevice {
     let request = Request {
         index,
-        model: &model("delta3"),
+        model: &model(name),
         period: 1e-3,
         address: "",
         firmware: None,
@@ -124,11 +132,36 @@ fn simulated_devices_through_the_door_conform() {
         hand: Some(hand()),
         wired,
         start: Vec3::zeros(),
+        protocol: Protocol::Reports,
     };
     let registry = Registry::new().with(Simulated::new(vec![held(false), held(true)]));
     // The third is in nobody's hand.
     for index in 0..3 {
         Suite::new("door").check(|| open(&registry, "sim", index));
+    }
+}
+
+#[test]
+fn emulated_devices_through_the_door_conform() {
+    let held = |protocol| Held {
+        hand: Some(hand()),
+        wired: false,
+        start: Vec3::zeros(),
+        protocol,
+    };
+    let devices = [
+        ("delta3", Protocol::Reports),
+        ("omega3", Protocol::Stream),
+        ("woodenhaptics", Protocol::WoodenHaptics),
+        ("falcon", Protocol::Falcon),
+    ];
+    let protocols = devices.map(|(_, protocol)| held(protocol)).to_vec();
+    let registry = Registry::new().with(EmulatedDriver::new(protocols));
+    for (index, (name, _)) in devices.into_iter().enumerate() {
+        // A torque of the Falcon is a whole number of 0.1 mN m, and a current of WoodenHaptics one of milliamperes: each is
+        // some millinewtons at the handle.
+        let suite = Suite::new(name).rounded(1e-3);
+        suite.check(|| opened(&registry, "emulated", index, name));
     }
 }
 

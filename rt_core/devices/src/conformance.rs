@@ -31,6 +31,7 @@ const ROUNDING: f64 = 1e-6;
 pub struct Suite<'a> {
     name: &'a str,
     states: u64,
+    rounding: f64,
     watch: &'a dyn Fn(&mut dyn FnMut()),
 }
 
@@ -40,6 +41,7 @@ impl<'a> Suite<'a> {
         Self {
             name,
             states: TICKS,
+            rounding: ROUNDING,
             watch: &|call| call(),
         }
     }
@@ -47,6 +49,11 @@ impl<'a> Suite<'a> {
     /// The same suite for devices that have at least `states` states in five hundred ticks.
     pub fn states(self, states: u64) -> Self {
         Self { states, ..self }
+    }
+
+    /// The same suite for devices whose largest wrench is rounded by this fraction of it.
+    pub fn rounded(self, rounding: f64) -> Self {
+        Self { rounding, ..self }
     }
 
     /// The same suite, with every call of a device run inside `watch`, which may count the effects of the call.
@@ -136,8 +143,8 @@ impl<'a> Suite<'a> {
         });
         let Some(probe) = device.probe() else { return };
         let (held, most) = (probe.held, device.capabilities());
-        let within = held.force.norm() <= most.max_force * (1.0 + ROUNDING)
-            && held.moment.norm() <= most.max_moment * (1.0 + ROUNDING);
+        let within = held.force.norm() <= most.max_force * (1.0 + self.rounding)
+            && held.moment.norm() <= most.max_moment * (1.0 + self.rounding);
         assert!(
             held.is_finite() && within,
             "{}: its motors hold {held:?} after {wrench:?}",
