@@ -173,7 +173,13 @@ impl Device for Emulated {
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         let now_ns = self.time_ns(now_ns);
-        self.driver.write(&self.link, now_ns, wrench);
+        // The driver of the Falcon knows the limit of the torques only.
+        let mut wrench = *wrench;
+        let (force, most) = (wrench.force.norm(), self.capabilities.max_force);
+        if force > most {
+            wrench.force *= most / force;
+        }
+        self.driver.write(&self.link, now_ns, &wrench);
         Ok(())
     }
 

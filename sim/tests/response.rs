@@ -15,7 +15,10 @@ fn found(name: &str, late_ns: u64) -> Response {
     let mut waiting: VecDeque<(u64, Wrench)> = VecDeque::new();
     for tick in 0.. {
         let now_ns = tick * MS;
-        while let Some((at, wrench)) = waiting.pop_front_if(|(at, _)| *at <= now_ns) {
+        while let Some(&(at, wrench)) = waiting.front()
+            && at <= now_ns
+        {
+            waiting.pop_front();
             device.write(at, &wrench).expect("it takes every wrench");
         }
         let reading = device.read(now_ns);
