@@ -246,6 +246,14 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
         served.sent,
         served.refused
     );
+    if let Emulated::Firmware(device) = &emulated {
+        let counters = device.counters();
+        errln!(
+            "the watchdog let go {} times, at most {:.2} ms after the last wrench",
+            counters.watchdog,
+            device.let_go_ns() as f64 * 1e-6
+        );
+    }
     Ok(())
 }
 
