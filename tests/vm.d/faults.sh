@@ -6,6 +6,7 @@
 
 # Starts a run of $1 seconds in the background; its summary goes to $2.
 start_run() {
+    rm -f "$2"
     palpate run /tmp/scene.toml --clock real --duration "$1" --json "$2" >/tmp/run.said 2>&1 &
     run=$!
 }
@@ -14,11 +15,10 @@ start_run() {
 end_run() {
     wait "$run"
     status=$?
-    [ "$status" = 0 ] || {
-        fail "$what: palpate run ended with $status"
+    clean "$1" "$status" || {
+        fail "$what: palpate run ended with $status, or its summary has failures"
         cat /tmp/run.said
     }
-    [ "$(field "$1" failures)" = "[]" ] || fail "$what: failures: $(field "$1" failures)"
     net=$(field "$1" energy most_out)
     awk -v net="${net:-absent}" 'BEGIN { exit !(net != "absent" && net < 0.001) }' || fail "$what: net energy ${net:-absent} J"
 }
@@ -26,10 +26,14 @@ end_run() {
 # Sleeps for a time between 1 and 1.5 s, another one in each round. A run has begun by then.
 sleep_some() { usleep $((1000000 + (round * 317033) % 500000)); }
 
-# The watchdog of the device let go, at once: its loop looks every 50 us.
+# The watchdog of the device let go, at once: its loop looks every 50 us. Where time is not counted, a device on a busy
+# computer may not have been given a force at all.
 let_go() {
     line=$(grep -o "the watchdog let go .*" "$said.said")
-    echo "$line" | awk '{ exit !($5 >= 1 && $9 >= 10 && $9 <= 10.06) }' ||
+    echo "$line" | awk -v counted="$COUNTED" '
+        $5 == 0 && counted == "no" { held = 1 }
+        $5 >= 1 && $9 >= 10 && $9 <= 10.06 { held = 1 }
+        END { exit !held }' ||
         fail "$what: ${line:-nothing was said of the watchdog}"
 }
 
@@ -55,7 +59,9 @@ while [ "$round" -lt "$ROUNDS" ]; do
     without_reading /out/unplugged.json 300
     end_emulator
     received=$(sed -n 's/.* \([0-9]*\) commands received.*/\1/p' "$said.said")
-    [ "${received:-0}" -ge 200 ] || fail "$what: the device that came back was given $received commands"
+    least=200
+    [ "$COUNTED" = yes ] || least=1
+    [ "${received:-0}" -ge "$least" ] || fail "$what: the device that came back was given $received commands"
     echo "done: $what"
 
     what="the device is stopped and goes on, $round"

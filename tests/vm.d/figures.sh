@@ -16,10 +16,9 @@ for device in $DEVICES; do
     palpate run /tmp/scene.toml --clock real --strict="$STRICT" --duration "$((TICKS / 1000))" --json "$json" >/tmp/said 2>&1
     status=$?
     cat /tmp/said
-    [ "$status" = 0 ] || fail "$model on $place: palpate run ended with $status"
+    clean "$json" "$status" || fail "$model on $place: palpate run ended with $status, or its summary has failures"
     ticks=$(field "$json" tick count)
     [ "$ticks" = "$TICKS" ] || fail "$model on $place: $ticks of $TICKS ticks"
-    [ "$(field "$json" failures)" = "[]" ] || fail "$model on $place: failures: $(field "$json" failures)"
     if [ "$COUNTED" = yes ]; then
         missed=$(field "$json" tick missed_deadlines)
         [ "$missed" = 0 ] || fail "$model on $place: $missed missed deadlines"
