@@ -31,7 +31,7 @@ sleep_some() { usleep $((1000000 + (round * 317033) % 500000)); }
 let_go() {
     line=$(grep -o "the watchdog let go .*" "$said.said")
     echo "$line" | awk -v counted="$COUNTED" '
-        $5 == 0 && counted == "no" { held = 1 }
+        $5 == "0" && counted == "no" { held = 1 }
         $5 >= 1 && $9 >= 10 && $9 <= 10.06 { held = 1 }
         END { exit !held }' ||
         fail "$what: ${line:-nothing was said of the watchdog}"
