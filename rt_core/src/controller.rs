@@ -438,16 +438,44 @@ pub fn cycle<D: Device + ?Sized>(
     devices: &mut [impl DerefMut<Target = D>],
     now_ns: u64,
 ) -> (Telemetry, u32) {
+    cycle_watched(controller, devices, now_ns, |_| {})
+}
+
+/// The stages of a tick with its devices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// No device has been read.
+    Begun,
+    /// The device of this index has been read.
+    Read(usize),
+    /// The controller has computed the wrenches.
+    Computed,
+    /// The device of this index has been given its wrench.
+    Written(usize),
+}
+
+/// As [`cycle`], and calls `watch` after each stage.
+pub fn cycle_watched<D: Device + ?Sized>(
+    controller: &mut Controller,
+    devices: &mut [impl DerefMut<Target = D>],
+    now_ns: u64,
+    mut watch: impl FnMut(Stage),
+) -> (Telemetry, u32) {
+    watch(Stage::Begun);
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
-    for (device, reading) in devices.iter_mut().zip(&mut readings) {
+    // Not `enumerate`: as far as the compiler knows, its count could overflow.
+    for ((device, reading), index) in devices.iter_mut().zip(&mut readings).zip(0..MAX_DEVICES) {
         *reading = device.read(now_ns);
+        watch(Stage::Read(index));
     }
     let (commands, telemetry) = controller.tick(now_ns, &readings);
+    watch(Stage::Computed);
     let mut refused: u32 = 0;
-    for (device, command) in devices.iter_mut().zip(&commands) {
+    for ((device, command), index) in devices.iter_mut().zip(&commands).zip(0..MAX_DEVICES) {
         if device.write(now_ns, command).is_err() {
             refused = refused.saturating_add(1);
         }
+        watch(Stage::Written(index));
     }
     (telemetry, refused)
 }

@@ -197,6 +197,12 @@ pub trait Device {
     fn probe(&self) -> Option<Probe> {
         None
     }
+
+    /// The time from the reading of the encoders to the force that answers it, in the device's own clock (ns), where the
+    /// last read showed it. `None` where it showed none, or where the device does not tell.
+    fn motion_to_force_ns(&self) -> Option<u64> {
+        None
+    }
 }
 
 impl<D: Device + ?Sized> Device for &mut D {
@@ -211,5 +217,8 @@ impl<D: Device + ?Sized> Device for &mut D {
     }
     fn probe(&self) -> Option<Probe> {
         (**self).probe()
+    }
+    fn motion_to_force_ns(&self) -> Option<u64> {
+        (**self).motion_to_force_ns()
     }
 }

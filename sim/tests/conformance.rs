@@ -284,7 +284,7 @@ fn a_hid_device_that_is_unplugged_comes_back_without_a_restart() {
         force: Vec3::new(1.0, 0.0, 0.0),
         moment: Vec3::zeros(),
     };
-    let (mut losses, mut was_there, mut clock) = (0, false, 0);
+    let (mut losses, mut was_there, mut clock, mut told) = (0, false, 0, 0);
     // Until it has come back twice, and moves under a force again.
     for now in (0..).map(|tick| tick * MS) {
         match device.read(now) {
@@ -292,6 +292,7 @@ fn a_hid_device_that_is_unplugged_comes_back_without_a_restart() {
                 assert!(state.device_time_ns >= clock);
                 clock = state.device_time_ns;
                 was_there = true;
+                told += u32::from(device.motion_to_force_ns().is_some());
                 if losses == 2 && state.pose.position.x > 1e-4 {
                     break;
                 }
@@ -299,10 +300,15 @@ fn a_hid_device_that_is_unplugged_comes_back_without_a_restart() {
             Err(DeviceError::Disconnected(_)) if was_there => {
                 (losses, was_there) = (losses + 1, false);
             }
-            Err(_) => std::thread::yield_now(),
+            Err(_) => {
+                // What an earlier read showed is not told again.
+                assert_eq!(device.motion_to_force_ns(), None);
+                std::thread::yield_now();
+            }
         }
         let _ = device.write(now, &push);
     }
+    assert!(told > 0, "no wrench came into force");
 }
 
 #[test]

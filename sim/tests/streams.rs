@@ -276,6 +276,11 @@ fn a_device_has_no_force_ten_milliseconds_after_the_host_fell_silent() {
     link.run(last_ns + watchdog_ns + LOOP_NS);
     assert_eq!(link.force(), Vec3::zeros());
     link.world(|world| assert_eq!(world.device.counters().watchdog, 1));
+    let let_go_ns = link.world(|world| world.device.let_go_ns());
+    assert!(
+        (watchdog_ns..=watchdog_ns + LOOP_NS).contains(&let_go_ns),
+        "{let_go_ns}"
+    );
     // The states of the silence have come, and the next wrench answers the newest.
     let _ = tick(&mut driver, &link, &force);
     assert_eq!(link.force(), Vec3::zeros(), "it answers an old state");

@@ -16,6 +16,7 @@ use crate::scene::{LoadedScene, Scene};
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
 use rt_core::safety::{SafetyState, Trip};
+use runner::latency::{DeviceTimes, LatencyHistogram};
 
 /// `size`: elements and vertices of all bodies.
 pub(super) fn summarize(
@@ -61,9 +62,8 @@ pub(super) fn summarize(
 
 fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounters]) -> TickSummary {
     let side = &parts.tick;
-    let measured = |h: &runner::latency::LatencyHistogram| {
-        (clock == Clock::Real).then(|| Distribution::from(h.summary()))
-    };
+    let measured =
+        |h: &LatencyHistogram| (clock == Clock::Real).then(|| Distribution::from(h.summary()));
     TickSummary {
         rate: scene.realtime.rate,
         count: side.ticks,
@@ -92,6 +92,12 @@ fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounter
 
 fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
     let side = &parts.tick;
+    // Only the real clock measures the devices.
+    let measured = |index: usize, pick: fn(&DeviceTimes) -> &LatencyHistogram| {
+        let times = side.latencies.devices.get(index);
+        let histogram = times.map(pick).filter(|histogram| histogram.count() > 0);
+        histogram.map(|histogram| Distribution::from(histogram.summary()))
+    };
     let devices = scene
         .devices
         .iter()
@@ -100,26 +106,32 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
     devices
         .zip(side.controller.safety_counters())
         .zip(side.controller.first_trips())
-        .map(|((((spec, device), totals), safety), trip)| DeviceSummary {
-            name: spec.name.clone(),
-            peak_force: totals.peak_force,
-            peak_time: totals.peak_time,
-            work: totals.work,
-            motor_work: device.probe().map(|probe| probe.motor_work),
-            port_work: device.probe().map(|probe| probe.on_hand),
-            reach: totals.reach,
-            limited_ticks: safety.limited,
-            not_a_number_ticks: safety.not_a_number,
-            slewed_ticks: safety.slewed,
-            missed_reads: safety.missed_reads,
-            too_fast: safety.too_fast,
-            out_of_reach: safety.out_of_reach,
-            hot_ticks: safety.hot,
-            engaged: safety.engaged,
-            hands_off: safety.hands_off,
-            stopped: safety.stopped,
-            first_trip: trip.map(|trip| trip_summary(&trip, scene.realtime.rate)),
-        })
+        .enumerate()
+        .map(
+            |(index, ((((spec, device), totals), safety), trip))| DeviceSummary {
+                name: spec.name.clone(),
+                peak_force: totals.peak_force,
+                peak_time: totals.peak_time,
+                work: totals.work,
+                motor_work: device.probe().map(|probe| probe.motor_work),
+                port_work: device.probe().map(|probe| probe.on_hand),
+                reach: totals.reach,
+                limited_ticks: safety.limited,
+                not_a_number_ticks: safety.not_a_number,
+                slewed_ticks: safety.slewed,
+                missed_reads: safety.missed_reads,
+                too_fast: safety.too_fast,
+                out_of_reach: safety.out_of_reach,
+                hot_ticks: safety.hot,
+                engaged: safety.engaged,
+                hands_off: safety.hands_off,
+                stopped: safety.stopped,
+                read: measured(index, |times| &times.read),
+                write: measured(index, |times| &times.write),
+                motion_to_force: measured(index, |times| &times.motion_to_force),
+                first_trip: trip.map(|trip| trip_summary(&trip, scene.realtime.rate)),
+            },
+        )
         .collect()
 }
 

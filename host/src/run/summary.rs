@@ -223,6 +223,14 @@ pub struct DeviceSummary {
     pub hands_off: u64,
     /// Number of times that the emergency stop acted.
     pub stopped: u64,
+    /// Time that each read of the device took; `None` under virtual time.
+    pub read: Option<Distribution>,
+    /// Time that each write took; `None` under virtual time. Where the device has a thread of its own, a write only hands
+    /// the wrench over.
+    pub write: Option<Distribution>,
+    /// Time from the reading of the encoders to the force that answers it, in the clock of the device; `None` where the
+    /// device did not tell.
+    pub motion_to_force: Option<Distribution>,
     /// The first trip, if there was one.
     pub first_trip: Option<TripSummary>,
 }

@@ -251,6 +251,11 @@ impl Device for HidDevice {
             None => Ok(()),
         }
     }
+
+    fn motion_to_force_ns(&self) -> Option<u64> {
+        let shown = self.reports.shown?;
+        Some(u64::from(shown.delay_us).saturating_mul(1000))
+    }
 }
 
 /// A session that no other host has, but by chance: the standard library draws the keys of its hashes at random.

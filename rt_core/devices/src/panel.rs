@@ -163,6 +163,10 @@ impl Device for Operated {
     fn probe(&self) -> Option<Probe> {
         self.device.probe()
     }
+
+    fn motion_to_force_ns(&self) -> Option<u64> {
+        self.device.motion_to_force_ns()
+    }
 }
 
 #[cfg(test)]

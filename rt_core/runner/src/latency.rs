@@ -169,6 +169,39 @@ pub struct Latencies {
     pub tick_time: LatencyHistogram,
     /// Age of the local model in use at each tick (ns), by body. Empty before the first model.
     pub model_age: Vec<LatencyHistogram>,
+    /// Times of the devices, in the controller's order. Empty unless [`crate::thread`] measures them.
+    pub devices: Vec<DeviceTimes>,
+}
+
+/// The histograms of one device.
+#[derive(Clone, Debug)]
+pub struct DeviceTimes {
+    /// Duration of each read (ns).
+    pub read: LatencyHistogram,
+    /// Duration of each write (ns). A device with a thread of its own only hands its wrench over.
+    pub write: LatencyHistogram,
+    /// Time from the reading of the encoders to the force that answers it (ns), in the clock of the device. Empty where
+    /// the device does not tell.
+    pub motion_to_force: LatencyHistogram,
+}
+
+impl DeviceTimes {
+    /// Empty histograms.
+    pub fn new() -> Self {
+        let [read, write, motion_to_force] =
+            [(); 3].map(|()| LatencyHistogram::new(Latencies::TICK_BOUND_NS));
+        Self {
+            read,
+            write,
+            motion_to_force,
+        }
+    }
+}
+
+impl Default for DeviceTimes {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Latencies {
@@ -185,6 +218,7 @@ impl Latencies {
             model_age: (0..bodies)
                 .map(|_| LatencyHistogram::new(Self::AGE_BOUND_NS))
                 .collect(),
+            devices: Vec::new(),
         }
     }
 }

@@ -232,7 +232,8 @@ pub fn spawn(
             found: devices.len(),
         });
     }
-    let tick_loop = Box::new(TickLoop::new(controller, devices, end));
+    let mut tick_loop = Box::new(TickLoop::new(controller, devices, end));
+    tick_loop.measure_devices();
     let ticks = Arc::new(AtomicU64::new(0));
     let (recorder, tick_time) = recorder(Latencies::TICK_BOUND_NS);
     let (sender, ready) = sync_channel(1);

@@ -5,9 +5,10 @@
 //!
 //! [`TickLoop::tick`] is the hot path: no allocation, no lock, and no system call except those of the devices.
 
-use crate::latency::Latencies;
+use crate::clock;
+use crate::latency::{DeviceTimes, Latencies};
 use crate::link::TickEnd;
-use rt_core::{Controller, Device, Telemetry, Wrench, cycle};
+use rt_core::{Controller, Device, Stage, Telemetry, Wrench, cycle_watched};
 
 /// A device of any kind, as the loop holds it.
 pub type AnyDevice = Box<dyn Device + Send>;
@@ -65,6 +66,12 @@ impl TickLoop {
         }
     }
 
+    /// From now on, measures how long each device takes to be read and written, and keeps its motion to force. For the
+    /// real clock. Allocates the histograms.
+    pub fn measure_devices(&mut self) {
+        self.latencies.devices = self.devices.iter().map(|_| DeviceTimes::new()).collect();
+    }
+
     /// Runs one tick: takes the newest local models, reads the devices, computes and writes the wrenches, and sends the
     /// record to host and log.
     ///
@@ -80,7 +87,19 @@ impl TickLoop {
             // The controller counts the models that it refuses, by reason.
             let _ = controller.accept(body, model);
         });
-        let (mut telemetry, refused) = cycle(controller, &mut self.devices, now_ns);
+        let times = &mut self.latencies.devices;
+        let mut last = 0;
+        let (mut telemetry, refused) =
+            cycle_watched(controller, &mut self.devices, now_ns, |stage| {
+                if !times.is_empty() {
+                    measure(times, &mut last, stage);
+                }
+            });
+        for (times, device) in times.iter_mut().zip(&self.devices) {
+            if let Some(ns) = device.motion_to_force_ns() {
+                times.motion_to_force.record(ns);
+            }
+        }
         telemetry.lateness_ns = lateness_ns;
         self.end.push(&telemetry);
         self.latencies.lateness.record(lateness_ns);
@@ -101,6 +120,26 @@ impl TickLoop {
             for device in &mut self.devices {
                 // A device that refuses the command holds its last wrench until its own watchdog releases the force.
                 let _ = device.write(now_ns, &Wrench::zero());
+            }
+        }
+    }
+}
+
+/// Records the time that a stage of the tick took. `last` is the time of the stage before.
+fn measure(times: &mut [DeviceTimes], last: &mut u64, stage: Stage) {
+    let now = clock::now_ns();
+    let took = now.saturating_sub(*last);
+    *last = now;
+    match stage {
+        Stage::Begun | Stage::Computed => {}
+        Stage::Read(device) => {
+            if let Some(times) = times.get_mut(device) {
+                times.read.record(took);
+            }
+        }
+        Stage::Written(device) => {
+            if let Some(times) = times.get_mut(device) {
+                times.write.record(took);
             }
         }
     }

@@ -4,6 +4,7 @@ mod common;
 
 use common::{Trick, controller, lock, puppet, pushing};
 use rt_core::Wrench;
+use runner::latency::{DeviceTimes, LatencyHistogram};
 use runner::link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 use runner::thread::SpawnError;
 use runner::{CoreChoice, RunnerConfig, Stop, spawn};
@@ -59,6 +60,13 @@ fn a_run_adds_up_and_ends_without_force() {
     // The model was published before the first tick.
     assert_eq!(times.model_age.len(), 1);
     assert_eq!(times.model_age[0].count(), 300);
+    // The two writes after the last tick belong to no tick. This device does not tell its motion to force.
+    assert_eq!(times.devices.len(), 1);
+    let counts = |times: &DeviceTimes| {
+        let histograms = [&times.read, &times.write, &times.motion_to_force];
+        histograms.map(LatencyHistogram::count)
+    };
+    assert_eq!(counts(&times.devices[0]), [300, 300, 0]);
     assert_eq!(
         (report.refused_wrenches, report.controller.stray_models()),
         (0, 0)
@@ -104,6 +112,7 @@ fn a_device_that_blocks_once_costs_deadlines_and_nothing_else() {
     assert!(report.missed_deadlines >= report.longest_miss);
     assert_eq!(report.ticks + report.missed_deadlines, report.slots);
     assert!(report.latencies.tick_time.summary().max >= 5_500_000);
+    assert!(report.latencies.devices[0].read.summary().max >= 5_500_000);
     // The devices' time has advanced by the skipped deadlines.
     let times = &lock(&seen).times_ns;
     assert!(times[20] - times[19] >= 6_000_000);

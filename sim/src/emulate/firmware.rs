@@ -16,7 +16,7 @@ use crate::SimDevice;
 use crate::firmware::state_si;
 use core::num::NonZeroU8;
 use devices::wire::axes_of;
-use firmware_proto::device::{self, Counters, Geometry, Inputs, Measured};
+use firmware_proto::device::{self, Accepted, Counters, Geometry, Inputs, Measured};
 use firmware_proto::report::{Condition, LENGTH, Mode, Model, StateReport};
 use firmware_proto::stream::{Decoder, PACKET, packet};
 use rt_core::{Capabilities, Device, Vec3, Wrench};
@@ -57,6 +57,10 @@ pub struct Firmware {
     due_ns: u64,
     decoder: Decoder,
     buttons: u16,
+    /// Time at which the last wrench was accepted (ns).
+    commanded_ns: u64,
+    /// Longest time from a wrench to its end by the watchdog (ns).
+    let_go_ns: u64,
     /// Bytes that wait for the host.
     outgoing: VecDeque<u8>,
 }
@@ -80,6 +84,8 @@ impl Firmware {
             due_ns: 0,
             decoder: Decoder::new(),
             buttons: 0,
+            commanded_ns: 0,
+            let_go_ns: 0,
             outgoing: VecDeque::new(),
         };
         new.start();
@@ -121,6 +127,12 @@ impl Firmware {
     /// Counts of the reports from the host.
     pub fn counters(&self) -> &Counters {
         self.protocol.counters()
+    }
+
+    /// Longest time from the last wrench of a host to the moment at which the watchdog let go (ns); zero where it never
+    /// did.
+    pub fn let_go_ns(&self) -> u64 {
+        self.let_go_ns
     }
 
     /// The session; zero before the first hello.
@@ -215,9 +227,22 @@ impl Firmware {
         }
     }
 
+    /// Gives a report to the firmware, which counts those that it refuses.
+    fn take(&mut self, report: &[u8]) {
+        let time_us = self.time_us();
+        if let Ok(Accepted::Wrench) = self.protocol.receive(report, time_us) {
+            self.commanded_ns = self.now_ns;
+        }
+    }
+
     /// Sets the amplifiers. The force before acts up to now.
     fn actuate(&mut self) {
+        let before = self.counters().watchdog;
         let wrench = self.protocol.actuate(self.time_us());
+        if self.counters().watchdog > before {
+            let held_ns = self.now_ns.saturating_sub(self.commanded_ns);
+            self.let_go_ns = self.let_go_ns.max(held_ns);
+        }
         let si = |vector: [i32; 3]| Vec3::from(vector.map(|x| f64::from(x) / 1e6));
         let wrench = Wrench {
             force: si(wrench.force),
@@ -260,16 +285,12 @@ impl Firmware {
 impl Emulator for Firmware {
     fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.run(now_ns);
-        let time_us = self.time_us();
-        // The firmware counts the reports that it refuses.
         match self.framing {
-            Framing::Report => {
-                let _ = self.protocol.receive(bytes, time_us);
-            }
+            Framing::Report => self.take(bytes),
             Framing::Stream => {
                 for &byte in bytes {
-                    if let Some(report) = self.decoder.push(byte) {
-                        let _ = self.protocol.receive(report, time_us);
+                    if let Some(report) = self.decoder.push(byte).copied() {
+                        self.take(&report);
                     }
                 }
             }

@@ -273,6 +273,13 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
         }
     }
     report(&served);
+    if let Emulated::Firmware(device) = &emulated {
+        errln!(
+            "the watchdog let go {} times, at most {:.2} ms after the last wrench",
+            device.counters().watchdog,
+            device.let_go_ns() as f64 * 1e-6
+        );
+    }
     Ok(())
 }
 

@@ -211,6 +211,17 @@ impl DeviceSummary {
             )?;
         }
         writeln!(f)?;
+        // The calls of a simulated device compute its physics, which says nothing of a transport.
+        let real = self.motor_work.is_none();
+        for (what, times) in [
+            ("read took", &self.read),
+            ("write took", &self.write),
+            ("motion to force", &self.motion_to_force),
+        ] {
+            if let Some(times) = times.as_ref().filter(|_| real) {
+                writeln!(f, "             {what} {}", Times(times))?;
+            }
+        }
         if let Some(trip) = &self.first_trip {
             let (found, limit, unit) = (trip.found, trip.limit, trip.unit);
             writeln!(

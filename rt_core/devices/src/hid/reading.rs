@@ -35,6 +35,8 @@ pub struct Reports {
     pub fault: u8,
     /// The last motion to force that the device's reports show.
     pub motion_to_force: Option<MotionToForce>,
+    /// The same, where the last read showed it.
+    pub(crate) shown: Option<MotionToForce>,
     /// Why the last report that was not used was not.
     pub refused: Option<HostError>,
 }
@@ -54,6 +56,7 @@ impl Reports {
             mode: Mode::Boot,
             fault: 0,
             motion_to_force: None,
+            shown: None,
             refused: None,
         }
     }
@@ -81,6 +84,7 @@ impl Reports {
         // The buffer is one byte longer than a report, so that a report that is too long can be detected.
         let mut buffer = [0_u8; report::LENGTH + 1];
         let mut newest = Newest::default();
+        self.shown = None;
         for _ in 0..QUEUE {
             let length = match next(&mut buffer) {
                 Ok(0) => break,
@@ -160,6 +164,7 @@ impl Reports {
         self.mode = report.condition.mode;
         self.fault = report.condition.fault;
         self.motion_to_force = motion_to_force.or(self.motion_to_force);
+        self.shown = motion_to_force.or(self.shown);
     }
 }
 
