@@ -345,16 +345,19 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let real = options.clock == Clock::Real;
     let operator = real.then(|| Operator::begin(&options.panel, lines));
     let operator = operator.transpose().map_err(CommandError::Signals)?;
-    if let Some(waiting) = operator::waiting(&loaded.scene, operator.is_some(), lines)
-        && options.orders.is_empty()
-    {
-        errln!("{waiting}");
+    let mut waiting = operator::waiting(&loaded.scene, real, lines);
+    if !options.orders.is_empty() {
+        waiting = None;
     }
     let bar = ProgressBar::begin(!arguments.report_progress);
     let mut warned = false;
     let result = host::run::run(&loaded, &options, |progress| {
         if let Some(operator) = &operator {
             operator.look();
+        }
+        // The devices are open now.
+        if let Some(waiting) = waiting.take() {
+            bar.say(&waiting);
         }
         let position = (1000.0 * progress.fraction()) as u64;
         #[cfg(feature = "view")]

@@ -105,6 +105,23 @@ fn known_schema(name: &str) -> Option<(Content, &'static str)> {
     }
 }
 
+/// Whether a definition has the fields of `own`, in its order. Comments and constants do not count: they name values, and
+/// a later version of palpate may name more.
+pub(super) fn same_fields(found: &[u8], own: &str) -> bool {
+    // Only constants and the lines between two definitions have a sign of equality.
+    let fields = |text: &str| -> Vec<String> {
+        let lines = text
+            .lines()
+            .map(|line| line.split('#').next().unwrap_or(""));
+        let fields = lines.filter(|line| !line.contains('=') && !line.trim().is_empty());
+        fields
+            .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
+            .collect()
+    };
+    found == own.as_bytes()
+        || std::str::from_utf8(found).is_ok_and(|found| fields(found) == fields(own))
+}
+
 impl Parser {
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), LogError> {
         if opcode == op::ATTACHMENT {
@@ -133,7 +150,7 @@ impl Parser {
         match parse_record(opcode, data).map_err(LogError::Damaged)? {
             Record::Schema { header, data } => {
                 if let Some((content, definition)) = known_schema(&header.name) {
-                    if *data != *definition.as_bytes() {
+                    if !same_fields(&data, definition) {
                         return Err(LogError::OtherLayout);
                     }
                     self.schemas.insert(header.id, content);

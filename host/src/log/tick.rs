@@ -13,8 +13,8 @@ use super::reading::LoggedReading;
 pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/Tick";
 
 /// The message definition, with the definitions that it uses. Poses, twists and wrenches are the standard ROS
-/// types, which tools can display. A `torque` is the moment about the handle. A log whose definition differs
-/// from this text is refused, so any edit of the text makes older logs unreadable.
+/// types, which tools can display. A `torque` is the moment about the handle. A log whose fields differ
+/// from those of this text is refused, so any edit of a field makes older logs unreadable.
 pub(super) const SCHEMA: &str = concat!(
     "\
 # One pass of the haptic loop. SI units; world axes.

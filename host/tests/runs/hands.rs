@@ -165,7 +165,7 @@ fn a_connection_is_refused_with_its_line() -> Outcome {
         ),
         (
             "connect = \"hdi\"",
-            "x.toml:11: device[0].connect: found hdi, allowed: sim, hid, tty, tcp, woodenhaptics, falcon, plugin",
+            "x.toml:11: device[0].connect: found hdi, allowed: sim, emulated, hid, tty, tcp, woodenhaptics, falcon, plugin",
         ),
         (
             "connect = \"hid:1209:0001\"",
@@ -191,7 +191,7 @@ fn an_unknown_driver_is_refused_before_anything_is_opened() {
     let error = load("hdi").expect_err("no driver has this name");
     assert_eq!(
         error.to_string(),
-        "x.toml:11: device[0].connect: found hdi, allowed: sim, hid, tty, tcp, woodenhaptics, falcon, plugin"
+        "x.toml:11: device[0].connect: found hdi, allowed: sim, emulated, hid, tty, tcp, woodenhaptics, falcon, plugin"
     );
     // A driver that is known is loaded, although it lacks an address and needs the real clock.
     assert!(load("hid").is_ok());

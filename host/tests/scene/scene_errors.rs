@@ -328,7 +328,7 @@ hand = {}
   x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` suffices)
 hand = {}
   -> hand.weight = 2
-  x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `sines`, `recording`
+  x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `sines`, `presses`, `recording`
 "#,
     );
 }

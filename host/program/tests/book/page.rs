@@ -279,6 +279,7 @@ fn cargo(line: &str) -> Result<(), String> {
         "rt_core",
         "rt_core/runner",
         "sim",
+        "sim/emulator",
         "tests",
     ];
     for pair in words.windows(2) {

@@ -2,6 +2,7 @@
 
 use super::{Chunk, IndexError};
 use crate::live::Surface;
+use crate::log::read::same_fields;
 use crate::log::{BodyFrame, LogError, ModelRow, TickRow, body, chunks, cloud, model, tick};
 use mcap::McapError;
 use mcap::parse_record;
@@ -69,7 +70,7 @@ impl Channels {
         match record {
             Record::Schema { header, data } => {
                 if let Some((content, definition)) = known_schema(&header.name) {
-                    if *data != *definition.as_bytes() {
+                    if !same_fields(&data, definition) {
                         return Err(LogError::OtherLayout);
                     }
                     self.schemas.insert(header.id, content);

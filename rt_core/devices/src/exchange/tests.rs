@@ -55,13 +55,18 @@ fn at(device_time_ns: u64) -> DeviceState {
     }
 }
 
-/// Waits until the thread has exchanged `force`; exchanges of zero, which time may cause, are answered and passed over.
-fn until(seen: &Receiver<Done>, tell: &Sender<Answer>, wanted: Done) {
+/// Hands `force` over, and waits until the thread has exchanged it. On a busy machine the thread may look so late that the
+/// wrench counts as old; it is then handed over again, while the thread waits for the answer to its zero.
+fn exchanged(device: &mut Exchanged, seen: &Receiver<Done>, tell: &Sender<Answer>, force: f64) {
+    assert_eq!(device.write(0, &push(force)), Ok(()));
     loop {
         match seen.recv().expect("the thread lives") {
-            done if done == wanted => return,
-            Done::Exchanged(0.0) => tell.send(Err(DeviceError::NoReport)).expect("it listens"),
-            other => panic!("{other:?} before {wanted:?}"),
+            done if done == Done::Exchanged(force) => return,
+            Done::Exchanged(0.0) => {
+                let _ = device.write(0, &push(force));
+                tell.send(Err(DeviceError::NoReport)).expect("it listens");
+            }
+            other => panic!("{other:?} before {force} N"),
         }
     }
 }
@@ -77,8 +82,7 @@ fn read(device: &mut Exchanged, wanted: Answer) {
 fn a_wrench_is_exchanged_for_a_state() {
     let (mut device, seen, tell) = told();
     assert_eq!(device.read(0), Err(DeviceError::NoReport));
-    assert_eq!(device.write(0, &push(1.5)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(1.5));
+    exchanged(&mut device, &seen, &tell, 1.5);
     tell.send(Ok(at(7))).expect("it listens");
     read(&mut device, Ok(at(7)));
     assert!(device.counts().states() == 1 && device.counts().losses() == 0);
@@ -90,8 +94,7 @@ fn a_wrench_is_exchanged_for_a_state() {
 #[test]
 fn a_device_that_blocks_makes_the_tick_busy_and_then_gets_the_newest_wrench() {
     let (mut device, seen, tell) = told();
-    assert_eq!(device.write(0, &push(1.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(1.0));
+    exchanged(&mut device, &seen, &tell, 1.0);
     // The device is in its first exchange. Four wrenches may wait.
     for force in [2.0, 3.0, 4.0, 5.0] {
         assert_eq!(device.write(0, &push(force)), Ok(()));
@@ -106,8 +109,7 @@ fn a_device_that_blocks_makes_the_tick_busy_and_then_gets_the_newest_wrench() {
 #[test]
 fn a_wrench_that_waited_while_the_process_was_stopped_is_not_commanded() {
     let (mut device, seen, tell) = told();
-    assert_eq!(device.write(0, &push(1.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(1.0));
+    exchanged(&mut device, &seen, &tell, 1.0);
     // The thread is in its exchange, and the tick hands one more wrench over before everything stands still.
     assert_eq!(device.write(0, &push(2.0)), Ok(()));
     std::thread::sleep(3 * LET_GO);
@@ -115,16 +117,14 @@ fn a_wrench_that_waited_while_the_process_was_stopped_is_not_commanded() {
     assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
     tell.send(Ok(at(2))).expect("it listens");
     // A new wrench is commanded again.
-    assert_eq!(device.write(0, &push(3.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(3.0));
+    exchanged(&mut device, &seen, &tell, 3.0);
     drop(tell);
 }
 
 #[test]
 fn a_tick_that_stops_lets_the_device_go() {
     let (mut device, seen, tell) = told();
-    assert_eq!(device.write(0, &push(1.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(1.0));
+    exchanged(&mut device, &seen, &tell, 1.0);
     tell.send(Ok(at(1))).expect("it listens");
     // No further wrench comes.
     assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
@@ -135,12 +135,10 @@ fn a_tick_that_stops_lets_the_device_go() {
 fn a_lost_device_comes_back_and_its_clock_goes_on() {
     let (mut device, seen, tell) = told();
     let gone = DeviceError::Disconnected(19);
-    assert_eq!(device.write(0, &push(1.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(1.0));
+    exchanged(&mut device, &seen, &tell, 1.0);
     tell.send(Ok(at(50))).expect("it listens");
     read(&mut device, Ok(at(50)));
-    assert_eq!(device.write(0, &push(2.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(2.0));
+    exchanged(&mut device, &seen, &tell, 2.0);
     assert_eq!(device.write(0, &push(3.0)), Ok(()));
     tell.send(Err(gone)).expect("it listens");
     read(&mut device, Err(gone));
@@ -156,8 +154,7 @@ fn a_lost_device_comes_back_and_its_clock_goes_on() {
     // Its clock starts at 3 ns, and continues from 50 ns.
     tell.send(Ok(at(3))).expect("it listens");
     read(&mut device, Ok(at(50)));
-    assert_eq!(device.write(0, &push(5.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(5.0));
+    exchanged(&mut device, &seen, &tell, 5.0);
     tell.send(Ok(at(10))).expect("it listens");
     read(&mut device, Ok(at(57)));
     let counts = device.counts();
@@ -167,8 +164,7 @@ fn a_lost_device_comes_back_and_its_clock_goes_on() {
 #[test]
 fn a_lost_device_can_be_dropped() {
     let (mut device, seen, tell) = told();
-    assert_eq!(device.write(0, &push(1.0)), Ok(()));
-    until(&seen, &tell, Done::Exchanged(1.0));
+    exchanged(&mut device, &seen, &tell, 1.0);
     tell.send(Err(DeviceError::Disconnected(19)))
         .expect("it listens");
     read(&mut device, Err(DeviceError::Disconnected(19)));

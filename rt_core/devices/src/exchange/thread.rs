@@ -55,6 +55,7 @@ struct Work<E> {
 impl<E: Exchange> Work<E> {
     /// Exchanges until the end.
     fn run(&mut self) {
+        self.looked = Instant::now();
         while let Some(wrench) = self.next() {
             if self.once(&wrench) {
                 continue;
