@@ -9,6 +9,8 @@ use rt_core::safety::SafetyState;
 use rt_core::{Controller, DeviceError, DeviceState, LocalModel, MAX_DEVICES, Telemetry, Wrench};
 use std::hint::black_box;
 
+/// Time between two ticks while a model ages (ns).
+const STEP_NS: usize = 5_000_000;
 /// Ticks until every smooth start has ended.
 const SETTLE: usize = 300;
 /// A period so long that the blend of its model does not end during the count (s).
@@ -180,7 +182,14 @@ impl Prepared {
                     state.twist.linear *= 500.0;
                 }
             }
-            Situation::Fading => self.now_ns = MODEL_NS + 2 * AGE_LIMIT_NS,
+            Situation::Fading => {
+                // A longer gap would be a loop that stood still.
+                let steps = (0..AGE_LIMIT_NS).step_by(STEP_NS);
+                for age_ns in steps {
+                    self.law.tick(MODEL_NS + age_ns, &self.readings);
+                }
+                self.now_ns = MODEL_NS + AGE_LIMIT_NS + 2_000_000;
+            }
             Situation::Refused => {
                 let mut spoilt = newer;
                 let last = usize::from(spoilt.handle_count) - 1;
