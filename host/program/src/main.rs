@@ -38,6 +38,10 @@ use progress::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+/// Counts the allocations of the tick's thread, of which there must be none.
+#[global_allocator]
+static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
+
 /// A hard-realtime controller for haptic devices that touch deformable bodies.
 ///
 /// Without a command, runs the built-in scene and prints a summary: two hands, each on a simulated device, stretch a

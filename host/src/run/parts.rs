@@ -39,6 +39,8 @@ pub(super) struct TickSide {
     /// The core and the priority of its thread; `None` under virtual time.
     pub(super) place: Option<PlaceSummary>,
     pub(super) locked_bytes: u64,
+    /// Calls of the allocator by the tick's thread, where they are counted.
+    pub(super) allocator_calls: Option<u64>,
     pub(super) counters: TickCounters,
     pub(super) refused_wrenches: u64,
     pub(super) latencies: Latencies,
@@ -127,6 +129,7 @@ pub(super) fn under_virtual_time(
             stopped: done.tick.ticks < planned && stop.is_requested(),
             place: None,
             locked_bytes: 0,
+            allocator_calls: None,
             ticks: done.tick.ticks,
             counters: done.tick.end.counters(),
             refused_wrenches: done.tick.refused_wrenches,
@@ -174,6 +177,13 @@ pub(super) fn under_the_real_clock(
             report.ticks
         ));
     }
+    if let Some(calls) = report.allocator_calls.filter(|&calls| calls > 0) {
+        failures.push(format!(
+            "the tick called the memory allocator {calls} times in {} ticks, and an allocator may wait for another thread; \
+             a driver that allocates must do so in a thread of its own",
+            report.ticks
+        ));
+    }
     Ok(Parts {
         tick: TickSide {
             ticks: report.ticks,
@@ -188,6 +198,7 @@ pub(super) fn under_the_real_clock(
                 kept_awake: report.kept_awake,
             }),
             locked_bytes: report.locked_bytes as u64,
+            allocator_calls: report.allocator_calls,
             counters: report.link,
             refused_wrenches: report.refused_wrenches,
             latencies: report.latencies,

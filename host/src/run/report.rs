@@ -82,6 +82,7 @@ fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounter
             .map(|h| h.summary().into())
             .collect(),
         locked_bytes: side.locked_bytes,
+        allocator_calls: side.allocator_calls,
         refused_models: couplings
             .iter()
             .map(|c| c.not_finite + c.wrong_handles + c.outdated + c.to_come)

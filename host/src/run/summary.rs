@@ -126,6 +126,8 @@ pub struct TickSummary {
     pub model_age: Vec<Distribution>,
     /// Locked memory (bytes).
     pub locked_bytes: u64,
+    /// Allocations, reallocations and frees in the ticks; `None` under virtual time.
+    pub allocator_calls: Option<u64>,
     /// Models that were refused: not finite, of wrong handles, outdated, or timestamped in the future.
     pub refused_models: u64,
     /// Number of times that the newest model became too old.
@@ -228,8 +230,9 @@ pub struct DeviceSummary {
     /// Time that each write took; `None` under virtual time. Where the device has a thread of its own, a write only hands
     /// the wrench over.
     pub write: Option<Distribution>,
-    /// Time from the reading of the encoders to the force that answers it, in the clock of the device; `None` where the
-    /// device did not tell.
+    /// Time from the reading of the encoders to the force that answers it, in the clock of the device. A device that is
+    /// asked for each state and does not tell is measured from the request for a state to the request that brings the
+    /// force, in the clock of the program. `None` where neither is known.
     pub motion_to_force: Option<Distribution>,
     /// The first trip, if there was one.
     pub first_trip: Option<TripSummary>,

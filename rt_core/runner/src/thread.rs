@@ -175,6 +175,9 @@ pub struct TickReport {
     pub kept_awake: bool,
     /// The system call that ended the run, if one did.
     pub forbidden_call: Option<ForbiddenCall>,
+    /// Number of allocations, reallocations and frees in the ticks. `None` where [`alloc_count::calls::Counting`] is not
+    /// the allocator of the program.
+    pub allocator_calls: Option<u64>,
 }
 
 impl fmt::Debug for TickReport {

@@ -6,7 +6,8 @@ use alloc_count::calls::{Counting, count};
 use common::{Trick, controller, puppet, pushing};
 use runner::latency::recorder;
 use runner::link::{LinkConfig, link};
-use runner::{LatencyHistogram, TickLoop};
+use runner::{CoreChoice, LatencyHistogram, RunnerConfig, Stop, TickLoop, spawn};
+use std::sync::Arc;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -47,4 +48,28 @@ fn no_tick_allocates_whatever_the_rings_hold() {
 #[test]
 fn the_counter_counts() {
     assert!(count(|| drop(LatencyHistogram::new(1000))) > 0);
+}
+
+/// The calls of the allocator that the report of a loop with `trick` names.
+fn reported(trick: Trick) -> Option<u64> {
+    let (tick, _host, _log) = link(&LinkConfig::new(1000.0, 60.0));
+    let config = RunnerConfig {
+        ticks: Some(20),
+        core: CoreChoice::Anywhere,
+        priority: None,
+        lock_memory: false,
+        keep_awake: false,
+        ..RunnerConfig::default()
+    };
+    let devices = vec![puppet(trick).0];
+    let stop = Arc::new(Stop::new());
+    let thread = spawn(config, controller(1), devices, tick, stop).expect("the loop starts");
+    thread.join().expect("nothing panics").allocator_calls
+}
+
+#[test]
+fn the_report_of_a_loop_counts_the_calls_in_its_ticks_alone() {
+    assert_eq!(reported(Trick::None), Some(0));
+    // An allocation and its end.
+    assert_eq!(reported(Trick::Allocate(10)), Some(2));
 }

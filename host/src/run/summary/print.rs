@@ -49,7 +49,15 @@ impl RunSummary {
         }
         if let Some(place) = &t.place {
             let locked = t.locked_bytes as f64 / f64::from(1 << 20);
-            writeln!(f, "  ran on     {place}, {locked:.1} MiB locked")?;
+            let allocations = match t.allocator_calls {
+                Some(0) => ", no allocation",
+                Some(_) => ", with allocations",
+                None => "",
+            };
+            writeln!(
+                f,
+                "  ran on     {place}, {locked:.1} MiB locked{allocations}"
+            )?;
             writeln!(f, "             {}", self.machine.surroundings())?;
         }
         if let Some(lateness) = &t.lateness {

@@ -12,6 +12,7 @@ use crate::seccomp::confine;
 use crate::setup::{Setup, set_up};
 use crate::tick_loop::TickLoop;
 use crate::trap;
+use alloc_count::calls;
 use rt_core::Wrench;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,6 +28,7 @@ pub(super) fn body(
     ticks: &AtomicU64,
     sender: &SyncSender<Result<Setup, SpawnError>>,
 ) -> (Outcome, Held) {
+    let counted = calls::are_counted();
     let mut locked = LockedMemory::new();
     let (setup, awake) = set_up(&config, &tick_loop, &mut locked);
     let held = Held {
@@ -42,6 +44,7 @@ pub(super) fn body(
     let mut pace = Pace::new(now_ns().saturating_add(config.period_ns), config.period_ns);
     // The message may have taken a system call that a tick may not make.
     trap::clear();
+    let allocated = calls::so_far();
     let ran = catch_unwind(AssertUnwindSafe(|| {
         run(
             &mut tick_loop,
@@ -52,8 +55,9 @@ pub(super) fn body(
             ticks,
         );
     }));
-    // The call is read here, because the calls of the thread from now on belong to its exit.
+    // Both are read here, because the calls of the thread from now on belong to its exit.
     let forbidden_call = trap::first();
+    let allocator_calls = counted.then(|| calls::so_far() - allocated);
     let released = release_each(&mut tick_loop, pace.nominal_ns());
     if let Err(payload) = ran.and(released) {
         let panic = TickPanic {
@@ -80,6 +84,7 @@ pub(super) fn body(
         locked_bytes: setup.locked_bytes,
         kept_awake: setup.kept_awake,
         forbidden_call,
+        allocator_calls,
     });
     (Ok(report), held)
 }

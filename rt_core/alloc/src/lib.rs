@@ -1,7 +1,8 @@
-//! Allocators that count, for the tests that bound what a part allocates: [`calls`] counts the calls of one thread,
-//! [`peak`] the bytes of the whole process. Each hands every call on to the system's allocator unchanged.
+//! Allocators that count: [`calls`] counts the calls of one thread, [`peak`] the bytes of the whole process. Each hands
+//! every call on to the system's allocator unchanged. The program counts the calls of the tick's thread in every run; the
+//! tests bound what a part allocates.
 //!
-//! A test binary registers one of the two allocators itself:
+//! A program registers one of the two allocators itself:
 //!
 //! ```
 //! #[global_allocator]
@@ -12,7 +13,7 @@
 //! ```
 //!
 //! Without that registration every count is zero. A test that claims a count of zero therefore also shows that the
-//! count of an allocation is not zero.
+//! count of an allocation is not zero, and a program asks [`calls::are_counted`].
 
 pub mod calls;
 pub mod peak;

@@ -40,10 +40,22 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Number of allocations, reallocations and frees by `body` on this thread. The number is zero, too, where [`Counting`]
-/// is not the allocator of the program.
+/// Number of allocations, reallocations and frees by this thread so far. The number is zero, too, where [`Counting`] is
+/// not the allocator of the program.
+pub fn so_far() -> u64 {
+    CALLS.get()
+}
+
+/// Number of allocations, reallocations and frees by `body` on this thread, as in [`so_far`].
 pub fn count(body: impl FnOnce()) -> u64 {
-    let before = CALLS.get();
+    let before = so_far();
     body();
-    CALLS.get() - before
+    so_far() - before
+}
+
+/// Whether [`Counting`] is the allocator of the program. The call allocates.
+// The box is there to be counted.
+#[allow(clippy::disallowed_types)]
+pub fn are_counted() -> bool {
+    count(|| drop(std::hint::black_box(Box::new(0_u64)))) > 0
 }
