@@ -58,6 +58,22 @@ pub trait Exchange: Send {
     /// # Errors
     /// As [`exchange`](Self::exchange).
     fn reopen(&mut self) -> Result<(), DeviceError>;
+
+    /// What the device tells of its motion to force. A device that tells nothing is measured by its thread.
+    fn motion_to_force(&self) -> MotionToForce {
+        MotionToForce::Untold
+    }
+}
+
+/// The time from the reading of a device's encoders to the force that answers it, as the device tells it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionToForce {
+    /// The device never tells. The thread takes the time from the request for the state to the request that brings the
+    /// force (ns, clock of the program): the encoders are read a transfer after the first, and the force acts a transfer
+    /// after the second.
+    Untold,
+    /// The time in the device's own clock (ns), where the last exchange showed it.
+    Told(Option<u64>),
 }
 
 /// The time since this call (ns): a clock for a driver.
@@ -77,6 +93,43 @@ pub(crate) fn first_then<T: Send>(
 
 /// The answer of one exchange.
 type Answer = Result<DeviceState, DeviceError>;
+
+/// What the tick hands over.
+#[derive(Clone, Copy, Debug)]
+struct Handed {
+    wrench: Wrench,
+    /// The number of the exchange whose state the wrench answers; zero where the tick had no new state.
+    answers: u64,
+}
+
+impl Default for Handed {
+    /// No force.
+    fn default() -> Self {
+        Self {
+            wrench: Wrench::zero(),
+            answers: 0,
+        }
+    }
+}
+
+/// What comes back.
+#[derive(Clone, Copy, Debug)]
+struct Reply {
+    answer: Answer,
+    /// The number of the exchange, from one.
+    number: u64,
+    motion_to_force_ns: Option<u64>,
+}
+
+impl Default for Reply {
+    fn default() -> Self {
+        Self {
+            answer: Err(DeviceError::NoReport),
+            number: 0,
+            motion_to_force_ns: None,
+        }
+    }
+}
 
 /// Counts of a device's exchanges, which any thread may read. The counts only grow.
 #[derive(Debug, Default)]
@@ -128,8 +181,10 @@ impl Counts {
 /// The tick's end of a device that has a thread of its own. Dropping it releases the device, and waits up to two seconds
 /// until that is done. It must not be dropped inside the tick.
 pub struct Exchanged {
-    wrenches: Option<Producer<Wrench>>,
-    answers: Consumer<Answer>,
+    wrenches: Option<Producer<Handed>>,
+    replies: Consumer<Reply>,
+    /// What the last read found. Without an answer, its number is zero.
+    last: Reply,
     thread: Option<JoinHandle<()>>,
     capabilities: Capabilities,
     counts: Arc<Counts>,
@@ -147,13 +202,14 @@ impl Exchanged {
         exchange: impl Exchange + 'static,
         capabilities: Capabilities,
     ) -> std::io::Result<Self> {
-        let (wrenches, commands, _) = prefaulted(SLOTS, Wrench::zero());
-        let (results, answers, _) = prefaulted(SLOTS, Err(DeviceError::NoReport));
+        let (wrenches, commands, _) = prefaulted(SLOTS, Handed::default());
+        let (results, replies, _) = prefaulted(SLOTS, Reply::default());
         let counts = Arc::new(Counts::default());
         let thread = thread::start(exchange, commands, results, Arc::clone(&counts))?;
         Ok(Self {
             wrenches: Some(wrenches),
-            answers,
+            replies,
+            last: Reply::default(),
             thread: Some(thread),
             capabilities,
             counts,
@@ -176,9 +232,10 @@ impl Device for Exchanged {
     /// The newest answer since the last read.
     fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
         // The end of the ring is read first, so that the answers before the end are still found below.
-        let ended = self.answers.is_abandoned();
-        let answer = take_newest(&mut self.answers, |answer, _| *answer);
-        match answer {
+        let ended = self.replies.is_abandoned();
+        let reply = take_newest(&mut self.replies, |reply, _| *reply);
+        self.last = reply.unwrap_or_default();
+        match reply.map(|reply| reply.answer) {
             Some(Ok(mut state)) => {
                 self.gone = None;
                 state.device_time_ns = self.clock.advance(state.device_time_ns);
@@ -205,9 +262,17 @@ impl Device for Exchanged {
         let (Some(ring), Some(thread)) = (&mut self.wrenches, &self.thread) else {
             return Err(DeviceError::Busy);
         };
-        let pushed = ring.push(*wrench);
+        let state = self.last.answer.is_ok();
+        let pushed = ring.push(Handed {
+            wrench: *wrench,
+            answers: if state { self.last.number } else { 0 },
+        });
         thread.thread().unpark();
         pushed.map_err(|_| DeviceError::Busy)
+    }
+
+    fn motion_to_force_ns(&self) -> Option<u64> {
+        self.last.motion_to_force_ns
     }
 }
 

@@ -37,7 +37,6 @@ use writer::{Open, Write, Writer};
 
 pub use driver::Hid;
 pub(crate) use driver::watchdog_us;
-pub(crate) use reading::Newest;
 pub use reading::{Command, QUEUE, Reports};
 pub use selector::HidSelector;
 
@@ -253,8 +252,7 @@ impl Device for HidDevice {
     }
 
     fn motion_to_force_ns(&self) -> Option<u64> {
-        let shown = self.reports.shown?;
-        Some(u64::from(shown.delay_us).saturating_mul(1000))
+        self.reports.shown_ns()
     }
 }
 

@@ -77,10 +77,11 @@ fn the_example_moves_under_its_force() {
     };
     let mut device = plugin::open(&library, "").expect("it can be opened");
     assert_eq!(device.capabilities().max_force, 5.0);
-    // The spring of 50 N/m holds 1 N at 20 mm.
+    // The spring of 50 N/m holds 1 N at 20 mm. Where the machine is busy, the thread commands zero now and then, for an
+    // exchange of 1 ms: the mass of 0.1 kg then gets 10 mm/s, and swings by half a millimetre.
     until(&mut device, &push(), |result| {
         result.is_ok_and(|state| {
-            (state.pose.position.x - 0.02).abs() < 1e-6 && state.twist.linear.norm() < 1e-6
+            (state.pose.position.x - 0.02).abs() < 1e-3 && state.twist.linear.norm() < 0.02
         })
     });
 }

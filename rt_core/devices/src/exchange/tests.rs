@@ -92,6 +92,33 @@ fn a_wrench_is_exchanged_for_a_state() {
 }
 
 #[test]
+fn motion_to_force_is_the_time_between_the_requests_for_the_state_and_for_its_force() {
+    let (mut device, seen, tell) = told();
+    let pause = Duration::from_millis(3);
+    // The first wrench answers no state.
+    exchanged(&mut device, &seen, &tell, 1.0);
+    tell.send(Ok(at(1))).expect("it listens");
+    read(&mut device, Ok(at(1)));
+    assert_eq!(device.motion_to_force_ns(), None);
+    std::thread::sleep(pause);
+    // The wrench that is handed over after the read answers that state. Its exchange begins after the pause.
+    exchanged(&mut device, &seen, &tell, 2.0);
+    tell.send(Ok(at(2))).expect("it listens");
+    read(&mut device, Ok(at(2)));
+    // A busy machine may have made the wrench old, which was then handed over again.
+    let shown = device.motion_to_force_ns().map(Duration::from_nanos);
+    assert!(shown.is_none_or(|shown| shown >= pause), "{shown:?}");
+    // A wrench without a new state answers none.
+    assert_eq!(device.read(0), Err(DeviceError::NoReport));
+    assert_eq!(device.motion_to_force_ns(), None);
+    exchanged(&mut device, &seen, &tell, 3.0);
+    tell.send(Ok(at(3))).expect("it listens");
+    read(&mut device, Ok(at(3)));
+    assert_eq!(device.motion_to_force_ns(), None);
+    drop(tell);
+}
+
+#[test]
 fn a_device_that_blocks_makes_the_tick_busy_and_then_gets_the_newest_wrench() {
     let (mut device, seen, tell) = told();
     exchanged(&mut device, &seen, &tell, 1.0);

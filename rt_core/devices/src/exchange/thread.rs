@@ -1,7 +1,7 @@
 //! The thread that exchanges with one device.
 
-use super::{Answer, Counts, Exchange, LET_GO, RETRY};
-use rt_core::{DeviceError, Wrench};
+use super::{Counts, Exchange, Handed, LET_GO, MotionToForce, RETRY, Reply, SLOTS};
+use rt_core::DeviceError;
 use rtrb::{Consumer, Producer};
 use runner::ring::take_newest;
 use runner::schedule::realtime;
@@ -18,19 +18,24 @@ const PRIORITY: u8 = 45;
 /// process was stopped or the device blocked, and the wrench may be as old. A wake-up that is late is no such case.
 const FRESH: Duration = LET_GO.saturating_mul(2);
 
+/// Number of exchanges whose beginning is remembered: more than can wait for the tick.
+const BEGUN: usize = 2 * SLOTS;
+
 /// Starts the thread, which ends after `commands` has lost its writer.
 pub(super) fn start(
     exchange: impl Exchange + 'static,
-    commands: Consumer<Wrench>,
-    answers: Producer<Answer>,
+    commands: Consumer<Handed>,
+    replies: Producer<Reply>,
     counts: Arc<Counts>,
 ) -> std::io::Result<JoinHandle<()>> {
     let mut work = Work {
         exchange,
         commands,
-        answers,
+        replies,
         counts,
         looked: Instant::now(),
+        number: 0,
+        begun: [(0, Instant::now()); BEGUN],
     };
     std::thread::Builder::new()
         .name("palpate-exchange".into())
@@ -45,9 +50,13 @@ pub(super) fn start(
 /// What the thread works with.
 struct Work<E> {
     exchange: E,
-    commands: Consumer<Wrench>,
-    answers: Producer<Answer>,
+    commands: Consumer<Handed>,
+    replies: Producer<Reply>,
     counts: Arc<Counts>,
+    /// The number of the last exchange.
+    number: u64,
+    /// The last exchanges, by number, and when each began.
+    begun: [(u64, Instant); BEGUN],
     /// When the thread last looked for a wrench.
     looked: Instant,
 }
@@ -56,20 +65,20 @@ impl<E: Exchange> Work<E> {
     /// Exchanges until the end.
     fn run(&mut self) {
         self.looked = Instant::now();
-        while let Some(wrench) = self.next() {
-            if self.once(&wrench) {
+        while let Some(handed) = self.next() {
+            if self.once(&handed) {
                 continue;
             }
             if !self.back() {
                 break;
             }
             // The tick hands over no wrench before it has seen a state.
-            self.once(&Wrench::zero());
+            self.once(&Handed::default());
         }
     }
 
     /// Waits for the newest wrench; zero where none comes within [`LET_GO`]; `None` at the end.
-    fn next(&mut self) -> Option<Wrench> {
+    fn next(&mut self) -> Option<Handed> {
         let start = Instant::now();
         loop {
             if self.commands.is_abandoned() {
@@ -77,14 +86,14 @@ impl<E: Exchange> Work<E> {
             }
             let away = self.looked.elapsed();
             self.looked = Instant::now();
-            if let Some(wrench) = take_newest(&mut self.commands, |wrench, _| *wrench)
+            if let Some(handed) = take_newest(&mut self.commands, |handed, _| *handed)
                 && away <= FRESH
             {
-                return Some(wrench);
+                return Some(handed);
             }
             let Some(left) = LET_GO.checked_sub(start.elapsed()) else {
                 Counts::add(&self.counts.let_go);
-                return Some(Wrench::zero());
+                return Some(Handed::default());
             };
             // If a wake-up came after the ring was read, this call returns at once.
             park_timeout(left);
@@ -92,15 +101,33 @@ impl<E: Exchange> Work<E> {
     }
 
     /// One exchange. Returns false where the device is lost.
-    fn once(&mut self, wrench: &Wrench) -> bool {
-        let answer = self.exchange.exchange(wrench);
+    fn once(&mut self, handed: &Handed) -> bool {
+        let begun = Instant::now();
+        self.number = self.number.wrapping_add(1);
+        let number = self.number;
+        self.begun[number as usize % BEGUN] = (number, begun);
+        let answer = self.exchange.exchange(&handed.wrench);
+        let motion_to_force_ns = match self.exchange.motion_to_force() {
+            MotionToForce::Told(time_ns) => time_ns,
+            MotionToForce::Untold => {
+                let (answered, asked) = self.begun[handed.answers as usize % BEGUN];
+                let is_known = handed.answers > 0 && answered == handed.answers;
+                let passed = begun.saturating_duration_since(asked).as_nanos();
+                is_known.then(|| u64::try_from(passed).unwrap_or(u64::MAX))
+            }
+        };
         let lost = matches!(answer, Err(DeviceError::Disconnected(_)));
         Counts::add(match answer {
             Ok(_) => &self.counts.states,
             Err(_) if lost => &self.counts.losses,
             Err(_) => &self.counts.failures,
         });
-        if self.answers.push(answer).is_err() {
+        let reply = Reply {
+            answer,
+            number,
+            motion_to_force_ns,
+        };
+        if self.replies.push(reply).is_err() {
             Counts::add(&self.counts.unread);
         }
         !lost

@@ -36,7 +36,7 @@ pub struct Reports {
     /// The last motion to force that the device's reports show.
     pub motion_to_force: Option<MotionToForce>,
     /// The same, where the last read showed it.
-    pub(crate) shown: Option<MotionToForce>,
+    shown: Option<MotionToForce>,
     /// Why the last report that was not used was not.
     pub refused: Option<HostError>,
 }
@@ -83,8 +83,7 @@ impl Reports {
     ) -> Result<DeviceState, DeviceError> {
         // The buffer is one byte longer than a report, so that a report that is too long can be detected.
         let mut buffer = [0_u8; report::LENGTH + 1];
-        let mut newest = Newest::default();
-        self.shown = None;
+        let mut newest = self.begin();
         for _ in 0..QUEUE {
             let length = match next(&mut buffer) {
                 Ok(0) => break,
@@ -152,6 +151,18 @@ impl Reports {
     /// The report to write in the tick of `now_ns`, if any; see [`Host::command`]. `wrench` is in device axes.
     pub fn command(&mut self, wrench: &Wrench, now_ns: u64) -> Option<[u8; report::LENGTH]> {
         self.host.command(&si_of(wrench), now_ns)
+    }
+
+    /// Begins a read.
+    pub(crate) fn begin(&mut self) -> Newest {
+        self.shown = None;
+        Newest::default()
+    }
+
+    /// Motion to force (ns), where the last read showed it.
+    pub(crate) fn shown_ns(&self) -> Option<u64> {
+        let shown = self.shown?;
+        Some(u64::from(shown.delay_us).saturating_mul(1000))
     }
 
     /// The report that lets the device go.

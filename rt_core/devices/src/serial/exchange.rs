@@ -12,7 +12,8 @@
 )]
 
 use super::error::{NO_DEVICE, SerialError, TIMED_OUT, check};
-use crate::hid::{Newest, Reports, session};
+use crate::exchange::MotionToForce;
+use crate::hid::{Reports, session};
 use crate::{Exchange, Transport};
 use core::time::Duration;
 use firmware_proto::host::HostError;
@@ -171,7 +172,7 @@ impl<T: Transport> Serial<T> {
         let transport = transport.ok_or(DeviceError::Disconnected(NO_DEVICE))?;
         let garbage = self.decoder.refused();
         let until_ns = (self.clock)().saturating_add(wait_ns);
-        let mut newest = Newest::default();
+        let mut newest = self.reports.begin();
         let mut buffer = [0; BUFFER];
         for _ in 0..READS {
             let left_ns = if newest.is_state() {
@@ -228,5 +229,9 @@ impl<T: Transport> Exchange for Serial<T> {
     fn reopen(&mut self) -> Result<(), DeviceError> {
         self.connect()
             .map_err(|error| DeviceError::Disconnected(error.number()))
+    }
+
+    fn motion_to_force(&self) -> MotionToForce {
+        MotionToForce::Told(self.reports.shown_ns())
     }
 }
