@@ -10,7 +10,8 @@ use rt_core::controller::Reading;
 use sim::Held;
 use sim::faults::Protocol;
 
-/// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`).
+/// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`), and emulated
+/// devices only in virtual time.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be opened.
@@ -23,12 +24,22 @@ pub(super) fn open(
     let opened = loaded.scene.devices.iter().enumerate();
     let opened = opened.map(|(index, spec)| {
         let driver = registry.driver(&spec.connect.driver);
-        if !real && driver.is_some_and(|driver| driver.kind() == Kind::Real) {
-            let field = format!("device[{index}].connect");
-            let allowed = format!(
+        let needs_real = driver.is_some_and(|driver| driver.kind() == Kind::Real);
+        let allowed = match real {
+            false if needs_real => Some(format!(
                 "a real device needs the real clock (`--clock real`); `--device {}=sim` runs the scene without it",
                 spec.name
-            );
+            )),
+            // Its protocol is computed within the tick, and allocates there.
+            true if spec.is_emulated() => Some(format!(
+                "an emulated device needs virtual time (`--clock virtual`); for the real clock, give the connection that \
+                 `palpate device emulate` prints, or `--device {}=sim`",
+                spec.name
+            )),
+            _ => None,
+        };
+        if let Some(allowed) = allowed {
+            let field = format!("device[{index}].connect");
             return Err(loaded.source.error(&field, spec.connect.to_string(), allowed));
         }
         if let Some(driver) = driver {

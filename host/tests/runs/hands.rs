@@ -1,6 +1,7 @@
 //! Hands of scenes: grips, tasks, and devices of six degrees of freedom.
 
 use host::run::setup::controls;
+use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use rt_core::{DeviceState, Freedom, Vec3};
 use sim::{Arm, Wrist};
@@ -179,6 +180,21 @@ fn a_connection_is_refused_with_its_line() -> Outcome {
     ] {
         assert_eq!(refused(fields)?, expected, "{fields}");
     }
+    Ok(())
+}
+
+#[test]
+fn an_emulated_device_is_refused_under_the_real_clock() -> Outcome {
+    let text = with_fields("hand = {}\nconnect = \"emulated\"");
+    let loaded = Scene::load_texts("x.toml", &text, &BTreeMap::new())?;
+    let mut options = RunOptions::new(Clock::Real);
+    options.duration = Some(0.01);
+    let error = run(&loaded, &options, |_| ()).expect_err("its protocol is computed in the tick");
+    assert_eq!(
+        error.to_string(),
+        "x.toml:12: device[0].connect: found emulated, allowed: an emulated device needs virtual time (`--clock virtual`); \
+         for the real clock, give the connection that `palpate device emulate` prints, or `--device left=sim`"
+    );
     Ok(())
 }
 
