@@ -1,7 +1,7 @@
 //! The operator of a run under the real clock: what arms and stops the devices.
 //!
 //! SIGUSR1 stops the force of all devices, and SIGUSR2 arms them. In a terminal, Enter stops the force, and the word `arm`
-//! with Enter arms the devices. The handler of SIGUSR1 sets the flag that the tick reads, so that the force ends within one
+//! with Enter arms the devices; in a display of the run (`--view`), Enter or space stops the force, and `a` arms. The handler of SIGUSR1 sets the flag that the tick reads, so that the force ends within one
 //! tick, whatever the other threads do.
 
 use devices::panel::Panel;
@@ -44,6 +44,31 @@ impl Operator {
     }
 }
 
+/// Passes the orders of a display on to the run in the process `run`.
+#[cfg(feature = "view")]
+pub(super) fn by_signals(run: u32) -> view::terminal::Operate {
+    use rustix::process::{Pid, Signal, getppid, kill_process};
+    use view::terminal::keys::Order;
+    let run = i32::try_from(run).ok().and_then(Pid::from_raw);
+    Box::new(move |order| {
+        // The number of a run that has ended may belong to another process, which is not the parent of this one.
+        let Some(run) = run.filter(|run| getppid() == Some(*run)) else {
+            return "the run has ended".to_owned();
+        };
+        let (signal, done) = match order {
+            Order::Stop => (
+                Signal::USR1,
+                "STOPPED: no device renders force; a arms them",
+            ),
+            Order::Arm => (Signal::USR2, "the devices are armed; Enter stops them"),
+        };
+        match kill_process(run, signal) {
+            Ok(()) => done.to_owned(),
+            Err(error) => format!("the order did not reach the run: {error}"),
+        }
+    })
+}
+
 /// Obeys each line until the end of the input.
 fn read_lines(input: impl BufRead, panel: &Panel) {
     for line in input.lines().map_while(Result::ok) {
@@ -60,7 +85,7 @@ fn read_lines(input: impl BufRead, panel: &Panel) {
 }
 
 /// How to arm the devices of a `scene` that wait for it; `None` where none waits. `real` tells whether the run follows the
-/// real clock, and `lines` whether lines of the terminal are read.
+/// real clock, and `lines` whether lines of the terminal are read: the display of a run reads keys.
 pub(super) fn waiting(scene: &Scene, real: bool, lines: bool) -> Option<String> {
     let devices = scene.devices.iter();
     let waiting: Vec<_> = devices
@@ -75,7 +100,9 @@ pub(super) fn waiting(scene: &Scene, real: bool, lines: bool) -> Option<String> 
     }
     let how = if !real {
         "give --order arm@TIME, or --armed"
-    } else if lines && io::stdin().is_terminal() {
+    } else if !lines && io::stdin().is_terminal() {
+        "press a in the display, or send SIGUSR2; Enter, or SIGUSR1, stops the force of all devices"
+    } else if io::stdin().is_terminal() {
         "type \"arm\" and Enter, or send SIGUSR2; Enter alone, or SIGUSR1, stops the force of all devices"
     } else {
         "send SIGUSR2; SIGUSR1 stops the force of all devices"

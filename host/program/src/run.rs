@@ -321,7 +321,11 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     };
     options.commit = COMMIT;
     #[cfg(feature = "view")]
-    let mut watch = arguments.view.view.clone().map(Watch::new);
+    let mut watch = arguments
+        .view
+        .view
+        .clone()
+        .map(|socket| Watch::new(socket, options.clock == Clock::Real));
     #[cfg(feature = "view")]
     {
         options.view = watch.as_ref().map(|watch| ViewOptions {

@@ -1,12 +1,13 @@
 //! `palpate view`: shows a run or a log, in the terminal, in a browser, or to other programs.
 //!
 //! The command is a process of its own without privileges. It only reads: nothing that a person does here reaches the
-//! run.
+//! run. The one exception is the display that a run under the real clock starts on its own terminal: two of its keys arm
+//! and stop the devices, by the signals that [`super::operator`] takes.
 
 mod moments;
 
-use super::CommandError;
 use super::outputs::{Declared, Format};
+use super::{CommandError, operator};
 use ::view::feed::{Command, Feed, FeedError};
 use ::view::foxglove::{self, FoxgloveError};
 use ::view::live::{LiveError, LiveFeed, LiveOptions};
@@ -96,6 +97,9 @@ pub(super) struct ViewArguments {
     /// The run has the same terminal
     #[arg(long, hide = true)]
     attached: bool,
+    /// The process of the run that takes the operator's orders
+    #[arg(long, value_name = "PID", hide = true, requires = "attached")]
+    operates: Option<u32>,
     /// Draw the terminal for the book: as a picture (SVG), or as text for another ending
     #[arg(long, value_name = "FILE", hide = true)]
     terminal_picture: Option<PathBuf>,
@@ -169,6 +173,7 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
         waits: arguments.wait,
         colours: Colours::of_environment(),
         save: Some(Box::new(moments::save)),
+        operate: arguments.operates.map(operator::by_signals),
         signal: signals(arguments.attached).map_err(ViewError::Signals)?,
     };
     let terminal = io::stdin().is_terminal() && io::stdout().is_terminal();

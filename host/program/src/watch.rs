@@ -24,6 +24,8 @@ pub(super) struct Watch {
     socket: PathBuf,
     /// Whether `palpate view` must be told the socket.
     named: bool,
+    /// Whether the keys of the display arm and stop the devices.
+    operates: bool,
     state: State,
 }
 
@@ -37,9 +39,11 @@ enum State {
 }
 
 impl Watch {
-    /// The display of a run with its socket at `socket`, or at the default path.
-    pub(super) fn new(socket: Option<PathBuf>) -> Self {
+    /// The display of a run with its socket at `socket`, or at the default path. `operates`: the run takes the signals of
+    /// [`super::operator`].
+    pub(super) fn new(socket: Option<PathBuf>, operates: bool) -> Self {
         Self {
+            operates,
             named: socket.is_some(),
             socket: socket.unwrap_or_else(address::of_this_process),
             state: State::Before,
@@ -90,6 +94,11 @@ impl Watch {
             command
                 .args(["view", "--attached", "--socket"])
                 .arg(&self.socket);
+            if self.operates {
+                command
+                    .arg("--operates")
+                    .arg(std::process::id().to_string());
+            }
             command.spawn()
         });
         match child {

@@ -118,6 +118,26 @@ fn ctrl_c_ends_the_run_in_order() {
 }
 
 #[test]
+fn the_keys_of_its_display_stop_and_arm_the_devices_of_a_run() {
+    let Some(terminal) = run("--clock real --duration 1000") else {
+        return;
+    };
+    wait_for_movement(&terminal);
+    terminal.press("Enter");
+    terminal.wait_for("STOPPED: no device renders force");
+    terminal.press("a");
+    terminal.wait_for("the devices are armed");
+    terminal.press("q");
+    terminal.wait_until_restored();
+    terminal.press("C-c");
+    let screen = terminal.ends_with("130");
+    // The summary tells what the orders did: both devices stopped, and force came in again after the order to arm.
+    let events = |text: &str| screen.matches(text).count();
+    assert_eq!(events(": emergency stop, no force"), 2, "{screen}");
+    assert_eq!(events(": engaging, force coming in"), 2, "{screen}");
+}
+
+#[test]
 fn q_closes_the_display_and_the_run_goes_on() {
     for clock in CLOCKS {
         let Some(terminal) = run(&format!("{clock} --duration 6")) else {

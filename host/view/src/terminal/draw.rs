@@ -210,6 +210,11 @@ impl Screen<'_> {
         let keys = "h help  q quit ";
         let at = area.x + area.width - keys.len() as u16;
         let _ = buffer.set_stringn(at, area.y, keys, keys.len(), self.palette.faint());
+        let orders = " Enter stops ";
+        let at = at.saturating_sub(orders.len() as u16 + 1);
+        if self.view.operates && at > x {
+            let _ = buffer.set_stringn(at, area.y, orders, orders.len(), self.palette.alarm());
+        }
     }
 
     /// A rule with the title of a panel; the rest of the area.
@@ -569,7 +574,7 @@ impl Screen<'_> {
     }
 
     fn help(&self, buffer: &mut Buffer, area: Rect) {
-        let keys = help(self.model.is_log());
+        let keys = help(self.model.is_log(), self.view.operates);
         let height = (keys.len() as u16 + 2).min(area.height);
         let width = 66.min(area.width);
         let at = Rect {

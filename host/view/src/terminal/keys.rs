@@ -51,6 +51,17 @@ pub struct View {
     pub stopped: Option<Box<Model>>,
     /// Whether the display waits for a run, and for the next run after its end.
     pub waits: bool,
+    /// Whether the operator of the run sits here: keys arm and stop the devices.
+    pub operates: bool,
+}
+
+/// An order of the operator to all devices of the run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// To stop their force, until they are armed again.
+    Stop,
+    /// To arm them.
+    Arm,
 }
 
 /// What a key asks for beyond a change of the view.
@@ -64,6 +75,8 @@ pub enum Wish {
     Command(Command),
     /// To save the shown moment.
     Save,
+    /// To pass an order on to the run.
+    Order(Order),
     /// To draw the whole screen again.
     Redraw,
 }
@@ -83,6 +96,9 @@ pub fn follow(key: &KeyEvent, view: &mut View, model: &Model) -> Wish {
         KeyCode::Char('c') if control => return Wish::Quit,
         KeyCode::Char('l') if control => return Wish::Redraw,
         KeyCode::Char(_) if control => return Wish::None,
+        // Before all other keys: whatever the display shows, the force ends.
+        KeyCode::Enter | KeyCode::Char(' ') if view.operates => return Wish::Order(Order::Stop),
+        KeyCode::Char('a') if view.operates => return Wish::Order(Order::Arm),
         KeyCode::Char('q') => return Wish::Quit,
         KeyCode::Esc if view.help => view.help = false,
         KeyCode::Char('h' | '?') | KeyCode::F(1) => view.help = !view.help,
@@ -150,9 +166,16 @@ fn playback(code: KeyCode, model: &Model) -> Wish {
     })
 }
 
-/// The list of keys, for a run and for a log.
-pub(super) fn help(log: bool) -> Vec<(&'static str, &'static str)> {
-    let mut keys = vec![
+/// The list of keys, for a run and for a log. `operates`: the operator of the run sits here.
+pub(super) fn help(log: bool, operates: bool) -> Vec<(&'static str, &'static str)> {
+    let mut keys = Vec::new();
+    if operates {
+        keys.extend([
+            ("Enter, space", "STOP the force of all devices"),
+            ("a", "arm the devices"),
+        ]);
+    }
+    keys.extend([
         ("1 2 3 4 5", "overview, body, charts, timing, events"),
         ("arrows", "rotate the bodies"),
         ("+  -  r", "larger, smaller, reset the picture"),
@@ -163,7 +186,7 @@ pub(super) fn help(log: bool) -> Vec<(&'static str, &'static str)> {
         ),
         ("s", "save the shown moment"),
         ("h", "show or hide this list"),
-    ];
+    ]);
     if log {
         keys.extend([
             ("space", "play or pause"),

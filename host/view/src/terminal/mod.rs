@@ -23,7 +23,7 @@ mod timeline;
 use crate::feed::{Feed, FeedError};
 use host::live::Message;
 use input::Input;
-use keys::{View, Wish};
+use keys::{Order, View, Wish};
 pub use model::{Model, Over};
 use palette::{Colours, Palette};
 use ratatui::crossterm::event::Event;
@@ -41,6 +41,9 @@ const WAIT: Duration = Duration::from_millis(15);
 /// Saves the shown moment, and returns a line for the person: the names of the files, or the reason why there are none.
 pub type Save = Box<dyn FnMut(&Model) -> String>;
 
+/// Passes an order of the operator on to the run, and returns a line for the person.
+pub type Operate = Box<dyn FnMut(Order) -> String>;
+
 /// How the display behaves.
 #[derive(Default)]
 pub struct Options {
@@ -52,6 +55,8 @@ pub struct Options {
     pub colours: Colours,
     /// Saves a moment. Without it, the key `s` says that moments cannot be saved.
     pub save: Option<Save>,
+    /// Passes the operator's orders on. Without it, no key is an order.
+    pub operate: Option<Operate>,
     /// The number of a signal that asks the program to end; zero for none.
     pub signal: Arc<AtomicUsize>,
 }
@@ -100,6 +105,7 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
     let mut model = Model::default();
     let mut view = View {
         waits: options.waits,
+        operates: options.operate.is_some(),
         ..View::default()
     };
     let mut broken = None;
@@ -143,6 +149,9 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
                 Wish::None => {}
                 Wish::Quit => return broken.map_or(Ok(Ended::Quit), |error| Err(error.into())),
                 Wish::Command(command) => feed.command(&command),
+                Wish::Order(order) => {
+                    view.notice = options.operate.as_mut().map(|operate| operate(order));
+                }
                 Wish::Redraw => screen.terminal.clear()?,
                 Wish::Save => {
                     let shown = view.stopped.as_deref().unwrap_or(&model);

@@ -2,7 +2,7 @@
 
 use super::chart::{Window, columns};
 use super::draw::{cells, draw};
-use super::keys::{Tab, View, Wish, follow};
+use super::keys::{Order, Tab, View, Wish, follow};
 use super::lines::lines;
 use super::model::{Model, Over};
 use super::palette::{Colours, Palette};
@@ -276,6 +276,41 @@ fn keys_turn_magnify_and_reset_the_picture() {
     assert_eq!(shown(&model, &view, (80, 24)), first);
     assert_eq!(press(KeyCode::Char('q'), &mut view, &model), Wish::Quit);
     assert_eq!(press(KeyCode::Char('s'), &mut view, &model), Wish::Save);
+}
+
+#[test]
+fn keys_are_orders_only_where_the_operator_sits() {
+    let model = synthetic(10);
+    let orders = [
+        (KeyCode::Enter, Order::Stop),
+        (KeyCode::Char(' '), Order::Stop),
+        (KeyCode::Char('a'), Order::Arm),
+    ];
+    for (code, order) in orders {
+        let mut view = View::default();
+        assert_eq!(press(code, &mut view, &model), Wish::None, "{code:?}");
+        view.operates = true;
+        // Whatever is shown, and however often.
+        for help in [false, true, true] {
+            view.help = help;
+            assert_eq!(
+                press(code, &mut view, &model),
+                Wish::Order(order),
+                "{code:?}"
+            );
+        }
+    }
+    let view = View {
+        operates: true,
+        help: true,
+        ..View::default()
+    };
+    let text = shown(&model, &view, (80, 24));
+    assert!(
+        text.contains("STOP the force") && text.contains("Enter stops  h help"),
+        "{text}"
+    );
+    assert!(!shown(&model, &View::default(), (80, 24)).contains("Enter stops"));
 }
 
 #[test]
