@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 21] = [
+const OUTPUTS: [Output; 22] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -118,6 +118,12 @@ const OUTPUTS: [Output; 21] = [
         schema: "",
         about: "A line for each cell.",
         root: "study::stress::faults::Outcome",
+    },
+    Output {
+        title: "`palpate stress connections --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "study::stress::connections::Outcome",
     },
     Output {
         title: "`palpate stress hold --json`",

@@ -1,6 +1,7 @@
 //! `palpate stress`: studies to run before a person touches a device. They run in virtual time, on all cores and in
 //! shards.
 
+mod connections;
 mod faults;
 mod hold;
 mod scene;
@@ -32,6 +33,8 @@ enum Study {
     Wall(wall::WallArguments),
     /// Run a hundred million ticks on invalid input of devices, host and clock
     Faults(faults::FaultsArguments),
+    /// Cut, flood, corrupt and delay the connection of each kind of device at random times, in a hand that pushes
+    Connections(connections::ConnectionsArguments),
     /// Press, hold, rub and shake every kind of body without faults, and compare the force with that of the body
     Hold(hold::HoldArguments),
     /// Run a scene with many kinds of hands, rates and faults, under each scheme
@@ -87,6 +90,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
     match &arguments.study {
         Study::Wall(arguments) => wall::run(arguments),
         Study::Faults(arguments) => faults::run(arguments),
+        Study::Connections(arguments) => connections::run(arguments),
         Study::Hold(arguments) => hold::run(arguments),
         Study::Scene(arguments) => scene::run(arguments),
         Study::Seeds(arguments) => seeds::run(arguments),

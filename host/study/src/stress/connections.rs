@@ -1,0 +1,169 @@
+//! Faults of the connection between the program and a device, at random times ([`sim::faults`]).
+//!
+//! A cell is one protocol with one kind of fault. A device is emulated in a hand that pushes into a wall; the driver and
+//! the controller are those of a run. The cells go through all protocols and kinds in turn, each with another random time.
+
+use super::jobs::Header;
+use serde::{Deserialize, Serialize};
+use sim::faults::{self, Kind, Protocol};
+
+/// Cells of a study with one run of each fault on each protocol.
+pub const ROUND: u64 = (Protocol::ALL.len() * Kind::ALL.len()) as u64;
+
+/// The first line of the study's file: `runs` of each fault on each protocol.
+pub fn header(seed: u64, runs: u64) -> Header {
+    Header {
+        study: "connections".to_owned(),
+        schema: 1,
+        seed,
+        cells: runs.saturating_mul(ROUND),
+        settings: serde_json::json!({}),
+    }
+}
+
+/// The result of a cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// The device and its protocol.
+    pub protocol: String,
+    /// The fault.
+    pub fault: String,
+    /// Whether a receiver can tell the packets of the fault from sound ones. Nothing is demanded of a fault that no
+    /// receiver can detect.
+    pub detectable: bool,
+    /// Time from the fault until the device made no force (s). None where commands still reached it, or the fault ended
+    /// first.
+    pub device_force: Option<f64>,
+    /// Time from the fault until the program commanded no force (s). None where states still reached it.
+    pub commanded_force: Option<f64>,
+    /// Largest growth of the commanded force from one tick to the next, after the fault began (N).
+    pub commanded_jump: f64,
+    /// Largest growth of the force at the device from one millisecond to the next, after the fault began (N).
+    pub device_jump: f64,
+    /// Net energy at the hand (J).
+    pub energy: f64,
+    /// Ticks without a state of the device, after the first state.
+    pub missed: u64,
+    /// What the run was to show and did not.
+    pub failures: Vec<String>,
+}
+
+/// Runs a cell of the study with `seed`.
+pub fn cell(seed: u64, cell: u64) -> Outcome {
+    let kinds = Kind::ALL.len() as u64;
+    let kind = Kind::ALL[(cell % kinds) as usize];
+    let protocol = Protocol::ALL[(cell / kinds) as usize % Protocol::ALL.len()];
+    let run = cell / ROUND;
+    // A study of more runs contains those of fewer, and two studies share no run until seeds differ by more than their
+    // runs.
+    let found = faults::run(protocol, kind, seed.wrapping_add(run));
+    Outcome {
+        protocol: protocol.to_string(),
+        fault: kind.to_string(),
+        detectable: kind.is_detectable(protocol),
+        device_force: found.device,
+        commanded_force: found.host,
+        commanded_jump: found.host_jump,
+        device_jump: found.device_jump,
+        energy: found.energy,
+        missed: found.missed,
+        failures: found.failures,
+    }
+}
+
+/// The worst of some cells of one protocol and fault.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Worst {
+    /// Each number is the largest of the cells.
+    pub most: Outcome,
+    /// Number of cells.
+    pub runs: usize,
+    /// Number of cells with a failure.
+    pub failed: usize,
+}
+
+/// The worst of the cells of each protocol and fault, in the order of their first cells.
+pub fn worst<'a>(cells: impl Iterator<Item = &'a Outcome>) -> Vec<Worst> {
+    let mut all: Vec<Worst> = Vec::new();
+    for cell in cells {
+        let of = all.iter().position(|worst| {
+            (&worst.most.protocol, &worst.most.fault) == (&cell.protocol, &cell.fault)
+        });
+        match of {
+            None => all.push(Worst {
+                most: cell.clone(),
+                runs: 1,
+                failed: usize::from(!cell.failures.is_empty()),
+            }),
+            Some(of) => {
+                let worst = &mut all[of];
+                let most = &mut worst.most;
+                let later =
+                    |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::max);
+                most.device_force = later(most.device_force, cell.device_force);
+                most.commanded_force = later(most.commanded_force, cell.commanded_force);
+                most.commanded_jump = most.commanded_jump.max(cell.commanded_jump);
+                most.device_jump = most.device_jump.max(cell.device_jump);
+                most.energy = most.energy.max(cell.energy);
+                most.missed = most.missed.max(cell.missed);
+                worst.runs += 1;
+                worst.failed += usize::from(!cell.failures.is_empty());
+            }
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn a_round_has_each_fault_on_each_protocol_once() {
+        let kinds = Kind::ALL.len() as u64;
+        // Without the runs themselves, which take a minute.
+        let names: BTreeSet<_> = (0..ROUND)
+            .map(|cell| (cell % kinds, cell / kinds))
+            .collect();
+        assert_eq!(names.len() as u64, ROUND);
+        assert_eq!(header(1, 100).cells, 100 * ROUND);
+    }
+
+    #[test]
+    fn the_worst_is_the_largest_of_each_number() {
+        let outcome = |energy: f64, force: Option<f64>, failures: &[&str]| Outcome {
+            fault: "silent".to_owned(),
+            energy,
+            device_force: force,
+            failures: failures.iter().map(|text| (*text).to_owned()).collect(),
+            ..Outcome::default()
+        };
+        let cells = [
+            outcome(-1.0, None, &[]),
+            outcome(-2.0, Some(0.01), &["late"]),
+            outcome(-3.0, None, &[]),
+        ];
+        let [worst] = &worst(cells.iter())[..] else {
+            panic!("one protocol, one fault");
+        };
+        assert_eq!((worst.runs, worst.failed), (3, 1));
+        assert_eq!(
+            (worst.most.energy, worst.most.device_force),
+            (-1.0, Some(0.01))
+        );
+    }
+
+    #[test]
+    fn a_cell_is_the_same_again() {
+        let silent = 6;
+        let first = cell(5, silent);
+        assert_eq!(
+            (first.protocol.as_str(), first.fault.as_str()),
+            ("firmware, HID", "silent")
+        );
+        assert_eq!(first, cell(5, silent));
+        assert_ne!(first, cell(5, silent + ROUND));
+        assert_eq!(cell(5, silent + ROUND), cell(6, silent));
+    }
+}
