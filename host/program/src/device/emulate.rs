@@ -79,8 +79,12 @@ impl ProtocolName {
     fn connect(self, address: &str) -> String {
         match (self, address.strip_prefix("hid:")) {
             (Self::Firmware | Self::Falcon, _) => address.to_owned(),
-            // HID is the usual transport of this device, which is found by its numbers.
-            (Self::Woodenhaptics, Some(_)) => "woodenhaptics".to_owned(),
+            // HID is the usual transport of this device, which is found by its numbers. Of several, each is named by its
+            // serial number.
+            (Self::Woodenhaptics, Some(numbers)) => match numbers.rsplit_once(':') {
+                Some((_, serial)) => format!("woodenhaptics:{serial}"),
+                None => "woodenhaptics".to_owned(),
+            },
             (Self::Woodenhaptics, None) => format!("woodenhaptics:{address}"),
         }
     }
