@@ -27,6 +27,33 @@ emulate() {
     usleep 500000
 }
 
+# begin PLACE:MODEL: starts an emulated device and writes its scene. Sets $place and $model.
+begin() {
+    place=${1%%:*}
+    model=${1##*:}
+    # A rehearsal takes any file for the firmware of the maker.
+    firmware=
+    [ "$model" != falcon ] || firmware=/bin/scene.toml
+    emulate "$place-$model" "$model" --on "$place" --tremor 0.0005 ${firmware:+--firmware "$firmware"}
+    scene "$model"
+    [ -z "$firmware" ] || echo "firmware = \"$firmware\"" >>/tmp/scene.toml
+}
+
+# hold TICKS [ARGUMENT...]: runs the scene of the last device under the real clock, and checks that all ticks were done
+# without a failure. Sets $json to the summary.
+hold() {
+    count=$1
+    shift
+    json=/out/$place-$model.json
+    rm -f "$json"
+    palpate run /tmp/scene.toml --clock real --duration "$((count / 1000))" --json "$json" "$@" >/tmp/said 2>&1
+    status=$?
+    cat /tmp/said
+    clean "$json" "$status" || fail "$model on $place: palpate run ended with $status, or its summary has failures"
+    ticks=$(field "$json" tick count)
+    [ "$ticks" = "$count" ] || fail "$model on $place: $ticks of $count ticks"
+}
+
 # Ends the emulator as Ctrl-C does, and waits for its last words.
 end_emulator() {
     kill -INT "$emulator"

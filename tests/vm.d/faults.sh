@@ -1,5 +1,5 @@
-# Faults of an emulated device of the firmware protocol, and of the program, over uhid.
-# $ROUNDS: how often each fault is made, each time at another moment. $COUNTED: whether time is counted. Where it is not,
+# Faults of an emulated device of the firmware protocol, and of the program, over each transport.
+# $FAULTED: the transports, as `palpate device emulate --on` names them. $ROUNDS: how often each fault is made, each time at another moment. $COUNTED: whether time is counted. Where it is not,
 # another program on the computer may keep the machine from its ticks, so their number means nothing.
 . /bin/common.sh
 . /bin/settings
@@ -23,6 +23,14 @@ end_run() {
     awk -v net="${net:-absent}" 'BEGIN { exit !(net != "absent" && net < 0.001) }' || fail "$what: net energy ${net:-absent} J"
 }
 
+# Ends the emulator in mid-push. A device on uhid, a pty or a socket goes with its process. A gadget on USB belongs to the
+# kernel, and the emulator pulls it out as it ends.
+unplug() {
+    signal=KILL
+    [ "$place" != usb ] || signal=INT
+    kill -"$signal" "$emulator"
+}
+
 # Sleeps for a time between 1 and 1.5 s, another one in each round. A run has begun by then.
 sleep_some() { usleep $((1000000 + (round * 317033) % 500000)); }
 
@@ -43,62 +51,67 @@ without_reading() {
     [ "$COUNTED" = no ] || [ "${missed:-0}" -ge "$2" ] || fail "$what: only $missed ticks had no reading"
 }
 
-round=0
-while [ "$round" -lt "$ROUNDS" ]; do
-    round=$((round + 1))
+for place in $FAULTED; do
+    round=0
+    while [ "$round" -lt "$ROUNDS" ]; do
+        round=$((round + 1))
 
-    what="the device is unplugged in mid-push and plugged in again, $round"
-    emulate unplugged touch --on uhid --tremor 0.001
-    scene touch
-    start_run 3 /out/unplugged.json
-    sleep_some
-    kill -KILL "$emulator"
-    usleep 300000
-    emulate again touch --on uhid --tremor 0.001
-    end_run /out/unplugged.json
-    without_reading /out/unplugged.json 300
-    end_emulator
-    received=$(sed -n 's/.* \([0-9]*\) commands received.*/\1/p' "$said.said")
-    least=200
-    [ "$COUNTED" = yes ] || least=1
-    [ "${received:-0}" -ge "$least" ] || fail "$what: the device that came back was given $received commands"
-    echo "done: $what"
+        what="the device is unplugged in mid-push and plugged in again, $place, $round"
+        emulate unplugged touch --on "$place" --tremor 0.001
+        scene touch
+        start_run 3 /out/unplugged.json
+        sleep_some
+        unplug
+        usleep 300000
+        emulate again touch --on "$place" --tremor 0.001
+        end_run /out/unplugged.json
+        without_reading /out/unplugged.json 300
+        end_emulator
+        received=$(sed -n 's/.* \([0-9]*\) commands received.*/\1/p' "$said.said")
+        least=200
+        [ "$COUNTED" = yes ] || least=1
+        [ "${received:-0}" -ge "$least" ] || fail "$what: the device that came back was given $received commands"
+        echo "done: $what"
 
-    what="the device is stopped and goes on, $round"
-    emulate stopped touch --on uhid --tremor 0.001
-    start_run 2 /out/stopped.json
-    sleep_some
-    kill -STOP "$emulator"
-    usleep 300000
-    kill -CONT "$emulator"
-    end_run /out/stopped.json
-    without_reading /out/stopped.json 250
-    end_emulator
-    echo "done: $what"
+        what="the device is stopped and goes on, $place, $round"
+        emulate stopped touch --on "$place" --tremor 0.001
+        scene touch
+        start_run 2 /out/stopped.json
+        sleep_some
+        kill -STOP "$emulator"
+        usleep 300000
+        kill -CONT "$emulator"
+        end_run /out/stopped.json
+        without_reading /out/stopped.json 250
+        end_emulator
+        echo "done: $what"
 
-    what="palpate is stopped and goes on, $round"
-    emulate held touch --on uhid --tremor 0.001
-    start_run 2 /out/held.json
-    sleep_some
-    kill -STOP "$run"
-    usleep 300000
-    kill -CONT "$run"
-    end_run /out/held.json
-    end_emulator
-    let_go
-    echo "done: $what"
+        what="palpate is stopped and goes on, $place, $round"
+        emulate held touch --on "$place" --tremor 0.001
+        scene touch
+        start_run 2 /out/held.json
+        sleep_some
+        kill -STOP "$run"
+        usleep 300000
+        kill -CONT "$run"
+        end_run /out/held.json
+        end_emulator
+        let_go
+        echo "done: $what"
 
-    what="palpate is killed, and started again, $round"
-    emulate killed touch --on uhid --tremor 0.001
-    start_run 3 /out/killed.json
-    sleep_some
-    kill -KILL "$run"
-    wait "$run" 2>/dev/null
-    usleep 100000
-    start_run 1 /out/killed.json
-    end_run /out/killed.json
-    end_emulator
-    let_go
-    echo "done: $what"
+        what="palpate is killed, and started again, $place, $round"
+        emulate killed touch --on "$place" --tremor 0.001
+        scene touch
+        start_run 3 /out/killed.json
+        sleep_some
+        kill -KILL "$run"
+        wait "$run" 2>/dev/null
+        usleep 100000
+        start_run 1 /out/killed.json
+        end_run /out/killed.json
+        end_emulator
+        let_go
+        echo "done: $what"
+    done
 done
 exit "$failures"
