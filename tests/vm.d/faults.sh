@@ -4,14 +4,15 @@
 . /bin/common.sh
 . /bin/settings
 
-# Starts a run of $1 seconds in the background; its summary goes to $2.
+# Starts a run of $1 seconds in the background; its summary goes to $2, and its log to /tmp/run.mcap.
 start_run() {
-    rm -f "$2"
-    palpate run /tmp/scene.toml --clock real --duration "$1" --json "$2" >/tmp/run.said 2>&1 &
+    rm -f "$2" /tmp/run.mcap
+    palpate run /tmp/scene.toml --clock real --duration "$1" --json "$2" --log /tmp/run.mcap >/tmp/run.said 2>&1 &
     run=$!
 }
 
-# Ends a run, and checks that all of it was done without a failure, and that less than 1 mJ came out at the hand.
+# Ends a run, and checks that all of it was done without a failure, that less than 1 mJ came out at the hand, and that
+# nothing is lost in the log: its ticks, computed again, are the same bit for bit.
 end_run() {
     wait "$run"
     status=$?
@@ -21,6 +22,10 @@ end_run() {
     }
     net=$(field "$1" energy most_out)
     awk -v net="${net:-absent}" 'BEGIN { exit !(net != "absent" && net < 0.001) }' || fail "$what: net energy ${net:-absent} J"
+    palpate run --replay /tmp/run.mcap >/tmp/replay.said 2>&1 || {
+        fail "$what: the log does not replay"
+        cat /tmp/replay.said
+    }
 }
 
 # Ends the emulator in mid-push. A device on uhid, a pty or a socket goes with its process. A gadget on USB belongs to the

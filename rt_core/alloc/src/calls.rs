@@ -54,8 +54,6 @@ pub fn count(body: impl FnOnce()) -> u64 {
 }
 
 /// Whether [`Counting`] is the allocator of the program. The call allocates.
-// The box is there to be counted.
-#[allow(clippy::disallowed_types)]
 pub fn are_counted() -> bool {
     count(|| drop(std::hint::black_box(Box::new(0_u64)))) > 0
 }
