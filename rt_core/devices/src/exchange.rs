@@ -59,21 +59,21 @@ pub trait Exchange: Send {
     /// As [`exchange`](Self::exchange).
     fn reopen(&mut self) -> Result<(), DeviceError>;
 
-    /// What the device tells of its motion to force. A device that tells nothing is measured by its thread.
-    fn motion_to_force(&self) -> MotionToForce {
-        MotionToForce::Untold
+    /// Who knows the motion to force: the thread, unless the device tells.
+    fn motion_to_force(&self) -> MotionSource {
+        MotionSource::Thread
     }
 }
 
-/// The time from the reading of a device's encoders to the force that answers it, as the device tells it.
+/// Who knows the time from the reading of a device's encoders to the force that answers it (motion to force).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MotionToForce {
-    /// The device never tells. The thread takes the time from the request for the state to the request that brings the
-    /// force (ns, clock of the program): the encoders are read a transfer after the first, and the force acts a transfer
-    /// after the second.
-    Untold,
-    /// The time in the device's own clock (ns), where the last exchange showed it.
-    Told(Option<u64>),
+pub enum MotionSource {
+    /// The thread: the device never tells. The thread takes the time from the request for the state to the request that
+    /// brings the force (ns, clock of the program). The encoders are read a transfer after the first request, and the
+    /// force acts a transfer after the second.
+    Thread,
+    /// The device, in its own clock (ns), where the last exchange showed the time.
+    Device(Option<u64>),
 }
 
 /// The time since this call (ns): a clock for a driver.

@@ -1,6 +1,6 @@
 //! The thread that exchanges with one device.
 
-use super::{Counts, Exchange, Handed, LET_GO, MotionToForce, RETRY, Reply, SLOTS};
+use super::{Counts, Exchange, Handed, LET_GO, MotionSource, RETRY, Reply, SLOTS};
 use rt_core::DeviceError;
 use rtrb::{Consumer, Producer};
 use runner::ring::take_newest;
@@ -108,8 +108,8 @@ impl<E: Exchange> Work<E> {
         self.begun[number as usize % BEGUN] = (number, begun);
         let answer = self.exchange.exchange(&handed.wrench);
         let motion_to_force_ns = match self.exchange.motion_to_force() {
-            MotionToForce::Told(time_ns) => time_ns,
-            MotionToForce::Untold => {
+            MotionSource::Device(time_ns) => time_ns,
+            MotionSource::Thread => {
                 let (answered, asked) = self.begun[handed.answers as usize % BEGUN];
                 let is_known = handed.answers > 0 && answered == handed.answers;
                 let passed = begun.saturating_duration_since(asked).as_nanos();

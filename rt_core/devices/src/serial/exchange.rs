@@ -12,7 +12,7 @@
 )]
 
 use super::error::{NO_DEVICE, SerialError, TIMED_OUT, check};
-use crate::exchange::MotionToForce;
+use crate::exchange::MotionSource;
 use crate::hid::{Reports, session};
 use crate::{Exchange, Transport};
 use core::time::Duration;
@@ -231,7 +231,7 @@ impl<T: Transport> Exchange for Serial<T> {
             .map_err(|error| DeviceError::Disconnected(error.number()))
     }
 
-    fn motion_to_force(&self) -> MotionToForce {
-        MotionToForce::Told(self.reports.shown_ns())
+    fn motion_to_force(&self) -> MotionSource {
+        MotionSource::Device(self.reports.shown_ns())
     }
 }
