@@ -36,6 +36,13 @@ unplug() {
     kill -"$signal" "$emulator"
 }
 
+# Stops a process for 0.3 s.
+hold_up() {
+    kill -STOP "$1"
+    usleep 300000
+    kill -CONT "$1"
+}
+
 # Sleeps for a time between 1 and 1.5 s, another one in each round. A run has begun by then.
 sleep_some() { usleep $((1000000 + (round * 317033) % 500000)); }
 
@@ -83,9 +90,7 @@ for place in $FAULTED; do
         scene touch
         start_run 2 /out/stopped.json
         sleep_some
-        kill -STOP "$emulator"
-        usleep 300000
-        kill -CONT "$emulator"
+        hold_up "$emulator"
         end_run /out/stopped.json
         without_reading /out/stopped.json 250
         end_emulator
@@ -96,9 +101,7 @@ for place in $FAULTED; do
         scene touch
         start_run 2 /out/held.json
         sleep_some
-        kill -STOP "$run"
-        usleep 300000
-        kill -CONT "$run"
+        hold_up "$run"
         end_run /out/held.json
         end_emulator
         let_go

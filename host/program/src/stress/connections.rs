@@ -1,11 +1,9 @@
 //! `palpate stress connections`: faults between the program and a device.
 
-use super::{CommandError, Declared, Format, Shown, Written};
+use super::{CellArguments, CommandError, Declared, Shown, Written};
 use std::collections::BTreeMap;
-use std::num::NonZero;
-use std::path::PathBuf;
 use study::stress::connections::{self, Outcome};
-use study::stress::jobs::{self, Cells, Options, Shard};
+use study::stress::jobs::{self, Cells};
 
 /// Arguments of `palpate stress connections`.
 #[derive(Clone, Debug, clap::Args)]
@@ -16,18 +14,8 @@ pub(super) struct ConnectionsArguments {
     /// Run each fault on each protocol once
     #[arg(long)]
     quick: bool,
-    /// Seed of every random choice
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Run only shard I of N; cat merges the files of all shards
-    #[arg(long, value_name = "I/N", value_parser = super::shard)]
-    shard: Option<Shard>,
-    /// Number of threads. Default: all cores
-    #[arg(long, value_name = "N", value_parser = super::threads)]
-    threads: Option<NonZero<usize>>,
-    /// Append each completed run as a line of JSON. Completed runs are skipped
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    cells: CellArguments,
 }
 
 /// Default number of runs, and that of a quick study.
@@ -35,19 +23,13 @@ const RUNS: u64 = 100;
 const QUICK: u64 = 1;
 
 pub(super) fn run(arguments: &ConnectionsArguments) -> Result<(), CommandError> {
-    let _held = Declared::default()
-        .file("--json", arguments.json.as_ref(), Format::JsonLines)
-        .check()?;
-    let seed = arguments.seed;
+    let _held = arguments.cells.declare(Declared::default()).check()?;
+    let seed = arguments.cells.seed;
     let default = if arguments.quick { QUICK } else { RUNS };
     let header = connections::header(seed, arguments.runs.unwrap_or(default));
-    let options = Options {
-        shard: arguments.shard.unwrap_or_default(),
-        threads: arguments.threads,
-        file: arguments.json.clone(),
-    };
     let shown = Shown::new();
     let work = |cell| connections::cell(seed, cell);
+    let options = arguments.cells.options();
     let cells = jobs::run(&header, &options, work, |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);

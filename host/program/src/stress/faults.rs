@@ -27,10 +27,14 @@ pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
     let _held = common.declare(declared).check()?;
     let devices = StudyDevice::chosen(&named)?;
     let default = if common.quick { QUICK_CELLS } else { CELLS };
-    let header = faults::header(common.seed, arguments.runs.unwrap_or(default), &devices);
+    let header = faults::header(
+        common.cells.seed,
+        arguments.runs.unwrap_or(default),
+        &devices,
+    );
     let shown = Shown::new();
-    let work = |cell| faults::run(common.seed, cell, &devices);
-    let cells = jobs::run(&header, &common.options(), work, |at| shown.show(at));
+    let work = |cell| faults::run(common.cells.seed, cell, &devices);
+    let cells = jobs::run(&header, &common.cells.options(), work, |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);
     let failed = cells.values().filter(|cell| !cell.passed()).count();

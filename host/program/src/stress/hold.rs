@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
         .file("--log", arguments.log.as_ref(), Format::Csv)
         .file("--scene", arguments.scene.as_ref(), Format::Toml);
     let _held = common.declare(declared).check()?;
-    let study = Study::new(common.seed);
+    let study = Study::new(common.cells.seed);
     if let Some(cell) = arguments.cell {
         return show_cell(arguments, study, cell);
     }
@@ -69,15 +69,15 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let header = Header {
         study: "hold".to_owned(),
         schema: 1,
-        seed: common.seed,
+        seed: common.cells.seed,
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({ "cases": CASES.map(|(name, text, _)| (name, text)) }),
     };
     let shown = Shown::new();
     let work = |cell| study.cell(cell, &SCHEMES);
-    let cells = jobs::run(&header, &common.options(), work, |at| shown.show(at));
+    let cells = jobs::run(&header, &common.cells.options(), work, |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
-    outln!("{} cells, seed {}\n", cells.len(), common.seed);
+    outln!("{} cells, seed {}\n", cells.len(), common.cells.seed);
     print(&cells);
     let mut written = Written::default();
     written.write(common.plot.as_ref(), |path| {

@@ -45,12 +45,22 @@ enum Study {
     Tearing(tearing::TearingArguments),
 }
 
-/// The arguments of all stress studies.
+/// The arguments of studies that draw a result.
 #[derive(Clone, Debug, clap::Args)]
 struct Common {
     /// Run only the corner cases, in seconds instead of minutes
     #[arg(long)]
     quick: bool,
+    #[command(flatten)]
+    cells: CellArguments,
+    /// Draw the result (SVG or PNG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+}
+
+/// How the cells of a study are drawn and run.
+#[derive(Clone, Debug, clap::Args)]
+struct CellArguments {
     /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -63,12 +73,9 @@ struct Common {
     /// Append each completed cell as a line of JSON. Completed cells are skipped
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw the result (SVG or PNG)
-    #[arg(long, value_name = "FILE")]
-    plot: Option<PathBuf>,
 }
 
-impl Common {
+impl CellArguments {
     /// The options by which the cells are run.
     fn options(&self) -> Options {
         Options {
@@ -78,10 +85,17 @@ impl Common {
         }
     }
 
-    /// Declares the outputs of every study.
+    /// Declares the file of the cells.
     fn declare(&self, declared: Declared) -> Declared {
-        declared
-            .file("--json", self.json.as_ref(), Format::JsonLines)
+        declared.file("--json", self.json.as_ref(), Format::JsonLines)
+    }
+}
+
+impl Common {
+    /// Declares the outputs of the study.
+    fn declare(&self, declared: Declared) -> Declared {
+        self.cells
+            .declare(declared)
             .file("--plot", self.plot.as_ref(), Format::Picture)
     }
 }

@@ -1,10 +1,9 @@
 //! `palpate stress tearing`: random tears of small sheets.
 
-use super::{CommandError, Declared, Format, Shown, Written};
+use super::{CellArguments, CommandError, Declared, Format, Shown, Written};
 use host::atomic_file::write_atomically;
-use std::num::NonZero;
 use std::path::PathBuf;
-use study::stress::jobs::{self, Cells, Header, Options, Shard};
+use study::stress::jobs::{self, Cells, Header};
 use study::stress::tearing::{self, Draw};
 
 /// Arguments of `palpate stress tearing`.
@@ -22,18 +21,8 @@ pub(super) struct TearingArguments {
     /// Make few runs
     #[arg(long)]
     quick: bool,
-    /// Seed of every random choice
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Run only shard I of N; cat merges the files of all shards
-    #[arg(long, value_name = "I/N", value_parser = super::shard)]
-    shard: Option<Shard>,
-    /// Number of threads. Default: all cores
-    #[arg(long, value_name = "N", value_parser = super::threads)]
-    threads: Option<NonZero<usize>>,
-    /// Append each completed run as a line of JSON. Completed runs are skipped
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    cells: CellArguments,
 }
 
 /// Default number of runs, and that of a quick study.
@@ -41,11 +30,9 @@ const RUNS: u64 = 1000;
 const QUICK: u64 = 20;
 
 pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
-    let _held = Declared::default()
-        .file("--scene", arguments.scene.as_ref(), Format::Toml)
-        .file("--json", arguments.json.as_ref(), Format::JsonLines)
-        .check()?;
-    let seed = arguments.seed;
+    let declared = Declared::default().file("--scene", arguments.scene.as_ref(), Format::Toml);
+    let _held = arguments.cells.declare(declared).check()?;
+    let seed = arguments.cells.seed;
     if let Some(cell) = arguments.cell {
         if let Some(path) = &arguments.scene {
             write_atomically(path, Draw::new(seed, cell).scene().as_bytes())?;
@@ -62,13 +49,9 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({}),
     };
-    let options = Options {
-        shard: arguments.shard.unwrap_or_default(),
-        threads: arguments.threads,
-        file: arguments.json.clone(),
-    };
     let shown = Shown::new();
     let work = |cell| tearing::cell(seed, cell);
+    let options = arguments.cells.options();
     let cells = jobs::run(&header, &options, work, |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     let count = |is: fn(&tearing::CellResult) -> bool| cells.values().filter(|c| is(c)).count();

@@ -33,14 +33,14 @@ pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
     let study = Study {
         devices: StudyDevice::chosen(&named)?,
         quick: common.quick,
-        seed: common.seed,
+        seed: common.cells.seed,
         map_rate: arguments.rate,
         map_delay: usize::from(arguments.delay),
     };
     let declared = declare_devices(Declared::default(), &named);
     let _held = common.declare(declared).check()?;
     let shown = Shown::new();
-    let cells = study.run(&common.options(), |at| shown.show(at));
+    let cells = study.run(&common.cells.options(), |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     let of = study.header().cells;
     if (cells.len() as u64) < of {

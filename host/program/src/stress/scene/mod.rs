@@ -121,19 +121,23 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let header = Header {
         study: "scene".to_owned(),
         schema: 3,
-        seed: common.seed,
+        seed: common.cells.seed,
         cells: arguments.runs.unwrap_or(default),
         settings: arguments.settings(&loaded, &schemes),
     };
-    let study = Study::among(loaded, common.seed, arguments.choice())?;
+    let study = Study::among(loaded, common.cells.seed, arguments.choice())?;
     if let Some(cell) = arguments.cell {
         return show_cell(arguments, &study, cell);
     }
     let shown = Shown::new();
     let work = |cell| study.cell(cell, &schemes);
-    let cells = jobs::run(&header, &common.options(), work, |at| shown.show(at));
+    let cells = jobs::run(&header, &common.cells.options(), work, |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
-    outln!("{name}: {} worlds, seed {}\n", cells.len(), common.seed);
+    outln!(
+        "{name}: {} worlds, seed {}\n",
+        cells.len(),
+        common.cells.seed
+    );
     table::print(&cells);
     let mut written = Written::default();
     written.write(common.plot.as_ref(), |path| {
