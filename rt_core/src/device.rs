@@ -18,6 +18,22 @@ pub struct DeviceState {
     pub buttons: u32,
     /// Time of the device's own clock (ns). The driver extends the device's wrapping counter.
     pub device_time_ns: u64,
+    /// What the device says of the wrenches that it is commanded.
+    pub rendering: Rendering,
+}
+
+/// What a device says of the wrenches that it is commanded. The tick commands no force to a device that renders none,
+/// so the force returns along a ramp ([`crate::safety`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rendering {
+    /// The device renders the wrenches, or its protocol does not tell.
+    #[default]
+    Commanded,
+    /// The device renders no wrench at present, but may render the next one: its watchdog let go, it refused the
+    /// wrenches, or its amplifiers are off.
+    LetGo,
+    /// The device renders no wrench because of a fault. Holds the number of the fault in the device's protocol.
+    Fault(u8),
 }
 
 impl DeviceState {
@@ -28,6 +44,7 @@ impl DeviceState {
             twist: Twist::zero(),
             buttons: 0,
             device_time_ns: 0,
+            rendering: Rendering::Commanded,
         }
     }
 
@@ -203,6 +220,11 @@ pub trait Device {
     fn motion_to_force_ns(&self) -> Option<u64> {
         None
     }
+
+    /// Number of commanded wrenches that the device itself refused so far. `None` where the device does not tell.
+    fn refused_wrenches(&self) -> Option<u64> {
+        None
+    }
 }
 
 impl<D: Device + ?Sized> Device for &mut D {
@@ -220,5 +242,8 @@ impl<D: Device + ?Sized> Device for &mut D {
     }
     fn motion_to_force_ns(&self) -> Option<u64> {
         (**self).motion_to_force_ns()
+    }
+    fn refused_wrenches(&self) -> Option<u64> {
+        (**self).refused_wrenches()
     }
 }

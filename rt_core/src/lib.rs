@@ -67,7 +67,7 @@ pub mod velocity;
 
 pub use controller::{Controller, ControllerConfig, Stage, cycle, cycle_watched};
 pub use device::{
-    Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe,
+    Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe, Rendering,
 };
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use held_back::{HeldBack, HeldBackByBody, HeldBackByDevice};

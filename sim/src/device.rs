@@ -18,7 +18,9 @@ use crate::hand::{Aim, Hand};
 use crate::trajectory::Trajectory;
 use devices::DeviceModel;
 use nalgebra::UnitQuaternion;
-use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Probe, Twist, Vec3, Wrench};
+use rt_core::{
+    Capabilities, Device, DeviceError, DeviceState, Pose, Probe, Rendering, Twist, Vec3, Wrench,
+};
 
 /// Default length of a substep (ns): 20 substeps in a millisecond.
 pub const SUBSTEP_NS: u64 = 50_000;
@@ -365,6 +367,7 @@ impl Device for SimDevice {
                 .as_ref()
                 .map_or(0, |aim| aim.buttons(self.moved_ns)),
             device_time_ns: self.clock.map_or(0, |(first, last)| last - first),
+            rendering: Rendering::Commanded,
         })
     }
 

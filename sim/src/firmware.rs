@@ -144,7 +144,7 @@ mod tests {
     use firmware_proto::report::WrenchSi;
     use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
-    use rt_core::{Freedom, Pose, Twist};
+    use rt_core::{Freedom, Pose, Rendering, Twist};
     use std::cell::Cell;
     use std::rc::Rc;
 
@@ -239,6 +239,7 @@ mod tests {
                 twist: Twist { linear, angular },
                 buttons,
                 device_time_ns: 0,
+                rendering: Rendering::Commanded,
             };
             let (mut device, written) = wired(state);
             let seen = device.read(0).unwrap();

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use rt_core::controller::Reading;
-use rt_core::{Corruption, DeviceError, DeviceState};
+use rt_core::{Corruption, DeviceError, DeviceState, Rendering};
 
 use super::cdr::{CdrReader, CdrWriter};
 
@@ -102,6 +102,13 @@ impl LoggedReading {
         out.u32(state.buttons);
         out.u32(system_error as u32);
         out.u8(status);
+        let (rendering, fault) = match state.rendering {
+            Rendering::Commanded => (0, 0),
+            Rendering::LetGo => (1, 0),
+            Rendering::Fault(fault) => (2, fault),
+        };
+        out.u8(rendering);
+        out.u8(fault);
     }
 
     pub(super) fn decode(from: &mut CdrReader) -> Option<Self> {
@@ -109,12 +116,19 @@ impl LoggedReading {
         let (device_time_ns, buttons) = (from.u64()?, from.u32()?);
         let system_error = from.u32()? as i32;
         let status = from.u8()?;
+        let rendering = match (from.u8()?, from.u8()?) {
+            (0, 0) => Rendering::Commanded,
+            (1, 0) => Rendering::LetGo,
+            (2, fault) => Rendering::Fault(fault),
+            _ => return None,
+        };
         let Some(place) = usize::from(status).checked_sub(1) else {
             return Some(Self(Ok(DeviceState {
                 pose,
                 twist,
                 buttons,
                 device_time_ns,
+                rendering,
             })));
         };
         let fault = match *FAULTS.get(place)? {

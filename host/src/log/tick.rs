@@ -86,6 +86,11 @@ uint64 device_time_ns
 uint32 buttons
 int32 system_error  # where it is disconnected
 uint8 status
+uint8 COMMANDED=0
+uint8 LET_GO=1
+uint8 FAULT=2
+uint8 rendering     # what the device says of the wrenches that it is commanded
+uint8 fault         # number of the fault, where it has one
 ",
     geometry_messages!()
 );

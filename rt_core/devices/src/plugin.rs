@@ -12,7 +12,8 @@ use crate::registry::{Driver, Kind, OpenError, Request};
 use library::{Library, Opened};
 use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::{
-    Axes, Capabilities, Corruption, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench,
+    Axes, Capabilities, Corruption, DeviceError, DeviceState, Freedom, Pose, Rendering, Twist,
+    Vec3, Wrench,
 };
 use runner::AnyDevice;
 use std::path::{Path, PathBuf};
@@ -187,6 +188,7 @@ pub(crate) fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceStat
         twist,
         buttons: state.buttons,
         device_time_ns: state.time_ns,
+        rendering: Rendering::Commanded,
     };
     state.is_finite().then_some(state)
 }

@@ -13,7 +13,9 @@
 )]
 
 use firmware_proto::report::{ReportError, StateReport, WrenchSi, axes};
-use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
+use rt_core::{
+    Corruption, DeviceError, DeviceState, Freedom, Pose, Rendering, Twist, Vec3, Wrench,
+};
 
 pub use firmware_proto::host::DeviceClock;
 
@@ -39,6 +41,7 @@ pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> D
         twist,
         buttons: u32::from(report.condition.buttons),
         device_time_ns,
+        rendering: Rendering::Commanded,
     }
 }
 

@@ -27,7 +27,7 @@ use super::packet::{Command, END, Framer, Lights, Report};
 use crate::exchange::Exchange;
 use crate::ftdi::{Buffer, Control, Ftdi, PACKET};
 use rt_core::velocity::VelocityEstimator;
-use rt_core::{Corruption, DeviceError, DeviceState, Pose, Twist, Vec3, Wrench};
+use rt_core::{Corruption, DeviceError, DeviceState, Pose, Rendering, Twist, Vec3, Wrench};
 use std::time::Duration;
 
 /// Longest wait for an answer.
@@ -271,6 +271,7 @@ impl<T: Ftdi> Falcon<T> {
             },
             buttons: u32::from(report.buttons),
             device_time_ns: now_ns.saturating_sub(self.started_ns),
+            rendering: Rendering::Commanded,
         })
     }
 

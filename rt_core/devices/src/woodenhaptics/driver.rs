@@ -17,7 +17,7 @@ use super::report::{CurrentReport, EncoderReport, Form, LONG};
 use super::velocity::Slope;
 use crate::{Exchange, Transport};
 use core::time::Duration;
-use rt_core::{Corruption, DeviceError, DeviceState, Pose, Twist, Vec3, Wrench};
+use rt_core::{Corruption, DeviceError, DeviceState, Pose, Rendering, Twist, Vec3, Wrench};
 
 /// Longest time for which an exchange waits for a report.
 pub const WAIT: Duration = Duration::from_millis(10);
@@ -351,6 +351,7 @@ impl<T: Transport> WoodenHaptics<T> {
             },
             buttons: u32::from(report.is_pressed(self.form)),
             device_time_ns: now_ns,
+            rendering: Rendering::Commanded,
         })
     }
 
