@@ -69,6 +69,7 @@ impl Channel {
             }
         }
         self.engagement.see(state.buttons);
+        self.limiter.hear(state.rendering);
         if self.seen_ns.is_some() || self.clutch.is_open() {
             self.clutch
                 .follow(&self.limiter, &mut self.frame, &self.state, state);
@@ -92,6 +93,11 @@ impl Channel {
     pub(crate) fn lever(&self) -> f64 {
         let fraction = self.clutch.fraction(&self.limiter);
         if fraction > 0.0 { 1.0 / fraction } else { 0.0 }
+    }
+
+    /// Whether the proxy stays where it is until some force has come back.
+    pub(crate) fn holds_still(&self) -> bool {
+        self.clutch.holds_still(&self.limiter)
     }
 
     fn can_have_come(&self, within_ns: u64, state: &DeviceState) -> bool {

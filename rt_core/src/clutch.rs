@@ -1,5 +1,5 @@
-//! The clutch between a device and its proxy. It opens when the device goes away or is disengaged, and closes as the force
-//! comes back.
+//! The clutch between a device and its proxy. It opens when the device goes away, says that it renders no force, or is
+//! disengaged, and closes as the force comes back.
 //!
 //! While a device is away, its hand moves without the scene. If the proxy followed at once when the device came back,
 //! the body would store energy that no hand supplied, and the other hands would feel a blow. The proxy therefore
@@ -49,12 +49,17 @@ impl Clutch {
         before: &DeviceState,
         now: &DeviceState,
     ) {
-        self.slips |= limiter.is_stale() || limiter.is_disengaged();
+        self.slips |= limiter.is_apart();
         if self.slips {
             let fraction = limiter.fraction();
             frame.slip(1.0 - fraction, before, now);
             self.slips = fraction < 1.0;
         }
+    }
+
+    /// Whether the proxy stays where it is, however the hand moves the device, until some force has come back.
+    pub fn holds_still(&self, limiter: &Limiter) -> bool {
+        (self.slips || limiter.is_apart()) && limiter.fraction() <= 0.0
     }
 
     /// Fraction of the device's motion that its proxy follows at present.

@@ -153,6 +153,31 @@ impl Clone for Controller {
 /// A device's reading in one tick: its state, or why there is none.
 pub type Reading = Result<DeviceState, DeviceError>;
 
+/// The time of a tick. A number of nanoseconds alone is the time of a tick that is not late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TickTime {
+    /// Nominal time of the tick since the start of the run (ns). Skipped deadlines advance it, too.
+    pub now_ns: u64,
+    /// Time from the nominal time to the time at which the tick woke (ns).
+    pub lateness_ns: u64,
+}
+
+impl TickTime {
+    /// The time at which the tick woke (ns).
+    pub fn clock_ns(&self) -> u64 {
+        self.now_ns.saturating_add(self.lateness_ns)
+    }
+}
+
+impl From<u64> for TickTime {
+    fn from(now_ns: u64) -> Self {
+        Self {
+            now_ns,
+            lateness_ns: 0,
+        }
+    }
+}
+
 impl Controller {
     /// A controller at rest, before its first model. It takes 128 kB of the heap for each body.
     #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
@@ -190,18 +215,21 @@ impl Controller {
     /// tick.
     pub fn tick(
         &mut self,
-        now_ns: u64,
+        time: impl Into<TickTime>,
         readings: &[Reading; MAX_DEVICES],
     ) -> ([Wrench; MAX_DEVICES], Telemetry) {
+        let time = time.into();
+        let now_ns = time.now_ns;
         let mut telemetry = Telemetry::empty();
         telemetry.tick = self.tick;
         telemetry.time_ns = now_ns;
+        telemetry.lateness_ns = time.lateness_ns;
         telemetry.device_count = self.channels.len() as u8;
         telemetry.body_count = self.couplings.len() as u8;
         telemetry.readings = *readings;
 
         let mut proxies = [(Pose::identity(), Twist::zero()); MAX_DEVICES];
-        let fresh = self.read(now_ns, readings, &mut proxies);
+        let fresh = self.read(time, readings, &mut proxies);
         let mut forces = Forces::none();
         self.couple(now_ns, &proxies, &mut forces, &mut telemetry);
         let commands = self.limit(&proxies, fresh, &mut forces, &mut telemetry);
@@ -213,7 +241,7 @@ impl Controller {
     /// The first phase: finds where each proxy is. Returns which devices gave a state that is believed.
     fn read(
         &mut self,
-        now_ns: u64,
+        time: TickTime,
         readings: &[Reading; MAX_DEVICES],
         proxies: &mut [(Pose, Twist); MAX_DEVICES],
     ) -> [bool; MAX_DEVICES] {
@@ -225,9 +253,9 @@ impl Controller {
             .zip(proxies)
             .zip(&mut fresh);
         for (((channel, reading), proxy), fresh) in each {
-            channel.limiter.begin(now_ns);
+            channel.limiter.begin(time.clock_ns());
             if let Ok(state) = reading {
-                *fresh = channel.follow(now_ns, state);
+                *fresh = channel.follow(time.now_ns, state);
             }
             *proxy = channel.on_scene();
         }
@@ -321,7 +349,8 @@ impl Controller {
             let lever = channel.lever();
             rest.force *= lever;
             let (force, moment) = (force * lever, moment * lever);
-            *passed = force;
+            // A weight that no hand bears spares no hand any work while its handle holds still.
+            *passed = if channel.holds_still() { 1.0 } else { force };
             let here = forces.by_body.iter_mut().take(bodies);
             for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                 wrench.force = wrench.force * force + rest.force;
@@ -354,6 +383,26 @@ impl Controller {
         }
     }
 
+    /// Ends the tick, just before its commands leave, `took_ns` after the tick woke. Where the loop stood still within the
+    /// tick, every device whose watchdog may have let go gets zero in place of its command, and the force returns along a
+    /// ramp.
+    pub fn end(
+        &mut self,
+        took_ns: u64,
+        commands: &mut [Wrench; MAX_DEVICES],
+        telemetry: &mut Telemetry,
+    ) {
+        telemetry.took_ns = took_ns;
+        let each = self.channels.iter_mut().zip(commands);
+        for ((channel, command), record) in each.zip(&mut telemetry.devices) {
+            if channel.limiter.end(took_ns) {
+                *command = Wrench::zero();
+                record.wrench = Wrench::zero();
+                record.safety = channel.limiter.state();
+            }
+        }
+    }
+
     /// The energy account of each body's hands so far.
     pub fn energy(&self) -> impl Iterator<Item = EnergyAccount> {
         self.couplings.iter().map(|coupling| *coupling.energy())
@@ -378,6 +427,13 @@ impl Controller {
             .map(|channel| channel.limiter.first_trip())
     }
 
+    /// The first fault that each device reported: the tick, and the number of the fault.
+    pub fn first_device_faults(&self) -> impl Iterator<Item = Option<(u64, u8)>> {
+        self.channels
+            .iter()
+            .map(|channel| channel.limiter.first_device_fault())
+    }
+
     /// The force that each device's last stage held back so far.
     pub fn held_back_by_devices(&self) -> impl Iterator<Item = HeldBackByDevice> {
         self.channels.iter().map(|channel| channel.held_back)
@@ -400,7 +456,8 @@ struct Forces {
     on_proxies: [Wrench; MAX_DEVICES],
     /// The part of each body in that sum.
     by_body: [[Wrench; MAX_DEVICES]; MAX_BODIES],
-    /// By device, the fraction of the force that the last stage passed, times the clutch's lever.
+    /// By device, the fraction of the weight that the account takes as borne: the fraction of the force that the last
+    /// stage passed, times the clutch's lever.
     passed: [f64; MAX_DEVICES],
 }
 
@@ -416,6 +473,10 @@ impl Forces {
 
 /// The fractions of the force and of the moment asked for that are left in the command.
 fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
+    if asked == command {
+        // Also where the forces of several bodies cancel.
+        return [1.0, 1.0];
+    }
     let fraction = |asked: f64, left: f64| {
         if asked.is_finite() && asked > 0.0 {
             left / asked
@@ -438,7 +499,7 @@ pub fn cycle<D: Device + ?Sized>(
     devices: &mut [impl DerefMut<Target = D>],
     now_ns: u64,
 ) -> (Telemetry, u32) {
-    cycle_watched(controller, devices, now_ns, |_| {})
+    cycle_watched(controller, devices, now_ns, |_| 0)
 }
 
 /// The stages of a tick with its devices.
@@ -454,25 +515,27 @@ pub enum Stage {
     Written(usize),
 }
 
-/// As [`cycle`], and calls `watch` after each stage.
+/// As [`cycle`], and calls `watch` after each stage. After [`Stage::Computed`], `watch` returns the time since the tick
+/// woke (ns), or zero where no clock runs.
 pub fn cycle_watched<D: Device + ?Sized>(
     controller: &mut Controller,
     devices: &mut [impl DerefMut<Target = D>],
-    now_ns: u64,
-    mut watch: impl FnMut(Stage),
+    time: impl Into<TickTime>,
+    mut watch: impl FnMut(Stage) -> u64,
 ) -> (Telemetry, u32) {
+    let time = time.into();
     watch(Stage::Begun);
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
     // Not `enumerate`: as far as the compiler knows, its count could overflow.
     for ((device, reading), index) in devices.iter_mut().zip(&mut readings).zip(0..MAX_DEVICES) {
-        *reading = device.read(now_ns);
+        *reading = device.read(time.now_ns);
         watch(Stage::Read(index));
     }
-    let (commands, telemetry) = controller.tick(now_ns, &readings);
-    watch(Stage::Computed);
+    let (mut commands, mut telemetry) = controller.tick(time, &readings);
+    controller.end(watch(Stage::Computed), &mut commands, &mut telemetry);
     let mut refused: u32 = 0;
     for ((device, command), index) in devices.iter_mut().zip(&commands).zip(0..MAX_DEVICES) {
-        if device.write(now_ns, command).is_err() {
+        if device.write(time.now_ns, command).is_err() {
             refused = refused.saturating_add(1);
         }
         watch(Stage::Written(index));

@@ -102,8 +102,10 @@ pub struct HeldBackByDevice {
     pub disarmed: HeldBack,
     /// The emergency stop acted.
     pub stopped: HeldBack,
-    /// The device gave no state.
+    /// The device gave no state, or the loop stood still.
     pub silent: HeldBack,
+    /// The device said that it renders no force, or that it has a fault.
+    pub let_go: HeldBack,
 }
 
 impl HeldBackByDevice {
@@ -126,6 +128,7 @@ impl HeldBackByDevice {
             SafetyState::Disarmed => &mut self.disarmed,
             SafetyState::Stopped => &mut self.stopped,
             SafetyState::DeviceStale => &mut self.silent,
+            SafetyState::LetGo | SafetyState::DeviceFault => &mut self.let_go,
             SafetyState::Normal | SafetyState::NotANumber => return,
         };
         cause.note(now_ns, asked.norm(), passed.norm());

@@ -65,7 +65,7 @@ pub mod safety;
 pub mod scheme;
 pub mod velocity;
 
-pub use controller::{Controller, ControllerConfig, Stage, cycle, cycle_watched};
+pub use controller::{Controller, ControllerConfig, Stage, TickTime, cycle, cycle_watched};
 pub use device::{
     Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe, Rendering,
 };

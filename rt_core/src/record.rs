@@ -83,6 +83,8 @@ pub struct Telemetry {
     pub time_ns: u64,
     /// Lateness of the wake-up (ns); zero under virtual time.
     pub lateness_ns: u64,
+    /// Time from the wake-up to the moment just before the commands left (ns); zero under virtual time.
+    pub took_ns: u64,
     /// The number of entries of `devices` in use.
     pub device_count: u8,
     /// The devices, the first `device_count` in use.
@@ -120,6 +122,7 @@ impl Telemetry {
             tick: 0,
             time_ns: 0,
             lateness_ns: 0,
+            took_ns: 0,
             device_count: 0,
             devices: [device; MAX_DEVICES],
             readings: [const { Err(DeviceError::NoReport) }; MAX_DEVICES],

@@ -2,8 +2,10 @@
 //!
 //! - A wrench that is **not a number** becomes zero.
 //! - A device that has given **no good state** for a while gets no force.
-//! - After the **loop stood still** for longer than a device waits for a command, the device gets no force: it has let go
-//!   by itself, and a force that came back at once would be a blow.
+//! - After the **loop stood still** for nearly as long as a device waits for a command, the device gets no force: it has
+//!   let go by itself, and a force that came back at once would be a blow. The clock decides, before the tick looks at a
+//!   reading and again before the command leaves.
+//! - A device that **says that it renders no force** ([`Rendering`]) gets none.
 //! - A device that moves **too fast**, or is **out of reach**, has its force fade. The force comes back once the device
 //!   is below nine tenths of the limit.
 //! - A moment for a device that actuates no moments is left out, and so is a force along an axis that the device does
@@ -14,12 +16,12 @@
 //! - A device that is **disarmed**, or **stopped** by the emergency stop, gets no force. A device whose dead-man button
 //!   the hand does not hold has its force fade ([`crate::engage`]).
 //!
-//! After a fault the force comes back along a smooth step, never at once, and after an engagement it comes in so. Each
-//! case has a named state, a counter, the number that tripped the limit first, and this return. The energy account
+//! After a fault the force comes back along a smooth step, never at once, and after an engagement it comes in so. Only a
+//! device that is engaged from the start gets the whole force at once, because the coupling begins smoothly. Each case has a named state, a counter, the number that tripped the limit first, and this return. The energy account
 //! receives the wrench that left (a slew limit that the account does not know of injects energy).
 
 use crate::count_one;
-use crate::device::{DeviceState, Freedom};
+use crate::device::{DeviceState, Freedom, Rendering};
 use crate::engage::{EngageConfig, Engaged, Engagement};
 use crate::geometry::{Vec3, Wrench, smooth_step};
 use crate::heat::{Heat, HeatConfig};
@@ -30,9 +32,14 @@ const BACK: f64 = 0.9;
 /// reaches 0.25 m/s in this time, and a hand that only lifts its finger feels no blow.
 const RELEASE: f64 = 0.02;
 
-/// Time without a tick (s) after which a device has let go by itself: the watchdog of the firmware protocol, and the time
+/// Time without a command (s) after which a device lets go by itself: the watchdog of the firmware protocol, and the time
 /// after which the thread of a device that answers when it is asked commands zero.
-const STANDSTILL: f64 = 0.01;
+const WATCHDOG: f64 = 0.01;
+/// The same time in ticks of a slow loop, which asks its devices for a longer watchdog.
+const WATCHDOG_TICKS: f64 = 4.0;
+/// Part of this time after which the loop counts as standing still. The rest covers the way of a command to the device:
+/// a device may count from an earlier command that took longer.
+const STANDSTILL: f64 = 0.8;
 
 /// Limits of the commands to a device. Infinite limits never act.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +89,13 @@ impl SafetyConfig {
             period,
         }
     }
+
+    /// Time in which the force comes in after the device was engaged (s). Without a ramp of its own, the force comes in
+    /// as it comes back after a fault.
+    fn comes_in(&self) -> f64 {
+        let ramp = self.engage.ramp;
+        if ramp > 0.0 { ramp } else { self.recovery }
+    }
 }
 
 /// What the last stage does to the wrench.
@@ -111,6 +125,10 @@ pub enum SafetyState {
     Stopped,
     /// The wrench is replaced by zero, because the device gives no good state, or the loop stood still.
     DeviceStale,
+    /// The wrench is replaced by zero, because the device says that it renders none.
+    LetGo,
+    /// The wrench is replaced by zero, because the device says that it has a fault.
+    DeviceFault,
     /// The wrench is replaced by zero, because it was not a number.
     NotANumber,
 }
@@ -134,8 +152,12 @@ pub struct SafetyCounters {
     pub not_a_number: u64,
     /// Ticks without a good device state.
     pub missed_reads: u64,
-    /// Times that the device gave no good state for longer than its patience, or that the loop stood still as long.
+    /// Times that the device gave no good state for longer than its patience, or that the loop stood still.
     pub stale: u64,
+    /// Times that the device began to say that it renders no force.
+    pub let_go: u64,
+    /// Times that the device began to say that it has a fault.
+    pub device_faults: u64,
     /// Times that the device began to move too fast.
     pub too_fast: u64,
     /// Times that the device left its reach.
@@ -149,8 +171,8 @@ pub struct Trip {
     pub state: SafetyState,
     /// The tick of the event, from zero.
     pub tick: u64,
-    /// The value found, in newtons, newton metres, metres per second, metres, newtons per second, or ticks without a
-    /// state.
+    /// The value found, in newtons, newton metres, metres per second, metres, newtons per second, ticks without a state
+    /// or without a command, or the number of a device's fault.
     pub found: f64,
     /// The largest value allowed, in the same unit.
     pub limit: f64,
@@ -187,8 +209,12 @@ pub struct Limiter {
     comes_in: bool,
     heat: Heat,
     misses: u32,
-    /// Time of the last tick (ns).
-    ticked_ns: Option<u64>,
+    /// What the device says of its commands.
+    rendering: Rendering,
+    /// Time of the last command by the clock (ns).
+    commanded_ns: Option<u64>,
+    /// Time from the command before this tick to the beginning of this tick (ns).
+    waited_ns: u64,
     /// Whether the loop stood still before this tick.
     stood_still: bool,
     too_fast: bool,
@@ -199,6 +225,8 @@ pub struct Limiter {
     state: SafetyState,
     counters: SafetyCounters,
     trip: Option<Trip>,
+    /// The tick of the first fault of the device's own, and its number.
+    device_fault: Option<(u64, u8)>,
 }
 
 impl Limiter {
@@ -213,7 +241,9 @@ impl Limiter {
             comes_in: !whole,
             heat: Heat::default(),
             misses: 0,
-            ticked_ns: None,
+            rendering: Rendering::Commanded,
+            commanded_ns: None,
+            waited_ns: 0,
             stood_still: false,
             too_fast: false,
             out_of_reach: false,
@@ -222,6 +252,7 @@ impl Limiter {
             state: SafetyState::Normal,
             counters: SafetyCounters::default(),
             trip: None,
+            device_fault: None,
         }
     }
 
@@ -242,21 +273,76 @@ impl Limiter {
         self.engaged = engaged;
     }
 
-    /// Begins the tick at `now_ns`, before its reading is looked at. Where the loop stood still, the device counts as away
-    /// up to this tick, which commands no force.
-    pub fn begin(&mut self, now_ns: u64) {
-        let config = &self.config;
-        let patience = f64::from(config.patience.saturating_add(1)) * config.period;
-        let last_ns = self.ticked_ns.replace(now_ns).unwrap_or(now_ns);
-        let passed = now_ns.saturating_sub(last_ns) as f64 * 1e-9;
-        if passed > patience.max(STANDSTILL) {
+    /// Begins the tick at `clock_ns`, the time at which the tick woke, before its reading is looked at. Where the loop
+    /// stood still, the device counts as away up to this tick, which commands no force.
+    pub fn begin(&mut self, clock_ns: u64) {
+        let last_ns = self.commanded_ns.unwrap_or(clock_ns);
+        self.waited_ns = clock_ns.saturating_sub(last_ns);
+        self.commanded_ns = Some(clock_ns);
+        if self.stands_still(self.waited_ns) {
             if !self.is_stale() {
                 count_one(&mut self.counters.stale);
             }
-            self.misses = self.misses.max(config.patience.saturating_add(1));
+            self.misses = self.misses.max(self.config.patience.saturating_add(1));
             self.stood_still = true;
             self.authority = 0.0;
         }
+    }
+
+    /// Takes what the device says of its commands, in the reading of this tick.
+    pub fn hear(&mut self, rendering: Rendering) {
+        if rendering == self.rendering {
+            return;
+        }
+        match rendering {
+            Rendering::Commanded => {}
+            Rendering::LetGo => count_one(&mut self.counters.let_go),
+            Rendering::Fault(fault) => {
+                count_one(&mut self.counters.device_faults);
+                self.device_fault.get_or_insert((self.tick, fault));
+                self.comes_in = true;
+            }
+        }
+        self.rendering = rendering;
+        if !self.is_rendered() {
+            // The device did not render the last commands either.
+            self.authority = 0.0;
+        }
+    }
+
+    /// Ends the tick, just before its command leaves, `took_ns` after the tick woke. Returns whether zero must leave in
+    /// place of the command, because the loop stood still within the tick.
+    pub fn end(&mut self, took_ns: u64) -> bool {
+        let waited_ns = self.waited_ns.saturating_add(took_ns);
+        self.commanded_ns = self
+            .commanded_ns
+            .map(|began_ns| began_ns.saturating_add(took_ns));
+        let stood_still = self.stands_still(waited_ns);
+        if stood_still {
+            count_one(&mut self.counters.stale);
+            self.stall(waited_ns);
+            self.last = Vec3::zeros();
+            // The device counts as away up to its next good state, so its proxy does not follow the motion of the pause.
+            self.misses = self.misses.max(self.config.patience.saturating_add(1));
+        }
+        stood_still
+    }
+
+    /// Whether a loop that commanded nothing for this time (ns) counts as standing still.
+    fn stands_still(&self, waited_ns: u64) -> bool {
+        waited_ns as f64 * 1e-9 > self.standstill()
+    }
+
+    /// Longest time between two commands in which the loop does not count as standing still (s).
+    fn standstill(&self) -> f64 {
+        STANDSTILL * WATCHDOG.max(WATCHDOG_TICKS * self.config.period)
+    }
+
+    /// No wrench, because the loop stood still for `waited_ns`.
+    fn stall(&mut self, waited_ns: u64) -> Wrench {
+        let found = waited_ns as f64 * 1e-9 / self.config.period;
+        let limit = self.standstill() / self.config.period;
+        self.fault(SafetyState::DeviceStale, found, limit)
     }
 
     /// The wrench that may leave. `state` is the good state that the device gave in this tick (its own axes), if there
@@ -285,6 +371,17 @@ impl Limiter {
     /// Whether the device may not render force, by its engagement.
     pub fn is_disengaged(&self) -> bool {
         self.engaged != Engaged::Yes
+    }
+
+    /// Whether the device renders its commands, as far as it tells.
+    fn is_rendered(&self) -> bool {
+        self.rendering == Rendering::Commanded
+    }
+
+    /// Whether the hand may move the device without the scene: the device is away, does not render its commands, or is
+    /// not engaged.
+    pub fn is_apart(&self) -> bool {
+        self.is_stale() || !self.is_rendered() || self.is_disengaged()
     }
 
     /// Fraction of the force that passes after faults and engagements: one if no limit has tripped for a while.
@@ -317,10 +414,13 @@ impl Limiter {
         self.trip
     }
 
+    /// The first fault that the device reported, if there was any: the tick, and the number of the fault.
+    pub fn first_device_fault(&self) -> Option<(u64, u8)> {
+        self.device_fault
+    }
+
     fn decide(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
         let config = self.config;
-        let stood_still = core::mem::take(&mut self.stood_still);
-        let missing = self.misses;
         if let Some(state) = state {
             self.misses = 0;
             self.watch(state);
@@ -335,13 +435,21 @@ impl Limiter {
             count_one(&mut self.counters.not_a_number);
             return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
         }
-        if stood_still {
-            let (found, limit) = (f64::from(missing), f64::from(config.patience));
-            return self.fault(SafetyState::DeviceStale, found, limit);
+        if core::mem::take(&mut self.stood_still) {
+            // The command is zero, so only a delay within this tick can still replace it.
+            let waited_ns = core::mem::take(&mut self.waited_ns);
+            return self.stall(waited_ns);
         }
         if self.is_stale() {
             let (found, limit) = (f64::from(self.misses), f64::from(config.patience));
             return self.fault(SafetyState::DeviceStale, found, limit);
+        }
+        match self.rendering {
+            Rendering::Commanded => {}
+            Rendering::LetGo => return self.none(SafetyState::LetGo),
+            Rendering::Fault(fault) => {
+                return self.fault(SafetyState::DeviceFault, f64::from(fault), 0.0);
+            }
         }
         match self.engaged {
             Engaged::Disarmed => return self.none(SafetyState::Disarmed),
@@ -402,8 +510,7 @@ impl Limiter {
         } else if self.out_of_reach {
             (SafetyState::OutOfReach, -config.period / config.decay)
         } else if self.comes_in {
-            // A ramp of no length is a step of infinite length.
-            (SafetyState::Engaging, config.period / config.engage.ramp)
+            (SafetyState::Engaging, config.period / config.comes_in())
         } else {
             (SafetyState::Recovering, config.period / config.recovery)
         };

@@ -49,7 +49,7 @@ fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
                 }
             });
         }
-        let telemetry = tick.tick(k * setup.timing.period_ns, 0);
+        let telemetry = tick.tick(k * setup.timing.period_ns);
         let device = &telemetry.devices[0];
         let state = telemetry.bodies[0].state;
         if states.last() != Some(&state) {

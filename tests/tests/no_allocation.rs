@@ -44,7 +44,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
 
     // A real model of the scene's sheet, published repeatedly with new times.
     let mut model = LocalModel::empty();
-    let first = tick.tick(0, 0);
+    let first = tick.tick(0);
     engine.follow(&first.tick_record());
     let due = Due {
         time_ns: 0,
@@ -61,7 +61,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
         let ticking = scope.spawn(|| {
             let found = count(|| {
                 for k in 1..=TICKS {
-                    tick.tick(k * period, 0);
+                    tick.tick(k * period);
                 }
             });
             (found, tick)
@@ -120,7 +120,7 @@ fn steady_steps(scheme: SchemeName) {
     let mut published = 0;
     let mut run = |ticks: std::ops::Range<u64>| {
         for k in ticks {
-            let telemetry = tick.tick(k * setup.timing.period_ns, 0);
+            let telemetry = tick.tick(k * setup.timing.period_ns);
             engine.follow(&telemetry.tick_record());
             if k % 4 == 0 {
                 engine.step(due, &watch, |_, _| published += 1);

@@ -78,7 +78,11 @@ impl Watched {
         let found = count(|| {
             for _ in 0..ticks {
                 self.now_ns += TICK_NS;
-                self.last = self.tick.tick(self.now_ns, lateness_ns);
+                let time = TickTime {
+                    now_ns: self.now_ns,
+                    lateness_ns,
+                };
+                self.last = self.tick.timed(time, || 0);
             }
         });
         assert_eq!(

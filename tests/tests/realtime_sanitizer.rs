@@ -55,7 +55,7 @@ fn every_scheme_ticks_under_the_sanitizer() {
         let (mut tick, mut host, mut engine) = (built.tick, built.host, built.engine);
         let watch = WallStopwatch::start();
         for k in 0..1000_u64 {
-            tick.tick(k * built.timing.period_ns, 0);
+            tick.tick(k * built.timing.period_ns);
             host.drain(|record| engine.follow(record));
             if k % 4 == 0 {
                 let due = Due {

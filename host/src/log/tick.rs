@@ -21,6 +21,7 @@ pub(super) const SCHEMA: &str = concat!(
 uint64 tick         # number of the tick, from zero
 uint64 time_ns      # its nominal time
 uint64 lateness_ns  # how late it woke
+uint64 took_ns      # from there until just before its commands left
 palpate_msgs/Device[] devices
 palpate_msgs/Body[] bodies
 palpate_msgs/Reading[] readings  # by device
@@ -39,6 +40,8 @@ uint8 ENGAGING=9
 uint8 HANDS_OFF=10
 uint8 DISARMED=11
 uint8 STOPPED=12
+uint8 LET_GO=13
+uint8 DEVICE_FAULT=14
 geometry_msgs/Pose pose      # of the proxy
 geometry_msgs/Twist twist    # of the proxy
 geometry_msgs/Wrench wrench  # on the hand, as it left for the device
@@ -104,6 +107,8 @@ pub struct TickRow {
     pub time_ns: u64,
     /// Lateness of the tick (ns).
     pub lateness_ns: u64,
+    /// Time from the wake-up to the moment just before the commands left (ns).
+    pub took_ns: u64,
     /// The devices.
     pub devices: Vec<DeviceTelemetry>,
     /// The bodies.
@@ -118,6 +123,7 @@ impl From<&Telemetry> for TickRow {
             tick: telemetry.tick,
             time_ns: telemetry.time_ns,
             lateness_ns: telemetry.lateness_ns,
+            took_ns: telemetry.took_ns,
             devices: telemetry.devices().copied().collect(),
             bodies: telemetry.bodies().copied().collect(),
             readings: telemetry.readings().map(LoggedReading::from).collect(),
@@ -131,6 +137,7 @@ pub(crate) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
     out.u64(telemetry.tick);
     out.u64(telemetry.time_ns);
     out.u64(telemetry.lateness_ns);
+    out.u64(telemetry.took_ns);
     out.u32(telemetry.devices().count() as u32);
     for device in telemetry.devices() {
         encode_device(device, &mut out);
@@ -259,7 +266,7 @@ pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
 }
 
 /// In the order of the constants in [`SCHEMA`].
-const SAFETY_STATES: [SafetyState; 13] = [
+const SAFETY_STATES: [SafetyState; 15] = [
     SafetyState::Normal,
     SafetyState::Limited,
     SafetyState::Recovering,
@@ -273,6 +280,8 @@ const SAFETY_STATES: [SafetyState; 13] = [
     SafetyState::HandsOff,
     SafetyState::Disarmed,
     SafetyState::Stopped,
+    SafetyState::LetGo,
+    SafetyState::DeviceFault,
 ];
 
 /// In the order of the constants in [`SCHEMA`].

@@ -75,6 +75,10 @@ pub(crate) enum Cause {
     Disengaged,
     /// The device gave no state.
     Silent,
+    /// The device said that it renders no force.
+    LetGo,
+    /// The device said that it has a fault.
+    Fault,
     /// The force was not a number.
     NotANumber,
     /// A tear grew.
@@ -91,6 +95,8 @@ impl Cause {
             Self::Limited => "force or slew limited",
             Self::Disengaged => "device disengaged",
             Self::Silent => "device silent",
+            Self::LetGo => "device let go",
+            Self::Fault => "fault of the device",
             Self::NotANumber => "force not a number",
             Self::Torn => "tear grows",
         }
@@ -105,6 +111,8 @@ impl Cause {
             Self::Limited => ink::SKY,
             Self::Disengaged => RGBColor(200, 120, 150),
             Self::Silent => RGBColor(0, 0, 0),
+            Self::LetGo => RGBColor(60, 60, 120),
+            Self::Fault => RGBColor(190, 30, 30),
             Self::NotANumber => RGBColor(130, 80, 60),
             Self::Torn => RGBColor(150, 200, 60),
         }

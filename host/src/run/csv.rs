@@ -23,7 +23,7 @@ const FLUSH_PERIOD: f64 = 0.5;
 const WAITING: usize = 1 << 16;
 
 /// What the last stage does to a wrench, each with its column.
-const SAFETY: [(SafetyState, &str); 12] = [
+const SAFETY: [(SafetyState, &str); 14] = [
     (SafetyState::Limited, "limited"),
     (SafetyState::Slewed, "slewed"),
     (SafetyState::Recovering, "recovering"),
@@ -35,6 +35,8 @@ const SAFETY: [(SafetyState, &str); 12] = [
     (SafetyState::Disarmed, "disarmed"),
     (SafetyState::Stopped, "stopped"),
     (SafetyState::DeviceStale, "silent"),
+    (SafetyState::LetGo, "let_go"),
+    (SafetyState::DeviceFault, "device_fault"),
     (SafetyState::NotANumber, "not_a_number"),
 ];
 

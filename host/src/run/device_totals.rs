@@ -93,6 +93,8 @@ pub(crate) fn acting_limit(safety: SafetyState) -> Option<&'static str> {
         SafetyState::Disarmed => Some("disarmed, no force"),
         SafetyState::Stopped => Some("emergency stop, no force"),
         SafetyState::DeviceStale => Some("device silent"),
+        SafetyState::LetGo => Some("the device renders no force"),
+        SafetyState::DeviceFault => Some("fault of the device, no force"),
         SafetyState::NotANumber => Some("force not a number"),
     }
 }

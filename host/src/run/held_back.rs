@@ -48,6 +48,8 @@ pub(super) fn summaries(
         push(&device.name, "reach limit", &found.out_of_reach, why);
         let why = "the device gave no reading".to_owned();
         push(&device.name, "no reading", &found.silent, why);
+        let why = "the device said that it renders no force".to_owned();
+        push(&device.name, "device let go", &found.let_go, why);
         let why = "the force returns slowly after a fault".to_owned();
         push(&device.name, "return", &found.recovering, why);
         let why = format!(

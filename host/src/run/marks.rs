@@ -55,6 +55,8 @@ impl Marks {
             }
             SafetyState::TooFast | SafetyState::OutOfReach => Some((Cause::Fading, time)),
             SafetyState::DeviceStale => Some((Cause::Silent, time)),
+            SafetyState::LetGo => Some((Cause::LetGo, time)),
+            SafetyState::DeviceFault => Some((Cause::Fault, time)),
             SafetyState::NotANumber => Some((Cause::NotANumber, time)),
         });
         let aged = telemetry.bodies().map(|body| {

@@ -55,7 +55,9 @@ pub(super) fn summarize(
         events: events(options, parts),
         refusals: refusals(scene, &couplings),
         degradations: degradations(scene, options.clock, parts),
-        failures: parts.failures.clone(),
+        failures: device_faults(scene, side)
+            .chain(parts.failures.iter().cloned())
+            .collect(),
         unwritten: Vec::new(),
     }
 }
@@ -127,6 +129,8 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
                 engaged: safety.engaged,
                 hands_off: safety.hands_off,
                 stopped: safety.stopped,
+                let_go: safety.let_go,
+                device_faults: safety.device_faults,
                 read: measured(index, |times| &times.read),
                 write: measured(index, |times| &times.write),
                 motion_to_force: measured(index, |times| &times.motion_to_force),
@@ -134,6 +138,20 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
             },
         )
         .collect()
+}
+
+/// The first fault that each device reported, in words.
+fn device_faults(scene: &Scene, side: &TickSide) -> impl Iterator<Item = String> {
+    let devices = scene.devices.iter();
+    let reported = devices.zip(side.controller.first_device_faults());
+    reported.filter_map(|(device, fault)| {
+        let (tick, number) = fault?;
+        let time = tick as f64 / scene.realtime.rate;
+        Some(format!(
+            "the device {} reported a fault at {time:.3} s and rendered no force: number {number} of its protocol",
+            device.name
+        ))
+    })
 }
 
 fn held_back(scene: &Scene, parts: &Parts) -> Vec<HeldBackSummary> {
@@ -224,12 +242,14 @@ fn trip_summary(trip: &Trip, rate: f64) -> TripSummary {
         | SafetyState::Engaging
         | SafetyState::HandsOff
         | SafetyState::Disarmed
-        | SafetyState::Stopped => ("nothing", ""),
+        | SafetyState::Stopped
+        | SafetyState::LetGo => ("nothing", ""),
         SafetyState::Limited => ("force or moment limited", "N or N m"),
         SafetyState::Slewed => ("force at its slew limit", "N/s"),
         SafetyState::TooFast => ("too fast", "m/s"),
         SafetyState::OutOfReach => ("out of reach", "m"),
         SafetyState::DeviceStale => ("device silent", "ticks"),
+        SafetyState::DeviceFault => ("fault of the device", "(number of the fault)"),
         SafetyState::NotANumber => ("force not a number", "N"),
     };
     TripSummary {

@@ -225,6 +225,10 @@ pub struct DeviceSummary {
     pub hands_off: u64,
     /// Number of times that the emergency stop acted.
     pub stopped: u64,
+    /// Number of times that the device began to say that it renders no force.
+    pub let_go: u64,
+    /// Number of times that the device began to say that it has a fault.
+    pub device_faults: u64,
     /// Time that each read of the device took; `None` under virtual time.
     pub read: Option<Distribution>,
     /// Time that each write took; `None` under virtual time. Where the device has a thread of its own, a write only hands

@@ -91,7 +91,7 @@ fn run_seen_until(
     let mut said = Instant::now();
     // A request to stop is the only error.
     let _ = timeline.drive(&mut host, |host, now_ns| {
-        let telemetry = tick.tick(now_ns, 0);
+        let telemetry = tick.tick(now_ns);
         let engine = host.panicked.is_none().then(|| host.host.engine.engine());
         see(&tick, &telemetry, engine);
         log.records(&mut sink);

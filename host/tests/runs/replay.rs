@@ -109,7 +109,7 @@ fn the_failures_of_a_device_are_reproduced() -> Outcome {
     };
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header)?;
     for k in 0..400 {
-        tick.tick(k * setup.timing.period_ns, 0);
+        tick.tick(k * setup.timing.period_ns);
         let mut written = Ok(());
         ends.records(|record| {
             if let LogRecord::Tick(telemetry) = record {

@@ -31,7 +31,7 @@ fn published(scene: &LoadedScene) -> Result<LocalModel, Box<dyn Error>> {
     let mut found = LocalModel::empty();
     for k in 0..10 {
         // No force acts on the hands, so that their motion is the same under all schemes.
-        built.tick.tick(k * 4 * built.timing.period_ns, 0);
+        built.tick.tick(k * 4 * built.timing.period_ns);
         built.host.drain(|record| built.engine.follow(record));
         let due = Due {
             time_ns: 0,

@@ -8,7 +8,7 @@
 use crate::clock;
 use crate::latency::{DeviceTimes, Latencies};
 use crate::link::TickEnd;
-use rt_core::{Controller, Device, Stage, Telemetry, Wrench, cycle_watched};
+use rt_core::{Controller, Device, Stage, Telemetry, TickTime, Wrench, cycle_watched};
 
 /// A device of any kind, as the loop holds it.
 pub type AnyDevice = Box<dyn Device + Send>;
@@ -24,7 +24,7 @@ pub type AnyDevice = Box<dyn Device + Send>;
 /// let controller = Controller::new(&ControllerConfig::default());
 /// let mut tick_loop = TickLoop::new(controller, Vec::new(), tick);
 /// for tick in 0..3_u64 {
-///     tick_loop.tick(tick * 1_000_000, 0);
+///     tick_loop.tick(tick * 1_000_000);
 /// }
 /// assert_eq!(tick_loop.ticks, 3);
 /// // The host receives the record of every tick.
@@ -72,14 +72,17 @@ impl TickLoop {
         self.latencies.devices = self.devices.iter().map(|_| DeviceTimes::new()).collect();
     }
 
+    /// Runs one tick of virtual time, which is never late and takes no time. `now_ns` is the time since the start of the
+    /// run.
+    pub fn tick(&mut self, now_ns: u64) -> Telemetry {
+        self.timed(now_ns.into(), || 0)
+    }
+
     /// Runs one tick: takes the newest local models, reads the devices, computes and writes the wrenches, and sends the
-    /// record to host and log.
-    ///
-    /// `now_ns` is the nominal time of the tick since the start of the run; skipped deadlines advance it, too.
-    /// `lateness_ns` is the lateness of the tick (zero under virtual time). In the record, `tick` is the number of
-    /// earlier ticks and `time_ns` is `now_ns`.
+    /// record to host and log. `took` is called just before the wrenches are written and returns the time since the tick
+    /// woke (ns). In the record, `tick` is the number of earlier ticks.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
-    pub fn tick(&mut self, now_ns: u64, lateness_ns: u64) -> Telemetry {
+    pub fn timed(&mut self, time: TickTime, took: impl Fn() -> u64) -> Telemetry {
         #[cfg(feature = "mutations")]
         crate::mutation::strike(self.ticks);
         let controller = &mut self.controller;
@@ -89,20 +92,22 @@ impl TickLoop {
         });
         let times = &mut self.latencies.devices;
         let mut last = 0;
-        let (mut telemetry, refused) =
-            cycle_watched(controller, &mut self.devices, now_ns, |stage| {
-                if !times.is_empty() {
-                    measure(times, &mut last, stage);
-                }
-            });
+        let (telemetry, refused) = cycle_watched(controller, &mut self.devices, time, |stage| {
+            if !times.is_empty() {
+                measure(times, &mut last, stage);
+            }
+            match stage {
+                Stage::Computed => took(),
+                _ => 0,
+            }
+        });
         for (times, device) in times.iter_mut().zip(&self.devices) {
             if let Some(ns) = device.motion_to_force_ns() {
                 times.motion_to_force.record(ns);
             }
         }
-        telemetry.lateness_ns = lateness_ns;
         self.end.push(&telemetry);
-        self.latencies.lateness.record(lateness_ns);
+        self.latencies.lateness.record(telemetry.lateness_ns);
         for (age, body) in self.latencies.model_age.iter_mut().zip(telemetry.bodies()) {
             // A sequence number of zero means that no model has arrived, so there is no age.
             if body.sequence > 0 {

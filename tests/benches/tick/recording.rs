@@ -72,7 +72,7 @@ pub(crate) fn record() -> Recording {
         if let Some(model) = &models[k] {
             let _ = host.publish(0, model);
         }
-        tick.tick(now, 0);
+        tick.tick(now);
         log.drain(|_| {});
         host.drain(|record| engine.follow(record));
         if k % HOST_EVERY == 0 {

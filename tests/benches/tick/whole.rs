@@ -26,7 +26,7 @@ fn pass(tick: &mut TickLoop, host: &mut HostEnd, log: &mut LogEnd, run: &Recordi
             let _ = host.publish(0, model);
         }
         let start = Instant::now();
-        black_box(tick.tick(k as u64 * run.period_ns, 0));
+        black_box(tick.tick(k as u64 * run.period_ns));
         let time = start.elapsed().as_secs_f64();
         host.drain(|record| {
             black_box(record);

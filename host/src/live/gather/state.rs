@@ -61,6 +61,8 @@ fn safety_name(safety: SafetyState) -> &'static str {
         SafetyState::Limited => "limited",
         SafetyState::Recovering => "recovering",
         SafetyState::DeviceStale => "device_stale",
+        SafetyState::LetGo => "let_go",
+        SafetyState::DeviceFault => "device_fault",
         SafetyState::NotANumber => "not_a_number",
         SafetyState::Slewed => "slewed",
         SafetyState::TooFast => "too_fast",

@@ -113,6 +113,7 @@ fn visit(row: &TickRow, see: &mut impl FnMut(Field, Value)) {
         tick,
         time_ns,
         lateness_ns: _,
+        took_ns: _,
         devices,
         bodies,
         readings: _,

@@ -15,7 +15,7 @@ use super::{devices, setup};
 use crate::atomic_file::AtomicFileError;
 use crate::log::{Log, LoggedReading, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
-use rt_core::Controller;
+use rt_core::{Controller, TickTime};
 use runner::link::{LinkConfig, LogRecord, link};
 use runner::tick_loop::TickLoop;
 use serde::Serialize;
@@ -161,7 +161,13 @@ pub fn replay_watched(
                 let _ = host.publish(body, &model.model());
             }
         }
-        let telemetry = tick.tick(row.time_ns, row.lateness_ns);
+        let telemetry = tick.timed(
+            TickTime {
+                now_ns: row.time_ns,
+                lateness_ns: row.lateness_ns,
+            },
+            || row.took_ns,
+        );
         observers.take(LogRecord::Tick(&telemetry));
         let now = TickRow::from(&telemetry);
         host.drain(|_| ());

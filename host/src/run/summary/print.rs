@@ -206,6 +206,8 @@ impl DeviceSummary {
             (self.engaged, "engaged"),
             (self.hands_off, "let go of"),
             (self.stopped, "stopped"),
+            (self.let_go, "let go by itself"),
+            (self.device_faults, "in a fault of its own"),
         ] {
             if count > 0 {
                 write!(f, ", {what} {count} times")?;

@@ -13,7 +13,7 @@ use crate::setup::{Setup, set_up};
 use crate::tick_loop::TickLoop;
 use crate::trap;
 use alloc_count::calls;
-use rt_core::Wrench;
+use rt_core::{TickTime, Wrench};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -113,7 +113,11 @@ fn run(
     while !over(tick_loop.ticks) && !trap::noted() {
         let deadline = pace.deadline_ns();
         let woke = sleep_until(deadline);
-        tick_loop.tick(pace.nominal_ns(), woke.saturating_sub(deadline));
+        let time = TickTime {
+            now_ns: pace.nominal_ns(),
+            lateness_ns: woke.saturating_sub(deadline),
+        };
+        tick_loop.timed(time, || now_ns().saturating_sub(woke));
         let ended = now_ns();
         tick_time.record(ended.saturating_sub(woke));
         ticks.store(tick_loop.ticks, Ordering::Relaxed);

@@ -112,7 +112,7 @@ pub(in crate::stress) fn run(
                 duration: time + period - at,
             };
         }
-        let telemetry = tick.tick(now, 0);
+        let telemetry = tick.tick(now);
         let devices = tick.devices.iter().zip(&mut shifted).enumerate();
         for (index, (device, shifted)) in devices {
             let shown = telemetry.devices[index].pose;

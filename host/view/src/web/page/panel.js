@@ -12,7 +12,7 @@ const STATES = {
   normal: ["✓", "good"], live: ["✓", "good"], waiting: ["…", "plain"], recovering: ["↻", "warn"], fading: ["◐", "warn"],
   limited: ["▲", "warn"], slewed: ["▲", "warn"], held: ["■", "bad"], too_fast: ["▲", "bad"], out_of_reach: ["▲", "bad"],
   hot: ["▲", "warn"], engaging: ["↻", "warn"], hands_off: ["■", "bad"], disarmed: ["■", "plain"], stopped: ["■", "bad"],
-  device_stale: ["✕", "bad"], not_a_number: ["✕", "bad"],
+  device_stale: ["✕", "bad"], let_go: ["✕", "bad"], device_fault: ["✕", "bad"], not_a_number: ["✕", "bad"],
 };
 const KINDS = { trip: ["▲", "trip"], missed_deadline: ["✕", "missed deadline"], stale_model: ["◐", "stale model"], worst_tick: ["◆", "worst tick"], tear: ["✂", "tear"] };
 
