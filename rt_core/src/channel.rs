@@ -36,6 +36,8 @@ pub(crate) struct Channel {
     /// Time of that state (ns).
     seen_ns: Option<u64>,
     clutch: Clutch,
+    /// The fraction of the weights that the energy accounts take as borne by the hand.
+    borne: f64,
 }
 
 impl Channel {
@@ -54,6 +56,7 @@ impl Channel {
             held_back: HeldBackByDevice::default(),
             state,
             seen_ns: None,
+            borne: 0.0,
         }
     }
 
@@ -95,9 +98,23 @@ impl Channel {
         if fraction > 0.0 { 1.0 / fraction } else { 0.0 }
     }
 
-    /// Whether the proxy stays where it is until some force has come back.
-    pub(crate) fn holds_still(&self) -> bool {
-        self.clutch.holds_still(&self.limiter)
+    /// The fraction of the weights on the proxy that the energy accounts take as borne, in a tick in which this fraction
+    /// `passed` the last stage and the clutch.
+    ///
+    /// A weight that comes and goes where its handle is away from the place at which it was lifted changes the energy of
+    /// the body. While the proxy holds still, the weight stays in the accounts: no hand is spared any work. Where it
+    /// returns through the open clutch, it returns gradually, so that no other hand on the body feels a step.
+    pub(crate) fn bear(&mut self, passed: f64) -> f64 {
+        if self.clutch.holds_still(&self.limiter) {
+            return self.borne;
+        }
+        if self.clutch.is_open() {
+            let step = self.limiter.return_step();
+            self.borne += (passed - self.borne).clamp(-step, step);
+        } else {
+            self.borne = passed;
+        }
+        self.borne
     }
 
     fn can_have_come(&self, within_ns: u64, state: &DeviceState) -> bool {

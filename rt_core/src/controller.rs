@@ -349,8 +349,7 @@ impl Controller {
             let lever = channel.lever();
             rest.force *= lever;
             let (force, moment) = (force * lever, moment * lever);
-            // A weight that no hand bears spares no hand any work while its handle holds still.
-            *passed = if channel.holds_still() { 1.0 } else { force };
+            *passed = channel.bear(force);
             let here = forces.by_body.iter_mut().take(bodies);
             for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                 wrench.force = wrench.force * force + rest.force;

@@ -389,6 +389,17 @@ impl Limiter {
         smooth_step(self.authority)
     }
 
+    /// The part of the ramp by which the force returns in a tick.
+    pub(crate) fn return_step(&self) -> f64 {
+        let config = &self.config;
+        let time = if self.comes_in {
+            config.comes_in()
+        } else {
+            config.recovery
+        };
+        config.period / time
+    }
+
     /// The tick's period (s).
     pub(crate) fn period(&self) -> f64 {
         self.config.period
@@ -510,9 +521,9 @@ impl Limiter {
         } else if self.out_of_reach {
             (SafetyState::OutOfReach, -config.period / config.decay)
         } else if self.comes_in {
-            (SafetyState::Engaging, config.period / config.comes_in())
+            (SafetyState::Engaging, self.return_step())
         } else {
-            (SafetyState::Recovering, config.period / config.recovery)
+            (SafetyState::Recovering, self.return_step())
         };
         self.state = state;
         self.authority = (self.authority + step).clamp(0.0, 1.0);

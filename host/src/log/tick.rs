@@ -181,7 +181,8 @@ fn encode_device(device: &DeviceTelemetry, out: &mut CdrWriter) {
 /// Reads a tick back; `None` if the message is too short or holds an unknown code.
 pub(super) fn decode(message: &[u8]) -> Option<TickRow> {
     let mut from = CdrReader::begin(message)?;
-    let (tick, time_ns, lateness_ns) = (from.u64()?, from.u64()?, from.u64()?);
+    let (tick, time_ns) = (from.u64()?, from.u64()?);
+    let (lateness_ns, took_ns) = (from.u64()?, from.u64()?);
     // No memory is reserved for the counts: a false count only runs into the end of the message.
     let device_count = from.u32()?;
     let devices = (0..device_count)
@@ -199,6 +200,7 @@ pub(super) fn decode(message: &[u8]) -> Option<TickRow> {
         tick,
         time_ns,
         lateness_ns,
+        took_ns,
         devices,
         bodies,
         readings,
