@@ -186,4 +186,8 @@ impl Device for Emulated {
     fn probe(&self) -> Option<Probe> {
         self.link.probe()
     }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        self.driver.refused_wrenches()
+    }
 }
