@@ -1,10 +1,10 @@
 //! The driver of an emulated device, with its threads in virtual time.
 
 use super::link::{IMAGE, Link};
-use super::{PERIOD_NS, Protocol};
+use super::Protocol;
 use crate::DeviceModel;
 use core::num::NonZeroU32;
-use devices::exchange::{Gate, LET_GO, RETRY};
+use devices::exchange::{Gate, RETRY, let_go_after};
 use devices::falcon::{Falcon, Firmware, Settings, Tries};
 use devices::ftdi::Chip;
 use devices::hid::Reports;
@@ -20,10 +20,6 @@ use std::path::Path;
 const SLOTS: usize = 4;
 /// Session of the driver over HID. The driver draws it anew at each start.
 const SESSION: NonZeroU32 = NonZeroU32::MIN.saturating_add(6);
-/// Watchdog of the firmware protocol that the driver asks for (µs).
-const WATCHDOG_US: u32 = 10_000;
-/// Period of the tick (s).
-const PERIOD: f64 = PERIOD_NS as f64 * 1e-9;
 
 /// The driver, as the tick sees it.
 pub(crate) enum Driver {
@@ -32,11 +28,14 @@ pub(crate) enum Driver {
 }
 
 impl Driver {
-    /// Opens the device behind `link`. It brings a Falcon its firmware.
+    /// Opens the device behind `link` for a loop of `period` (s). It brings a Falcon its firmware.
     ///
     /// # Panics
     /// Where the device does not answer, which none does without a fault.
-    pub(crate) fn open(protocol: Protocol, model: &DeviceModel, link: &Link) -> Self {
+    pub(crate) fn open(protocol: Protocol, model: &DeviceModel, period: f64, link: &Link) -> Self {
+        let let_go = let_go_after(period);
+        // The watchdog that the driver asks of a device is as long.
+        let watchdog_us = let_go.as_micros() as u32;
         let (opened, clocked) = (link.clone(), link.clone());
         let open = move || opened.open();
         let clock = move || clocked.now_ns();
@@ -44,6 +43,7 @@ impl Driver {
             Driver::Exchanged(Thread {
                 exchange,
                 gate: Gate::default(),
+                let_go_ns: let_go.as_nanos() as u64,
                 wrenches: VecDeque::new(),
                 answers: VecDeque::new(),
                 seen: 0,
@@ -55,7 +55,7 @@ impl Driver {
         };
         match protocol {
             Protocol::Reports => {
-                let mut reports = Reports::new(SESSION, WATCHDOG_US);
+                let mut reports = Reports::new(SESSION, watchdog_us);
                 // Where this write fails, the tick greets the device again.
                 let _ = link.clone().write(&reports.greet());
                 Driver::Reports(Box::new(Hid {
@@ -65,7 +65,7 @@ impl Driver {
                 }))
             }
             Protocol::Stream => {
-                match Serial::open(model.capabilities(), WATCHDOG_US, open, clock) {
+                match Serial::open(model.capabilities(), watchdog_us, open, clock) {
                     Ok(driver) => threaded(Box::new(driver)),
                     Err(error) => panic!("{error}"),
                 }
@@ -88,7 +88,7 @@ impl Driver {
                 let settings = Settings {
                     firmware,
                     tries: Tries::default(),
-                    period: PERIOD,
+                    period,
                 };
                 match Falcon::connect(move || open().map(Chip::new), clock, settings) {
                     Ok(driver) => threaded(Box::new(driver)),
@@ -137,6 +137,8 @@ impl Driver {
 pub(crate) struct Thread {
     exchange: Box<dyn Exchange>,
     gate: Gate,
+    /// Time without a wrench after which the thread commands zero (ns).
+    let_go_ns: u64,
     /// Wrenches, each with the number of the newest exchange whose state the tick had read.
     wrenches: VecDeque<(Wrench, u64)>,
     /// Answers, each with its time (ns) and the number of its exchange.
@@ -171,7 +173,7 @@ impl Thread {
             } else if let Some(handed) = self.found(link.now_ns()) {
                 self.once(link, Some(handed));
             } else {
-                let due_ns = self.since_ns + LET_GO.as_nanos() as u64;
+                let due_ns = self.since_ns + self.let_go_ns;
                 link.run(to_ns.min(due_ns));
                 if to_ns < due_ns {
                     return;
@@ -187,7 +189,7 @@ impl Thread {
         self.looked_ns = now_ns;
         let newest = self.wrenches.pop_back();
         self.wrenches.clear();
-        newest.filter(|_| away_ns <= 2 * LET_GO.as_nanos() as u64)
+        newest.filter(|_| away_ns <= 2 * self.let_go_ns)
     }
 
     /// One exchange, with zero where the tick has handed over no wrench.
