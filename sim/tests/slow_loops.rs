@@ -52,7 +52,9 @@ fn a_force_is_held_between_the_ticks_of_a_slow_loop() {
                     let error = (force - push.force).norm();
                     assert!(error < 0.02, "{at}, tick {tick}: {force}");
                 }
-                device.write(tick * period_ns, &push).expect("there is room");
+                device
+                    .write(tick * period_ns, &push)
+                    .expect("there is room");
             }
             assert_eq!(device.refused_wrenches().unwrap_or(0), 0, "{at}");
         }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::report::{VERSION, axes, fault};
 use proptest::prelude::*;
+use std::format;
 use std::vec::Vec;
 
 const SESSION: u32 = 0xCAFE;

@@ -1,7 +1,7 @@
 //! The driver of an emulated device, with its threads in virtual time.
 
-use super::link::{IMAGE, Link};
 use super::Protocol;
+use super::link::{IMAGE, Link};
 use crate::DeviceModel;
 use core::num::NonZeroU32;
 use devices::exchange::{Gate, RETRY, let_go_after};

@@ -3,7 +3,8 @@
 //! The tick commands no force to a device that says that it let go ([`Rendering`]), and the force returns along a ramp.
 //! Some wrenches are computed before the tick has read that state. Commanded, they would bring the whole force back at
 //! once. So the thread of a device counts its exchanges, and the tick hands over with each wrench the number of the
-//! newest exchange whose state it has read. A wrench from before the state that tells of the let-go is held back.
+//! newest exchange whose state it has read. A wrench from before the state that tells of the let-go is held back. The tick
+//! reads the newest state only, so each state says that the device let go until the tick has read one of them.
 
 use super::Answer;
 use rt_core::{Rendering, Wrench};
@@ -35,8 +36,10 @@ pub struct Gate {
     number: u64,
     /// The number of the last exchange in which the device had let go.
     let_go: u64,
-    /// Whether the wrench of the last exchange was held back.
-    held_back: bool,
+    /// The number of the newest exchange whose state the tick has read, as far as the wrenches say.
+    seen: u64,
+    /// Whether the state of this exchange tells that the device had let go.
+    tells: bool,
     /// Whether the last wrench that was commanded has a force or a moment.
     acts: bool,
 }
@@ -46,12 +49,9 @@ impl Gate {
     /// wrench (zero for none). Returns the wrench to command.
     pub fn pass(&mut self, wrench: &Wrench, seen: u64) -> Wrench {
         self.number = self.number.wrapping_add(1);
-        self.held_back = seen < self.let_go;
-        let command = if self.held_back {
-            Wrench::zero()
-        } else {
-            *wrench
-        };
+        self.seen = self.seen.max(seen);
+        self.tells = self.seen < self.let_go;
+        let command = if self.tells { Wrench::zero() } else { *wrench };
         self.acts = command != Wrench::zero();
         command
     }
@@ -60,11 +60,11 @@ impl Gate {
     /// force before, nothing was let go.
     pub fn let_go(&mut self) -> Wrench {
         self.number = self.number.wrapping_add(1);
-        self.held_back = self.acts;
         if self.acts {
             self.let_go = self.number;
         }
         self.acts = false;
+        self.tells = self.seen < self.let_go;
         Wrench::zero()
     }
 
@@ -75,7 +75,7 @@ impl Gate {
         };
         if state.rendering != Rendering::Commanded {
             self.let_go = self.number;
-        } else if self.held_back {
+        } else if self.tells {
             state.rendering = Rendering::LetGo;
         }
     }
@@ -148,8 +148,8 @@ mod tests {
                     };
                     if command != Wrench::zero() {
                         assert!(!self.untold, "a force from before the let-go");
-                    } else if self.last != Wrench::zero() && self.gate.held_back {
-                        self.untold = true;
+                    } else {
+                        self.untold |= self.last != Wrench::zero() && self.gate.tells;
                     }
                     self.last = command;
                     let mut state = DeviceState::resting();

@@ -44,7 +44,7 @@ pub struct Reports {
     shown: Option<MotionToForce>,
     /// Why the last report that was not used was not.
     pub refused: Option<HostError>,
-    /// Reports that the device refused since the first state. The device's own count wraps at 256.
+    /// Reports that the device refused since it has its reference. The device's own count wraps at 256.
     pub refused_by_device: u64,
     /// The device's own count at its last state.
     refused_last: Option<u8>,
@@ -235,9 +235,12 @@ impl Reports {
         self.motion_to_force = motion_to_force.or(self.motion_to_force);
         self.shown = motion_to_force.or(self.shown);
         let refused = condition.refused;
-        let more = refused.wrapping_sub(self.refused_last.unwrap_or(refused));
+        // A device that searches its reference refuses every wrench, as it must: these do not count.
+        let starts = matches!(condition.mode, Mode::Boot | Mode::Homing);
+        let last = self.refused_last.filter(|_| !starts).unwrap_or(refused);
+        let more = refused.wrapping_sub(last);
         self.refused_by_device = self.refused_by_device.saturating_add(more.into());
-        self.refused_last = Some(refused);
+        self.refused_last = (!starts).then_some(refused);
         self.rendering(condition, now_ns)
     }
 
@@ -596,18 +599,18 @@ mod tests {
             session: 0,
             ..refused(0, 0)
         };
-        let none = reports.newest(Freedom::Three, 8 * MS, queue(bytes(&[restarted])));
+        let none = reports.newest(Freedom::Three, 11 * MS, queue(bytes(&[restarted])));
         assert_eq!(none, Err(DeviceError::NoReport));
         let session = NonZeroU32::MIN;
         reports.begin_session(session, 0);
         let mut first = refused(1, 9);
         first.session = session.get();
         rendering(&mut reports, &[first]);
-        assert_eq!(reports.refused_by_device, 513);
+        assert_eq!(reports.refused_by_device, 514);
         let mut next = refused(2, 10);
         next.session = session.get();
         rendering(&mut reports, &[next]);
-        assert_eq!(reports.refused_by_device, 514);
+        assert_eq!(reports.refused_by_device, 515);
     }
 
     #[test]

@@ -156,8 +156,8 @@ mod tests {
         /// that speed, and what an error of a count at each end, and an answer that is late by `late`, can add in a window.
         #[test]
         fn no_time_of_an_answer_makes_a_fast_hand(
-            fastest in 0.0..2.0,
-            steps in prop::collection::vec((1..3_000_000_u64, 0..10_000_000_u64, -1.0..1.0, 0..10_u8), 1..300),
+            fastest in 0.0..2.0_f64,
+            steps in prop::collection::vec((1..3_000_000_u64, 0..10_000_000_u64, -1.0..1.0_f64, 0..10_u8), 1..300),
         ) {
             let mut slope = Slope::default();
             let (mut sampled_ns, mut position, mut came_ns) = (0, 0.0, 0);

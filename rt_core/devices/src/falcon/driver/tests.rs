@@ -134,8 +134,8 @@ proptest! {
     /// as large again, because a gap of up to one and a half periods counts as one, and two counts in a period.
     #[test]
     fn no_time_of_a_packet_makes_a_fast_hand(
-        fastest in 0.0..1.0,
-        steps in prop::collection::vec((200_000..6_000_000_u64, -1.0..1.0, 0..6_u8, 0..400_u64), 1..200),
+        fastest in 0.0..1.0_f64,
+        steps in prop::collection::vec((200_000..6_000_000_u64, -1.0..1.0_f64, 0..6_u8, 0..400_u64), 1..200),
     ) {
         let mut falcon = falcon();
         let (mut at_ns, mut x) = (0, 0.0_f64);

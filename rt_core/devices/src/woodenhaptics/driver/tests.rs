@@ -310,7 +310,10 @@ fn a_jump_is_corrupt_and_takes_the_force_until_the_counters_are_back() {
     // No force was asked for, so none was let go. A force that is too small for a current is no force that is left out.
     link.reply([at([a, b, c + 2000]), at([a, b, c]), at([a, b, c])]);
     assert_eq!(driver.exchange(&push()), corrupt);
-    assert_eq!(rendering(&mut driver, &Wrench::zero()), Ok(Rendering::Commanded));
+    assert_eq!(
+        rendering(&mut driver, &Wrench::zero()),
+        Ok(Rendering::Commanded)
+    );
     let small = Wrench {
         force: push().force * 1e-6,
         ..push()
