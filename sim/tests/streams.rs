@@ -935,6 +935,7 @@ fn an_emergency_stop_at_the_device_is_told() {
     // The state of this exchange was sent before its wrench came.
     assert_eq!(driver.refused_wrenches(), Some(600));
     link.world(|world| world.device.reset(world.now_ns));
+    let _ = tick(&mut driver, &link, &Wrench::zero());
     let back = (0..10).find_map(|_| tick(&mut driver, &link, &Wrench::zero()).ok());
     assert_eq!(back.map(|state| state.rendering), Some(Rendering::LetGo));
     let next = tick(&mut driver, &link, &Wrench::zero()).expect("a state");

@@ -594,6 +594,14 @@ mod tests {
             rendering(&mut reports, &[refused(sequence, count)]);
             assert_eq!(reports.refused_by_device, all);
         }
+        // What the device refuses while it searches its reference does not count.
+        let searches = condition(8, |condition| {
+            condition.mode = Mode::Homing;
+            condition.refused = 40;
+        });
+        rendering(&mut reports, &[searches, refused(9, 41)]);
+        rendering(&mut reports, &[refused(10, 42)]);
+        assert_eq!(reports.refused_by_device, 514);
         // A device that was restarted counts from zero, and has no session.
         let restarted = StateReport {
             session: 0,
