@@ -16,9 +16,13 @@
 //! Every mode leaves for `Fault` by [`fault`](Device::fault).
 //!
 //! A wrench is applied only if its report is intact and of this version, in range and of the session; if its sequence
-//! number is newer than that of the last wrench; if it answers one of the last [`STATES`] states, not older than the
-//! watchdog; if it does not exceed the largest force and moment; and if `ENABLE` is set. Any other is refused and
-//! counted, and never shortened to fit. A wrench without `ENABLE` only lets go, and needs no more than the session.
+//! number is newer than that of the last wrench; if it answers a state that is not older than the watchdog, and that was
+//! sent after the watchdog last let go; if it does not exceed the largest force and moment; and if `ENABLE` is set. Any
+//! other is refused and counted, and never shortened to fit. A wrench without `ENABLE` only lets go, and needs no more
+//! than the session.
+//!
+//! A host that computed its wrench before it could know that the watchdog let go cannot bring the force back: the first
+//! wrench that is accepted afterwards answers a state that says so.
 //!
 //! The answer to a hello takes the place of states: the capabilities and, for a device that sends counts, the geometry
 //! and the joints, one a report. A repetition of the hello during its answer changes nothing.
@@ -34,8 +38,8 @@ use crate::report::{
 use core::fmt;
 use core::num::NonZeroU8;
 
-/// The number of states that a wrench may answer.
-pub const STATES: usize = 32;
+/// The number of runs of states that a device remembers.
+const RUNS: usize = 32;
 
 /// How the counts of one encoder become an angle or a length; see [`JointReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,7 +147,7 @@ pub enum Refusal {
     Mode,
     /// A wrench that is not newer than the last.
     Sequence,
-    /// A wrench that answers no state of the session, or one that is too old.
+    /// A wrench that answers no state of the session, one that is too old, or one from before the watchdog let go.
     Age,
     /// A wrench that exceeds the largest force or moment of the device.
     Limit,
@@ -188,7 +192,7 @@ pub struct Counters {
     pub mode: u32,
     /// Wrenches that were not newer than the last.
     pub sequence: u32,
-    /// Wrenches that answered no state, or an old one.
+    /// Wrenches that answered no state, an old one, or one from before the watchdog let go.
     pub age: u32,
     /// Wrenches that were too large.
     pub limit: u32,
@@ -237,11 +241,24 @@ struct Answer {
     next: u8,
 }
 
-/// A state that was sent.
+/// States that were sent one after another within a small part of the watchdog. Each counts as old as the first, so a
+/// device of any rate needs the memory of [`RUNS`] times, and no state counts as younger than it is.
 #[derive(Clone, Copy, Debug)]
-struct Sent {
-    sequence: u16,
-    time_us: u32,
+struct Run {
+    /// Sequence number of the first state.
+    first: u16,
+    /// Number of states; zero in a place that is not used.
+    count: u16,
+    /// Time of the first state.
+    begun_us: u32,
+}
+
+impl Run {
+    const NONE: Self = Self {
+        first: 0,
+        count: 0,
+        begun_us: 0,
+    };
 }
 
 /// The device's side of the protocol.
@@ -256,8 +273,10 @@ pub struct Device {
     watchdog_us: u32,
     /// Sequence number of the next report.
     sequence: u16,
-    /// States sent in this session, each in the place of its sequence number.
-    sent: [Option<Sent>; STATES],
+    /// States sent in this session, and since the watchdog last let go.
+    runs: [Run; RUNS],
+    /// The place of the newest run.
+    newest: usize,
     /// Sequence number of the last wrench of this session.
     last: Option<u16>,
     commanded: Option<Commanded>,
@@ -282,7 +301,8 @@ impl Device {
             session: 0,
             watchdog_us: WATCHDOG_US,
             sequence: 0,
-            sent: [None; STATES],
+            runs: [Run::NONE; RUNS],
+            newest: 0,
             last: None,
             commanded: None,
             in_force: None,
@@ -401,12 +421,7 @@ impl Device {
         if let Some(answer) = self.answer {
             return self.answer(answer, sequence);
         }
-        if let Some(place) = self.sent.get_mut(place(sequence)) {
-            *place = Some(Sent {
-                sequence,
-                time_us: now_us,
-            });
-        }
+        self.note(sequence, now_us);
         let condition = self.condition(now_us, inputs);
         let session = self.session;
         match *measured {
@@ -532,7 +547,7 @@ impl Device {
     /// Begins a session, or none, without a wrench and without states.
     fn begin(&mut self, session: u32) {
         self.session = session;
-        self.sent = [None; STATES];
+        self.runs = [Run::NONE; RUNS];
         self.last = None;
         self.commanded = None;
         self.watchdog = false;
@@ -583,21 +598,44 @@ impl Device {
         Ok(Accepted::Wrench)
     }
 
-    /// Whether a sequence number is that of a state of this session which is not older than the watchdog.
+    /// Notes a state that is sent: in the newest run, or in a new one. So many runs begin at least a watchdog apart from
+    /// the first to the last.
+    fn note(&mut self, sequence: u16, now_us: u32) {
+        let longest_us = self.watchdog_us / (RUNS as u32 - 1);
+        if let Some(run) = self.runs.get_mut(self.newest) {
+            let follows =
+                (1..u16::MAX).contains(&run.count) && sequence == run.first.wrapping_add(run.count);
+            if follows && now_us.wrapping_sub(run.begun_us) <= longest_us {
+                run.count = run.count.saturating_add(1);
+                return;
+            }
+        }
+        self.newest = self.newest.wrapping_add(1) % RUNS;
+        if let Some(run) = self.runs.get_mut(self.newest) {
+            *run = Run {
+                first: sequence,
+                count: 1,
+                begun_us: now_us,
+            };
+        }
+    }
+
+    /// Whether a sequence number is that of a state that was noted, and that is not older than the watchdog.
     fn recent(&self, state: u16, now_us: u32) -> bool {
-        let sent = self.sent.get(place(state)).copied().flatten();
-        sent.is_some_and(|sent| {
-            sent.sequence == state && now_us.wrapping_sub(sent.time_us) <= self.watchdog_us
+        self.runs.iter().any(|run| {
+            state.wrapping_sub(run.first) < run.count
+                && now_us.wrapping_sub(run.begun_us) <= self.watchdog_us
         })
     }
 
-    /// Lets go where the last wrench came too long ago.
+    /// Lets go where the last wrench came too long ago. Wrenches that answer an earlier state are refused from now on.
     fn expire(&mut self, now_us: u32) {
         let Some(commanded) = self.commanded else {
             return;
         };
         if now_us.wrapping_sub(commanded.received_us) >= self.watchdog_us {
             self.let_go();
+            self.runs = [Run::NONE; RUNS];
             self.watchdog = true;
             self.counters.watchdog = self.counters.watchdog.saturating_add(1);
         }
@@ -613,11 +651,6 @@ impl Device {
 
 fn unexpected(kind: Kind) -> Refusal {
     Refusal::Report(ReportError::UnexpectedKind { found: kind as u8 })
-}
-
-/// The place of a state among those that were sent.
-fn place(sequence: u16) -> usize {
-    usize::from(sequence) % STATES
 }
 
 /// Whether a vector is at most `most` long. The rounding of its three components, half a unit each, is allowed for by

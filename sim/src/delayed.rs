@@ -59,6 +59,10 @@ impl<D: Device> Device for Delayed<D> {
     fn probe(&self) -> Option<Probe> {
         self.device.probe()
     }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        self.device.refused_wrenches()
+    }
 }
 
 #[cfg(test)]

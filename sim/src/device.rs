@@ -254,11 +254,6 @@ impl SimDevice {
         self.frozen_ns
     }
 
-    /// Number of wrenches with a part that was not finite. The device replaced that part by zero.
-    pub fn refused_wrenches(&self) -> u64 {
-        self.refused_wrenches
-    }
-
     /// The part of a vector along the axes of the device.
     fn along(&self, vector: &Vec3) -> Vec3 {
         self.model.freedom().part(vector)
@@ -405,6 +400,11 @@ impl Device for SimDevice {
             motor_work: energy.motor_work,
             on_hand: energy.on_hand(),
         })
+    }
+
+    /// Number of wrenches that were not finite.
+    fn refused_wrenches(&self) -> Option<u64> {
+        Some(self.refused_wrenches)
     }
 }
 

@@ -130,7 +130,7 @@ impl Emulated {
         };
         // Only a fault draws from the generator.
         let link = Link::new(World::new(protocol, device, none, Pcg64::new(0, 0)));
-        let mut driver = Opened::open(protocol, request.model, &link);
+        let mut driver = Opened::open(protocol, request.model, request.period, &link);
         let mut now_ns = link.now_ns().next_multiple_of(PERIOD_NS);
         let mut calibrates = true;
         while now_ns < begins_ns {
@@ -185,5 +185,9 @@ impl Device for Emulated {
 
     fn probe(&self) -> Option<Probe> {
         self.link.probe()
+    }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        self.driver.refused_wrenches()
     }
 }

@@ -106,11 +106,20 @@ pub enum Kind {
     Stopped,
     /// The process of the host ends without a last word.
     Killed,
+    /// The commands are lost, and the device's own watchdog lets go. Its states arrive, where it sends them by itself.
+    Deaf,
+    /// The commands of 20 ms are lost.
+    BrieflyDeaf,
+    /// The emergency stop at the device is pressed, and released. A device of the firmware protocol then starts anew, and
+    /// knows its place at once.
+    EmergencyStop,
+    /// The motors have no power for a while.
+    MotorsOff,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 16] = [
         Self::Nothing,
         Self::Unplugged,
         Self::Reset,
@@ -123,6 +132,10 @@ impl Kind {
         Self::Slow,
         Self::Stopped,
         Self::Killed,
+        Self::Deaf,
+        Self::BrieflyDeaf,
+        Self::EmergencyStop,
+        Self::MotorsOff,
     ];
 
     /// Whether no sound state reaches a host that runs.
@@ -130,19 +143,36 @@ impl Kind {
         match self {
             Self::Unplugged | Self::Reset | Self::Silent => true,
             Self::Corrupt | Self::Stale => protocol.is_checked(),
+            // The others answer commands only.
+            Self::Deaf | Self::BrieflyDeaf => !protocol.is_checked(),
             _ => false,
         }
     }
 
+    /// Whether the device itself lets go, and its states say so.
+    fn is_told(self, protocol: Protocol) -> bool {
+        let lets_go = matches!(
+            self,
+            Self::Deaf | Self::BrieflyDeaf | Self::EmergencyStop | Self::MotorsOff
+        );
+        lets_go && protocol.is_checked()
+    }
+
     /// Whether no sound command reaches the device.
     fn cuts_commands(self, protocol: Protocol) -> bool {
-        self.cuts_states(protocol) || matches!(self, Self::Stopped | Self::Killed)
+        self.cuts_states(protocol)
+            || self.is_told(protocol)
+            || matches!(self, Self::Stopped | Self::Killed)
     }
 
     /// Whether a receiver can tell the packets of the fault from sound ones. WoodenHaptics and the Falcon have neither a
-    /// check sum nor a number in their packets.
+    /// check sum nor a number in their packets, and the packets say nothing of the motors.
     pub fn is_detectable(self, protocol: Protocol) -> bool {
-        protocol.is_checked() || !matches!(self, Self::Corrupt | Self::Stale)
+        let unseen = matches!(
+            self,
+            Self::Corrupt | Self::Stale | Self::EmergencyStop | Self::MotorsOff
+        );
+        protocol.is_checked() || !unseen
     }
 
     /// Whether the host must go on as if nothing had happened.
@@ -170,6 +200,10 @@ impl fmt::Display for Kind {
             Self::Slow => "10 % slow",
             Self::Stopped => "host stopped",
             Self::Killed => "host killed",
+            Self::Deaf => "commands lost",
+            Self::BrieflyDeaf => "20 ms of commands lost",
+            Self::EmergencyStop => "emergency stop",
+            Self::MotorsOff => "motors off",
         })
     }
 }
@@ -181,7 +215,8 @@ pub struct Limits {
     /// way.
     pub device: f64,
     /// Longest time of a force in the commands of the host (s): five periods of the device, the answer that was under
-    /// way, and the tick that finds out.
+    /// way, and the tick that finds out. Where the device says that it let go: its watchdog, a state, its answer, and the
+    /// tick.
     pub host: f64,
     /// Largest growth of a force from one millisecond to the next (N).
     pub jump: f64,
@@ -199,9 +234,11 @@ impl Limits {
             Protocol::WoodenHaptics => 0.501_5,
             Protocol::Falcon => 0.101_5,
         };
+        // The watchdog of the device lets go first, and its next state tells.
+        let told = if kind.is_told(protocol) { device } else { 0.0 };
         Self {
             device,
-            host: 0.007,
+            host: (told + 0.003).max(0.007),
             jump: if (protocol, kind) == (Protocol::WoodenHaptics, Kind::Reset) {
                 f64::INFINITY
             } else {
@@ -276,7 +313,10 @@ impl Plan {
             (back + 0.4, 0.0),
         ]);
         let from = draw(push + 0.2, back + 0.1);
-        let to = from + draw(0.05, 0.3);
+        let mut to = from + draw(0.05, 0.3);
+        if kind == Kind::BrieflyDeaf {
+            to = from + 0.02;
+        }
         now = back + 0.5;
         let mut second = f64::INFINITY;
         if kind != Kind::Killed {
@@ -361,7 +401,8 @@ pub fn run(protocol: Protocol, kind: Kind, seed: u64) -> Outcome {
     let cuts = |gone: f64| kind.cuts_commands(protocol) && gone <= lasts;
     let mut outcome = Outcome {
         device: since(seen.gone_ns).filter(|gone| cuts(*gone)),
-        host: since(host.gone_ns()).filter(|_| kind.cuts_states(protocol)),
+        host: since(host.gone_ns())
+            .filter(|_| kind.cuts_states(protocol) || kind.is_told(protocol)),
         host_jump: host.jump(),
         device_jump: seen.jump,
         energy: seen.energy.largest(),
@@ -432,7 +473,7 @@ fn judge(
             kind != Kind::Killed,
         ));
     }
-    if kind.cuts_states(protocol) {
+    if kind.cuts_states(protocol) || kind.is_told(protocol) {
         problems.extend(within("host", outcome.host, limits.host, false));
     }
     if kind.is_harmless(protocol) && trips > 0 {

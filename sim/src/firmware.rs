@@ -12,7 +12,7 @@ use devices::wire::{DeviceClock, corrupt, si_of, state_of};
 use firmware_proto::report::{
     Condition, LENGTH, Mode, ReportError, StateReport, StateSi, WrenchReport, flags, status,
 };
-use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Vec3, Wrench};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Rendering, Vec3, Wrench};
 
 /// The session of a device in one piece with its host.
 pub const SESSION: u32 = 1;
@@ -88,6 +88,10 @@ impl<D: Device> Device for Wired<D> {
     fn probe(&self) -> Option<Probe> {
         self.device.probe()
     }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        self.device.refused_wrenches()
+    }
 }
 
 /// The report that a device sends for `state`. Numbers beyond the report's range saturate at its ends, NaN becomes
@@ -107,15 +111,23 @@ pub(crate) fn state_si(state: &DeviceState) -> StateSi {
     }
 }
 
-/// The condition of a simulated device: its force is the host's at any time.
+/// The condition of a simulated device. A fault without a number has the last of the device's own.
 fn condition(state: &DeviceState) -> Condition {
     let time_us = (state.device_time_ns / 1000) as u32;
+    let on = status::CALIBRATED | status::POWERED;
+    let (mode, status, fault) = match state.rendering {
+        Rendering::Commanded => (Mode::Active, on | status::IN_FORCE, 0),
+        Rendering::LetGo => (Mode::Idle, on, 0),
+        Rendering::Fault(0) => (Mode::Fault, on, u8::MAX),
+        Rendering::Fault(fault) => (Mode::Fault, on, fault),
+    };
     Condition {
         time_us,
         since_us: time_us,
         buttons: state.buttons as u16,
-        status: status::CALIBRATED | status::POWERED,
-        mode: Mode::Active,
+        status,
+        mode,
+        fault,
         ..Condition::default()
     }
 }
@@ -144,7 +156,7 @@ mod tests {
     use firmware_proto::report::WrenchSi;
     use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
-    use rt_core::{Freedom, Pose, Rendering, Twist};
+    use rt_core::{Freedom, Pose, Twist};
     use std::cell::Cell;
     use std::rc::Rc;
 
@@ -184,6 +196,17 @@ mod tests {
     fn an_unrotated_device_stays_exactly_unrotated() {
         let state = wired(DeviceState::resting()).0.read(0).unwrap();
         assert_eq!(state, DeviceState::resting());
+    }
+
+    #[test]
+    fn the_wire_carries_what_the_device_renders() {
+        for rendering in [Rendering::Commanded, Rendering::LetGo, Rendering::Fault(3)] {
+            let state = DeviceState {
+                rendering,
+                ..DeviceState::resting()
+            };
+            assert_eq!(wired(state).0.read(0), Ok(state));
+        }
     }
 
     #[test]

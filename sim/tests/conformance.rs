@@ -2,15 +2,17 @@
 
 use devices::conformance::Suite;
 use devices::hid::{Command, HidDevice, ReadReport, WriteReport};
+use devices::panel::{Operated, Panel};
 use devices::scripted::{Scripted, small};
 use devices::{AnyDevice, DeviceModel, Registry, Replay, Request};
 use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
 use firmware_proto::report::{Model, StateReport, axes};
-use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Vec3, Wrench};
+use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Rendering, Vec3, Wrench};
 use sim::faults::Protocol;
 use sim::firmware::state_bytes;
 use sim::{
-    EmulatedDriver, Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind, Tremor, Wired,
+    Delayed, EmulatedDriver, Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind,
+    Tremor, Wired,
 };
 use std::sync::{Arc, Mutex};
 
@@ -92,6 +94,41 @@ fn a_faulty_device_follows_its_list() {
         let expected = if gone { Vec3::zeros() } else { push.force };
         assert_eq!(held, expected, "tick {k}");
     }
+}
+
+/// A device that let go, or that has a fault, says so behind every wrapper: the wire, the delay and the operator.
+#[test]
+fn a_device_that_lets_go_says_so_behind_every_wrapper() {
+    let faults = vec![
+        (10 * MS..20 * MS, Fault::LetsGo),
+        (30 * MS..40 * MS, Fault::Broken(4)),
+    ];
+    let faulty = Faulty::new(Box::new(simulated("touch")), faults);
+    let delayed = Delayed::new(Wired::new(faulty), 0.0);
+    let mut device = Operated::new(Box::new(delayed), Panel::default(), &[]);
+    let push = Wrench {
+        force: Vec3::new(0.5, 0.0, 0.0),
+        moment: Vec3::zeros(),
+    };
+    for k in 0..50 {
+        let expected = match k {
+            10..20 => Rendering::LetGo,
+            30..40 => Rendering::Fault(4),
+            _ => Rendering::Commanded,
+        };
+        let state = device.read(k * MS).expect("it is there");
+        assert_eq!(state.rendering, expected, "tick {k}");
+        device.write(k * MS, &push).expect("it takes any wrench");
+        // The delay gives the wrench to the device at the next read.
+        device.read(k * MS).expect("it is there");
+        let held = device.probe().expect("a simulation knows").held.force;
+        assert_eq!(
+            held != Vec3::zeros(),
+            expected == Rendering::Commanded,
+            "tick {k}"
+        );
+    }
+    assert_eq!(device.refused_wrenches(), Some(20));
 }
 
 #[test]

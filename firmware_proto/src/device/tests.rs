@@ -1,6 +1,7 @@
 use super::*;
 use crate::report::{VERSION, axes, fault};
 use proptest::prelude::*;
+use std::format;
 use std::vec::Vec;
 
 const SESSION: u32 = 0xCAFE;
@@ -280,8 +281,96 @@ fn a_wrench_answers_a_recent_state() {
     };
     assert_eq!(late(10_000, 1), Ok(Accepted::Wrench));
     assert_eq!(late(10_001, 1), Err(Refusal::Age));
-    assert_eq!(late(0, 32), Ok(Accepted::Wrench));
-    assert_eq!(late(0, 33), Err(Refusal::Age));
+    // The number of states since then does not matter.
+    assert_eq!(late(10_000, 1000), Ok(Accepted::Wrench));
+}
+
+/// The window of answers is a time at every rate: a state of the age of the watchdog may be answered, less the 31st part
+/// of the watchdog where the states of this part share a time.
+#[test]
+fn the_window_of_answers_is_a_time_at_every_rate() {
+    for rate in [1, 30, 500, 1000, 2000, 4000, 8000, 50_000] {
+        for watchdog_us in [2_000, 10_000, 26_667, 40_000, 80_000, 100_000] {
+            // The clock wraps on the way.
+            let start = u32::MAX - 150_000;
+            let mut device = greeted(start);
+            device
+                .receive(&hello(SESSION, watchdog_us), start)
+                .expect("it is accepted");
+            assert!(
+                CapabilitiesReport::decode(&device.report(start, Inputs::default(), &pose()))
+                    .is_ok()
+            );
+            let period_us = 1_000_000 / rate;
+            let count = (400_000 / period_us).max(3);
+            let sent: Vec<_> = (0..count)
+                .map(|k| start.wrapping_add(k * period_us))
+                .map(|at_us| (state(&mut device, at_us).sequence, at_us))
+                .collect();
+            let now_us = start.wrapping_add((count - 1) * period_us);
+            for (sequence, at_us) in sent {
+                let age_us = now_us.wrapping_sub(at_us);
+                let taken = device
+                    .clone()
+                    .receive(&wrench(0, sequence, 1).encode(), now_us);
+                let expected = if age_us <= watchdog_us - watchdog_us / 31 {
+                    Some(Ok(Accepted::Wrench))
+                } else {
+                    (age_us > watchdog_us).then_some(Err(Refusal::Age))
+                };
+                let at = format!("{rate} Hz, watchdog {watchdog_us} us, age {age_us} us");
+                assert!(
+                    expected.is_none_or(|expected| expected == taken),
+                    "{at}: {taken:?}"
+                );
+                // A device that is slower than 31 states in a watchdog knows the time of each state.
+                if period_us > watchdog_us / 31 {
+                    assert_eq!(taken.is_ok(), age_us <= watchdog_us, "{at}");
+                }
+            }
+        }
+    }
+}
+
+/// A number between the states of a run that no state had: the capabilities are no state.
+#[test]
+fn only_states_can_be_answered() {
+    let mut device = greeted(0);
+    state(&mut device, 0);
+    device
+        .receive(&hello(SESSION, 0), 0)
+        .expect("it is accepted");
+    let report = device.report(0, Inputs::default(), &pose());
+    let capabilities = CapabilitiesReport::decode(&report).expect("capabilities");
+    state(&mut device, 0);
+    let taken = [0, 1, 2, 3, 4].map(|answers| {
+        let mut device = device;
+        device.receive(&wrench(0, answers, 7).encode(), 0).is_ok()
+    });
+    assert_eq!(
+        (taken, capabilities.sequence),
+        ([false, true, false, true, false], 2)
+    );
+}
+
+/// The force cannot come back by a wrench that was computed before the host could know that the watchdog let go.
+#[test]
+fn the_first_wrench_after_the_watchdog_answers_a_state_that_says_so() {
+    for late_us in [0, 1, 5_000] {
+        let mut device = active(0);
+        assert_eq!(state(&mut device, 9_999).sequence, 2);
+        let now_us = 10_000 + late_us;
+        // It answers a state of the time of the force, 1 us before the watchdog.
+        let refused = device.receive(&wrench(11, 2, 1000).encode(), now_us);
+        assert_eq!(
+            (refused, device.actuate(now_us)),
+            (Err(Refusal::Age), Wrench::default())
+        );
+        let told = state(&mut device, now_us);
+        assert_eq!(told.condition.status & status::WATCHDOG, status::WATCHDOG);
+        let taken = device.receive(&wrench(12, told.sequence, 0).encode(), now_us);
+        assert_eq!(taken, Ok(Accepted::Wrench));
+    }
 }
 
 #[test]
@@ -491,7 +580,7 @@ proptest! {
                                     && of == device.session()
                                     && now_us.wrapping_sub(at) <= watchdog_us
                             };
-                            prop_assert!(states.iter().rev().take(32).any(|state| of(&state)));
+                            prop_assert!(states.iter().any(|state| of(&state)));
                             accepted = Some((force, now_us));
                             last = sequence;
                         }

@@ -123,6 +123,7 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
                 not_a_number_ticks: safety.not_a_number,
                 slewed_ticks: safety.slewed,
                 missed_reads: safety.missed_reads,
+                refused_wrenches: device.refused_wrenches(),
                 too_fast: safety.too_fast,
                 out_of_reach: safety.out_of_reach,
                 hot_ticks: safety.hot,

@@ -213,6 +213,8 @@ pub struct DeviceSummary {
     pub slewed_ticks: u64,
     /// Ticks without a good state.
     pub missed_reads: u64,
+    /// Wrenches that the device itself refused, by its own count; `None` where the device does not tell.
+    pub refused_wrenches: Option<u64>,
     /// Number of times that the device moved too fast.
     pub too_fast: u64,
     /// Number of times that the device was out of reach.

@@ -5,7 +5,8 @@
  *
  * The address makes the device fail, to see what Palpate does: "nan" gives states that are no numbers, "lost" loses the
  * device after a hundred exchanges and takes it back at the next attempt, "hang" never answers again after a hundred
- * exchanges, and "refuse" cannot be opened.
+ * exchanges, and "refuse" cannot be opened. "release" lets go of the mass for the second hundred exchanges, and "fault" has
+ * the fault 7 after a hundred.
  */
 #define _POSIX_C_SOURCE 200809L
 #include "palpate_device.h"
@@ -50,7 +51,7 @@ static int example_open(const char *address, palpate_device **device, palpate_ca
 }
 
 static int example_exchange(palpate_device *device, const palpate_wrench *wrench, palpate_state *state) {
-    int axis;
+    int axis, renders;
     device->exchanges += 1;
     if (device->exchanges > 100 && strcmp(device->fault, "lost") == 0) {
         return -19;
@@ -61,8 +62,16 @@ static int example_exchange(palpate_device *device, const palpate_wrench *wrench
         nanosleep(&second, NULL);
     }
     memset(state, 0, sizeof *state);
+    if (device->exchanges > 100 && strcmp(device->fault, "fault") == 0) {
+        state->rendering = PALPATE_FAULT + 7;
+    }
+    if (device->exchanges > 100 && device->exchanges <= 200 && strcmp(device->fault, "release") == 0) {
+        state->rendering = PALPATE_LET_GO;
+    }
+    renders = state->rendering == PALPATE_RENDERS;
     for (axis = 0; axis < 3; axis++) {
-        double force = wrench->force[axis] - STIFFNESS * device->position[axis] - DAMPING * device->velocity[axis];
+        double push = renders ? wrench->force[axis] : 0.0;
+        double force = push - STIFFNESS * device->position[axis] - DAMPING * device->velocity[axis];
         device->velocity[axis] += force / MASS * PERIOD;
         device->position[axis] += device->velocity[axis] * PERIOD;
         state->position[axis] = device->position[axis];

@@ -9,14 +9,18 @@
 //! ring for the next tick. A state is therefore older than a state that the device sends by itself, by at most one period
 //! of the tick.
 //!
-//! The thread never repeats a force on its own, and commands none that waited while the process was stopped. Where the tick hands over no wrench for [`LET_GO`], the thread commands
-//! zero. Where the device is lost, the thread tries to reopen it every [`RETRY`], and the device comes back without a
-//! restart of the run.
+//! The thread never repeats a force on its own, and commands none that waited while the process was stopped. Where the
+//! tick hands over no wrench for [`LET_GO`], or for four periods of a slow loop ([`Exchanged::for_loop`]), the thread
+//! commands zero. The state that comes back says so ([`rt_core::Rendering`]), and no wrench from before that state is
+//! commanded ([`Gate`]): the force returns along the tick's ramp. Where the device is lost, the thread tries to reopen it
+//! every [`RETRY`], and the device comes back without a restart of the run.
 //!
 //! [WoodenHaptics]: https://woodenhaptics.org
 
+mod gate;
 mod thread;
 
+use crate::hid::watchdog_us;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use rtrb::{Consumer, Producer};
 use runner::ring::{prefaulted, take_newest};
@@ -25,6 +29,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+pub use gate::Gate;
 
 /// Time without a wrench from the tick after which the thread commands zero.
 pub const LET_GO: Duration = Duration::from_millis(10);
@@ -63,6 +69,11 @@ pub trait Exchange: Send {
     fn motion_to_force(&self) -> MotionSource {
         MotionSource::Thread
     }
+
+    /// Number of wrenches that the device refused so far. `None` where the device does not tell.
+    fn refused_wrenches(&self) -> Option<u64> {
+        None
+    }
 }
 
 /// Who knows the time from the reading of a device's encoders to the force that answers it (motion to force).
@@ -94,12 +105,20 @@ pub(crate) fn first_then<T: Send>(
 /// The answer of one exchange.
 type Answer = Result<DeviceState, DeviceError>;
 
+/// Time without a wrench, of a loop of `period` (s), after which the thread commands zero: as the watchdog that such a
+/// loop asks of a device.
+pub fn let_go_after(period: f64) -> Duration {
+    Duration::from_micros(watchdog_us(period).into())
+}
+
 /// What the tick hands over.
 #[derive(Clone, Copy, Debug)]
 struct Handed {
     wrench: Wrench,
     /// The number of the exchange whose state the wrench answers; zero where the tick had no new state.
     answers: u64,
+    /// The number of the newest exchange whose state the tick has read; zero before the first.
+    seen: u64,
 }
 
 impl Default for Handed {
@@ -108,6 +127,7 @@ impl Default for Handed {
         Self {
             wrench: Wrench::zero(),
             answers: 0,
+            seen: 0,
         }
     }
 }
@@ -119,6 +139,7 @@ struct Reply {
     /// The number of the exchange, from one.
     number: u64,
     motion_to_force_ns: Option<u64>,
+    refused_wrenches: Option<u64>,
 }
 
 impl Default for Reply {
@@ -127,6 +148,7 @@ impl Default for Reply {
             answer: Err(DeviceError::NoReport),
             number: 0,
             motion_to_force_ns: None,
+            refused_wrenches: None,
         }
     }
 }
@@ -185,9 +207,14 @@ pub struct Exchanged {
     replies: Consumer<Reply>,
     /// What the last read found. Without an answer, its number is zero.
     last: Reply,
+    /// The number of the newest exchange whose state was read.
+    seen: u64,
+    refused_wrenches: Option<u64>,
     thread: Option<JoinHandle<()>>,
     capabilities: Capabilities,
     counts: Arc<Counts>,
+    /// Time without a wrench after which the thread commands zero (ns).
+    let_go_ns: Arc<AtomicU64>,
     /// The system's error number while the device is lost.
     gone: Option<i32>,
     clock: Continued,
@@ -205,17 +232,30 @@ impl Exchanged {
         let (wrenches, commands, _) = prefaulted(SLOTS, Handed::default());
         let (results, replies, _) = prefaulted(SLOTS, Reply::default());
         let counts = Arc::new(Counts::default());
-        let thread = thread::start(exchange, commands, results, Arc::clone(&counts))?;
+        let let_go_ns = Arc::new(AtomicU64::new(LET_GO.as_nanos() as u64));
+        let shared = (Arc::clone(&counts), Arc::clone(&let_go_ns));
+        let thread = thread::start(exchange, commands, results, shared)?;
         Ok(Self {
             wrenches: Some(wrenches),
             replies,
             last: Reply::default(),
+            seen: 0,
+            refused_wrenches: None,
             thread: Some(thread),
             capabilities,
             counts,
+            let_go_ns,
             gone: None,
             clock: Continued::default(),
         })
+    }
+
+    /// The same device for a loop of `period` (s), whose pauses between two wrenches are no silence.
+    #[must_use]
+    pub fn for_loop(self, period: f64) -> Self {
+        let let_go_ns = let_go_after(period).as_nanos() as u64;
+        self.let_go_ns.store(let_go_ns, Ordering::Relaxed);
+        self
     }
 
     /// The counts of the exchanges, which another thread may keep and read while the device runs.
@@ -235,9 +275,13 @@ impl Device for Exchanged {
         let ended = self.replies.is_abandoned();
         let reply = take_newest(&mut self.replies, |reply, _| *reply);
         self.last = reply.unwrap_or_default();
+        if let Some(reply) = reply {
+            self.refused_wrenches = reply.refused_wrenches;
+        }
         match reply.map(|reply| reply.answer) {
             Some(Ok(mut state)) => {
                 self.gone = None;
+                self.seen = self.last.number;
                 state.device_time_ns = self.clock.advance(state.device_time_ns);
                 Ok(state)
             }
@@ -266,6 +310,7 @@ impl Device for Exchanged {
         let pushed = ring.push(Handed {
             wrench: *wrench,
             answers: if state { self.last.number } else { 0 },
+            seen: self.seen,
         });
         thread.thread().unpark();
         pushed.map_err(|_| DeviceError::Busy)
@@ -273,6 +318,10 @@ impl Device for Exchanged {
 
     fn motion_to_force_ns(&self) -> Option<u64> {
         self.last.motion_to_force_ns
+    }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        self.refused_wrenches
     }
 }
 

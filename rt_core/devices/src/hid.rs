@@ -254,6 +254,10 @@ impl Device for HidDevice {
     fn motion_to_force_ns(&self) -> Option<u64> {
         self.reports.shown_ns()
     }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        Some(self.reports.refused_by_device)
+    }
 }
 
 /// A session that no other host has, but by chance: the standard library draws the keys of its hashes at random.

@@ -167,6 +167,10 @@ impl Device for Operated {
     fn motion_to_force_ns(&self) -> Option<u64> {
         self.device.motion_to_force_ns()
     }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        self.device.refused_wrenches()
+    }
 }
 
 #[cfg(test)]

@@ -66,7 +66,7 @@ impl Driver for Plugins {
                 source: Box::new(error),
                 allowed: "a plug-in whose device can be opened",
             })?;
-        Ok(Box::new(device))
+        Ok(Box::new(device.for_loop(request.period)))
     }
 }
 
@@ -188,9 +188,20 @@ pub(crate) fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceStat
         twist,
         buttons: state.buttons,
         device_time_ns: state.time_ns,
-        rendering: Rendering::Commanded,
+        rendering: rendering(state.rendering),
     };
     state.is_finite().then_some(state)
+}
+
+/// What a device of a plug-in renders. A number without a meaning may have one in a later version, so it does not count as
+/// rendering.
+fn rendering(number: u32) -> Rendering {
+    let fault = number.checked_sub(abi::FAULT).map(u8::try_from);
+    match (number, fault) {
+        (abi::RENDERS, _) => Rendering::Commanded,
+        (_, Some(Ok(fault))) => Rendering::Fault(fault),
+        _ => Rendering::LetGo,
+    }
 }
 
 /// The capabilities that a plug-in states; `None` where no device has them.
@@ -236,6 +247,32 @@ mod tests {
         assert_eq!(freedom(1), x);
         for bits in [0, 8, 9, 14, 16, u32::MAX] {
             assert_eq!(freedom(bits), None, "{bits}");
+        }
+    }
+
+    #[test]
+    fn a_plug_in_tells_what_its_device_renders() {
+        for (number, expected) in [
+            (0, Rendering::Commanded),
+            (1, Rendering::LetGo),
+            (2, Rendering::LetGo),
+            (255, Rendering::LetGo),
+            (256, Rendering::Fault(0)),
+            (257, Rendering::Fault(1)),
+            (511, Rendering::Fault(255)),
+            (512, Rendering::LetGo),
+            (u32::MAX, Rendering::LetGo),
+        ] {
+            let told = abi::State {
+                rendering: number,
+                ..abi::State::default()
+            };
+            let state = state_of(&told, Freedom::Three);
+            assert_eq!(
+                state.map(|state| state.rendering),
+                Some(expected),
+                "{number}"
+            );
         }
     }
 

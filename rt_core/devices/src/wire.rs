@@ -12,7 +12,7 @@
     )
 )]
 
-use firmware_proto::report::{ReportError, StateReport, WrenchSi, axes};
+use firmware_proto::report::{Condition, Mode, ReportError, StateReport, WrenchSi, axes, status};
 use rt_core::{
     Corruption, DeviceError, DeviceState, Freedom, Pose, Rendering, Twist, Vec3, Wrench,
 };
@@ -41,7 +41,18 @@ pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> D
         twist,
         buttons: u32::from(report.condition.buttons),
         device_time_ns,
-        rendering: Rendering::Commanded,
+        rendering: rendering_of(&report.condition),
+    }
+}
+
+/// What a device of this condition renders of its wrenches: nothing in a fault, without power, or without a wrench in
+/// force.
+pub fn rendering_of(condition: &Condition) -> Rendering {
+    let acting = status::POWERED | status::IN_FORCE;
+    match condition.mode {
+        Mode::Fault => Rendering::Fault(condition.fault),
+        _ if condition.status & acting == acting => Rendering::Commanded,
+        _ => Rendering::LetGo,
     }
 }
 

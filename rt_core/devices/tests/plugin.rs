@@ -3,7 +3,7 @@
 use devices::conformance::Suite;
 use devices::plugin::{self, Plugins};
 use devices::{DeviceModel, Driver, Request};
-use rt_core::{Device, DeviceError, Vec3, Wrench};
+use rt_core::{Device, DeviceError, Rendering, Vec3, Wrench};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -102,6 +102,25 @@ fn a_plug_in_that_fails_is_a_silent_device() {
     // It comes back by itself.
     until(&mut device, &push(), Result::is_ok);
     assert_eq!(device.counts().returns(), 1);
+}
+
+#[test]
+fn a_plug_in_tells_that_its_device_let_go_or_has_a_fault() {
+    let Some(library) = example("tells") else {
+        return;
+    };
+    for (address, expected) in [
+        ("release", Rendering::LetGo),
+        ("fault", Rendering::Fault(7)),
+    ] {
+        let mut device = plugin::open(&library, address).expect("it can be opened");
+        until(&mut device, &push(), |result| {
+            result.is_ok_and(|state| state.rendering == Rendering::Commanded)
+        });
+        until(&mut device, &push(), |result| {
+            result.is_ok_and(|state| state.rendering == expected)
+        });
+    }
 }
 
 #[test]

@@ -470,7 +470,7 @@ const WRONG: [Wrong; 8] = [
         WrenchReport { sequence, ..wrench }.encode()
     }),
     ("an old state", |host, answers| {
-        host.wrench(answers.wrapping_sub(40), [1_000_000; 3])
+        host.wrench(answers.wrapping_sub(400), [1_000_000; 3])
             .encode()
     }),
     ("a state that was never sent", |host, answers| {

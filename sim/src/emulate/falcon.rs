@@ -168,6 +168,8 @@ pub struct Falcon {
     answers: u32,
     command: Command,
     commanded_ns: Option<u64>,
+    /// Whether an emergency stop keeps the motors without power.
+    stopped: bool,
     buttons: u8,
     /// The counts of the arms, as they truly are.
     counts: [i16; 3],
@@ -201,6 +203,7 @@ impl Falcon {
             answers: 0,
             command: Command::default(),
             commanded_ns: None,
+            stopped: false,
             buttons: 0,
             counts: [0; 3],
             zero: [0; 3],
@@ -280,7 +283,7 @@ impl Falcon {
         let held = self
             .commanded_ns
             .is_some_and(|at| self.now_ns.saturating_sub(at) < self.settings.hold_ns);
-        if held && self.board == Board::Running {
+        if held && self.board == Board::Running && !self.stopped {
             let limit = TORQUE_LIMIT;
             self.command.torques.map(|count| count.clamp(-limit, limit))
         } else {
@@ -296,6 +299,12 @@ impl Falcon {
     /// Changes the faults from now on.
     pub fn fail(&mut self, faults: Faults) {
         self.settings.faults = faults;
+    }
+
+    /// Presses or releases an emergency stop in the supply of the motors. No packet tells.
+    pub fn stop(&mut self, stopped: bool, now_ns: u64) {
+        self.advance(now_ns);
+        self.stopped = stopped;
     }
 
     /// Takes the power supply of the board away, or gives it back. The chip has its power from USB.

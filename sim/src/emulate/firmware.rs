@@ -57,6 +57,8 @@ pub struct Firmware {
     due_ns: u64,
     decoder: Decoder,
     buttons: u16,
+    /// Whether the amplifiers have power.
+    powered: bool,
     /// Time at which the last wrench was accepted (ns).
     commanded_ns: u64,
     /// Longest time from a wrench to its end by the watchdog (ns).
@@ -84,6 +86,7 @@ impl Firmware {
             due_ns: 0,
             decoder: Decoder::new(),
             buttons: 0,
+            powered: true,
             commanded_ns: 0,
             let_go_ns: 0,
             outgoing: VecDeque::new(),
@@ -143,6 +146,13 @@ impl Firmware {
     /// Presses the buttons of the handle, lowest bit first.
     pub fn press(&mut self, buttons: u16) {
         self.buttons = buttons;
+    }
+
+    /// Cuts the power of the amplifiers, or gives it back. The firmware goes on, and its states say so.
+    pub fn power(&mut self, on: bool, now_ns: u64) {
+        self.run(now_ns);
+        self.powered = on;
+        self.actuate();
     }
 
     /// Switches the device off and on: there is no session and no force, and the clock starts at zero.
@@ -243,6 +253,11 @@ impl Firmware {
             let held_ns = self.now_ns.saturating_sub(self.commanded_ns);
             self.let_go_ns = self.let_go_ns.max(held_ns);
         }
+        let wrench = if self.powered {
+            wrench
+        } else {
+            device::Wrench::default()
+        };
         let si = |vector: [i32; 3]| Vec3::from(vector.map(|x| f64::from(x) / 1e6));
         let wrench = Wrench {
             force: si(wrench.force),
@@ -265,7 +280,7 @@ impl Firmware {
         };
         let inputs = Inputs {
             buttons: self.buttons | state.buttons as u16,
-            powered: self.protocol.mode() != Mode::Fault,
+            powered: self.powered && self.protocol.mode() != Mode::Fault,
             limited: false,
         };
         let report = self.protocol.report(self.time_us(), inputs, &measured);

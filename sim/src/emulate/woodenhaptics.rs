@@ -37,6 +37,8 @@ pub struct WoodenHaptics {
     pressed: bool,
     /// The currents that the motors hold (mA).
     currents: [f64; 3],
+    /// Whether an emergency stop keeps the motors without power.
+    stopped: bool,
     /// Time at which the amplifiers are cut (ns); `None` while they are off.
     cut_ns: Option<u64>,
     owes_report: bool,
@@ -59,6 +61,7 @@ impl WoodenHaptics {
             info: 0,
             pressed: false,
             currents: [0.0; 3],
+            stopped: false,
             cut_ns: None,
             owes_report: true,
         };
@@ -75,6 +78,13 @@ impl WoodenHaptics {
         self.info = 0;
         self.owes_report = true;
         self.switch_on();
+        self.actuate();
+    }
+
+    /// Presses or releases an emergency stop in the supply of the motors. No report tells.
+    pub fn stop(&mut self, stopped: bool, now_ns: u64) {
+        self.run(now_ns);
+        self.stopped = stopped;
         self.actuate();
     }
 
@@ -136,6 +146,7 @@ impl WoodenHaptics {
     fn actuate(&mut self) {
         let force = self
             .angles()
+            .filter(|_| !self.stopped)
             .and_then(|angles| self.kinematics.force(angles, self.currents))
             .unwrap_or_else(Vec3::zeros);
         let wrench = Wrench {

@@ -1,10 +1,10 @@
 //! The driver of an emulated device, with its threads in virtual time.
 
+use super::Protocol;
 use super::link::{IMAGE, Link};
-use super::{PERIOD_NS, Protocol};
 use crate::DeviceModel;
 use core::num::NonZeroU32;
-use devices::exchange::{LET_GO, RETRY};
+use devices::exchange::{Gate, RETRY, let_go_after};
 use devices::falcon::{Falcon, Firmware, Settings, Tries};
 use devices::ftdi::Chip;
 use devices::hid::Reports;
@@ -20,10 +20,6 @@ use std::path::Path;
 const SLOTS: usize = 4;
 /// Session of the driver over HID. The driver draws it anew at each start.
 const SESSION: NonZeroU32 = NonZeroU32::MIN.saturating_add(6);
-/// Watchdog of the firmware protocol that the driver asks for (µs).
-const WATCHDOG_US: u32 = 10_000;
-/// Period of the tick (s).
-const PERIOD: f64 = PERIOD_NS as f64 * 1e-9;
 
 /// The driver, as the tick sees it.
 pub(crate) enum Driver {
@@ -32,19 +28,25 @@ pub(crate) enum Driver {
 }
 
 impl Driver {
-    /// Opens the device behind `link`. It brings a Falcon its firmware.
+    /// Opens the device behind `link` for a loop of `period` (s). It brings a Falcon its firmware.
     ///
     /// # Panics
     /// Where the device does not answer, which none does without a fault.
-    pub(crate) fn open(protocol: Protocol, model: &DeviceModel, link: &Link) -> Self {
+    pub(crate) fn open(protocol: Protocol, model: &DeviceModel, period: f64, link: &Link) -> Self {
+        let let_go = let_go_after(period);
+        // The watchdog that the driver asks of a device is as long.
+        let watchdog_us = let_go.as_micros() as u32;
         let (opened, clocked) = (link.clone(), link.clone());
         let open = move || opened.open();
         let clock = move || clocked.now_ns();
         let threaded = |exchange: Box<dyn Exchange>| {
             Driver::Exchanged(Thread {
                 exchange,
+                gate: Gate::default(),
+                let_go_ns: let_go.as_nanos() as u64,
                 wrenches: VecDeque::new(),
                 answers: VecDeque::new(),
+                seen: 0,
                 since_ns: link.now_ns(),
                 retry_ns: None,
                 gone: None,
@@ -53,7 +55,7 @@ impl Driver {
         };
         match protocol {
             Protocol::Reports => {
-                let mut reports = Reports::new(SESSION, WATCHDOG_US);
+                let mut reports = Reports::new(SESSION, watchdog_us);
                 // Where this write fails, the tick greets the device again.
                 let _ = link.clone().write(&reports.greet());
                 Driver::Reports(Box::new(Hid {
@@ -63,7 +65,7 @@ impl Driver {
                 }))
             }
             Protocol::Stream => {
-                match Serial::open(model.capabilities(), WATCHDOG_US, open, clock) {
+                match Serial::open(model.capabilities(), watchdog_us, open, clock) {
                     Ok(driver) => threaded(Box::new(driver)),
                     Err(error) => panic!("{error}"),
                 }
@@ -86,7 +88,7 @@ impl Driver {
                 let settings = Settings {
                     firmware,
                     tries: Tries::default(),
-                    period: PERIOD,
+                    period,
                 };
                 match Falcon::connect(move || open().map(Chip::new), clock, settings) {
                     Ok(driver) => threaded(Box::new(driver)),
@@ -114,6 +116,14 @@ impl Driver {
         }
     }
 
+    /// Number of wrenches that the device refused; `None` where it does not tell.
+    pub(crate) fn refused_wrenches(&self) -> Option<u64> {
+        match self {
+            Self::Exchanged(thread) => thread.exchange.refused_wrenches(),
+            Self::Reports(hid) => Some(hid.reports.refused_by_device),
+        }
+    }
+
     /// Takes the wrench of the tick at `now_ns`.
     pub(crate) fn write(&mut self, link: &Link, now_ns: u64, wrench: &Wrench) {
         match self {
@@ -126,9 +136,15 @@ impl Driver {
 /// The thread of a device that answers when it is asked: [`devices::Exchanged`] in virtual time.
 pub(crate) struct Thread {
     exchange: Box<dyn Exchange>,
-    wrenches: VecDeque<Wrench>,
-    /// Answers, each with its time (ns).
-    answers: VecDeque<(u64, Reading)>,
+    gate: Gate,
+    /// Time without a wrench after which the thread commands zero (ns).
+    let_go_ns: u64,
+    /// Wrenches, each with the number of the newest exchange whose state the tick had read.
+    wrenches: VecDeque<(Wrench, u64)>,
+    /// Answers, each with its time (ns) and the number of its exchange.
+    answers: VecDeque<(u64, u64, Reading)>,
+    /// The number of the newest exchange whose state the tick has read.
+    seen: u64,
     /// Since when the thread waits for a wrench (ns).
     since_ns: u64,
     /// When a lost device is opened again (ns).
@@ -150,58 +166,65 @@ impl Thread {
                 if self.exchange.reopen().is_ok() {
                     self.retry_ns = None;
                     self.wrenches.clear();
-                    self.once(link, &Wrench::zero());
+                    self.once(link, None);
                 } else {
                     self.retry_ns = Some(link.now_ns() + RETRY.as_nanos() as u64);
                 }
-            } else if let Some(wrench) = self.found(link.now_ns()) {
-                self.once(link, &wrench);
+            } else if let Some(handed) = self.found(link.now_ns()) {
+                self.once(link, Some(handed));
             } else {
-                let due_ns = self.since_ns + LET_GO.as_nanos() as u64;
+                let due_ns = self.since_ns + self.let_go_ns;
                 link.run(to_ns.min(due_ns));
                 if to_ns < due_ns {
                     return;
                 }
-                self.once(link, &Wrench::zero());
+                self.once(link, None);
             }
         }
     }
 
     /// The newest wrench that waits, unless it may be old.
-    fn found(&mut self, now_ns: u64) -> Option<Wrench> {
+    fn found(&mut self, now_ns: u64) -> Option<(Wrench, u64)> {
         let away_ns = now_ns - self.looked_ns;
         self.looked_ns = now_ns;
         let newest = self.wrenches.pop_back();
         self.wrenches.clear();
-        newest.filter(|_| away_ns <= 2 * LET_GO.as_nanos() as u64)
+        newest.filter(|_| away_ns <= 2 * self.let_go_ns)
     }
 
-    fn once(&mut self, link: &Link, wrench: &Wrench) {
-        let answer = self.exchange.exchange(wrench);
+    /// One exchange, with zero where the tick has handed over no wrench.
+    fn once(&mut self, link: &Link, handed: Option<(Wrench, u64)>) {
+        let wrench = match handed {
+            Some((wrench, seen)) => self.gate.pass(&wrench, seen),
+            None => self.gate.let_go(),
+        };
+        let mut answer = self.exchange.exchange(&wrench);
+        self.gate.end(&mut answer);
         let now_ns = link.now_ns();
         self.since_ns = now_ns;
         if let Err(DeviceError::Disconnected(_)) = answer {
             self.retry_ns = Some(now_ns + RETRY.as_nanos() as u64);
         }
         if self.answers.len() < SLOTS {
-            self.answers.push_back((now_ns, answer));
+            self.answers.push_back((now_ns, self.gate.number(), answer));
         }
     }
 
     fn read(&mut self, now_ns: u64) -> Reading {
         let mut newest = None;
-        while let Some(&(at_ns, answer)) = self.answers.front()
+        while let Some(&(at_ns, number, answer)) = self.answers.front()
             && at_ns <= now_ns
         {
-            newest = Some(answer);
+            newest = Some((number, answer));
             self.answers.pop_front();
         }
         match newest {
-            Some(Ok(state)) => {
+            Some((number, Ok(state))) => {
                 self.gone = None;
+                self.seen = number;
                 Ok(state)
             }
-            Some(Err(error)) => {
+            Some((_, Err(error))) => {
                 if let DeviceError::Disconnected(number) = error {
                     self.gone = Some(number);
                 }
@@ -215,7 +238,7 @@ impl Thread {
 
     fn write(&mut self, wrench: &Wrench) {
         if self.gone.is_none() && self.wrenches.len() < SLOTS {
-            self.wrenches.push_back(*wrench);
+            self.wrenches.push_back((*wrench, self.seen));
         }
     }
 }

@@ -37,7 +37,7 @@ pub(super) struct Host {
 impl Host {
     /// A host that has opened the device.
     pub(super) fn new(protocol: Protocol, model: &DeviceModel, link: &Link, from_ns: u64) -> Self {
-        let driver = Driver::open(protocol, model, link);
+        let driver = Driver::open(protocol, model, PERIOD, link);
         let mut controller = Controller::new(&config(model));
         if let Err(fault) = controller.accept(0, &wall()) {
             panic!("the wall is refused: {fault:?}");

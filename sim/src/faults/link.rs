@@ -10,6 +10,7 @@ use crate::{DeviceModel, NetEnergy, SimDevice};
 use devices::Transport;
 use devices::ftdi::{PACKET, STATUS, Setup, Usb};
 use devices::woodenhaptics::{Form, Geometry};
+use firmware_proto::report::fault::EMERGENCY_STOP;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rt_core::{Device, Probe};
@@ -191,7 +192,12 @@ impl World {
                     Framing::Report
                 };
                 let device = Firmware::new(device, "faults", framing);
-                Emulated::Firmware(Box::new(device.with_homing_ns(HOMING_NS)))
+                // A device that knows its place at once after an emergency stop is back the soonest.
+                let homing_ns = match fault.kind {
+                    Kind::EmergencyStop => 0,
+                    _ => HOMING_NS,
+                };
+                Emulated::Firmware(Box::new(device.with_homing_ns(homing_ns)))
             }
             Protocol::WoodenHaptics => {
                 match WoodenHaptics::new(device, &Geometry::default(), Form::Short) {
@@ -284,6 +290,16 @@ impl World {
             (Emulated::Firmware(device), Kind::Reset) => device.restart(now_ns),
             (Emulated::WoodenHaptics(device), Kind::Reset) => device.restart(now_ns),
             (Emulated::Falcon(device), Kind::Reset) => device.power(false, now_ns),
+            (Emulated::Firmware(device), Kind::EmergencyStop) => {
+                device.fault(EMERGENCY_STOP, now_ns);
+            }
+            (Emulated::Firmware(device), Kind::MotorsOff) => device.power(false, now_ns),
+            (Emulated::WoodenHaptics(device), Kind::EmergencyStop | Kind::MotorsOff) => {
+                device.stop(true, now_ns);
+            }
+            (Emulated::Falcon(device), Kind::EmergencyStop | Kind::MotorsOff) => {
+                device.stop(true, now_ns);
+            }
             (Emulated::Firmware(device), Kind::Flooding) => {
                 **device = (**device).clone().with_rate(1000 * FLOOD);
             }
@@ -301,6 +317,14 @@ impl World {
         let now_ns = self.now_ns;
         match (&mut self.emulated, self.fault.kind) {
             (Emulated::Falcon(device), Kind::Reset) => device.power(true, now_ns),
+            (Emulated::Firmware(device), Kind::EmergencyStop) => device.reset(now_ns),
+            (Emulated::Firmware(device), Kind::MotorsOff) => device.power(true, now_ns),
+            (Emulated::WoodenHaptics(device), Kind::EmergencyStop | Kind::MotorsOff) => {
+                device.stop(false, now_ns);
+            }
+            (Emulated::Falcon(device), Kind::EmergencyStop | Kind::MotorsOff) => {
+                device.stop(false, now_ns);
+            }
             (Emulated::Firmware(device), Kind::Flooding) => {
                 **device = (**device).clone().with_rate(1000);
             }
@@ -396,6 +420,9 @@ impl World {
         }
         self.run(self.now_ns + self.way_ns());
         let (fault, now_ns) = (self.fault, self.now_ns);
+        if fault.is(Kind::Deaf, now_ns) || fault.is(Kind::BrieflyDeaf, now_ns) {
+            return Ok(());
+        }
         let passed = self
             .to_device
             .pass(bytes.to_vec(), 0, &fault, now_ns, &mut self.random);

@@ -221,6 +221,9 @@ impl DeviceSummary {
             )?;
         }
         writeln!(f)?;
+        if let Some(refused) = self.refused_wrenches.filter(|refused| *refused > 0) {
+            writeln!(f, "             the device refused {refused} wrenches")?;
+        }
         // The calls of a simulated device compute its physics, which says nothing of a transport.
         let real = self.motor_work.is_none();
         for (what, times) in [

@@ -1,6 +1,6 @@
 use super::*;
 use crate::scripted::small;
-use rt_core::{Freedom, Vec3};
+use rt_core::{Freedom, Rendering, Vec3};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// What the thread did.
@@ -56,18 +56,27 @@ fn at(device_time_ns: u64) -> DeviceState {
 }
 
 /// Hands `force` over, and waits until the thread has exchanged it. On a busy machine the thread may look so late that the
-/// wrench counts as old; it is then handed over again, while the thread waits for the answer to its zero.
+/// wrench counts as old, or the thread lets go; the wrench is then handed over again, after the answer that says so, while
+/// the thread waits for the answer to its zero.
 fn exchanged(device: &mut Exchanged, seen: &Receiver<Done>, tell: &Sender<Answer>, force: f64) {
     assert_eq!(device.write(0, &push(force)), Ok(()));
     loop {
         match seen.recv().expect("the thread lives") {
             done if done == Done::Exchanged(force) => return,
             Done::Exchanged(0.0) => {
+                let _ = device.read(0);
                 let _ = device.write(0, &push(force));
                 tell.send(Err(DeviceError::NoReport)).expect("it listens");
             }
             other => panic!("{other:?} before {force} N"),
         }
+    }
+}
+
+fn let_go(state: DeviceState) -> DeviceState {
+    DeviceState {
+        rendering: Rendering::LetGo,
+        ..state
     }
 }
 
@@ -178,9 +187,9 @@ fn a_lost_device_comes_back_and_its_clock_goes_on() {
     assert_eq!(seen.recv(), Ok(Done::Reopened));
     tell.send(Ok(at(0))).expect("it listens");
     assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
-    // Its clock starts at 3 ns, and continues from 50 ns.
+    // Its clock starts at 3 ns, and continues from 50 ns. The force before the loss was let go.
     tell.send(Ok(at(3))).expect("it listens");
-    read(&mut device, Ok(at(50)));
+    read(&mut device, Ok(let_go(at(50))));
     exchanged(&mut device, &seen, &tell, 5.0);
     tell.send(Ok(at(10))).expect("it listens");
     read(&mut device, Ok(at(57)));
@@ -219,4 +228,83 @@ fn a_driver_that_panics_is_a_lost_device_and_is_released() {
     assert_eq!(device.write(0, &push(1.0)), Ok(()));
     read(&mut device, Err(DeviceError::Disconnected(ENDED)));
     assert_eq!(seen.recv(), Ok(Done::Released));
+}
+
+/// The thread lets go while the tick hands a wrench over that it computed before: the wrench is not commanded, and the
+/// force returns with a wrench of a tick that has read the let-go.
+#[test]
+fn a_force_that_was_let_go_returns_after_the_tick_was_told() {
+    let (mut device, seen, tell) = told();
+    exchanged(&mut device, &seen, &tell, 1.0);
+    tell.send(Ok(at(1))).expect("it listens");
+    // No further wrench comes in time.
+    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
+    assert_eq!(device.write(0, &push(2.0)), Ok(()));
+    tell.send(Ok(at(2))).expect("it listens");
+    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
+    // The tick reads the state that says so, and its next wrench is commanded.
+    read(&mut device, Ok(let_go(at(2))));
+    assert_eq!(device.write(0, &push(3.0)), Ok(()));
+    tell.send(Ok(at(3))).expect("it listens");
+    loop {
+        match seen.recv().expect("the thread lives") {
+            Done::Exchanged(3.0) => break,
+            // On a busy machine the wrench came too late, and the thread has let go of nothing.
+            other => {
+                assert_eq!(other, Done::Exchanged(0.0));
+                assert_eq!(device.write(0, &push(3.0)), Ok(()));
+                tell.send(Ok(at(3))).expect("it listens");
+            }
+        }
+    }
+    tell.send(Ok(at(4))).expect("it listens");
+    read(&mut device, Ok(at(4)));
+}
+
+#[test]
+fn a_device_that_let_go_gets_no_wrench_from_before() {
+    let (mut device, seen, tell) = told();
+    exchanged(&mut device, &seen, &tell, 1.0);
+    // The tick computes another wrench before the state comes.
+    assert_eq!(device.write(0, &push(2.0)), Ok(()));
+    tell.send(Ok(let_go(at(1)))).expect("it listens");
+    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
+    tell.send(Ok(at(2))).expect("it listens");
+    // The device renders again, but nothing was commanded in this exchange.
+    read(&mut device, Ok(let_go(at(2))));
+    exchanged(&mut device, &seen, &tell, 3.0);
+}
+
+#[test]
+fn the_refusals_of_the_device_are_passed_on() {
+    struct Refusing(u64);
+    impl Exchange for Refusing {
+        fn exchange(&mut self, _: &Wrench) -> Answer {
+            self.0 += 5;
+            Ok(at(self.0))
+        }
+        fn release(&mut self) {}
+        fn reopen(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn refused_wrenches(&self) -> Option<u64> {
+            Some(self.0)
+        }
+    }
+    let mut device = Exchanged::start(Refusing(0), small(Freedom::Three)).expect("a thread");
+    assert_eq!(device.refused_wrenches(), None);
+    let state = loop {
+        let _ = device.write(0, &push(1.0));
+        if let Ok(state) = device.read(0) {
+            break state;
+        }
+    };
+    assert_eq!(device.refused_wrenches(), Some(state.device_time_ns));
+}
+
+#[test]
+fn a_slow_loop_has_more_time_between_two_wrenches() {
+    let times = [1e-3, 1.0 / 150.0, 1.0 / 100.0, 1.0 / 50.0, 1.0];
+    let times = times.map(|period| let_go_after(period).as_millis());
+    assert_eq!(times, [10, 26, 40, 80, 100]);
 }

@@ -1,22 +1,19 @@
 //! The thread that exchanges with one device.
 
-use super::{Counts, Exchange, Handed, LET_GO, MotionSource, RETRY, Reply, SLOTS};
+use super::{Counts, Exchange, Gate, Handed, MotionSource, RETRY, Reply, SLOTS};
 use rt_core::DeviceError;
 use rtrb::{Consumer, Producer};
 use runner::ring::take_newest;
 use runner::schedule::realtime;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{JoinHandle, park_timeout};
 use std::time::{Duration, Instant};
 
 /// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
 /// reported here, because the tick requests a higher priority and reports its own refusal.
 const PRIORITY: u8 = 45;
-
-/// Longest time between two looks for a wrench after which a wrench that is found still counts. After a longer one, the
-/// process was stopped or the device blocked, and the wrench may be as old. A wake-up that is late is no such case.
-const FRESH: Duration = LET_GO.saturating_mul(2);
 
 /// Number of exchanges whose beginning is remembered: more than can wait for the tick.
 const BEGUN: usize = 2 * SLOTS;
@@ -26,15 +23,16 @@ pub(super) fn start(
     exchange: impl Exchange + 'static,
     commands: Consumer<Handed>,
     replies: Producer<Reply>,
-    counts: Arc<Counts>,
+    (counts, let_go_ns): (Arc<Counts>, Arc<AtomicU64>),
 ) -> std::io::Result<JoinHandle<()>> {
     let mut work = Work {
         exchange,
         commands,
         replies,
         counts,
+        let_go_ns,
         looked: Instant::now(),
-        number: 0,
+        gate: Gate::default(),
         begun: [(0, Instant::now()); BEGUN],
     };
     std::thread::Builder::new()
@@ -53,65 +51,89 @@ struct Work<E> {
     commands: Consumer<Handed>,
     replies: Producer<Reply>,
     counts: Arc<Counts>,
-    /// The number of the last exchange.
-    number: u64,
+    /// Time without a wrench after which the thread commands zero (ns).
+    let_go_ns: Arc<AtomicU64>,
+    gate: Gate,
     /// The last exchanges, by number, and when each began.
     begun: [(u64, Instant); BEGUN],
     /// When the thread last looked for a wrench.
     looked: Instant,
 }
 
+/// What the thread is to do next.
+enum Next {
+    /// Command a wrench of the tick.
+    Command(Handed),
+    /// Command zero: the tick has handed over no wrench.
+    LetGo,
+    /// End.
+    End,
+}
+
 impl<E: Exchange> Work<E> {
     /// Exchanges until the end.
     fn run(&mut self) {
         self.looked = Instant::now();
-        while let Some(handed) = self.next() {
-            if self.once(&handed) {
+        loop {
+            let handed = match self.next() {
+                Next::Command(handed) => Some(handed),
+                Next::LetGo => None,
+                Next::End => break,
+            };
+            if self.once(handed) {
                 continue;
             }
             if !self.back() {
                 break;
             }
             // The tick hands over no wrench before it has seen a state.
-            self.once(&Handed::default());
+            self.once(None);
         }
     }
 
-    /// Waits for the newest wrench; zero where none comes within [`LET_GO`]; `None` at the end.
-    fn next(&mut self) -> Option<Handed> {
+    /// Waits for the newest wrench, for a bounded time.
+    fn next(&mut self) -> Next {
         let start = Instant::now();
         loop {
             if self.commands.is_abandoned() {
-                return None;
+                return Next::End;
             }
+            let let_go = Duration::from_nanos(self.let_go_ns.load(Ordering::Relaxed));
             let away = self.looked.elapsed();
             self.looked = Instant::now();
+            // After a longer time between two looks, the process was stopped or the device blocked, and the wrench may be
+            // as old. A wake-up that is late is no such case.
             if let Some(handed) = take_newest(&mut self.commands, |handed, _| *handed)
-                && away <= FRESH
+                && away <= let_go.saturating_mul(2)
             {
-                return Some(handed);
+                return Next::Command(handed);
             }
-            let Some(left) = LET_GO.checked_sub(start.elapsed()) else {
+            let Some(left) = let_go.checked_sub(start.elapsed()) else {
                 Counts::add(&self.counts.let_go);
-                return Some(Handed::default());
+                return Next::LetGo;
             };
             // If a wake-up came after the ring was read, this call returns at once.
             park_timeout(left);
         }
     }
 
-    /// One exchange. Returns false where the device is lost.
-    fn once(&mut self, handed: &Handed) -> bool {
+    /// One exchange, with zero where the tick has handed over no wrench. Returns false where the device is lost.
+    fn once(&mut self, handed: Option<Handed>) -> bool {
         let begun = Instant::now();
-        self.number = self.number.wrapping_add(1);
-        let number = self.number;
+        let wrench = match handed {
+            Some(handed) => self.gate.pass(&handed.wrench, handed.seen),
+            None => self.gate.let_go(),
+        };
+        let number = self.gate.number();
         self.begun[number as usize % BEGUN] = (number, begun);
-        let answer = self.exchange.exchange(&handed.wrench);
+        let mut answer = self.exchange.exchange(&wrench);
+        self.gate.end(&mut answer);
+        let answers = handed.map_or(0, |handed| handed.answers);
         let motion_to_force_ns = match self.exchange.motion_to_force() {
             MotionSource::Device(time_ns) => time_ns,
             MotionSource::Thread => {
-                let (answered, asked) = self.begun[handed.answers as usize % BEGUN];
-                let is_known = handed.answers > 0 && answered == handed.answers;
+                let (answered, asked) = self.begun[answers as usize % BEGUN];
+                let is_known = answers > 0 && answered == answers;
                 let passed = begun.saturating_duration_since(asked).as_nanos();
                 is_known.then(|| u64::try_from(passed).unwrap_or(u64::MAX))
             }
@@ -126,6 +148,7 @@ impl<E: Exchange> Work<E> {
             answer,
             number,
             motion_to_force_ns,
+            refused_wrenches: self.exchange.refused_wrenches(),
         };
         if self.replies.push(reply).is_err() {
             Counts::add(&self.counts.unread);

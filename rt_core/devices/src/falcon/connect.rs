@@ -78,7 +78,8 @@ impl Driver for FalconDriver {
             ..stated
         };
         let device = Exchanged::start(falcon, capabilities);
-        Ok(Box::new(device.map_err(|error| refused(Box::new(error)))?))
+        let device = device.map_err(|error| refused(Box::new(error)))?;
+        Ok(Box::new(device.for_loop(request.period)))
     }
 }
 

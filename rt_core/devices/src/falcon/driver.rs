@@ -43,7 +43,7 @@ const SOONEST_NS: u64 = 200_000;
 /// Most reads in one exchange, so that a stopped clock cannot hold it.
 const READS: u32 = 1000;
 /// Most periods between two samples of the velocity.
-const GAP: u32 = 100;
+const GAP: f64 = 100.0;
 /// Distance from [`CENTRE`] beyond which no grip can be (m).
 const FARTHEST: f64 = 2.0 * WORKSPACE;
 /// Error number of a device that is not open (ENODEV).
@@ -113,10 +113,14 @@ pub struct Falcon<T> {
     estimator: VelocityEstimator,
     /// Time of the start of the device's clock (ns).
     started_ns: u64,
-    /// Time and position (m, from the centre) of the last state.
+    /// Time of the packet that the last state answered (ns), and its position (m, from the centre).
     last: Option<(u64, Vec3)>,
     jacobian: Option<Jacobian>,
     homed: bool,
+    /// Whether a wrench was commanded since the last state for which no torques were sent.
+    withheld: bool,
+    /// Time of the last packet to the device (ns).
+    written_ns: u64,
     /// Whether the answer to the last packet has not come.
     owed: bool,
     /// Number of exchanges in a row without a state, and without an answer.
@@ -137,7 +141,17 @@ impl<T: Ftdi> Falcon<T> {
         clock: impl FnMut() -> u64 + Send + 'static,
         settings: Settings,
     ) -> Result<Self, FalconError> {
-        let mut falcon = Self {
+        let mut falcon = Self::unopened(open, clock, settings);
+        falcon.begin(falcon.settings.tries.uploads)?;
+        Ok(falcon)
+    }
+
+    fn unopened(
+        open: impl FnMut() -> Result<T, i32> + Send + 'static,
+        clock: impl FnMut() -> u64 + Send + 'static,
+        settings: Settings,
+    ) -> Self {
+        Self {
             link: None,
             open: Box::new(open),
             clock: Box::new(clock),
@@ -148,14 +162,14 @@ impl<T: Ftdi> Falcon<T> {
             last: None,
             jacobian: None,
             homed: false,
+            withheld: false,
+            written_ns: 0,
             owed: false,
             stateless: 0,
             silent: 0,
             counts: Counts::default(),
             trouble: None,
-        };
-        falcon.begin(falcon.settings.tries.uploads)?;
-        Ok(falcon)
+        }
     }
 
     /// Opens the device and boots it with at most `uploads` uploads. The driver forgets everything about it before.
@@ -179,6 +193,7 @@ impl<T: Ftdi> Falcon<T> {
         self.last = None;
         self.jacobian = None;
         self.homed = false;
+        self.withheld = false;
         self.owed = false;
         (self.stateless, self.silent) = (0, 0);
         self.counts = Counts::default();
@@ -200,10 +215,11 @@ impl<T: Ftdi> Falcon<T> {
     }
 
     /// The packet that commands `wrench`, as far as the state of the device allows.
-    fn command(&self, wrench: &Wrench) -> Command {
+    fn command(&mut self, wrench: &Wrench) -> Command {
         let jacobian = self
             .jacobian
             .filter(|_| self.homed && self.stateless < STALE);
+        self.withheld |= jacobian.is_none() && wrench.force != Vec3::zeros();
         let torques = jacobian.map_or([0; 3], |jacobian| {
             torque_counts(&jacobian.torques(&wrench.force))
         });
@@ -233,10 +249,10 @@ impl<T: Ftdi> Falcon<T> {
             }
             self.framer.restart();
         }
-        let written_ns = (self.clock)();
+        self.written_ns = (self.clock)();
         link.write(&command.encode()).map_err(failed)?;
         self.owed = true;
-        let soonest_ns = written_ns.saturating_add(SOONEST_NS);
+        let soonest_ns = self.written_ns.saturating_add(SOONEST_NS);
         let (answer, early) = read(link, &mut self.framer, &mut self.clock, WAIT, soonest_ns)?;
         self.counts.early = self.counts.early.saturating_add(early);
         self.owed = answer.is_none();
@@ -261,8 +277,9 @@ impl<T: Ftdi> Falcon<T> {
         }
         // Where the mechanism is singular, the state is good, and there is no torque.
         self.jacobian = Jacobian::at(&place, &angles);
-        let velocity = self.velocity(now_ns, &position);
-        self.last = Some((now_ns, position));
+        let velocity = self.velocity(&position);
+        self.last = Some((self.written_ns, position));
+        let withheld = std::mem::take(&mut self.withheld);
         Ok(DeviceState {
             pose: Pose::at(position),
             twist: Twist {
@@ -271,21 +288,28 @@ impl<T: Ftdi> Falcon<T> {
             },
             buttons: u32::from(report.buttons),
             device_time_ns: now_ns.saturating_sub(self.started_ns),
-            rendering: Rendering::Commanded,
+            rendering: if withheld {
+                Rendering::LetGo
+            } else {
+                Rendering::Commanded
+            },
         })
     }
 
     /// The velocity (m/s) at a new position. The estimator takes one position per period, so after missing states it
-    /// gets evenly interpolated positions.
-    fn velocity(&mut self, now_ns: u64, position: &Vec3) -> Vec3 {
-        let (last_ns, from) = self.last.unwrap_or((now_ns, *position));
-        let gap = now_ns.saturating_sub(last_ns) as f64 * 1e-9;
-        let periods = (gap / self.settings.period)
-            .round()
-            .clamp(1.0, f64::from(GAP)) as u32;
+    /// gets evenly interpolated positions, and after a longer silence it begins anew. The device counts when a packet has
+    /// come, so the time of the packet is that of the position: an answer that is read late makes no velocity.
+    fn velocity(&mut self, position: &Vec3) -> Vec3 {
+        let (last_ns, mut from) = self.last.unwrap_or((self.written_ns, *position));
+        let gap = self.written_ns.saturating_sub(last_ns) as f64 * 1e-9;
+        let mut periods = (gap / self.settings.period).round().max(1.0);
+        if periods > GAP {
+            self.estimator = VelocityEstimator::for_encoder(self.settings.period, STEP);
+            (from, periods) = (*position, 1.0);
+        }
         let mut velocity = Vec3::zeros();
-        for k in 1..=periods {
-            let between = from + (position - from) * (f64::from(k) / f64::from(periods));
+        for k in 1..=periods as u32 {
+            let between = from + (position - from) * (f64::from(k) / periods);
             velocity = self.estimator.update(&between);
         }
         velocity
@@ -390,3 +414,6 @@ impl<T: Ftdi> Exchange for Falcon<T> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,11 +2,16 @@
 //!
 //! The bytes come from a closure rather than from HID, so a test can supply byte arrays. The module never allocates. It
 //! reads at most [`QUEUE`] reports per tick, so a device that sends too many reports cannot stall the tick.
+//!
+//! **What the device renders** ([`Rendering`]) is the worst that the states of a tick say, so that a short pause of a fast
+//! device is not missed. A device without a wrench in force has let go, but for the start: it has a watchdog from the
+//! first wrench of a session to take one. A fault is told even where the device has lost its reference. The state then
+//! has the last pose that is known, because no force may follow from it.
 
-use crate::wire::{corrupt, si_of, state_of};
+use crate::wire::{corrupt, rendering_of, si_of, state_of};
 use firmware_proto::host::{DeviceClock, Event, Host, HostError, MotionToForce};
-use firmware_proto::report::{self, Mode, StateReport, status};
-use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Wrench};
+use firmware_proto::report::{self, Condition, Mode, StateReport, WATCHDOG_US, status};
+use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Pose, Rendering, Twist, Wrench};
 use std::num::NonZeroU32;
 
 /// Largest number of reports read in one tick: as many as the kernel queues.
@@ -39,6 +44,16 @@ pub struct Reports {
     shown: Option<MotionToForce>,
     /// Why the last report that was not used was not.
     pub refused: Option<HostError>,
+    /// Reports that the device refused since it has its reference. The device's own count wraps at 256.
+    pub refused_by_device: u64,
+    /// The device's own count at its last state.
+    refused_last: Option<u8>,
+    /// Whether a wrench has been in force.
+    was_in_force: bool,
+    /// When the first wrench was sent (ns).
+    first_wrench_ns: Option<u64>,
+    /// The last pose of a device with its reference.
+    pose: Pose,
 }
 
 impl Reports {
@@ -58,7 +73,22 @@ impl Reports {
             motion_to_force: None,
             shown: None,
             refused: None,
+            refused_by_device: 0,
+            refused_last: None,
+            was_in_force: false,
+            first_wrench_ns: None,
+            pose: Pose::identity(),
         }
+    }
+
+    /// Begins another session, with a device that was connected again. The counts begin anew, but for the reports that
+    /// the device refused.
+    pub(crate) fn begin_session(&mut self, session: NonZeroU32, watchdog_us: u32) {
+        *self = Self {
+            refused_by_device: self.refused_by_device,
+            pose: self.pose,
+            ..Self::new(session, watchdog_us)
+        };
     }
 
     /// The host's side of the protocol: the device's own capabilities, its lost reports. The offset between the clocks
@@ -74,7 +104,7 @@ impl Reports {
     /// That of `next`, where it comes before a state; otherwise why no state came.
     ///
     /// The position of a device that has not found its reference cannot be trusted: the states of such a device count
-    /// as missing.
+    /// as missing, unless they tell of a fault.
     pub fn newest(
         &mut self,
         sensed: Freedom,
@@ -109,7 +139,8 @@ impl Reports {
             }) => {
                 self.good += 1;
                 self.superseded += u64::from(newest.is_state());
-                self.take(&report, motion_to_force);
+                let rendering = self.take(&report, motion_to_force, now_ns);
+                newest.rendering = worse(newest.rendering, rendering);
                 newest.state = Some(report);
             }
             // No driver has the kinematics of such a device.
@@ -118,7 +149,11 @@ impl Reports {
                 newest.fault = Some(DeviceError::Corrupt(Corruption::Kind));
             }
             Ok(Event::Capabilities(_) | Event::Geometry(_) | Event::Joint(_)) => self.good += 1,
-            Err(HostError::Session { .. }) => self.other_session += 1,
+            Err(HostError::Session { .. }) => {
+                self.other_session += 1;
+                // A device that was restarted counts anew.
+                self.refused_last = None;
+            }
             Err(HostError::Sequence) => self.old += 1,
             Err(HostError::Report(error)) => {
                 self.corrupt += 1;
@@ -137,10 +172,22 @@ impl Reports {
             return Err(newest.fault.unwrap_or(DeviceError::NoReport));
         };
         let device_time_ns = self.clock.advance(report.condition.time_us);
-        if report.condition.status & status::CALIBRATED == 0 {
-            return Err(DeviceError::NoReport);
+        let state = DeviceState {
+            rendering: newest.rendering,
+            ..state_of(&report, sensed, device_time_ns)
+        };
+        if report.condition.status & status::CALIBRATED != 0 {
+            self.pose = state.pose;
+            return Ok(state);
         }
-        Ok(state_of(&report, sensed, device_time_ns))
+        match state.rendering {
+            Rendering::Fault(_) => Ok(DeviceState {
+                pose: self.pose,
+                twist: Twist::zero(),
+                ..state
+            }),
+            _ => Err(DeviceError::NoReport),
+        }
     }
 
     /// The hello to write before the first tick.
@@ -150,7 +197,11 @@ impl Reports {
 
     /// The report to write in the tick of `now_ns`, if any; see [`Host::command`]. `wrench` is in device axes.
     pub fn command(&mut self, wrench: &Wrench, now_ns: u64) -> Option<[u8; report::LENGTH]> {
-        self.host.command(&si_of(wrench), now_ns)
+        let command = self.host.command(&si_of(wrench), now_ns)?;
+        if self.host.ready() {
+            self.first_wrench_ns.get_or_insert(now_ns);
+        }
+        Some(command)
     }
 
     /// Begins a read.
@@ -170,19 +221,61 @@ impl Reports {
         self.host.release()
     }
 
-    fn take(&mut self, report: &StateReport, motion_to_force: Option<MotionToForce>) {
-        self.status = report.condition.status;
-        self.mode = report.condition.mode;
-        self.fault = report.condition.fault;
+    /// Takes the condition in a state that came at `now_ns`. Returns what the device renders.
+    fn take(
+        &mut self,
+        report: &StateReport,
+        motion_to_force: Option<MotionToForce>,
+        now_ns: u64,
+    ) -> Rendering {
+        let condition = &report.condition;
+        self.status = condition.status;
+        self.mode = condition.mode;
+        self.fault = condition.fault;
         self.motion_to_force = motion_to_force.or(self.motion_to_force);
         self.shown = motion_to_force.or(self.shown);
+        let refused = condition.refused;
+        // A device that searches its reference refuses every wrench, as it must: these do not count.
+        let starts = matches!(condition.mode, Mode::Boot | Mode::Homing);
+        let last = self.refused_last.filter(|_| !starts).unwrap_or(refused);
+        let more = refused.wrapping_sub(last);
+        self.refused_by_device = self.refused_by_device.saturating_add(more.into());
+        self.refused_last = (!starts).then_some(refused);
+        self.rendering(condition, now_ns)
+    }
+
+    /// What a device of this condition renders at `now_ns`.
+    fn rendering(&mut self, condition: &Condition, now_ns: u64) -> Rendering {
+        let in_force = condition.in_force().is_some();
+        self.was_in_force |= in_force;
+        let watchdog_us = self.host.capabilities().map(|report| report.watchdog_us);
+        let watchdog_ns = u64::from(watchdog_us.unwrap_or(WATCHDOG_US)).saturating_mul(1000);
+        let waits = self
+            .first_wrench_ns
+            .is_none_or(|first_ns| now_ns.saturating_sub(first_ns) <= watchdog_ns);
+        let starts = !in_force && !self.was_in_force && waits;
+        let taken = if starts { status::IN_FORCE } else { 0 };
+        rendering_of(&Condition {
+            status: condition.status | taken,
+            ..*condition
+        })
     }
 }
 
-/// The newest state of some reports, or the last fault among them.
+/// The worse of what two states say.
+fn worse(a: Rendering, b: Rendering) -> Rendering {
+    match (a, b) {
+        (_, fault @ Rendering::Fault(_)) | (fault @ Rendering::Fault(_), _) => fault,
+        (Rendering::LetGo, _) | (_, Rendering::LetGo) => Rendering::LetGo,
+        _ => Rendering::Commanded,
+    }
+}
+
+/// The newest state of some reports, the worst that they say of the rendering, or the last fault among them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Newest {
     state: Option<StateReport>,
+    rendering: Rendering,
     fault: Option<DeviceError>,
 }
 
@@ -337,6 +430,195 @@ mod tests {
             (result, reports.status),
             (Err(DeviceError::NoReport), status::POWERED)
         );
+    }
+
+    /// The state `sequence` at `sequence` ms, with a wrench in force or none.
+    fn condition(sequence: u16, change: impl FnOnce(&mut Condition)) -> StateReport {
+        let mut report = sent(sequence, u32::from(sequence) * 1000);
+        change(&mut report.condition);
+        report
+    }
+
+    fn in_force(condition: &mut Condition) {
+        condition.mode = Mode::Active;
+        condition.status |= status::IN_FORCE;
+    }
+
+    /// A host that the device has answered, and that has sent its first wrench at 2 ms. The watchdog is 10 ms.
+    fn ready() -> Reports {
+        let mut reports = Reports::new(SESSION, 0);
+        let hello = reports.command(&Wrench::zero(), 0).expect("a hello");
+        let hello = HelloReport::decode(&hello).expect("a hello");
+        let answer = CapabilitiesReport {
+            sequence: 1,
+            session: SESSION.get(),
+            hello: hello.sequence,
+            hello_time_us: 500,
+            watchdog_us: 10_000,
+            model: Model {
+                sensed: 7,
+                rate: [1, 1000],
+                name: [b'x'; 16],
+                ..Model::default()
+            },
+        };
+        let first = [
+            answer.encode().to_vec(),
+            condition(2, |_| ()).encode().to_vec(),
+        ];
+        let state = reports.newest(Freedom::Three, 2 * MS, queue(first.into()));
+        assert_eq!(state.map(|state| state.rendering), Ok(Rendering::Commanded));
+        assert!(reports.command(&Wrench::zero(), 2 * MS).is_some());
+        reports
+    }
+
+    const MS: u64 = 1_000_000;
+
+    /// What some states that come at once say of the rendering.
+    fn rendering(reports: &mut Reports, states: &[StateReport]) -> Rendering {
+        let at = states.last().map_or(0, |state| u64::from(state.sequence)) * MS;
+        let state = reports.newest(Freedom::Three, at, queue(bytes(states)));
+        state.expect("a state").rendering
+    }
+
+    #[test]
+    fn a_device_renders_while_a_wrench_is_in_force_and_its_amplifiers_are_on() {
+        let mut reports = ready();
+        // It may take a watchdog until the first wrench is in force.
+        for sequence in 3..=12 {
+            let waits = condition(sequence, |_| ());
+            assert_eq!(rendering(&mut reports, &[waits]), Rendering::Commanded);
+        }
+        let late = condition(13, |_| ());
+        assert_eq!(rendering(&mut reports, &[late]), Rendering::LetGo);
+        let taken = condition(14, in_force);
+        assert_eq!(rendering(&mut reports, &[taken]), Rendering::Commanded);
+        let watchdog = condition(15, |condition| condition.status |= status::WATCHDOG);
+        assert_eq!(rendering(&mut reports, &[watchdog]), Rendering::LetGo);
+        let unpowered = condition(16, |condition| {
+            in_force(condition);
+            condition.status &= !status::POWERED;
+        });
+        assert_eq!(rendering(&mut reports, &[unpowered]), Rendering::LetGo);
+        let again = condition(17, in_force);
+        assert_eq!(rendering(&mut reports, &[again]), Rendering::Commanded);
+    }
+
+    #[test]
+    fn a_force_that_was_there_is_missed_at_once() {
+        let mut reports = ready();
+        assert_eq!(
+            rendering(&mut reports, &[condition(3, in_force)]),
+            Rendering::Commanded
+        );
+        assert_eq!(
+            rendering(&mut reports, &[condition(4, |_| ())]),
+            Rendering::LetGo
+        );
+    }
+
+    #[test]
+    fn a_pause_between_two_ticks_is_not_missed() {
+        let fault = |condition: &mut Condition| {
+            condition.mode = Mode::Fault;
+            condition.fault = 3;
+        };
+        let mut reports = ready();
+        let pause = [
+            condition(3, in_force),
+            condition(4, |_| ()),
+            condition(5, in_force),
+        ];
+        assert_eq!(rendering(&mut reports, &pause), Rendering::LetGo);
+        assert_eq!(
+            rendering(&mut reports, &[condition(6, in_force)]),
+            Rendering::Commanded
+        );
+        // A fault is worse than a pause, whatever the order.
+        let both = [condition(7, fault), condition(8, |_| ())];
+        assert_eq!(rendering(&mut reports, &both), Rendering::Fault(3));
+        let both = [
+            condition(9, |_| ()),
+            condition(10, fault),
+            condition(11, in_force),
+        ];
+        assert_eq!(rendering(&mut reports, &both), Rendering::Fault(3));
+    }
+
+    /// A fault is told even where the device has lost its reference. No force may follow from the pose, which is the last
+    /// that is known.
+    #[test]
+    fn a_fault_is_told_without_a_reference() {
+        let fault = |sequence| {
+            let mut report = condition(sequence, |condition| {
+                condition.mode = Mode::Fault;
+                condition.fault = 1;
+                condition.status = 0;
+            });
+            report.position = [7_000_000; 3];
+            report
+        };
+        let mut reports = Reports::new(SESSION, 0);
+        let first = reports.newest(Freedom::Three, MS, queue(bytes(&[fault(1)])));
+        let first = first.expect("a state");
+        assert_eq!(
+            (first.rendering, first.pose),
+            (Rendering::Fault(1), Pose::identity())
+        );
+        let known = reports.newest(Freedom::Three, 2 * MS, queue(bytes(&[sent(2, 2000)])));
+        let known = known.expect("a state").pose;
+        assert_ne!(known, Pose::identity());
+        let again = reports.newest(Freedom::Three, 3 * MS, queue(bytes(&[fault(3)])));
+        let again = again.expect("a state");
+        assert_eq!((again.rendering, again.pose), (Rendering::Fault(1), known));
+        assert_eq!(again.twist, Twist::zero());
+    }
+
+    #[test]
+    fn the_refusals_of_the_device_are_counted_beyond_its_own_count() {
+        let refused = |sequence, refused| {
+            condition(sequence, |condition| {
+                in_force(condition);
+                condition.refused = refused;
+            })
+        };
+        let mut reports = ready();
+        // The count before the first state is of nobody's wrenches here: it is zero in the state 2.
+        for (sequence, count, all) in [
+            (3, 3, 3),
+            (4, 3, 3),
+            (5, 255, 255),
+            (6, 2, 258),
+            (7, 1, 513),
+        ] {
+            rendering(&mut reports, &[refused(sequence, count)]);
+            assert_eq!(reports.refused_by_device, all);
+        }
+        // What the device refuses while it searches its reference does not count.
+        let searches = condition(8, |condition| {
+            condition.mode = Mode::Homing;
+            condition.refused = 40;
+        });
+        rendering(&mut reports, &[searches, refused(9, 41)]);
+        rendering(&mut reports, &[refused(10, 42)]);
+        assert_eq!(reports.refused_by_device, 514);
+        // A device that was restarted counts from zero, and has no session.
+        let restarted = StateReport {
+            session: 0,
+            ..refused(0, 0)
+        };
+        let none = reports.newest(Freedom::Three, 11 * MS, queue(bytes(&[restarted])));
+        assert_eq!(none, Err(DeviceError::NoReport));
+        let session = NonZeroU32::MIN;
+        reports.begin_session(session, 0);
+        let mut first = refused(1, 9);
+        first.session = session.get();
+        rendering(&mut reports, &[first]);
+        assert_eq!(reports.refused_by_device, 514);
+        let mut next = refused(2, 10);
+        next.session = session.get();
+        rendering(&mut reports, &[next]);
+        assert_eq!(reports.refused_by_device, 515);
     }
 
     #[test]

@@ -11,8 +11,8 @@ use std::num::NonZeroU8;
 
 /// Largest force of the device (µN).
 const MOST: u32 = 8_000_000;
-/// The number of states that a wrench may answer.
-const STATES: usize = 32;
+/// The number of runs of states that a device remembers.
+const RUNS: usize = 32;
 
 /// The rules of the protocol, written a second time: which wrench may be in force.
 #[derive(Debug)]
@@ -21,7 +21,8 @@ struct Rules {
     mode: Mode,
     session: u32,
     watchdog_us: u64,
-    /// Sequence numbers and times (µs) of the states of this session that no later state replaced, oldest first.
+    /// The states that a wrench may answer, oldest first: the sequence number of each, and the time of the first state of
+    /// its run (µs).
     states: Vec<(u16, u64)>,
     /// Sequence number of the last wrench of this session.
     last: Option<u16>,
@@ -35,6 +36,7 @@ impl Rules {
             && self.now_us - came_us >= self.watchdog_us
         {
             self.let_go();
+            self.states.clear();
         }
     }
 
@@ -175,10 +177,21 @@ impl World {
         let report = self.device.report(now_us, Inputs::default(), &measured);
         if let Ok(state) = StateReport::decode(&report) {
             assert_eq!(state.session, self.rules.session);
-            let place = |sequence: u16| usize::from(sequence) % STATES;
-            let states = &mut self.rules.states;
-            states.retain(|(sequence, _)| place(*sequence) != place(state.sequence));
-            states.push((state.sequence, self.rules.now_us));
+            let Rules {
+                states,
+                now_us,
+                watchdog_us,
+                ..
+            } = &mut self.rules;
+            // A state that follows the last one within a 31st part of the watchdog counts as old as the first such state.
+            let begun_us = states.last().filter(|(last, begun_us)| {
+                state.sequence == last.wrapping_add(1) && *now_us - begun_us <= *watchdog_us / 31
+            });
+            let begun_us = begun_us.map_or(*now_us, |(_, begun_us)| *begun_us);
+            states.push((state.sequence, begun_us));
+            let runs = states.chunk_by(|(a, at), (b, of)| at == of && *b == a.wrapping_add(1));
+            let kept = runs.rev().take(RUNS).map(<[_]>::len).sum::<usize>();
+            states.drain(..states.len() - kept);
         } else {
             // An answer to a hello has a number of its own, and cannot be answered.
             let decoded = Report::decode(&report);

@@ -39,7 +39,7 @@ pub fn plugin_state(bytes: &[u8]) -> usize {
         angular_velocity: [input.f64(), input.f64(), input.f64()],
         time_ns: u64::from_le_bytes(input.array()),
         buttons: input.u32(),
-        reserved: input.u32(),
+        rendering: input.u32(),
     };
     let x = Axes::new([true, false, false]).map(Freedom::Along);
     for sensed in [Some(Freedom::Three), Some(Freedom::Six), x]

@@ -9,6 +9,11 @@ pub(super) const OK: c_int = 0;
 /// The name of the function that a plug-in exports.
 pub(super) const ENTRY: &std::ffi::CStr = c"palpate_plugin_entry";
 
+/// `PALPATE_RENDERS`.
+pub(super) const RENDERS: u32 = 0;
+/// `PALPATE_FAULT`, the number of a device with the fault 0.
+pub(super) const FAULT: u32 = 256;
+
 /// `palpate_wrench`.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
@@ -27,7 +32,7 @@ pub(crate) struct State {
     pub(crate) angular_velocity: [f64; 3],
     pub(crate) time_ns: u64,
     pub(crate) buttons: u32,
-    pub(crate) reserved: u32,
+    pub(crate) rendering: u32,
 }
 
 /// `palpate_capabilities`.

@@ -120,7 +120,7 @@ fn start(
         .map_err(|error| refused(request.address, &error))?;
     let device =
         Exchanged::start(device, capabilities).map_err(|error| refused(request.address, &error))?;
-    Ok(Box::new(device))
+    Ok(Box::new(device.for_loop(request.period)))
 }
 
 fn wrong(address: &str, allowed: &'static str) -> OpenError {

@@ -98,7 +98,7 @@ impl<T: Transport> Serial<T> {
         // Nobody else can open a tty before it is closed.
         self.transport = None;
         self.transport = Some((self.open)().map_err(SerialError::Ended)?);
-        self.reports = Reports::new(session(), self.watchdog_us);
+        self.reports.begin_session(session(), self.watchdog_us);
         self.decoder = Decoder::new();
         let start_ns = (self.clock)();
         self.heard_ns = start_ns;
@@ -233,5 +233,9 @@ impl<T: Transport> Exchange for Serial<T> {
 
     fn motion_to_force(&self) -> MotionSource {
         MotionSource::Device(self.reports.shown_ns())
+    }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        Some(self.reports.refused_by_device)
     }
 }

@@ -146,7 +146,8 @@ impl Driver for WoodenHapticsDriver {
         let device = WoodenHaptics::open(&setup, first_then(first, again), clock());
         let device = device.map_err(|error: DriverError| refused(Box::new(error)))?;
         let device = Exchanged::start(device, request.model.capabilities());
-        Ok(Box::new(device.map_err(|error| refused(Box::new(error)))?))
+        let device = device.map_err(|error| refused(Box::new(error)))?;
+        Ok(Box::new(device.for_loop(request.period)))
     }
 }
 

@@ -9,6 +9,9 @@
 //! handle at the home position and presses the button for calibration. Before that, states are missing and the currents
 //! are zero. The same holds after the connection was lost and after the counters began anew.
 //!
+//! **What the device renders.** The protocol does not tell. The driver knows when it sent no currents for a wrench; the
+//! state after it says that the device let go.
+//!
 //! **Time.** The protocol has none, so a clock is given to the driver. [`counted`] is a clock that counts exchanges.
 
 use super::counters::{Counters, Taken};
@@ -145,6 +148,8 @@ pub struct WoodenHaptics<T> {
     /// Time of the last exchange since the first (ns).
     last_ns: u64,
     slope: Slope,
+    /// Whether a wrench was commanded since the last state for which no currents were sent.
+    withheld: bool,
     counts: Counts,
 }
 
@@ -178,6 +183,7 @@ impl<T: Transport> WoodenHaptics<T> {
             origin_ns: None,
             last_ns: 0,
             slope: Slope::default(),
+            withheld: false,
             counts: Counts::default(),
         })
     }
@@ -223,6 +229,9 @@ impl<T: Transport> WoodenHaptics<T> {
 
     /// The report of the next exchange. There is no force unless the position is known.
     fn command(&mut self, force: &Vec3) -> CurrentReport {
+        let is_known =
+            matches!(&self.calibration, Calibration::Known(counters) if !counters.in_doubt());
+        self.withheld |= !is_known && *force != Vec3::zeros();
         match &mut self.calibration {
             Calibration::Known(counters) if !counters.in_doubt() => {
                 let angles = self.kinematics.angles(counters.counts());
@@ -340,6 +349,7 @@ impl<T: Transport> WoodenHaptics<T> {
         let Calibration::Known(counters) = &self.calibration else {
             return Err(DeviceError::NoReport);
         };
+        let withheld = std::mem::take(&mut self.withheld);
         let position = self
             .kinematics
             .forward(self.kinematics.angles(counters.counts()));
@@ -351,7 +361,11 @@ impl<T: Transport> WoodenHaptics<T> {
             },
             buttons: u32::from(report.is_pressed(self.form)),
             device_time_ns: now_ns,
-            rendering: Rendering::Commanded,
+            rendering: if withheld {
+                Rendering::LetGo
+            } else {
+                Rendering::Commanded
+            },
         })
     }
 
@@ -408,6 +422,7 @@ impl<T: Transport> Exchange for WoodenHaptics<T> {
         self.origin_ns = None;
         self.last_ns = 0;
         self.slope = Slope::default();
+        self.withheld = false;
         self.send(&CurrentReport::default())
     }
 }

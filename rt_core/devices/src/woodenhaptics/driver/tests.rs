@@ -297,12 +297,29 @@ fn a_jump_is_corrupt_and_takes_the_force_until_the_counters_are_back() {
     assert_ne!(link.last().currents, ZEROS);
     link.reply([at([a, b, c + 2000]), at([a, b, c]), at([a, b, c])]);
     let corrupt = Err(DeviceError::Corrupt(Corruption::Range));
+    let rendering = |driver: &mut WoodenHaptics<Link>, wrench: &Wrench| {
+        driver.exchange(wrench).map(|state| state.rendering)
+    };
     assert_eq!(driver.exchange(&push()), corrupt);
-    assert!(driver.exchange(&push()).is_ok());
+    // The state after currents that were left out says so.
+    assert_eq!(rendering(&mut driver, &push()), Ok(Rendering::LetGo));
     assert_eq!(link.last().currents, ZEROS);
-    assert!(driver.exchange(&push()).is_ok());
+    assert_eq!(rendering(&mut driver, &push()), Ok(Rendering::Commanded));
     assert_ne!(link.last().currents, ZEROS);
     assert_eq!((driver.counts().corrupt, driver.counts().restarts), (1, 0));
+    // No force was asked for, so none was let go. A force that is too small for a current is no force that is left out.
+    link.reply([at([a, b, c + 2000]), at([a, b, c]), at([a, b, c])]);
+    assert_eq!(driver.exchange(&push()), corrupt);
+    assert_eq!(
+        rendering(&mut driver, &Wrench::zero()),
+        Ok(Rendering::Commanded)
+    );
+    let small = Wrench {
+        force: push().force * 1e-6,
+        ..push()
+    };
+    assert_eq!(rendering(&mut driver, &small), Ok(Rendering::Commanded));
+    assert_eq!(link.last().currents, ZEROS);
 }
 
 #[test]

@@ -1,0 +1,200 @@
+//! Which wrenches may be commanded after a device let go.
+//!
+//! The tick commands no force to a device that says that it let go ([`Rendering`]), and the force returns along a ramp.
+//! Some wrenches are computed before the tick has read that state. Commanded, they would bring the whole force back at
+//! once. So the thread of a device counts its exchanges, and the tick hands over with each wrench the number of the
+//! newest exchange whose state it has read. A wrench from before the state that tells of the let-go is held back. The tick
+//! reads the newest state only, so each state says that the device let go until the tick has read one of them.
+
+use super::Answer;
+use rt_core::{Rendering, Wrench};
+
+/// Holds back the wrenches that were computed before the tick could know that the device had let go.
+///
+/// ```
+/// use devices::exchange::Gate;
+/// use rt_core::{DeviceState, Rendering, Vec3, Wrench};
+///
+/// let push = Wrench { force: Vec3::x(), moment: Vec3::zeros() };
+/// let mut gate = Gate::default();
+/// // The tick has read no state, and nothing let go.
+/// assert_eq!(gate.pass(&push, 0), push);
+/// gate.end(&mut Ok(DeviceState::resting()));
+/// // The tick falls silent: the thread lets go, and the state of this second exchange says so.
+/// assert_eq!(gate.let_go(), Wrench::zero());
+/// let mut answer = Ok(DeviceState::resting());
+/// gate.end(&mut answer);
+/// assert_eq!(answer.unwrap().rendering, Rendering::LetGo);
+/// // A wrench of a tick that has read the state of the first exchange only.
+/// assert_eq!(gate.pass(&push, 1), Wrench::zero());
+/// gate.end(&mut Ok(DeviceState::resting()));
+/// assert_eq!(gate.pass(&push, 2), push);
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Gate {
+    /// The number of the last exchange, from one.
+    number: u64,
+    /// The number of the last exchange in which the device had let go.
+    let_go: u64,
+    /// The number of the newest exchange whose state the tick has read, as far as the wrenches say.
+    seen: u64,
+    /// Whether the state of this exchange tells that the device had let go.
+    tells: bool,
+    /// Whether the last wrench that was commanded has a force or a moment.
+    acts: bool,
+}
+
+impl Gate {
+    /// Begins an exchange with a wrench of the tick, which had read the state of the exchange `seen` when it computed the
+    /// wrench (zero for none). Returns the wrench to command.
+    pub fn pass(&mut self, wrench: &Wrench, seen: u64) -> Wrench {
+        self.number = self.number.wrapping_add(1);
+        self.seen = self.seen.max(seen);
+        self.tells = self.seen < self.let_go;
+        let command = if self.tells { Wrench::zero() } else { *wrench };
+        self.acts = command != Wrench::zero();
+        command
+    }
+
+    /// Begins an exchange without a wrench of the tick. Returns the wrench to command, which is zero. Where there was no
+    /// force before, nothing was let go.
+    pub fn let_go(&mut self) -> Wrench {
+        self.number = self.number.wrapping_add(1);
+        if self.acts {
+            self.let_go = self.number;
+        }
+        self.acts = false;
+        self.tells = self.seen < self.let_go;
+        Wrench::zero()
+    }
+
+    /// Ends the exchange with its answer, which then says whether the wrench of the tick was rendered.
+    pub fn end(&mut self, answer: &mut Answer) {
+        let Ok(state) = answer else {
+            return;
+        };
+        if state.rendering != Rendering::Commanded {
+            self.let_go = self.number;
+        } else if self.tells {
+            state.rendering = Rendering::LetGo;
+        }
+    }
+
+    /// The number of the last exchange, from one.
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rt_core::{DeviceError, DeviceState, Vec3};
+
+    /// What happens between a tick and the thread of its device.
+    #[derive(Clone, Copy, Debug)]
+    enum Step {
+        /// The tick reads the newest state and hands a wrench over: no force where the state says that the device let go.
+        Tick,
+        /// The thread exchanges the newest wrench, or lets go where there is none.
+        Exchange {
+            device_lets_go: bool,
+            lost_answer: bool,
+        },
+    }
+
+    fn step() -> impl Strategy<Value = Step> {
+        let exchange = (0..8_u8, 0..8_u8).prop_map(|(lets_go, lost)| Step::Exchange {
+            device_lets_go: lets_go == 0,
+            lost_answer: lost == 0,
+        });
+        prop_oneof![Just(Step::Tick), exchange]
+    }
+
+    struct Pipe {
+        gate: Gate,
+        /// The wrench that waits, with the number that the tick has seen.
+        handed: Option<(Wrench, u64)>,
+        reply: Option<(DeviceState, u64)>,
+        seen: u64,
+        /// Whether the force is gone, and no tick has learned it yet.
+        untold: bool,
+        last: Wrench,
+    }
+
+    impl Pipe {
+        fn take(&mut self, step: Step) {
+            match step {
+                Step::Tick => {
+                    let mut force = Vec3::x();
+                    if let Some((state, number)) = self.reply.take() {
+                        self.seen = number;
+                        if state.rendering != Rendering::Commanded {
+                            force = Vec3::zeros();
+                            self.untold = false;
+                        }
+                    }
+                    let moment = Vec3::zeros();
+                    self.handed = Some((Wrench { force, moment }, self.seen));
+                }
+                Step::Exchange {
+                    device_lets_go,
+                    lost_answer,
+                } => {
+                    let command = match self.handed.take() {
+                        Some((wrench, seen)) => self.gate.pass(&wrench, seen),
+                        None => self.gate.let_go(),
+                    };
+                    if command != Wrench::zero() {
+                        assert!(!self.untold, "a force from before the let-go");
+                    } else {
+                        self.untold |= self.last != Wrench::zero() && self.gate.tells;
+                    }
+                    self.last = command;
+                    let mut state = DeviceState::resting();
+                    if device_lets_go {
+                        state.rendering = Rendering::LetGo;
+                    }
+                    let mut answer = Ok(state);
+                    if lost_answer {
+                        answer = Err(DeviceError::NoReport);
+                    }
+                    self.gate.end(&mut answer);
+                    if let Ok(state) = answer {
+                        self.untold |= device_lets_go;
+                        self.reply = Some((state, self.gate.number()));
+                    }
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn no_force_returns_before_a_tick_knows_that_it_was_let_go(
+            steps in prop::collection::vec(step(), 1..200),
+        ) {
+            let mut pipe = Pipe {
+                gate: Gate::default(),
+                handed: None,
+                reply: None,
+                seen: 0,
+                untold: false,
+                last: Wrench::zero(),
+            };
+            for step in steps {
+                pipe.take(step);
+            }
+            // A device that renders has its force again after four ticks: the state that tells, the wrench without a
+            // force, the state that renders, and the wrench.
+            for _ in 0..4 {
+                pipe.take(Step::Tick);
+                pipe.take(Step::Exchange { device_lets_go: false, lost_answer: false });
+            }
+            prop_assert!(pipe.last != Wrench::zero());
+        }
+    }
+}
