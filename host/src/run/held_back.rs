@@ -52,10 +52,13 @@ pub(super) fn summaries(
         push(&device.name, "device let go", &found.let_go, why);
         let why = "the force returns slowly after a fault".to_owned();
         push(&device.name, "return", &found.recovering, why);
-        let why = format!(
-            "the force comes in over {} s (`engage.ramp`)",
-            device.ramp()
-        );
+        let why = match device.ramp() {
+            0.0 => format!(
+                "the force comes in over {} s (`recovery`, where there is no `engage.ramp`)",
+                scene.realtime.recovery
+            ),
+            ramp => format!("the force comes in over {ramp} s (`engage.ramp`)"),
+        };
         push(&device.name, "engagement", &found.engaging, why);
         let why = "the hand did not hold the dead-man button".to_owned();
         push(&device.name, "dead-man button", &found.hands_off, why);
