@@ -1,58 +1,82 @@
 //! The host of a run: the driver of the device, and the controller with the wall.
 
 use super::driver::Driver;
-use super::link::Link;
-use super::{DISTANCE, PATIENCE, PERIOD_NS, Protocol, WALL};
+use super::link::{Injected, Link};
+use super::{DISTANCE, Kind, PATIENCE, PERIOD_NS, Plan, Protocol, WALL};
 use crate::DeviceModel;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
+use rt_core::engage::{ARM_ORDER, EngageConfig, STOP_ORDER};
 use rt_core::safety::{SafetyConfig, SafetyState};
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
     Controller, ControllerConfig, DeviceError, Freedom, LocalModel, MAX_DEVICES, PassivityConfig,
-    Port, Scheme, Vec3,
+    Port, Scheme, Telemetry, TickTime, Vec3,
 };
 
 /// Period of the tick (s).
 const PERIOD: f64 = PERIOD_NS as f64 * 1e-9;
+/// The dead-man button.
+const DEAD_MAN: u32 = 1 << 8;
+/// Time from a command to the force of the device, at most, where none is late (ns).
+const ANSWERED_NS: u64 = 4 * PERIOD_NS;
+/// Time between two models of a host that publishes more than one (ns).
+const PUBLISHED_NS: u64 = 8 * PERIOD_NS;
 
 /// The host.
 pub(super) struct Host {
     link: Link,
     driver: Driver,
     controller: Controller,
-    commands: Vec<(u64, f64)>,
+    /// Since the fault began: the time of each command (ns), its force, and the growth of the force that the motion of the
+    /// hand explains (N).
+    commands: Vec<(u64, f64, f64)>,
+    /// Force of the wall at the proxy (N), and velocity of the proxy (m/s), in the last tick.
+    proxy: [f64; 2],
+    /// Largest damping that the scheme renders beside that of the wall (N s/m): the dampers that take out missing energy
+    /// follow the velocity, in which each count shows.
+    damping: f64,
     missed: u64,
     /// Ticks in a row without a state; `None` before the first state.
     without: Option<u64>,
-    from_ns: u64,
+    fault: Injected,
+    /// Time of the last tick (ns): the host knows of no later one.
+    told_ns: u64,
     /// Times that the controller took the device for silent, before the fault.
     trips_before: u64,
-    jump: f64,
     /// What the last stage did in the last tick.
     safety: Option<SafetyState>,
 }
 
 impl Host {
     /// A host that has opened the device.
-    pub(super) fn new(protocol: Protocol, model: &DeviceModel, link: &Link, from_ns: u64) -> Self {
-        let driver = Driver::open(protocol, model, PERIOD, link);
-        let mut controller = Controller::new(&config(model));
-        if let Err(fault) = controller.accept(0, &wall()) {
-            panic!("the wall is refused: {fault:?}");
-        }
-        Self {
+    pub(super) fn new(protocol: Protocol, plan: &Plan, link: &Link, fault: Injected) -> Self {
+        let mut new = Self {
             link: link.clone(),
-            driver,
-            controller,
+            driver: Driver::open(protocol, &plan.model, PERIOD, link),
+            controller: Controller::new(&config(plan, fault.kind)),
             commands: Vec::new(),
+            proxy: [0.0; 2],
+            damping: match plan.scheme {
+                Scheme::Capped | Scheme::Classic => late_damping(&plan.model),
+                _ => 0.0,
+            },
             missed: 0,
             without: None,
-            from_ns,
+            fault,
+            told_ns: 0,
             trips_before: 0,
-            jump: 0.0,
             safety: None,
+        };
+        new.publish(1);
+        new
+    }
+
+    /// The host publishes the wall.
+    fn publish(&mut self, now_ns: u64) {
+        if let Err(fault) = self.controller.accept(0, &wall(now_ns)) {
+            panic!("the wall is refused: {fault:?}");
         }
     }
 
@@ -61,10 +85,27 @@ impl Host {
         self.driver.run(&self.link, now_ns);
     }
 
-    /// One tick.
-    pub(super) fn tick(&mut self, now_ns: u64) {
+    /// The tick of the deadline `now_ns`. The tick wakes at `woke_ns`, and its command leaves at `left_ns`.
+    pub(super) fn tick(&mut self, now_ns: u64, woke_ns: u64, left_ns: u64) {
         let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
-        let reading = self.driver.read(&self.link, now_ns);
+        let acts = |kind| self.fault.is(kind, now_ns);
+        // The last model is in use at the first tick.
+        let publishes = self.fault.kind == Kind::StaleHost && !acts(Kind::StaleHost);
+        let mut buttons = if acts(Kind::HandsOff) { 0 } else { DEAD_MAN };
+        if self.fault.kind == Kind::Ordered && now_ns >= self.fault.to_ns {
+            buttons |= ARM_ORDER;
+        } else if acts(Kind::Ordered) {
+            buttons |= STOP_ORDER;
+        }
+        if publishes && self.told_ns > 0 && now_ns.is_multiple_of(PUBLISHED_NS) {
+            self.publish(self.told_ns);
+        }
+        self.told_ns = now_ns;
+        let reading = self.driver.read(&self.link, woke_ns);
+        let reading = reading.map(|mut state| {
+            state.buttons |= buttons;
+            state
+        });
         match (&reading, self.without) {
             (Ok(_), _) => self.without = Some(0),
             (Err(_), Some(without)) => {
@@ -74,30 +115,70 @@ impl Host {
             (Err(_), None) => {}
         }
         readings[0] = reading;
-        let (commands, telemetry) = self.controller.tick(now_ns, &readings);
+        let time = TickTime {
+            now_ns,
+            lateness_ns: woke_ns - now_ns,
+        };
+        let (mut commands, mut telemetry) = self.controller.tick(time, &readings);
+        if left_ns > woke_ns {
+            // The other threads go on, and so does the device.
+            self.driver.run(&self.link, left_ns);
+            self.link.run(left_ns);
+        }
+        (self.controller).end(left_ns - woke_ns, &mut commands, &mut telemetry);
         self.safety = telemetry.devices().next().map(|device| device.safety);
         let [command, ..] = commands;
-        self.driver.write(&self.link, now_ns, &command);
+        self.driver.write(&self.link, left_ns, &command);
         let force = command.force.norm();
-        if now_ns >= self.from_ns {
-            if let Some((_, last)) = self.commands.last() {
-                self.jump = self.jump.max(force - last);
-            }
-            self.commands.push((now_ns, force));
+        let explained = self.explained(&telemetry);
+        if now_ns >= self.fault.from_ns {
+            self.commands.push((left_ns, force, explained));
         } else {
             self.trips_before = self.silences();
         }
     }
 
-    /// When the first command of no force left after the fault began (ns).
-    pub(super) fn gone_ns(&self) -> Option<u64> {
-        let gone = self.commands.iter().find(|(_, force)| *force == 0.0);
-        gone.map(|(at_ns, _)| *at_ns)
+    /// The growth of the force that the motion of the hand in a tick explains (N).
+    fn explained(&mut self, telemetry: &Telemetry) -> f64 {
+        let [stiffness, damping] = WALL;
+        let proxy = telemetry.devices().next().map_or([0.0; 2], |proxy| {
+            let (depth, rate) = (-proxy.pose.position.z, -proxy.twist.linear.z);
+            [(stiffness * depth + damping * rate).max(0.0), rate]
+        });
+        let [[force, rate], [before, rate_before]] = [proxy, self.proxy];
+        self.proxy = proxy;
+        (force - before).max(0.0) + self.damping * (rate - rate_before).abs()
     }
 
-    /// Largest growth of a command since the fault began, from one tick to the next (N).
+    /// When the first command of no force left after the fault began (ns).
+    pub(super) fn gone_ns(&self) -> Option<u64> {
+        let mut commands = self.commands.iter();
+        let gone = commands.find(|(_, force, _)| *force == 0.0);
+        gone.map(|(at_ns, ..)| *at_ns)
+    }
+
+    /// Largest growth of a command since the fault began, from one tick to the next, beyond the growth that the motion of the
+    /// hand explains (N).
     pub(super) fn jump(&self) -> f64 {
-        self.jump
+        let pairs = self.commands.iter().zip(self.commands.iter().skip(1));
+        let grown = pairs.map(|((_, before, _), (_, now, explained))| now - before - explained);
+        grown.fold(0.0, f64::max)
+    }
+
+    /// The same growth of the force at the device, in `forces` at whole milliseconds since the fault began. A force at the
+    /// device answers one of the last ticks.
+    pub(super) fn device_jump(&self, forces: &[(u64, f64)]) -> f64 {
+        let pairs = forces.iter().zip(forces.iter().skip(1));
+        let grown = pairs.map(|((_, before), (at_ns, now))| {
+            let least_ns = at_ns.saturating_sub(ANSWERED_NS);
+            let from = self
+                .commands
+                .partition_point(|(left_ns, ..)| *left_ns < least_ns);
+            let recent = self.commands.iter().skip(from);
+            let recent = recent.take_while(|(left_ns, ..)| left_ns <= at_ns);
+            now - before - recent.map(|(_, _, explained)| explained).sum::<f64>()
+        });
+        grown.fold(0.0, f64::max)
     }
 
     /// Number of ticks without a state, after the first state.
@@ -131,17 +212,23 @@ impl Host {
     }
 }
 
+/// Largest damping that is rendered on a device (N s/m).
+fn late_damping(model: &DeviceModel) -> f64 {
+    let late = VelocityEstimator::for_encoder(PERIOD, model.position_step).delay() + PERIOD;
+    most_damping(model.mass, PERIOD, late)
+}
+
 /// The controller of one device and one body.
-fn config(model: &DeviceModel) -> ControllerConfig {
+fn config(plan: &Plan, kind: Kind) -> ControllerConfig {
+    let model = &plan.model;
     let mut passivity = PassivityConfig::new(PERIOD);
     // A wrench acts before the next tick but one.
     passivity.delay = 1;
-    let late = VelocityEstimator::for_encoder(PERIOD, model.position_step).delay() + PERIOD;
     passivity.ports[0] = Port {
         damping: model.damping,
         friction: model.friction,
         count: model.position_step,
-        most_damping: most_damping(model.mass, PERIOD, late),
+        most_damping: late_damping(model),
         ..Port::UNKNOWN
     };
     let mut config = ControllerConfig::default();
@@ -154,15 +241,20 @@ fn config(model: &DeviceModel) -> ControllerConfig {
             max_moment: 0.0,
             patience: PATIENCE,
             recovery: 0.2,
+            engage: EngageConfig {
+                dead_man: DEAD_MAN,
+                ramp: plan.ramp,
+                ..EngageConfig::default()
+            },
             ..SafetyConfig::unlimited(PERIOD)
         },
     };
     let body = CouplingConfig {
-        scheme: Scheme::Capped,
+        scheme: plan.scheme,
         period: PERIOD,
         blend: 0.5,
-        // The wall is published once, and stays valid.
-        age_limit: 1e6,
+        // A wall that is published once stays valid.
+        age_limit: if kind == Kind::StaleHost { 0.02 } else { 1e6 },
         decay: 0.1,
         recovery: 0.2,
         hold_damping: [0.0; MAX_DEVICES],
@@ -174,12 +266,12 @@ fn config(model: &DeviceModel) -> ControllerConfig {
     config
 }
 
-/// A wall at the origin of the scene, which pushes towards positive z.
-fn wall() -> LocalModel {
+/// A wall at the origin of the scene, which pushes towards positive z, as published at `now_ns`.
+fn wall(now_ns: u64) -> LocalModel {
     let [stiffness, damping] = WALL;
     let mut model = LocalModel::empty();
-    model.sequence = 1;
-    model.time_ns = 1;
+    model.sequence = now_ns;
+    model.time_ns = now_ns;
     model.period = PERIOD;
     model.handle_count = 1;
     model.handles[0].contact[2] = 1.0;

@@ -34,10 +34,17 @@ const HOMING_NS: u64 = 100_000_000;
 /// The image that the Falcon takes.
 pub(crate) const IMAGE: [u8; 64] = [0x5A; 64];
 
-/// The model of the device, which sends 1,000 states a second.
-pub(crate) fn model(protocol: Protocol) -> DeviceModel {
+/// The model of the device, which sends 1,000 states a second. Of the built-in devices that move along all axes, `drawn`
+/// (from zero to one) chooses the device of the firmware protocol.
+pub(crate) fn model(protocol: Protocol, drawn: f64) -> DeviceModel {
+    let all: Vec<_> = DeviceModel::all()
+        .filter(|(_, model)| model.axes.is_none())
+        .collect();
     let name = match protocol {
-        Protocol::Reports | Protocol::Stream => "omega3",
+        Protocol::Reports | Protocol::Stream => {
+            let place = (drawn * all.len() as f64) as usize;
+            all[place.min(all.len() - 1)].0
+        }
         Protocol::WoodenHaptics => "woodenhaptics",
         Protocol::Falcon => "falcon",
     };
@@ -60,24 +67,23 @@ pub(crate) struct Injected {
 
 impl Injected {
     /// Whether the fault is there.
-    fn is(&self, kind: Kind, now_ns: u64) -> bool {
+    pub(crate) fn is(&self, kind: Kind, now_ns: u64) -> bool {
         self.kind == kind && (self.from_ns..self.to_ns).contains(&now_ns)
     }
 }
 
 /// What an observer of the device sees.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Seen {
     /// Force at the fault, and now (N).
     pub(crate) before: f64,
     pub(crate) force: f64,
     /// When the force was first zero after the fault began (ns).
     pub(crate) gone_ns: Option<u64>,
-    /// Largest growth of the force in a millisecond since then (N).
-    pub(crate) jump: f64,
+    /// Time (ns) and force (N) of each millisecond since the fault began.
+    pub(crate) forces: Vec<(u64, f64)>,
     pub(crate) energy: NetEnergy,
-    /// The force at the last whole millisecond (N), and the time of the next (ns).
-    last: f64,
+    /// The time of the next millisecond (ns).
     due_ns: u64,
 }
 
@@ -234,9 +240,8 @@ impl World {
                 before: 0.0,
                 force: 0.0,
                 gone_ns: None,
-                jump: 0.0,
+                forces: Vec::new(),
                 energy: NetEnergy::new(0.0),
-                last: 0.0,
                 due_ns: 0,
             },
         }
@@ -344,10 +349,7 @@ impl World {
             seen.gone_ns = Some(self.now_ns);
         }
         if self.now_ns >= seen.due_ns {
-            if seen.due_ns > 0 {
-                seen.jump = seen.jump.max(seen.force - seen.last);
-            }
-            seen.last = seen.force;
+            seen.forces.push((self.now_ns, seen.force));
             seen.due_ns = self.now_ns + PERIOD_NS;
         }
     }
@@ -452,11 +454,14 @@ impl Link {
         self.world().now_ns
     }
 
-    /// Lets time pass, in which nobody talks to the device. Returns what an observer of the device has seen so far.
-    pub(crate) fn run(&self, to_ns: u64) -> Seen {
-        let mut world = self.world();
-        world.run(to_ns);
-        world.seen
+    /// Lets time pass, in which nobody talks to the device.
+    pub(crate) fn run(&self, to_ns: u64) {
+        self.world().run(to_ns);
+    }
+
+    /// What an observer of the device has seen so far.
+    pub(crate) fn seen(&self) -> Seen {
+        self.world().seen.clone()
     }
 
     /// The operator presses the button for calibration, where the device has such a button.
