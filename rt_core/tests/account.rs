@@ -223,6 +223,12 @@ fn a_scaled_device_raises_its_scale_of_weight() {
         assert!((back.raised - expected).abs() < 1e-15, "{scale} {back:?}");
         let spared = away.available - back.available;
         assert!((spared - expected).abs() < 1e-15, "{scale} {spared}");
+        // A device that holds a part of the weight has raised that part.
+        let part = at(0.01, 0.25);
+        assert!(
+            (part.raised - 0.25 * expected).abs() < 1e-15,
+            "{scale} {part:?}"
+        );
     }
 }
 

@@ -292,6 +292,57 @@ fn the_energy_stored_in_the_first_model_belongs_to_the_body() {
     assert!((more - allowance).abs() < 1e-15, "{more}");
 }
 
+/// Forces along x of a body that pulls each of two hands with 2 N. Its own energy is 10 mJ at first. Then the models claim
+/// 20 mJ, which no hand has supplied. Also returns the fraction of that claim that the account covers.
+fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64) {
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
+    let mut model = wall(0.0, 1, 1);
+    model.period = PERIOD;
+    model.handle_count = 2;
+    model.handles[1].device = 1;
+    for handle in &mut model.handles {
+        handle.contact = Vec3::zeros();
+        handle.wrench.force = Vec3::x() * 2.0;
+    }
+    let still = [(Pose::identity(), Twist::zero()); 2];
+    let mut forces = [0.0; 2];
+    for (time, energy) in [(1, 10e-3), (2, 20e-3)] {
+        (model.sequence, model.time_ns, model.energy) = (time, time, energy);
+        coupling.accept(&model).expect("a sound model");
+        for _ in 0..10 {
+            let wrenches = coupling.tick(2, &still);
+            forces = [0, 1].map(|i| wrenches[i].force.x);
+        }
+    }
+    (forces, coupling.energy().available / model.energy)
+}
+
+#[test]
+fn the_whole_energy_is_backed_where_any_device_is_slow_or_late() {
+    // Which device has a slew limit, and the ticks by which the devices are late.
+    for (slow, delay, whole) in [
+        ([false, false], 0, true),
+        // Six tenths of the energy must be backed, and half of it is.
+        ([false, false], 1, false),
+        ([true, false], 0, false),
+        ([false, true], 0, false),
+        ([true, true], 3, false),
+    ] {
+        let mut passivity = PassivityConfig::new(PERIOD);
+        passivity.delay = delay;
+        for (port, slow) in passivity.ports.iter_mut().zip(slow) {
+            port.max_slew = if slow { 100.0 } else { f64::INFINITY };
+        }
+        let (forces, covered) = claimed(&passivity);
+        assert!((covered - 10.4 / 20.0).abs() < 1e-12, "{covered}");
+        let backed = if slow == [false, false] { 0.6 } else { 1.0 };
+        let left = if whole { 1.0 } else { covered / backed };
+        for force in forces {
+            assert!((force - 2.0 * left).abs() < 1e-12, "{slow:?} {force}");
+        }
+    }
+}
+
 #[test]
 fn the_classic_controller_restores_passivity_up_to_three_times_the_bound() {
     for delay in [0, 1] {

@@ -356,6 +356,113 @@ fn a_weight_that_is_found_anew_does_not_make_the_force_jump() {
     }
 }
 
+/// A body in three hands that pulls each with 0.5 N along x and weighs 1 N on each. The hands are 0.1 m apart.
+fn carried() -> LocalModel {
+    let mut model = stretched(1, 0, 0.5, 5e-3);
+    model.handle_count = 3;
+    for (i, handle) in model.handles[..3].iter_mut().enumerate() {
+        handle.device = i as u8;
+        handle.pose = Pose::at(Vec3::x() * 0.1 * i as f64);
+        handle.wrench.force = Vec3::new(0.5, 0.0, -1.0);
+        handle.weight = -Vec3::z();
+    }
+    model
+}
+
+#[test]
+fn a_piece_owes_the_work_that_all_of_its_hands_were_spared_and_no_other_hand() {
+    // The first two hands or the last two lift their handles while no device holds the weight. Then the devices hold it
+    // again: the hands were spared 10 and 20 mJ.
+    for (lifted, owes) in [([0.01, 0.02, 0.0], 0), ([0.0, 0.02, 0.01], 1)] {
+        let mut coupling = Coupling::new(CouplingConfig {
+            age_limit: 1e3,
+            ..config(Scheme::Capped)
+        });
+        let mut now = 0;
+        let mut tick = |coupling: &mut Coupling, heights: [f64; 3], passed: f64| {
+            now += MS;
+            let at = [0, 1, 2].map(|i| {
+                let place = Vec3::new(0.1 * i as f64, 0.0, heights[i]);
+                (Pose::at(place), Twist::zero())
+            });
+            let wrenches = coupling.tick(now, &at);
+            let mut held = [Wrench::zero(); MAX_DEVICES];
+            for (held, wrench) in held.iter_mut().zip(&wrenches).take(3) {
+                *held = wrench.scaled(passed);
+            }
+            coupling.hold(&held, &[passed; MAX_DEVICES]);
+            [0, 1, 2].map(|i| wrenches[i].force.x)
+        };
+        coupling.accept(&carried()).expect("a sound model");
+        for _ in 0..40 {
+            tick(&mut coupling, [0.0; 3], 1.0);
+        }
+        let own = coupling.energy().available;
+        tick(&mut coupling, [0.0; 3], 0.0);
+        tick(&mut coupling, lifted, 0.0);
+        tick(&mut coupling, lifted, 1.0);
+        let before = coupling.energy().available;
+        // Rounding of sums, here and below.
+        assert!((own - before - 0.03).abs() < 1e-15, "{own} {before}");
+        // The body parts between the two hands that lifted and the third.
+        let mut model = carried();
+        (model.epoch, model.time_ns) = (1, 1);
+        for (i, handle) in model.handles[..3].iter_mut().enumerate() {
+            handle.piece = u8::from(i == if owes == 0 { 2 } else { 0 });
+            handle.pose.position.z = lifted[i];
+        }
+        for piece in &mut model.pieces[..2] {
+            piece.stored = 2.5e-3;
+        }
+        coupling.accept(&model).expect("a sound model");
+        tick(&mut coupling, lifted, 1.0);
+        let after = coupling.energy().available;
+        assert!((after - before).abs() < 1e-15, "{before} {after}");
+        // Once the quick lift is forgotten, the third hand feels its spring in full, and the others feel none.
+        for _ in 0..200 {
+            tick(&mut coupling, lifted, 1.0);
+        }
+        let forces = tick(&mut coupling, lifted, 1.0);
+        let free = if owes == 0 { 2 } else { 0 };
+        for (i, force) in forces.into_iter().enumerate() {
+            let whole = if i == free { 0.5 } else { 0.0 };
+            assert!((force - whole).abs() < 1e-12, "{owes} {forces:?}");
+        }
+    }
+}
+
+#[test]
+fn a_hand_whose_piece_is_gone_pays_into_the_account_of_the_body_that_it_takes_hold_of_again() {
+    let whole = stretched(1, 0, 0.5, 5e-3);
+    let (mut coupling, mut now) = settled(Scheme::Capped, &whole);
+    // The body parts, the piece of the second hand is dropped, and later both hands hold a whole body.
+    let torn = parted(whole, [2e-3, 3e-3]);
+    let (mut alone, mut again) = (torn, whole);
+    (alone.epoch, alone.handle_count) = (2, 1);
+    again.epoch = 3;
+    for (model, ticks) in [(torn, 40), (alone, 140), (again, 40)] {
+        for tick in 0..ticks {
+            if tick % 4 == 0 {
+                let mut model = model;
+                (model.sequence, model.time_ns) = (now, now);
+                coupling.accept(&model).expect("a sound model");
+            }
+            held_tick(&mut coupling, now, &at_rest());
+            now += MS;
+        }
+    }
+    // The second hand pulls its handle by a millimetre against half a newton.
+    let before = *coupling.energy();
+    let out = hands([Vec3::zeros(), Vec3::x() * 1e-3], [Vec3::zeros(); 2]);
+    held_tick(&mut coupling, now, &out);
+    let after = coupling.energy();
+    let supplied = after.supplied - before.supplied;
+    // Rounding of sums.
+    assert!((supplied - 0.5e-3).abs() < 1e-15, "{supplied}");
+    let paid = after.available - before.available;
+    assert!((paid - supplied).abs() < 1e-15, "{paid}");
+}
+
 /// Any model of the two pieces: wrong forces, stiffness, energies and limits.
 fn wrong(numbers: &mut Numbers, mut model: LocalModel, by: [Vec3; 2]) -> LocalModel {
     let energies = [5e-3 * (1.0 + numbers.next()), 5e-3 * (1.0 + numbers.next())];
@@ -588,6 +695,38 @@ fn the_wrench_is_continuous_at_the_limit_and_has_the_stored_energy_for_its_poten
         // The trapezoidal rule is exact but for the one interval with the kink.
         let drop = 0.1 - last.1;
         assert!((drop - work).abs() < 1e-7, "{drop} {work}");
+    }
+}
+
+#[test]
+fn a_lead_answers_as_the_springs_answer_that_much_further_motion() {
+    // Without dampers, the viscous part is that of the lead. Displacements before and beyond the limit, leads across it in
+    // both directions, and a tear that runs from the reference on.
+    for (root, critical) in [(1.0, 1.5), (2.0, 1.5)] {
+        let model = limited(root, critical);
+        let mut numbers = Numbers(99);
+        let mut seen = [0; 4];
+        for _ in 0..200 {
+            let mut any = || [0, 1].map(|_| Vec6::from_fn(|_, _| 2e-3 * numbers.next()));
+            let (by, further) = (any(), any());
+            let mut lead = [Vec6::zeros(); MAX_HANDLES];
+            lead[..2].copy_from_slice(&further);
+            let mut deviations = model.deviations(&[]);
+            for (deviation, by) in deviations.iter_mut().zip(&by) {
+                deviation.displacement = *by;
+            }
+            let viscous = model.parts(&deviations, &lead, 0.0).viscous;
+            let there = [0, 1].map(|i| by[i] + further[i]);
+            let ((here, _), (ahead, _)) = (extrapolated(&model, &by), extrapolated(&model, &there));
+            for i in 0..2 {
+                // Rounding of wrenches of some newtons.
+                assert!((viscous[i] - (ahead[i] - here[i])).amax() < 1e-12);
+            }
+            let room = f64::max(critical - root, 0.0);
+            let [from, to] = [&by, &there].map(|by| along_slope(&model, by) > room);
+            seen[2 * usize::from(from) + usize::from(to)] += 1;
+        }
+        assert!(seen.iter().all(|&times| times > 5), "{seen:?}");
     }
 }
 
