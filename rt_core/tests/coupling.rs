@@ -455,6 +455,70 @@ fn the_next_model_does_not_shorten_a_blend_that_is_under_way() {
     }
 }
 
+#[test]
+fn a_model_that_comes_during_a_blend_starts_from_the_blended_one() {
+    // Stiffness (N/m), damping (N s/m) and drift (N/s) of the first model and of the models that follow.
+    let models = [(100.0, 1.0, 20.0), (300.0, 5.0, -60.0)];
+    let model = |which: usize, sequence: u64, time_ns: u64| {
+        let (k, b, drift) = models[which];
+        let mut model = spring(sequence, time_ns, k, b, 1.0);
+        model.horizon = 0.05;
+        for (handle, sign) in model.handles.iter_mut().zip([1.0, -1.0]) {
+            handle.drift.force.x = sign * drift;
+            handle.drift.moment.y = sign * drift;
+        }
+        model
+    };
+    let at = |by: f64, v: f64| {
+        hands(
+            Vec3::new(-0.1 - by, 0.0, 0.0),
+            Vec3::new(0.1 + by, 0.0, 0.0),
+            v,
+        )
+    };
+    for after in [0, 3, 8] {
+        let mut coupling = Coupling::new(config(Scheme::Linear));
+        let mut now = 0;
+        for tick in 1..=150 {
+            now = tick * MS;
+            coupling.accept(&model(0, tick, now)).unwrap();
+            coupling.tick(now, &at(0.0, 0.0));
+        }
+        // The blend to the second model takes eight ticks. The third comes after some of them.
+        let second = now + 10 * MS;
+        coupling.accept(&model(1, 1000, second)).unwrap();
+        for tick in 0..after {
+            coupling.tick(second + tick * MS, &at(0.0, 0.0));
+        }
+        now = second + after * MS;
+        let third = model(1, 1001, now + 1);
+        coupling.accept(&third).unwrap();
+        let before = coupling.tick(now + 1, &at(0.0, 0.0))[0];
+        let passed = (after as f64 / 8.0).min(1.0);
+        let mixed = |old: f64, new: f64| old + (new - old) * passed;
+        let [(k0, b0, p0), (k1, b1, p1)] = models;
+        let (k, b, drift) = (mixed(k0, k1), mixed(b0, b1), mixed(p0, p1));
+        // From here on, the hands go apart; the blend takes eight ticks, and no fewer than are left of the one before.
+        for tick in 1..8 {
+            let (by, v) = (1e-4 * tick as f64, 0.02);
+            let rendered = coupling.tick(now + 1 + tick * MS, &at(by, v))[0];
+            let (blend, age) = (tick as f64 / 8.0, tick as f64 * 1e-3);
+            // Each hand goes this way, so the spring between them is stretched by twice as much.
+            let old = before.force.x + drift * age + k * 2.0 * by + b * 2.0 * v;
+            let new = 1.0 + p1 * age + k1 * 2.0 * by + b1 * 2.0 * v;
+            let wanted = old * (1.0 - blend) + new * blend;
+            // Rounding of some newtons.
+            assert!(
+                (rendered.force.x - wanted).abs() < 1e-12,
+                "{after} {tick}: {rendered:?} {wanted}"
+            );
+            let old = before.moment.y + drift * age;
+            let wanted = old * (1.0 - blend) + p1 * age * blend;
+            assert!((rendered.moment.y - wanted).abs() < 1e-12, "{after} {tick}");
+        }
+    }
+}
+
 /// One tick, after which the devices hold the wrenches. Returns the force along x by device.
 fn held_tick(coupling: &mut Coupling, now: u64, at: &[(Pose, Twist)]) -> [f64; MAX_DEVICES] {
     let wrenches = coupling.tick(now, at);

@@ -1,0 +1,191 @@
+//! The damping that a device renders under the cap: no more than the device can, however much the body has, in
+//! translation and in rotation, and for each of two hands by the properties of its own device. A spring that is late acts
+//! as a damper, too.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
+#![allow(clippy::disallowed_macros, clippy::disallowed_types)]
+
+use nalgebra::{Matrix3, UnitQuaternion};
+use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::{
+    LocalModel, MAX_DEVICES, Mat6, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Vec6, Wrench,
+};
+
+const PERIOD: f64 = 1e-3;
+
+/// A coupling of two devices that render `delay` ticks late, and whose largest dampings (N s/m, N m s/rad) are `most`.
+fn coupling(delay: usize, most: [[f64; 2]; 2]) -> Coupling {
+    let mut passivity = PassivityConfig::new(PERIOD);
+    passivity.delay = delay;
+    for (port, [damping, turning]) in passivity.ports.iter_mut().zip(most) {
+        *port = Port {
+            most_damping: damping,
+            most_turning_damping: turning,
+            ..Port::UNKNOWN
+        };
+    }
+    Coupling::new(CouplingConfig {
+        scheme: Scheme::Capped,
+        period: PERIOD,
+        blend: 0.5,
+        age_limit: 1e3,
+        decay: 0.1,
+        recovery: PERIOD,
+        hold_damping: [0.0; MAX_DEVICES],
+        passivity,
+    })
+}
+
+/// A body with two handles. It stores so much energy of its own that the cap withholds nothing.
+fn body() -> LocalModel {
+    let mut model = LocalModel::empty();
+    (model.sequence, model.time_ns, model.period) = (1, 1, PERIOD);
+    model.handle_count = 2;
+    model.handles[1].device = 1;
+    model.energy = 100.0;
+    model
+}
+
+/// A block whose largest row sum is `linear` for translations and `angular` for rotations, and that reaches it along the
+/// difference of the first two axes: the largest eigenvalue.
+fn block(linear: f64, angular: f64) -> Mat6 {
+    let part = Matrix3::new(3.0, -2.0, 0.0, -2.0, 3.0, 0.0, 0.0, 0.0, 1.0) / 5.0;
+    let mut block = Mat6::zeros();
+    block
+        .fixed_view_mut::<3, 3>(0, 0)
+        .copy_from(&(part * linear));
+    block
+        .fixed_view_mut::<3, 3>(3, 3)
+        .copy_from(&(part * angular));
+    block
+}
+
+/// The direction of the largest eigenvalue of a block.
+fn worst() -> Vec3 {
+    Vec3::new(1.0, -1.0, 0.0).normalize()
+}
+
+/// Moves both hands at steady velocities (m/s, rad/s) for `ticks`, from the references on. Returns the last wrenches, and
+/// the displacements at that time.
+fn moved(coupling: &mut Coupling, velocities: [Vec6; 2], ticks: u32) -> ([Vec6; 2], [Vec6; 2]) {
+    let mut last = ([Vec6::zeros(); 2], [Vec6::zeros(); 2]);
+    for tick in 0..=ticks {
+        let gone = velocities.map(|velocity| velocity * (f64::from(tick) * PERIOD));
+        let at = [0, 1].map(|i| {
+            let [x, y, z, a, b, c] = gone[i].into();
+            let pose = Pose {
+                position: Vec3::new(x, y, z),
+                rotation: UnitQuaternion::from_scaled_axis(Vec3::new(a, b, c)),
+            };
+            let [x, y, z, a, b, c] = velocities[i].into();
+            let twist = Twist {
+                linear: Vec3::new(x, y, z),
+                angular: Vec3::new(a, b, c),
+            };
+            (pose, twist)
+        });
+        let wrenches = coupling.tick(1, &at);
+        let mut held = [Wrench::zero(); MAX_DEVICES];
+        held[..2].copy_from_slice(&wrenches[..2]);
+        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        last = ([0, 1].map(|i| wrenches[i].stacked()), gone);
+    }
+    assert_eq!(coupling.energy().capped, 0);
+    last
+}
+
+fn linear(v: Vec3) -> Vec6 {
+    Vec6::new(v.x, v.y, v.z, 0.0, 0.0, 0.0)
+}
+
+fn angular(v: Vec3) -> Vec6 {
+    Vec6::new(0.0, 0.0, 0.0, v.x, v.y, v.z)
+}
+
+#[test]
+fn each_device_renders_no_more_damping_than_it_can() {
+    // Dampings of the body at each handle, and between the handles.
+    let (own, turning) = ([8.0, 3.0], [0.08, 0.02]);
+    let between = block(0.5, 0.005);
+    let none = f64::INFINITY;
+    for most in [
+        [[none, none], [none, none]],
+        // As much as the body has.
+        [[8.0, 0.08], [3.0, 0.02]],
+        [[2.0, none], [none, none]],
+        [[none, 0.01], [none, none]],
+        [[none, none], [1.0, 0.002]],
+        [[2.0, 0.01], [1.0, 0.002]],
+    ] {
+        let mut model = body();
+        for i in 0..2 {
+            model.damping[i][i] = block(own[i], turning[i]);
+            model.damping[i][1 - i] = between;
+        }
+        for hand in 0..2 {
+            let rendered = [
+                own[hand].min(most[hand][0]),
+                turning[hand].min(most[hand][1]),
+            ];
+            // One hand goes along the direction that the body damps most, or turns about it.
+            let motions = [linear(worst()) * 0.1, angular(worst())];
+            for (kind, motion) in motions.into_iter().enumerate() {
+                let mut coupling = coupling(0, most);
+                coupling.accept(&model).expect("a sound model");
+                let mut velocities = [Vec6::zeros(); 2];
+                velocities[hand] = motion;
+                let (wrenches, _) = moved(&mut coupling, velocities, 20);
+                // Rounding of forces of order one.
+                let near = |found: Vec6, expected: Vec6| {
+                    let off = (found - expected).amax();
+                    assert!(off < 1e-12, "{most:?} {hand} {kind}: {found} {expected}");
+                };
+                near(wrenches[hand], -motion * rendered[kind]);
+                // The other hand feels the damper between the two, reduced by the geometric means of both reductions:
+                // the damping matrix stays positive semidefinite.
+                let reduced = [0, 1].map(|i| {
+                    let all = [own[i], turning[i]][kind];
+                    all.min(most[i][kind]) / all
+                });
+                let factor = (reduced[0] * reduced[1]).sqrt();
+                near(wrenches[1 - hand], -between * motion * factor);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_spring_leads_by_its_lag_as_far_as_the_device_can_damp() {
+    let (k, turning) = ([1000.0, 400.0], [2.0, 1.0]);
+    for (delay, most) in [
+        (0, [[f64::INFINITY; 2]; 2]),
+        (2, [[f64::INFINITY; 2]; 2]),
+        // Half a step of a spring of 1,000 N/m is a damper of 0.5 N s/m at ticks of a millisecond.
+        (0, [[0.1, 0.0002], [0.1, 0.0002]]),
+        (0, [[0.1, 0.1], [10.0, 0.0001]]),
+        (3, [[1.0, 0.001], [0.3, 10.0]]),
+    ] {
+        let mut model = body();
+        for i in 0..2 {
+            model.stiffness[i][i] = block(k[i], turning[i]);
+        }
+        let mut coupling = coupling(delay, most);
+        coupling.accept(&model).expect("a sound model");
+        for hand in 0..2 {
+            let motions = [linear(worst()) * 0.01, angular(worst()) * 0.1];
+            for (kind, motion) in motions.into_iter().enumerate() {
+                let mut coupling = coupling.clone();
+                let mut velocities = [Vec6::zeros(); 2];
+                velocities[hand] = motion;
+                let (wrenches, gone) = moved(&mut coupling, velocities, 20);
+                let stiffness = [k[hand], turning[hand]][kind];
+                let late = (0.5 + delay as f64) * PERIOD;
+                let damping = (stiffness * late).min(most[hand][kind]);
+                let expected = -gone[hand] * stiffness - motion * damping;
+                // Rounding of a rotation's logarithm.
+                let off = (wrenches[hand] - expected).amax();
+                assert!(off < 1e-12, "{delay} {hand} {kind}: {off}");
+                assert_eq!(wrenches[1 - hand], Vec6::zeros());
+            }
+        }
+    }
+}
