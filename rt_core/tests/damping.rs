@@ -23,7 +23,11 @@ fn coupling(delay: usize, most: [[f64; 2]; 2]) -> Coupling {
             ..Port::UNKNOWN
         };
     }
-    Coupling::new(CouplingConfig {
+    Coupling::new(config(passivity))
+}
+
+fn config(passivity: PassivityConfig) -> CouplingConfig {
+    CouplingConfig {
         scheme: Scheme::Capped,
         period: PERIOD,
         blend: 0.5,
@@ -32,7 +36,7 @@ fn coupling(delay: usize, most: [[f64; 2]; 2]) -> Coupling {
         recovery: PERIOD,
         hold_damping: [0.0; MAX_DEVICES],
         passivity,
-    })
+    }
 }
 
 /// A body with two handles. It stores so much energy of its own that the cap withholds nothing.
@@ -186,6 +190,71 @@ fn a_spring_leads_by_its_lag_as_far_as_the_device_can_damp() {
                 assert!(off < 1e-12, "{delay} {hand} {kind}: {off}");
                 assert_eq!(wrenches[1 - hand], Vec6::zeros());
             }
+        }
+    }
+}
+
+#[test]
+fn a_count_after_a_rest_leads_by_the_part_of_its_tick_in_the_rest() {
+    let (k, count) = (5000.0, 4e-5);
+    // Ticks from each step to the next, and counts of each step.
+    for (every, counts, part) in [
+        (1, 1.0, 1.0),
+        (2, 1.0, 0.5),
+        (10, 1.0, 0.1),
+        // The hand made several counts in a tick: it moves.
+        (10, 2.0, 1.0),
+    ] {
+        let mut passivity = PassivityConfig::new(PERIOD);
+        for port in &mut passivity.ports {
+            port.count = count;
+        }
+        let mut coupling = Coupling::new(config(passivity));
+        let mut model = body();
+        model.stiffness[0][0] = block(k, 0.0);
+        coupling.accept(&model).expect("a sound model");
+        let step = Vec3::x() * (counts * count);
+        for tick in 0..=10 * every {
+            let place = step * f64::from(tick / every);
+            let hands = [place, Vec3::zeros()].map(|place| (Pose::at(place), Twist::zero()));
+            let force = coupling.tick(1, &hands)[0].force;
+            let stepped = tick > every && tick % every == 0;
+            let lead = if stepped { 0.5 * part } else { 0.0 };
+            let fall = block(k, 0.0).fixed_view::<3, 3>(0, 0) * (place + step * lead);
+            if tick > every {
+                // Rounding of some newtons.
+                assert!((force + fall).norm() < 1e-12, "{every} {counts} {tick}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_first_count_of_a_run_is_a_motion_in_either_direction() {
+    let (b, count, speed) = (5.0, 4e-5, 0.01);
+    for axis in 0..3 {
+        for sign in [1.0, -1.0] {
+            let mut passivity = PassivityConfig::new(PERIOD);
+            passivity.ports[0].count = count;
+            let mut coupling = Coupling::new(config(passivity));
+            let mut model = body();
+            model.damping[0][0] = Mat6::identity() * b;
+            coupling.accept(&model).expect("a sound model");
+            let way = Vec3::from_fn(|i, _| if i == axis { sign } else { 0.0 });
+            let mut at = |counts: f64| {
+                let twist = Twist {
+                    linear: way * (speed * counts),
+                    ..Twist::zero()
+                };
+                coupling.tick(1, &[(Pose::at(way * (counts * count)), twist)])[0].force
+            };
+            for _ in 0..10 {
+                at(0.0);
+            }
+            assert!((at(1.0) + way * (b * speed)).norm() < 1e-12, "{way}");
+            // A count back is none.
+            at(0.0);
+            assert_eq!(at(0.0), Vec3::zeros());
         }
     }
 }

@@ -12,7 +12,7 @@ use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom, LocalModel,
-    MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Wrench,
+    MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Withheld, Wrench,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -292,17 +292,22 @@ fn the_energy_stored_in_the_first_model_belongs_to_the_body() {
     assert!((more - allowance).abs() < 1e-15, "{more}");
 }
 
-/// Forces along x of a body that pulls each of two hands with 2 N. Its own energy is 10 mJ at first. Then the models claim
-/// 20 mJ, which no hand has supplied. Also returns the fraction of that claim that the account covers.
-fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64) {
+/// The force that the body of [`claimed`] asks for on each hand (N).
+const PULLS: [f64; 2] = [2.0, 3.0];
+
+/// Forces along x of a body that pulls two hands. Its own energy is 10 mJ at first. Then the models claim 20 mJ, which no
+/// hand has supplied. Also returns the fraction of that claim that the account covers, and what the cap withholds.
+fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64, Withheld) {
     let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
     let mut model = wall(0.0, 1, 1);
     model.period = PERIOD;
     model.handle_count = 2;
     model.handles[1].device = 1;
-    for handle in &mut model.handles {
+    for (handle, pull) in model.handles.iter_mut().zip(PULLS) {
         handle.contact = Vec3::zeros();
-        handle.wrench.force = Vec3::x() * 2.0;
+        // The weight is no force of the springs, and the cap leaves it whole.
+        handle.weight = Vec3::z() * -9.0;
+        handle.wrench.force = Vec3::new(pull, 0.0, -9.0);
     }
     let still = [(Pose::identity(), Twist::zero()); 2];
     let mut forces = [0.0; 2];
@@ -312,9 +317,13 @@ fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64) {
         for _ in 0..10 {
             let wrenches = coupling.tick(2, &still);
             forces = [0, 1].map(|i| wrenches[i].force.x);
+            if energy > 15e-3 {
+                assert!(wrenches[..2].iter().all(|wrench| wrench.force.z == -9.0));
+            }
         }
     }
-    (forces, coupling.energy().available / model.energy)
+    let covered = coupling.energy().available / model.energy;
+    (forces, covered, coupling.withheld())
 }
 
 #[test]
@@ -333,13 +342,18 @@ fn the_whole_energy_is_backed_where_any_device_is_slow_or_late() {
         for (port, slow) in passivity.ports.iter_mut().zip(slow) {
             port.max_slew = if slow { 100.0 } else { f64::INFINITY };
         }
-        let (forces, covered) = claimed(&passivity);
+        let (forces, covered, withheld) = claimed(&passivity);
         assert!((covered - 10.4 / 20.0).abs() < 1e-12, "{covered}");
         let backed = if slow == [false, false] { 0.6 } else { 1.0 };
         let left = if whole { 1.0 } else { covered / backed };
-        for force in forces {
-            assert!((force - 2.0 * left).abs() < 1e-12, "{slow:?} {force}");
+        for (force, pull) in forces.into_iter().zip(PULLS) {
+            assert!((force - pull * left).abs() < 1e-12, "{slow:?} {force}");
         }
+        // What the cap withholds is told for the hand with the largest force.
+        let expected = if whole { 0.0 } else { PULLS[1] };
+        assert_eq!(withheld.of, expected);
+        assert!((withheld.force - expected * (1.0 - left)).abs() < 1e-12);
+        assert_eq!(withheld.is_noticeable(), !whole);
     }
 }
 
