@@ -5,9 +5,9 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::coupling::{Coupling, CouplingConfig, HostState};
-use rt_core::local_model::ModelFault;
+use rt_core::local_model::{ModelFault, PackedModel, PublishedModel};
 use rt_core::{
-    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench,
+    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Vec6, Wrench,
 };
 
 const MS: u64 = 1_000_000;
@@ -87,6 +87,17 @@ fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
     }
 }
 
+/// The judgement of a model, which is the same for the model in a ring.
+fn judged(model: &LocalModel) -> Result<(), ModelFault> {
+    let handles: Vec<_> = model.handles().copied().collect();
+    let blocks = model.rows().collect::<Vec<_>>().concat();
+    let found = model.check();
+    if let Some(packed) = PackedModel::new(model.head(), &handles, &blocks) {
+        assert_eq!(PublishedModel::check(&packed), found);
+    }
+    found
+}
+
 /// Sets one number of a model.
 type Set = fn(&mut LocalModel, f64);
 
@@ -97,7 +108,7 @@ fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
     sound.handle_count = 2;
     (sound.handles[1].device, sound.handles[1].piece) = (1, 1);
     sound.tear_limit.critical = 1.0;
-    assert_eq!(sound.check(), Ok(()));
+    assert_eq!(judged(&sound), Ok(()));
     let in_use: [Set; 23] = [
         |model, x| model.period = x,
         |model, x| model.horizon = x,
@@ -127,7 +138,7 @@ fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
         for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let mut model = sound;
             set(&mut model, x);
-            assert_eq!(model.check(), Err(ModelFault::NotFinite), "{which}: {x}");
+            assert_eq!(judged(&model), Err(ModelFault::NotFinite), "{which}: {x}");
         }
     }
     // Numbers that are finite, and yet cannot be.
@@ -140,7 +151,7 @@ fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
         for x in [0.0, -1.0] {
             let mut model = sound;
             set(&mut model, x);
-            assert_eq!(model.check(), Err(ModelFault::NotFinite), "{which}: {x}");
+            assert_eq!(judged(&model), Err(ModelFault::NotFinite), "{which}: {x}");
         }
     }
 }
@@ -155,7 +166,7 @@ fn numbers_of_a_model_that_are_not_in_use_do_not_matter() {
     (model.handles[1].device, model.handles[1].piece) = (200, 9);
     model.stiffness[0][1][(0, 0)] = f64::NAN;
     model.damping[1][0][(0, 0)] = f64::NAN;
-    assert_eq!(model.check(), Ok(()));
+    assert_eq!(judged(&model), Ok(()));
 }
 
 #[test]
@@ -185,7 +196,7 @@ fn a_model_is_refused_for_handles_devices_and_pieces_that_cannot_be() {
         } else {
             Err(ModelFault::Handles)
         };
-        assert_eq!(model.check(), expected, "{count} {device} {piece}");
+        assert_eq!(judged(&model), expected, "{count} {device} {piece}");
     }
 }
 
@@ -232,6 +243,36 @@ fn a_contact_pushes_and_never_pulls() {
         if scheme == Scheme::Capped {
             assert_eq!(coupling.energy().stored, 0.0, "air stores nothing");
         }
+    }
+}
+
+#[test]
+fn a_contact_stores_the_part_of_its_energy_that_does_not_pull() {
+    let still = [Vec6::zeros(); MAX_HANDLES];
+    // Force at the reference (N), the part of the energy that is stored, and whether the contact damps.
+    for (force, part, damps) in [
+        (Vec3::new(4.0, 3.0, 0.0), 1.0, true),
+        // Without a force along the normal, the handle still touches.
+        (Vec3::new(0.0, 3.0, 0.0), 1.0, true),
+        (Vec3::zeros(), 1.0, true),
+        (Vec3::new(-4.0, 3.0, 0.0), 9.0 / 25.0, false),
+        (Vec3::new(-4.0, 0.0, 0.0), 0.0, false),
+    ] {
+        let mut touched = model(1, 0, MS);
+        touched.energy = 2.0;
+        let handle = &mut touched.handles[0];
+        (handle.contact, handle.wrench.force) = (Vec3::x(), force);
+        touched.damping[0][0][(1, 1)] = 5.0;
+        let deviations = touched.deviations(&at(Vec3::zeros(), Vec3::y()));
+        let parts = touched.parts(&deviations, &still, 0.0);
+        assert!(
+            (parts.stored - 2.0 * part).abs() < 1e-15,
+            "{force} {parts:?}"
+        );
+        let pushes = Vec3::new(force.x.max(0.0), force.y, force.z);
+        assert_eq!(Wrench::from_stacked(&parts.elastic[0]).force, pushes);
+        let damper = if damps { -5.0 } else { 0.0 };
+        assert_eq!(parts.viscous[0].y, damper, "{force}");
     }
 }
 

@@ -423,6 +423,9 @@ fn a_piece_owes_the_work_that_all_of_its_hands_were_spared_and_no_other_hand() {
             tick(&mut coupling, lifted, 1.0);
         }
         let forces = tick(&mut coupling, lifted, 1.0);
+        // What is owed is no credit, so nothing was there to forget.
+        let later = coupling.energy().available;
+        assert!((later - before).abs() < 1e-15, "{before} {later}");
         let free = if owes == 0 { 2 } else { 0 };
         for (i, force) in forces.into_iter().enumerate() {
             let whole = if i == free { 0.5 } else { 0.0 };
@@ -461,6 +464,177 @@ fn a_hand_whose_piece_is_gone_pays_into_the_account_of_the_body_that_it_takes_ho
     assert!((supplied - 0.5e-3).abs() < 1e-15, "{supplied}");
     let paid = after.available - before.available;
     assert!((paid - supplied).abs() < 1e-15, "{paid}");
+}
+
+#[test]
+fn a_piece_is_credited_what_it_released_as_far_as_its_hands_got_it() {
+    let whole = stretched(1, 0, 0.5, 5e-3);
+    let (mut coupling, mut now) = settled(Scheme::Capped, &whole);
+    let mut x = -0.1;
+    // The credit gained by a model that states these released energies after the first hand went `along` with its force.
+    let mut gained = |coupling: &mut Coupling, along: f64, released: [f64; 2]| {
+        let tick = |coupling: &mut Coupling, now: &mut u64, x: f64| {
+            *now += MS;
+            let [_, other] = at_rest();
+            held_tick(
+                coupling,
+                *now,
+                &[(Pose::at(Vec3::x() * x), Twist::zero()), other],
+            );
+            coupling.energy().available
+        };
+        tick(coupling, &mut now, x);
+        x += along;
+        let before = tick(coupling, &mut now, x);
+        let mut model = parted(whole, [2.5e-3; 2]);
+        (model.sequence, model.time_ns) = (now, now);
+        for (piece, released) in model.pieces.iter_mut().zip(released) {
+            piece.released = released;
+        }
+        coupling.accept(&model).expect("a sound model");
+        // The account counts the credit of a model from the next tick on.
+        tick(coupling, &mut now, x);
+        tick(coupling, &mut now, x) - before
+    };
+    // What the first model after the parting states is where the sums begin.
+    for (along, released, expected) in [
+        (0.0, [7.0, 9.0], 0.0),
+        (1e-4, [7.0, 9.0], 0.0),
+        // The hand got 0.1 mJ: 0.05 mJ before the last model, and 0.05 since then.
+        (1e-4, [7.00003, 9.0], 0.03e-3),
+        (1e-4, [8.0, 9.0], 0.05e-3),
+        // The other piece released much, but its hand got nothing.
+        (1e-4, [8.0, 10.0], 0.0),
+        // Nothing was released since.
+        (1e-4, [8.0, 10.0], 0.0),
+        (0.0, [9.0, 11.0], 0.0),
+        // A sum that falls is no release, nor is its return.
+        (1e-4, [1.0, 11.0], 0.0),
+        (1e-4, [9.0, 11.0], 0.0),
+        (1e-4, [9.5, 11.0], 0.05e-3),
+    ] {
+        let found = gained(&mut coupling, along, released);
+        // Rounding of released sums of some joules.
+        assert!((found - expected).abs() < 1e-14, "{released:?} {found}");
+    }
+}
+
+/// Any model of one handle, with an own energy of a joule.
+fn any_piece(numbers: &mut Numbers, device: usize, by: Vec3) -> LocalModel {
+    let mut model = LocalModel::empty();
+    model.handle_count = 1;
+    (model.period, model.horizon, model.energy) = (8e-3, 9e-3, 1.0);
+    let factor = nalgebra::Matrix6::from_fn(|_, _| 8.0 * numbers.next());
+    model.stiffness[0][0] = factor * factor.transpose();
+    let handle = &mut model.handles[0];
+    handle.device = device as u8;
+    handle.pose = Pose::at(place(device) + by + numbers.vector(1e-3));
+    handle.weight = numbers.vector(1.0);
+    handle.wrench.force = numbers.vector(2.0) + handle.weight;
+    handle.drift.force = numbers.vector(50.0);
+    handle.drift.moment = numbers.vector(1.0);
+    if numbers.next() > 0.0 {
+        handle.contact = numbers.vector(1.0).normalize();
+    }
+    model
+}
+
+#[test]
+fn each_piece_of_a_torn_body_is_rendered_and_stores_what_it_would_as_a_body_alone() {
+    for scheme in [Scheme::Linear, Scheme::Capped] {
+        for seed in 1..=20 {
+            let mut numbers = Numbers(seed * 0x9e37_79b9);
+            let config = CouplingConfig {
+                recovery: PERIOD,
+                ..config(scheme)
+            };
+            let mut torn = Coupling::new(config);
+            let mut alone = [0, 1].map(|_| Coupling::new(config));
+            let mut by = [Vec3::zeros(); 2];
+            // Models come after blends and during them.
+            let every = if seed % 2 == 0 { 3 } else { 7 };
+            for tick in 1..80_u64 {
+                let now = tick * MS;
+                if tick % every == 1 {
+                    let mut pieces = [0, 1].map(|i| any_piece(&mut numbers, i, by[i]));
+                    let mut both = pieces[0];
+                    both.handle_count = 2;
+                    both.energy = 2.0;
+                    both.handles[1] = pieces[1].handles[0];
+                    both.handles[1].piece = 1;
+                    both.stiffness[1][1] = pieces[1].stiffness[0][0];
+                    for piece in &mut both.pieces[..2] {
+                        piece.stored = 1.0;
+                    }
+                    // The tear goes on at the tip of one of the pieces.
+                    let tip = usize::from(numbers.next() > 0.0);
+                    let limit = TearLimit {
+                        root: 1.0,
+                        critical: 1.1,
+                        area: 1e-4,
+                    };
+                    let slope = Vec6::from_fn(|_, _| 300.0 * numbers.next());
+                    for (model, handle) in [(&mut both, tip), (&mut pieces[tip], 0)] {
+                        model.tear_limit = limit;
+                        model.handles[handle].tear_slope = slope;
+                    }
+                    both.time_ns = now;
+                    torn.accept(&both).expect("a sound model");
+                    for (coupling, mut model) in alone.iter_mut().zip(pieces) {
+                        model.time_ns = now;
+                        coupling.accept(&model).expect("a sound model");
+                    }
+                }
+                for by in &mut by {
+                    *by += numbers.vector(2e-4);
+                }
+                let at = hands(by, [Vec3::zeros(); 2]);
+                let found = held_tick(&mut torn, now, &at);
+                let wanted = [0, 1].map(|i| held_tick(&mut alone[i], now, &at)[i]);
+                for i in 0..2 {
+                    let off = (found[i].stacked() - wanted[i].stacked()).amax();
+                    // Rounding of some newtons.
+                    assert!(off < 1e-11, "{scheme:?} {seed} {tick} {i}: {off}");
+                }
+                if scheme == Scheme::Capped {
+                    let stored: f64 = alone.iter().map(|alone| alone.energy().stored).sum();
+                    let off = (torn.energy().stored - stored).abs();
+                    assert!(off < 1e-12, "{seed} {tick}: {off}");
+                }
+            }
+            assert_eq!(torn.energy().capped, 0);
+        }
+    }
+}
+
+#[test]
+fn a_weight_that_stays_keeps_its_bytes_through_every_blend() {
+    for scheme in [Scheme::Linear, Scheme::Capped] {
+        let mut whole = stretched(1, 0, 0.0, 5e-3);
+        // A blend of three ticks.
+        whole.period = 6e-3;
+        for handle in &mut whole.handles[..2] {
+            handle.weight.z = -0.7;
+            handle.wrench.force.z = -0.7;
+        }
+        let (mut coupling, mut now) = settled(scheme, &whole);
+        let mut raised = coupling.energy().raised;
+        for tick in 0..12 {
+            if tick % 6 == 0 {
+                (whole.sequence, whole.time_ns) = (100 + tick, now);
+                coupling.accept(&whole).expect("a sound model");
+            }
+            let up = [Vec3::z() * 1e-3 * tick as f64; 2];
+            held_tick(&mut coupling, now, &hands(up, [Vec3::zeros(); 2]));
+            now += MS;
+            if tick > 0 {
+                // Each hand lifts its weight by a millimetre: to the last bit the same work, up to the sum's rounding.
+                let more = coupling.energy().raised - raised;
+                assert!((more - 1.4e-3).abs() < 1e-17, "{scheme:?} {tick} {more:e}");
+            }
+            raised = coupling.energy().raised;
+        }
+    }
 }
 
 /// Any model of the two pieces: wrong forces, stiffness, energies and limits.
@@ -715,7 +889,9 @@ fn a_lead_answers_as_the_springs_answer_that_much_further_motion() {
             for (deviation, by) in deviations.iter_mut().zip(&by) {
                 deviation.displacement = *by;
             }
-            let viscous = model.parts(&deviations, &lead, 0.0).viscous;
+            let parts = model.parts(&deviations, &lead, 0.0);
+            let viscous = parts.viscous;
+            assert_eq!(parts.stored, extrapolated(&model, &by).1);
             let there = [0, 1].map(|i| by[i] + further[i]);
             let ((here, _), (ahead, _)) = (extrapolated(&model, &by), extrapolated(&model, &there));
             for i in 0..2 {
@@ -727,15 +903,26 @@ fn a_lead_answers_as_the_springs_answer_that_much_further_motion() {
             seen[2 * usize::from(from) + usize::from(to)] += 1;
         }
         assert!(seen.iter().all(|&times| times > 5), "{seen:?}");
+        // A lead from the reference on.
+        let mut lead = [Vec6::zeros(); MAX_HANDLES];
+        lead[0] = model.handles[0].tear_slope * 1e-3;
+        let parts = model.parts(&model.deviations(&at_rest()), &lead, 0.0);
+        assert_eq!(parts.stored, 0.1);
     }
 }
 
 #[test]
-fn a_limit_that_is_not_reached_leaves_every_byte() {
-    let far = limited(1.0, 1e3);
-    let mut free = far;
+fn a_limit_that_is_not_reached_or_is_none_leaves_every_byte() {
+    let mut free = limited(1.0, 1.5);
     free.tear_limit = TearLimit::none();
-    for scheme in [Scheme::Linear, Scheme::Capped] {
+    for (scheme, root, critical) in [
+        (Scheme::Linear, 1.0, 1e3),
+        (Scheme::Capped, 1.0, 1e3),
+        // No critical root: there is no limit.
+        (Scheme::Linear, 1.0, 0.0),
+        (Scheme::Capped, 1.0, -1.0),
+    ] {
+        let far = limited(root, critical);
         let (mut one, start) = settled(scheme, &far);
         let (mut other, _) = settled(scheme, &free);
         for tick in 0..20 {
