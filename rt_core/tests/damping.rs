@@ -258,3 +258,166 @@ fn the_first_count_of_a_run_is_a_motion_in_either_direction() {
         }
     }
 }
+
+/// A body that claims more energy than any hand has supplied, from its second model on: the cap damps its hands.
+fn claiming(most: [[f64; 2]; 2]) -> Coupling {
+    let mut coupling = coupling(0, most);
+    let mut model = body();
+    for (time, energy) in [(1, 10e-3), (2, 40e-3)] {
+        (model.sequence, model.time_ns, model.energy) = (time, time, energy);
+        coupling.accept(&model).expect("a sound model");
+        for _ in 0..20 {
+            coupling.tick(2, &[(Pose::identity(), Twist::zero()); 2]);
+        }
+    }
+    coupling
+}
+
+/// Ticks in which the damper that takes out missing energy grows to the largest damping of a device.
+const EASE: f64 = 20.0;
+
+#[test]
+fn missing_energy_is_taken_out_of_each_hand_whose_velocity_agrees_with_its_motion() {
+    let most = [[3.0, 0.02], [5.0, 0.01]];
+    let coupling = claiming(most);
+    // Numbers between minus one and one (xorshift, G. Marsaglia 2003).
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut number = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    let mut seen = [0; 2];
+    for case in 0..400 {
+        let mut coupling = coupling.clone();
+        let mut vector = |scale: f64| Vec3::from_fn(|_, _| scale * number());
+        let steps = [0, 1].map(|_| [vector(1e-4), vector(1e-3)]);
+        let mut twists = [0, 1].map(|_| Twist {
+            linear: vector(0.1),
+            angular: vector(1.0),
+        });
+        match case % 5 {
+            // A hand that creeps.
+            0 => twists[0].linear = vector(1.0).normalize() * 0.99e-3,
+            1 => twists[1].linear = vector(1.0).normalize() * 1.01e-3,
+            // A rotation that outweighs the translation.
+            2 => twists[0].angular *= 10.0,
+            _ => {}
+        }
+        let at = [0, 1].map(|i| {
+            let [by, turn] = steps[i];
+            let rotation = UnitQuaternion::from_scaled_axis(turn);
+            let pose = Pose {
+                position: by,
+                rotation,
+            };
+            (pose, twists[i])
+        });
+        let wrenches = coupling.tick(2, &at);
+        for i in 0..2 {
+            let [by, turn] = steps[i];
+            let along = by.dot(&twists[i].linear) + turn.dot(&twists[i].angular);
+            let agrees = along > 0.0 && twists[i].linear.norm() > 1e-3;
+            seen[usize::from(agrees)] += 1;
+            let part = if agrees { 1.0 / EASE } else { 0.0 };
+            let [linear, angular] = most[i];
+            let wanted = [twists[i].linear * -linear, twists[i].angular * -angular];
+            for (found, wanted) in [wrenches[i].force, wrenches[i].moment].iter().zip(wanted) {
+                assert!((found - wanted * part).norm() < 1e-12, "{case} {i}");
+            }
+        }
+    }
+    assert!(seen.iter().all(|&times| times > 100), "{seen:?}");
+}
+
+#[test]
+fn the_damper_for_missing_energy_comes_and_goes_in_20_ms() {
+    let (most, speed) = (3.0, 0.1);
+    let mut coupling = claiming([[most, 0.0]; 2]);
+    let mut model = body();
+    let mut last = 0.0;
+    for tick in 1..=80_u64 {
+        if tick == 41 {
+            // The claim ends.
+            (model.sequence, model.time_ns, model.energy) = (3, 3, 0.0);
+            coupling.accept(&model).expect("a sound model");
+        }
+        let x = speed * PERIOD * tick as f64;
+        let twist = Twist {
+            linear: Vec3::x() * speed,
+            ..Twist::zero()
+        };
+        let hands = [(Pose::at(Vec3::x() * x), twist); 2];
+        let wrenches = coupling.tick(3, &hands);
+        assert_eq!(wrenches[0], wrenches[1]);
+        let force = -wrenches[0].force.x;
+        let wanted = match tick {
+            ..=40 => most * speed * (tick as f64 / EASE).min(1.0),
+            // A change of model takes two ticks, in which the claim vanishes.
+            41..=43 => force,
+            _ => (last - most * speed / EASE).max(0.0),
+        };
+        // Rounding of a sum of twenty parts.
+        assert!((force - wanted).abs() < 1e-12, "{tick} {force} {wanted}");
+        assert!((force - last).abs() < most * speed / EASE * (1.0 + 1e-9));
+        last = force;
+    }
+    assert_eq!(last, 0.0);
+}
+
+#[test]
+fn the_damper_goes_on_in_the_parts_of_a_piece_and_in_no_other_piece() {
+    // Three hands. The first holds a piece, and the others hold another, which parts. One of the two claims too much.
+    let most = [3.0, 0.0];
+    let speed = 0.1;
+    for claims in [0, 1] {
+        let mut coupling = coupling(0, [most; 2]);
+        let model = |time: u64, pieces: [u8; 3], much: f64| {
+            let mut model = body();
+            model.handle_count = 3;
+            model.handles[2].device = 2;
+            (model.sequence, model.time_ns) = (time, time);
+            model.epoch = u32::from(pieces[2] == 2);
+            for (handle, piece) in model.handles.iter_mut().zip(pieces) {
+                handle.piece = piece;
+            }
+            let parts = f64::from(pieces[2]);
+            model.pieces[0].stored = 10e-3 * if claims == 0 { much } else { 1.0 };
+            for piece in &mut model.pieces[1..=usize::from(pieces[2])] {
+                piece.stored = 10e-3 * if claims == 1 { much } else { 1.0 } / parts;
+            }
+            model.energy = model.pieces.iter().map(|piece| piece.stored).sum();
+            model
+        };
+        let mut place = 0.0;
+        let mut tick = |coupling: &mut Coupling| {
+            place += speed * PERIOD;
+            let twist = Twist {
+                linear: Vec3::x() * speed,
+                ..Twist::zero()
+            };
+            let wrenches = coupling.tick(3, &[(Pose::at(Vec3::x() * place), twist); 3]);
+            [0, 1, 2].map(|i| -wrenches[i].force.x)
+        };
+        for (time, pieces, much) in [
+            (1, [0, 1, 1], 1.0),
+            (2, [0, 1, 1], 10.0),
+            (3, [0, 1, 2], 10.0),
+        ] {
+            let accepted = coupling.accept(&model(time, pieces, much));
+            accepted.expect("a sound model");
+            for _ in 0..40 {
+                let forces = tick(&mut coupling);
+                if time == 3 {
+                    // The third device is of unknown properties, so its damper is larger.
+                    let damped = |i: usize| if claims == 0 { i == 0 } else { i > 0 };
+                    for (i, force) in forces.into_iter().enumerate() {
+                        assert_eq!(force > 0.2, damped(i), "{claims} {i} {forces:?}");
+                        assert!(force > 0.2 || force == 0.0, "{claims} {i} {forces:?}");
+                    }
+                }
+            }
+        }
+    }
+}

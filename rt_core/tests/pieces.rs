@@ -434,6 +434,137 @@ fn a_piece_owes_the_work_that_all_of_its_hands_were_spared_and_no_other_hand() {
     }
 }
 
+/// A coupling of three hands at rest, which hold what it renders, and the time of its last tick (ns).
+struct Rest {
+    coupling: Coupling,
+    now: u64,
+}
+
+impl Rest {
+    fn new() -> Self {
+        Self {
+            coupling: Coupling::new(CouplingConfig {
+                age_limit: 1e3,
+                ..config(Scheme::Capped)
+            }),
+            now: 0,
+        }
+    }
+
+    /// Takes a model with these pieces of the hands and energies of the pieces, and ticks. Returns the forces along x.
+    fn take(
+        &mut self,
+        mut model: LocalModel,
+        pieces: &[u8],
+        energies: &[f64],
+        ticks: u64,
+    ) -> [f64; MAX_DEVICES] {
+        self.now += MS;
+        (model.sequence, model.time_ns) = (self.now, self.now);
+        (model.epoch, model.handle_count) = ((self.now / MS) as u32, pieces.len() as u8);
+        model.energy = energies.iter().sum();
+        for (handle, piece) in model.handles.iter_mut().zip(pieces) {
+            handle.piece = *piece;
+        }
+        for (piece, energy) in model.pieces.iter_mut().zip(energies) {
+            piece.stored = *energy;
+        }
+        self.coupling.accept(&model).expect("a sound model");
+        let at = [0, 1, 2].map(|i| (Pose::at(Vec3::x() * 0.1 * f64::from(i)), Twist::zero()));
+        let mut held = [Wrench::zero(); MAX_DEVICES];
+        for _ in 0..ticks {
+            self.now += MS;
+            held = held_tick(&mut self.coupling, self.now, &at);
+        }
+        held.map(|wrench| wrench.force.x)
+    }
+}
+
+#[test]
+fn an_account_follows_its_hands_whatever_number_their_piece_has() {
+    let mut body = Rest::new();
+    // The first piece claims eight times the energy that its hands have supplied: they feel less than half of its force.
+    body.take(carried(), &[0, 1, 1], &[2e-3, 2e-3], 40);
+    let pull = |forces: [f64; MAX_DEVICES]| [forces[0], forces[1], forces[2]];
+    let before = pull(body.take(carried(), &[0, 1, 1], &[16e-3, 2e-3], 40));
+    let available = body.coupling.energy().available;
+    assert!(before[0] < 0.25 && before[1..] == [0.5, 0.5], "{before:?}");
+    let withheld = body.coupling.withheld();
+    assert!((withheld.force + before[0] - 0.5).abs() < 1e-12);
+    // The pieces get other numbers.
+    let after = pull(body.take(carried(), &[1, 0, 0], &[2e-3, 16e-3], 40));
+    for (before, after) in before.iter().zip(&after) {
+        assert!((before - after).abs() < 1e-12, "{after:?}");
+    }
+    assert!((body.coupling.energy().available - available).abs() < 1e-15);
+    assert!((body.coupling.withheld().force - withheld.force).abs() < 1e-12);
+}
+
+#[test]
+fn the_largest_withheld_force_of_all_pieces_is_told() {
+    // The second hand is on a piece of its own. Both pieces claim more than was supplied, one of them more than the other.
+    for claims in [[9e-3, 12e-3], [12e-3, 9e-3]] {
+        let mut body = Rest::new();
+        body.take(carried(), &[0, 1], &[2e-3; 2], 40);
+        let forces = body.take(carried(), &[0, 1], &claims, 40);
+        let most = forces[0].min(forces[1]);
+        assert!(forces[0] < 0.5 && forces[1] < 0.5, "{forces:?}");
+        let withheld = body.coupling.withheld();
+        assert_eq!(withheld.of, 0.5);
+        assert!((withheld.force - (0.5 - most)).abs() < 1e-12, "{forces:?}");
+    }
+}
+
+#[test]
+fn a_piece_keeps_its_credit_while_another_parts() {
+    let mut body = Rest::new();
+    body.take(carried(), &[0, 1, 1], &[5e-3, 4e-3], 40);
+    // The first piece stores less than its hands have supplied, as a body that gives way. Not all of its credit is
+    // forgotten: twice the energy may be kept.
+    body.take(carried(), &[0, 1, 1], &[3e-3, 4e-3], 40);
+    let before = body.coupling.energy().available;
+    assert!(before > 9e-3, "{before}");
+    body.take(carried(), &[0, 1, 2], &[3e-3, 1e-3, 3e-3], 1);
+    let after = body.coupling.energy().available;
+    assert!((after - before).abs() < 1e-15, "{before} {after}");
+}
+
+#[test]
+fn what_a_hand_without_force_was_spared_stays_with_the_larger_part_of_its_piece() {
+    for (energies, larger) in [([1e-3, 4e-3], 1), ([4e-3, 1e-3], 0)] {
+        let mut body = Rest::new();
+        // The spring bears the weight of the third hand: that hand has no force.
+        let mut model = carried();
+        model.handles[2].wrench.force = Vec3::zeros();
+        body.take(model, &[0, 0, 0], &[5e-3], 40);
+        let own = body.coupling.energy().available;
+        // Its device holds the weight no more, while it is lifted by 10 mm, and then holds the weight again.
+        for (height, passed) in [(0.0, 0.0), (0.01, 0.0), (0.01, 1.0)] {
+            body.now += MS;
+            let at = [0, 1, 2].map(|i| {
+                let up = if i == 2 { height } else { 0.0 };
+                let place = Vec3::new(0.1 * f64::from(i), 0.0, up);
+                (Pose::at(place), Twist::zero())
+            });
+            let wrenches = body.coupling.tick(body.now, &at);
+            let mut held = [Wrench::zero(); MAX_DEVICES];
+            held[..3].copy_from_slice(&wrenches[..3]);
+            let mut all = [1.0; MAX_DEVICES];
+            all[2] = passed;
+            body.coupling.hold(&held, &all);
+        }
+        let available = body.coupling.energy().available;
+        assert!((own - available - 0.01).abs() < 1e-15, "{own:e} {available:e} {:e}", own - available - 0.01);
+        // The third hand lets go as the body parts between the other two.
+        let forces = body.take(carried(), &[0, 1], &energies, 200);
+        assert_eq!(body.coupling.model().handles().count(), 2);
+        for (i, force) in forces[..2].iter().enumerate() {
+            let wanted = if i == larger { 0.0 } else { 0.5 };
+            assert!((force - wanted).abs() < 1e-12, "{energies:?} {forces:?}");
+        }
+    }
+}
+
 #[test]
 fn a_hand_whose_piece_is_gone_pays_into_the_account_of_the_body_that_it_takes_hold_of_again() {
     let whole = stretched(1, 0, 0.5, 5e-3);
