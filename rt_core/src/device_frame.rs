@@ -165,13 +165,14 @@ mod tests {
         }
 
         #[test]
-        fn power_is_the_same_on_both_sides(
+        fn power_at_the_hand_is_that_in_the_scene_times_the_force_scale(
             turn in vector(), v in vector(), w in vector(), f in vector(), m in vector(),
-            scale in 0.1..10.0,
+            scale in 0.1..10.0, force_scale in 0.1..10.0,
         ) {
             let frame = DeviceFrame {
                 rotation: UnitQuaternion::from_scaled_axis(turn),
                 motion_scale: scale,
+                force_scale,
                 ..DeviceFrame::at(Vec3::zeros())
             };
             let state = DeviceState {
@@ -181,10 +182,47 @@ mod tests {
             let wrench = Wrench { force: f, moment: m };
             let (_, scene) = frame.to_scene(&state);
             let device = frame.to_device(&wrench);
-            let in_scene = f.dot(&scene.linear) + m.dot(&scene.angular);
-            let at_hand = device.force.dot(&v) + device.moment.dot(&w);
-            // Rounding of numbers of order ten.
-            prop_assert!((in_scene - at_hand).abs() < 1e-13);
+            // Rounding of numbers of order a hundred.
+            let near = |found: f64, expected: f64| (found - expected).abs() < 1e-12;
+            let in_scene = [f.dot(&scene.linear), m.dot(&scene.angular)];
+            let at_hand = [device.force.dot(&v), device.moment.dot(&w)];
+            for (at_hand, in_scene) in at_hand.into_iter().zip(in_scene) {
+                prop_assert!(near(at_hand, force_scale * in_scene));
+            }
+            let back = frame.on_proxy(&device);
+            prop_assert!((back.stacked() - wrench.stacked()).amax() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_scale_of_zero_renders_no_force_and_nothing_on_the_proxy() {
+        let wrench = Wrench {
+            force: Vec3::x(),
+            moment: Vec3::z(),
+        };
+        let frame = DeviceFrame {
+            force_scale: 0.0,
+            ..DeviceFrame::at(Vec3::zeros())
+        };
+        assert_eq!(frame.to_device(&wrench), Wrench::zero());
+        assert_eq!(frame.on_proxy(&wrench), Wrench::zero());
+    }
+
+    #[test]
+    fn a_slipping_clutch_does_not_mind_which_of_its_two_quaternions_a_device_reports() {
+        // The two quaternions of opposite signs are one rotation.
+        let turned = UnitQuaternion::from_scaled_axis(Vec3::new(0.02, -0.01, 0.03));
+        let now = [turned, UnitQuaternion::new_unchecked(-turned.into_inner())];
+        let [found, other] = now.map(|rotation| {
+            let mut state = DeviceState::resting();
+            state.pose.rotation = rotation;
+            let mut frame = DeviceFrame::at(Vec3::zeros());
+            frame.slip(0.25, &DeviceState::resting(), &state);
+            frame.to_scene(&state).0
+        });
+        // Rounding of unit quaternions.
+        assert!(found.displacement_from(&other).norm() < 1e-15);
+        let followed = found.rotation.scaled_axis();
+        assert!((followed - turned.scaled_axis() * 0.75).norm() < 1e-6);
     }
 }

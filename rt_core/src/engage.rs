@@ -167,6 +167,25 @@ mod tests {
     }
 
     #[test]
+    fn a_device_has_its_whole_force_at_once_only_if_nothing_has_to_happen_first() {
+        for (armed, dead_man, ramp, whole) in [
+            (true, 0, 0.0, true),
+            (false, 0, 0.0, false),
+            (true, 1, 0.0, false),
+            (true, 0, 0.1, false),
+            (false, 1, 0.1, false),
+        ] {
+            let config = EngageConfig {
+                armed,
+                dead_man,
+                ramp,
+                ..EngageConfig::default()
+            };
+            assert_eq!(config.is_whole_at_start(), whole, "{config:?}");
+        }
+    }
+
+    #[test]
     fn a_button_arms_when_it_is_pressed_and_not_because_it_is_down() {
         let mut engagement = Engagement::new(EngageConfig {
             armed: false,

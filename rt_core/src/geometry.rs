@@ -169,6 +169,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn wrenches_add_and_scale_in_force_and_moment() {
+        let one = Wrench {
+            force: Vec3::new(1.0, 2.0, 3.0),
+            moment: Vec3::new(4.0, 5.0, 6.0),
+        };
+        let other = one.scaled(-0.5);
+        assert_eq!(other.force, Vec3::new(-0.5, -1.0, -1.5));
+        assert_eq!(other.moment, Vec3::new(-2.0, -2.5, -3.0));
+        assert_eq!(one.plus(&other), one.scaled(0.5));
+    }
+
+    #[test]
     fn displacement_recovers_a_rotation_vector_in_world_axes() {
         let reference = Pose {
             position: Vec3::new(0.1, -0.2, 0.3),

@@ -79,6 +79,47 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn the_mean_square_follows_a_steady_force_with_the_time_constant() {
+        let config = HeatConfig {
+            continuous_force: 5.0,
+            time: 2.0,
+        };
+        let (period, mut heat) = (1e-3, Heat::default());
+        for tick in 1..=6000 {
+            heat.note(&config, 3.0, period);
+            let passed = f64::from(tick) * period / config.time;
+            let expected = 3.0 * libm::sqrt(1.0 - libm::exp(-passed));
+            // A step of a tick errs by half of the tick's part of the time constant.
+            let found = heat.root_mean_square();
+            assert!(
+                (found - expected).abs() < 1e-3,
+                "{tick}: {found} {expected}"
+            );
+        }
+        // A tick longer than the time constant has the heat of its own force.
+        heat.note(&config, 1.0, 10.0);
+        assert_eq!(heat.root_mean_square(), 1.0);
+    }
+
+    #[test]
+    fn the_largest_force_falls_from_half_of_the_heat_to_the_whole() {
+        let config = HeatConfig {
+            continuous_force: 2.0,
+            time: 1.0,
+        };
+        for (heat, largest) in [(0.0, 8.0), (0.5, 8.0), (0.75, 5.0), (1.0, 2.0), (2.0, 2.0)] {
+            let mean_square = 4.0 * heat;
+            let found = Heat { mean_square }.largest_force(&config, 8.0);
+            assert!((found - largest).abs() < 1e-12, "{heat}: {found}");
+        }
+        // A device that may render its largest force for ever never gets hot.
+        let hot = Heat { mean_square: 100.0 };
+        for most in [1.0, 2.0] {
+            assert_eq!(hot.largest_force(&config, most), most);
+        }
+    }
+
     proptest! {
         /// Whatever the scene asks for, the mean square of the force stays below that of the continuous force, and the
         /// largest force changes by less than a hand can feel from one tick to the next.

@@ -143,3 +143,87 @@ pub struct HeldBackByBody {
     /// The age of the model, once a model had grown too old: the force fades, and returns later.
     pub aged: HeldBack,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hand_notices_more_than_a_hundredth_of_the_force_and_more_than_20_mn() {
+        for (held, whole, noticed) in [
+            (0.0, 0.0, false),
+            (LEAST_FORCE, 1.0, false),
+            (0.021, 1.0, true),
+            (0.05, 10.0, false),
+            (0.1, 10.0, false),
+            (0.11, 10.0, true),
+            (-1.0, 1.0, false),
+        ] {
+            assert_eq!(is_noticeable(held, whole), noticed, "{held} of {whole}");
+        }
+    }
+
+    #[test]
+    fn the_record_keeps_the_first_of_the_largest_forces_and_ignores_numbers_that_are_not_finite() {
+        let mut held_back = HeldBack::default();
+        assert_eq!(held_back.mean(), 0.0);
+        for (now_ns, whole, passed) in [
+            (1, f64::INFINITY, 1.0),
+            (2, f64::NAN, 0.0),
+            (3, 1.0, f64::NAN),
+            (4, 2.0, 1.5),
+            (5, 3.0, 2.0),
+            (6, 2.0, 1.0),
+            (7, 5.0, 4.99),
+        ] {
+            held_back.note(now_ns, whole, passed);
+        }
+        let expected = HeldBack {
+            ticks: 3,
+            first_ns: 4,
+            last_ns: 6,
+            sum: 2.5,
+            most: 1.0,
+            of: 3.0,
+            most_ns: 5,
+        };
+        assert_eq!(held_back, expected);
+        assert_eq!(held_back.mean(), 2.5 / 3.0);
+    }
+
+    /// The record of a device for each cause.
+    type Cause = (SafetyState, fn(&HeldBackByDevice) -> HeldBack);
+
+    #[test]
+    fn a_force_is_held_back_by_the_cause_that_the_last_stage_names() {
+        let causes: [Cause; 11] = [
+            (SafetyState::Limited, |held| held.limited),
+            (SafetyState::Hot, |held| held.hot),
+            (SafetyState::Slewed, |held| held.slewed),
+            (SafetyState::TooFast, |held| held.too_fast),
+            (SafetyState::OutOfReach, |held| held.out_of_reach),
+            (SafetyState::Recovering, |held| held.recovering),
+            (SafetyState::Engaging, |held| held.engaging),
+            (SafetyState::HandsOff, |held| held.hands_off),
+            (SafetyState::Disarmed, |held| held.disarmed),
+            (SafetyState::Stopped, |held| held.stopped),
+            (SafetyState::DeviceStale, |held| held.silent),
+        ];
+        let (asked, passed) = (Vec3::new(0.0, 3.0, 4.0), Vec3::new(1.0, 0.0, 0.0));
+        for (state, of) in causes {
+            let mut held = HeldBackByDevice::default();
+            held.note(state, 9, &asked, &passed);
+            for (other, of_other) in causes {
+                let ticks = u64::from(other == state);
+                assert_eq!(of_other(&held).ticks, ticks, "{state:?} {other:?}");
+            }
+            assert_eq!((of(&held).most, of(&held).of), (4.0, 5.0));
+        }
+        let mut held = HeldBackByDevice::default();
+        for state in [SafetyState::Normal, SafetyState::NotANumber] {
+            held.note(state, 9, &asked, &passed);
+        }
+        held.note(SafetyState::Limited, 9, &asked, &asked);
+        assert_eq!(held, HeldBackByDevice::default());
+    }
+}

@@ -149,6 +149,37 @@ fn a_step_that_no_hand_can_make_is_no_work() {
 }
 
 #[test]
+fn a_command_that_no_device_holds_is_no_work() {
+    let nan = Vec3::x() * f64::NAN;
+    for (force, moment, counts) in [
+        (Vec3::x(), Vec3::x(), true),
+        (Vec3::x() * 1e6, Vec3::x(), true),
+        (Vec3::x() * 2e6, Vec3::x(), false),
+        (nan, Vec3::x(), false),
+        (Vec3::x(), nan, false),
+    ] {
+        let mut held = Held::new(Port::UNKNOWN, force, moment);
+        held.at(along(0.0));
+        let supplied = held.at(along(0.01)).supplied;
+        let expected = if counts { -0.01 * force.x } else { 0.0 };
+        assert!((supplied - expected).abs() < 1e-9, "{force} {supplied}");
+    }
+    // The same for a weight: such a model raises nothing.
+    for (weight, counts) in [(2.0, true), (2e6, false)] {
+        let mut coupling = coupling(Scheme::Linear, Port::UNKNOWN);
+        let mut model = wall(0.0);
+        model.handles[0].weight.x = -weight;
+        coupling.accept(&model).expect("a sound model");
+        for tick in 0..20 {
+            coupling.tick(2, &[moving(1e-4 * f64::from(tick), 0.0)]);
+            coupling.hold(&[Wrench::zero(); MAX_DEVICES], &[1.0; MAX_DEVICES]);
+        }
+        let raised = coupling.energy().raised;
+        assert_eq!(raised > 1e-3, counts, "{weight} {raised}");
+    }
+}
+
+#[test]
 fn a_scaled_device_does_its_scale_of_work() {
     let work = |scale: f64| {
         let port = Port {
@@ -223,6 +254,12 @@ fn a_scaled_device_raises_its_scale_of_weight() {
         assert!((back.raised - expected).abs() < 1e-15, "{scale} {back:?}");
         let spared = away.available - back.available;
         assert!((spared - expected).abs() < 1e-15, "{scale} {spared}");
+        // A device that holds a part of the weight has raised that part.
+        let part = at(0.01, 0.25);
+        assert!(
+            (part.raised - 0.25 * expected).abs() < 1e-15,
+            "{scale} {part:?}"
+        );
     }
 }
 
@@ -372,5 +409,156 @@ fn the_cap_does_not_buzz_on_a_single_count() {
         assert!(coupling.energy().capped > 1000, "the cap is at work");
         // A hundredth of the force that is left.
         assert!(largest < 0.01, "{largest} N by a count every {every} ticks");
+    }
+}
+
+#[test]
+fn what_hands_supply_is_stored_or_raised_or_dissipated() {
+    // A hand lifts a weight by 10 mm, and stretches a spring that pulled with 1 N already, through a damper.
+    let (k, b, pull, weight) = (100.0, 2.0, 1.0, 2.0);
+    let mut model = wall(k);
+    let handle = &mut model.handles[0];
+    handle.contact = Vec3::zeros();
+    handle.weight.x = -weight;
+    handle.wrench.force.x = -pull - weight;
+    model.damping[0][0][(0, 0)] = b;
+    model.energy = pull * pull / (2.0 * k);
+    let mut coupling = coupling(Scheme::Capped, Port::UNKNOWN);
+    coupling.accept(&model).expect("a sound model");
+    for _ in 0..10 {
+        tick(&mut coupling, moving(0.0, 0.0));
+    }
+    let (speed, far) = (0.1, 0.01);
+    for step in 1..=100 {
+        tick(&mut coupling, moving(1e-4 * f64::from(step), speed));
+    }
+    let account = *coupling.energy();
+    let stored = (pull + k * far) * (pull + k * far) / (2.0 * k);
+    assert!((account.stored - stored).abs() < 1e-12, "{account:?}");
+    assert!((account.raised - weight * far).abs() < 1e-12, "{account:?}");
+    // The force of the damper comes a tick after the motion began: a hundredth of its work.
+    let lost = b * speed * far;
+    assert!(
+        (account.dissipated() / lost - 1.0).abs() < 0.02,
+        "{account:?}"
+    );
+}
+
+#[test]
+fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
+    let (count, friction, pull) = (4e-5, 0.4, 3.0);
+    let credit = PassivityConfig::new(PERIOD).credit;
+    // Stiffness, force scale of the device, rests between the counts, the axis of the counts, and another axis along which
+    // a count comes between.
+    for (k, scale, rests, axis, other) in [
+        (30_000.0, 1.0, false, 0, None),
+        (30_000.0, 3.0, false, 1, None),
+        (10_000.0, 1.0, false, 2, None),
+        (30_000.0, 1.0, false, 0, Some(1)),
+        (30_000.0, 1.0, false, 0, Some(2)),
+        (30_000.0, 1.0, false, 1, Some(0)),
+        (30_000.0, 1.0, false, 1, Some(2)),
+        (30_000.0, 1.0, false, 2, Some(0)),
+        (14_000.0, 1.0, false, 2, Some(1)),
+        (30_000.0, 1.0, true, 0, None),
+    ] {
+        let unit = |axis: usize| Vec3::from_fn(|i, _| if i == axis { 1.0 } else { 0.0 });
+        let port = Port {
+            friction,
+            count,
+            force_scale: scale,
+            most_damping: 0.0,
+            ..Port::UNKNOWN
+        };
+        let mut coupling = coupling(Scheme::Capped, port);
+        let mut model = wall(k);
+        model.handles[0].contact = Vec3::zeros();
+        // The weight is no force of the spring.
+        model.handles[0].weight = unit(axis) * 2.0;
+        model.handles[0].wrench.force = unit(axis) * (2.0 + pull);
+        for axis in 0..3 {
+            model.stiffness[0][0][(axis, axis)] = k;
+        }
+        model.energy = 1.0;
+        coupling.accept(&model).expect("a sound model");
+        let mut at = |x: i32, y: i32| {
+            let ticks = if rests { 5 } else { 1 };
+            for _ in 0..ticks {
+                let aside = other.map_or(Vec3::zeros(), unit) * f64::from(y);
+                let place = (unit(axis) * f64::from(x) + aside) * count;
+                tick(&mut coupling, (Pose::at(place), Twist::zero()));
+            }
+            let energy = coupling.energy();
+            (energy.available, energy.credited, energy.raised)
+        };
+        at(0, 0);
+        at(0, 0);
+        at(0, 0);
+        at(1, 0);
+        let before = at(2, 0);
+        // A count onwards, for which friction was credited, and back.
+        at(3, 0);
+        let y = i32::from(other.is_some());
+        if other.is_some() {
+            at(3, y);
+        }
+        at(2, y);
+        let after = at(2, y);
+        assert!((after.1 - before.1 - credit * friction * count).abs() < 1e-18);
+        assert!((after.2 - before.2).abs() < 1e-18, "no weight was raised");
+        let cost = before.0 - after.0 + (after.1 - before.1);
+        // The friction of both counts, less the part that was credited; on a slanting path less of it.
+        let slant = if other.is_some() { 3.0_f64.sqrt() } else { 1.0 };
+        let covered = (2.0 - credit) * friction / slant;
+        let expected = if rests {
+            // The spring changed during each count, so nothing was lost.
+            0.0
+        } else {
+            (k * count * scale - covered).max(0.0) * count
+        };
+        // Rounding of an account of a joule.
+        assert!(
+            (cost - expected).abs() < 1e-14,
+            "{k} {scale} {rests} {axis} {other:?}: {cost} {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_count_after_a_rest_is_paid_by_the_mean_of_the_force_before_and_after() {
+    let (k, count) = (5000.0, 4e-5);
+    let port = Port {
+        count,
+        ..Port::UNKNOWN
+    };
+    // Ticks of rest before the step, counts of the step, and the part of `K D^2` that is paid beside the force before.
+    for (rest, counts, part) in [
+        (1, 1.0, 0.0),
+        (2, 1.0, 0.5),
+        (50, 1.0, 0.5),
+        // The hand made several counts in a tick: it moves.
+        (50, 2.0, 0.0),
+    ] {
+        let mut coupling = coupling(Scheme::Capped, port);
+        let mut model = wall(k);
+        model.handles[0].contact = Vec3::zeros();
+        model.energy = 1.0;
+        coupling.accept(&model).expect("a sound model");
+        let mut at = |x: f64| {
+            tick(&mut coupling, moving(-x * count, 0.0));
+            let energy = coupling.energy();
+            energy.available - energy.supplied
+        };
+        for x in [0.0, 0.0, 0.0, 1.0, 2.0] {
+            at(x);
+        }
+        for _ in 1..rest {
+            at(2.0);
+        }
+        let before = at(2.0 + counts);
+        let paid = at(2.0 + counts) - before;
+        let expected = part * k * count * count;
+        // Rounding of an account of a joule.
+        assert!((paid - expected).abs() < 1e-15, "{rest} {counts}: {paid}");
     }
 }

@@ -328,6 +328,7 @@ proptest! {
         models in proptest::collection::vec(any_model(), 2..5),
         left in vector(0.1), right in vector(0.1), turn in vector(0.5),
         wait in 0_u64..12,
+        late in 0_u64..12,
         scheme in prop_oneof![
             Just(Scheme::Hold), Just(Scheme::Linear),
             Just(Scheme::Thesis { stiffness: 400.0, damping: 5.0 }),
@@ -338,13 +339,15 @@ proptest! {
         at[1].0.rotation = UnitQuaternion::from_scaled_axis(turn);
         let mut now = settle(&mut coupling, &models[0], &at);
         let mut newest = models[0];
+        newest.time_ns = now - 20 * MS;
         for (k, model) in models.iter().enumerate().skip(1) {
             let before = coupling.tick(now, &at);
             // One blending step may follow before the model comes: a copy tells the force after that step.
             let expected = coupling.clone().tick(now, &at);
             let mut model = *model;
             model.sequence = 1000 + k as u64;
-            model.time_ns = now + k as u64;
+            // The host needed some time to compute it: its drift has acted already.
+            model.time_ns = (now - late * MS).max(newest.time_ns + 1);
             coupling.accept(&model).unwrap();
             newest = model;
             let after = coupling.tick(now, &at);
@@ -369,6 +372,149 @@ proptest! {
         let rendered = coupling.tick(now, &at);
         for (a, b) in expected.iter().zip(&rendered).take(2) {
             prop_assert!((a.stacked() - b.stacked()).amax() < 1e-9);
+        }
+    }
+}
+
+/// A coupling whose force never fades, with models of this period (s), one in each tick for a while. They pull the hands
+/// with 1 N. Returns the time of the last model (ns), after the first tick that used it.
+fn steady(recovery: f64, period: f64) -> (Coupling, u64) {
+    let mut coupling = Coupling::new(CouplingConfig {
+        decay: f64::INFINITY,
+        recovery,
+        ..config(Scheme::Linear)
+    });
+    for tick in 1..=150 {
+        let mut model = spring(tick, tick * MS, 0.0, 0.0, 1.0);
+        model.period = period;
+        coupling.accept(&model).unwrap();
+        coupling.tick(tick * MS, &[]);
+    }
+    (coupling, 150 * MS)
+}
+
+#[test]
+fn a_force_passes_in_half_a_period_or_half_a_gap_up_to_the_time_of_recovery() {
+    for (recovery, period, gap, ticks) in [
+        // Half a period; no more ticks than begin in it, and at least two.
+        (0.1, 0.016, 16, 8),
+        (0.1, 0.005, 5, 3),
+        (0.1, 0.001, 1, 2),
+        // Half a gap, in which no more than the age limit of 50 ms counts.
+        (0.1, 0.016, 40, 20),
+        (0.1, 0.016, 80, 25),
+        // A gap passes in the time of recovery at most, but a period in half of it nevertheless.
+        (0.01, 0.016, 40, 10),
+        (0.001, 0.016, 40, 8),
+    ] {
+        let (mut coupling, last) = steady(recovery, period);
+        let now = last + gap * MS;
+        for tick in 1..gap {
+            coupling.tick(last + tick * MS, &[]);
+        }
+        let mut model = spring(1000, now, 0.0, 0.0, 2.0);
+        model.period = period;
+        coupling.accept(&model).unwrap();
+        for tick in 0..ticks + 5 {
+            let force = coupling.tick(now + tick * MS, &[])[0].force.x;
+            let wanted = 1.0 + (tick as f64 / ticks as f64).min(1.0);
+            // Rounding of some newtons.
+            assert!(
+                (force - wanted).abs() < 1e-12,
+                "{period} {gap} {tick}: {force} {wanted}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_next_model_does_not_shorten_a_blend_that_is_under_way() {
+    // A blend of twenty ticks after a gap of 40 ms. Another model comes after some ticks; its own blend takes eight.
+    for (after, ticks) in [(5, 15), (15, 8)] {
+        let (mut coupling, last) = steady(0.1, 0.016);
+        for tick in 1..40 {
+            coupling.tick(last + tick * MS, &[]);
+        }
+        let now = last + 40 * MS;
+        coupling.accept(&spring(1000, now, 0.0, 0.0, 3.0)).unwrap();
+        for tick in 0..after {
+            coupling.tick(now + tick * MS, &[]);
+        }
+        let now = now + after * MS;
+        coupling.accept(&spring(1001, now, 0.0, 0.0, 3.0)).unwrap();
+        let begin = 1.0 + 0.1 * after as f64;
+        for tick in 0..ticks + 5 {
+            let force = coupling.tick(now + tick * MS, &[])[0].force.x;
+            let wanted = begin + (3.0 - begin) * (tick as f64 / ticks as f64).min(1.0);
+            // Rounding of some newtons.
+            assert!(
+                (force - wanted).abs() < 1e-12,
+                "{after} {tick}: {force} {wanted}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_model_that_comes_during_a_blend_starts_from_the_blended_one() {
+    // Stiffness (N/m), damping (N s/m) and drift (N/s) of the first model and of the models that follow.
+    let models = [(100.0, 1.0, 20.0), (300.0, 5.0, -60.0)];
+    let model = |which: usize, sequence: u64, time_ns: u64| {
+        let (k, b, drift) = models[which];
+        let mut model = spring(sequence, time_ns, k, b, 1.0);
+        model.horizon = 0.05;
+        for (handle, sign) in model.handles.iter_mut().zip([1.0, -1.0]) {
+            handle.drift.force.x = sign * drift;
+            handle.drift.moment.y = sign * drift;
+        }
+        model
+    };
+    let at = |by: f64, v: f64| {
+        hands(
+            Vec3::new(-0.1 - by, 0.0, 0.0),
+            Vec3::new(0.1 + by, 0.0, 0.0),
+            v,
+        )
+    };
+    for after in [0, 3, 8] {
+        let mut coupling = Coupling::new(config(Scheme::Linear));
+        let mut now = 0;
+        for tick in 1..=150 {
+            now = tick * MS;
+            coupling.accept(&model(0, tick, now)).unwrap();
+            coupling.tick(now, &at(0.0, 0.0));
+        }
+        // The blend to the second model takes eight ticks. The third comes after some of them.
+        let second = now + 10 * MS;
+        coupling.accept(&model(1, 1000, second)).unwrap();
+        for tick in 0..after {
+            coupling.tick(second + tick * MS, &at(0.0, 0.0));
+        }
+        now = second + after * MS;
+        let third = model(1, 1001, now + 1);
+        coupling.accept(&third).unwrap();
+        let before = coupling.tick(now + 1, &at(0.0, 0.0))[0];
+        let passed = (after as f64 / 8.0).min(1.0);
+        let mixed = |old: f64, new: f64| old + (new - old) * passed;
+        let [(k0, b0, p0), (k1, b1, p1)] = models;
+        let (k, b, drift) = (mixed(k0, k1), mixed(b0, b1), mixed(p0, p1));
+        // From here on, the hands go apart; the blend takes eight ticks, and no fewer than are left of the one before.
+        for tick in 1..8 {
+            let (by, v) = (1e-4 * tick as f64, 0.02);
+            let rendered = coupling.tick(now + 1 + tick * MS, &at(by, v))[0];
+            let (blend, age) = (tick as f64 / 8.0, tick as f64 * 1e-3);
+            // Each hand goes this way, so the spring between them is stretched by twice as much.
+            let old = before.force.x + drift * age + k * 2.0 * by + b * 2.0 * v;
+            let new = 1.0 + p1 * age + k1 * 2.0 * by + b1 * 2.0 * v;
+            let wanted = old * (1.0 - blend) + new * blend;
+            // Rounding of some newtons.
+            assert!(
+                (rendered.force.x - wanted).abs() < 1e-12,
+                "{after} {tick}: {rendered:?} {wanted}"
+            );
+            let old = before.moment.y + drift * age;
+            let wanted = old * (1.0 - blend) + p1 * age * blend;
+            assert!((rendered.moment.y - wanted).abs() < 1e-12, "{after} {tick}");
         }
     }
 }

@@ -3,9 +3,12 @@
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
+use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::coupling::{Coupling, CouplingConfig, HostState};
-use rt_core::local_model::ModelFault;
-use rt_core::{LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench};
+use rt_core::local_model::{ModelFault, PackedModel, PublishedModel};
+use rt_core::{
+    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Vec6, Wrench,
+};
 
 const MS: u64 = 1_000_000;
 const PERIOD: f64 = 1e-3;
@@ -84,6 +87,123 @@ fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
     }
 }
 
+/// The judgement of a model, which is the same for the model in a ring.
+fn judged(model: &LocalModel) -> Result<(), ModelFault> {
+    let handles: Vec<_> = model.handles().copied().collect();
+    let blocks = model.rows().collect::<Vec<_>>().concat();
+    let found = model.check();
+    if let Some(packed) = PackedModel::new(model.head(), &handles, &blocks) {
+        assert_eq!(PublishedModel::check(&packed), found);
+    }
+    found
+}
+
+/// Sets one number of a model.
+type Set = fn(&mut LocalModel, f64);
+
+#[test]
+fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
+    // Two handles on two pieces, and a limit.
+    let mut sound = model(1, 1, MS);
+    sound.handle_count = 2;
+    (sound.handles[1].device, sound.handles[1].piece) = (1, 1);
+    sound.tear_limit.critical = 1.0;
+    assert_eq!(judged(&sound), Ok(()));
+    let in_use: [Set; 23] = [
+        |model, x| model.period = x,
+        |model, x| model.horizon = x,
+        |model, x| model.energy = x,
+        |model, x| model.released = x,
+        |model, x| model.pieces[0].stored = x,
+        |model, x| model.pieces[1].released = x,
+        |model, x| model.tear_limit.root = x,
+        |model, x| model.tear_limit.critical = x,
+        |model, x| model.tear_limit.area = x,
+        |model, x| model.handles[0].pose.position.y = x,
+        |model, x| model.handles[1].pose.rotation = quaternion(x),
+        |model, x| model.handles[0].twist.linear.z = x,
+        |model, x| model.handles[1].twist.angular.x = x,
+        |model, x| model.handles[0].wrench.force.x = x,
+        |model, x| model.handles[1].wrench.moment.y = x,
+        |model, x| model.handles[0].drift.force.y = x,
+        |model, x| model.handles[1].drift.moment.z = x,
+        |model, x| model.handles[1].contact.x = x,
+        |model, x| model.handles[0].weight.z = x,
+        |model, x| model.handles[1].tear_slope.b = x,
+        |model, x| model.stiffness[0][1][(5, 3)] = x,
+        |model, x| model.damping[1][0][(2, 5)] = x,
+        |model, x| model.damping[1][1][(0, 0)] = x,
+    ];
+    for (which, set) in in_use.iter().enumerate() {
+        for x in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut model = sound;
+            set(&mut model, x);
+            assert_eq!(judged(&model), Err(ModelFault::NotFinite), "{which}: {x}");
+        }
+    }
+    // Numbers that are finite, and yet cannot be.
+    let wrong: [Set; 3] = [
+        |model, x| model.period = x,
+        |model, x| model.horizon = x,
+        |model, x| model.tear_limit.area = x - 1e-300,
+    ];
+    for (which, set) in wrong.iter().enumerate() {
+        for x in [0.0, -1.0] {
+            let mut model = sound;
+            set(&mut model, x);
+            assert_eq!(judged(&model), Err(ModelFault::NotFinite), "{which}: {x}");
+        }
+    }
+}
+
+#[test]
+fn numbers_of_a_model_that_are_not_in_use_do_not_matter() {
+    // A whole body in one hand, without a limit.
+    let mut model = model(1, 1, MS);
+    model.pieces[0].stored = f64::NAN;
+    model.handles[0].tear_slope.x = f64::NAN;
+    model.handles[1].weight.x = f64::NAN;
+    (model.handles[1].device, model.handles[1].piece) = (200, 9);
+    model.stiffness[0][1][(0, 0)] = f64::NAN;
+    model.damping[1][0][(0, 0)] = f64::NAN;
+    assert_eq!(judged(&model), Ok(()));
+}
+
+#[test]
+fn a_model_is_refused_for_handles_devices_and_pieces_that_cannot_be() {
+    let cases: [(u8, u8, u8, bool); 9] = [
+        // Handles; device and piece of the last handle.
+        (0, 0, 0, false),
+        (1, 0, 0, true),
+        (2, MAX_DEVICES as u8 - 1, 1, true),
+        (2, MAX_DEVICES as u8, 0, false),
+        (2, 255, 0, false),
+        (2, 1, 2, false),
+        (2, 1, 255, false),
+        (MAX_HANDLES as u8, 7, MAX_HANDLES as u8 - 1, true),
+        (MAX_HANDLES as u8 + 1, 7, 0, false),
+    ];
+    for (count, device, piece, sound) in cases {
+        let mut model = model(1, 1, MS);
+        model.handle_count = count;
+        for (handle, device) in model.handles.iter_mut().zip(0..) {
+            handle.device = device;
+        }
+        let last = usize::from(count).clamp(1, MAX_HANDLES) - 1;
+        (model.handles[last].device, model.handles[last].piece) = (device, piece);
+        let expected = if sound {
+            Ok(())
+        } else {
+            Err(ModelFault::Handles)
+        };
+        assert_eq!(judged(&model), expected, "{count} {device} {piece}");
+    }
+}
+
+fn quaternion(w: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_unchecked(Quaternion::new(w, 0.0, 0.0, 0.0))
+}
+
 #[test]
 fn a_contact_pushes_and_never_pulls() {
     // A wall along x, compliant in the tangent plane, that damps a handle inside it.
@@ -123,6 +243,36 @@ fn a_contact_pushes_and_never_pulls() {
         if scheme == Scheme::Capped {
             assert_eq!(coupling.energy().stored, 0.0, "air stores nothing");
         }
+    }
+}
+
+#[test]
+fn a_contact_stores_the_part_of_its_energy_that_does_not_pull() {
+    let still = [Vec6::zeros(); MAX_HANDLES];
+    // Force at the reference (N), the part of the energy that is stored, and whether the contact damps.
+    for (force, part, damps) in [
+        (Vec3::new(4.0, 3.0, 0.0), 1.0, true),
+        // Without a force along the normal, the handle still touches.
+        (Vec3::new(0.0, 3.0, 0.0), 1.0, true),
+        (Vec3::zeros(), 1.0, true),
+        (Vec3::new(-4.0, 3.0, 0.0), 9.0 / 25.0, false),
+        (Vec3::new(-4.0, 0.0, 0.0), 0.0, false),
+    ] {
+        let mut touched = model(1, 0, MS);
+        touched.energy = 2.0;
+        let handle = &mut touched.handles[0];
+        (handle.contact, handle.wrench.force) = (Vec3::x(), force);
+        touched.damping[0][0][(1, 1)] = 5.0;
+        let deviations = touched.deviations(&at(Vec3::zeros(), Vec3::y()));
+        let parts = touched.parts(&deviations, &still, 0.0);
+        assert!(
+            (parts.stored - 2.0 * part).abs() < 1e-15,
+            "{force} {parts:?}"
+        );
+        let pushes = Vec3::new(force.x.max(0.0), force.y, force.z);
+        assert_eq!(Wrench::from_stacked(&parts.elastic[0]).force, pushes);
+        let damper = if damps { -5.0 } else { 0.0 };
+        assert_eq!(parts.viscous[0].y, damper, "{force}");
     }
 }
 

@@ -74,7 +74,7 @@ fn filled(numbers: &[f64], sizes: (u8, u8), counts: (u64, u32, u64)) -> LocalMod
 
 fn model(number: impl Strategy<Value = f64>) -> impl Strategy<Value = LocalModel> {
     let size = prop_oneof![8 => 0..=MAX_HANDLES as u8, 1 => any::<u8>()];
-    let device = prop_oneof![8 => 0..4_u8, 1 => 0..250_u8];
+    let device = prop_oneof![8 => 0..4_u8, 1 => 0..=u8::MAX - MAX_HANDLES as u8];
     (
         proptest::collection::vec(number, 1331),
         (size, device),

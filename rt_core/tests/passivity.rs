@@ -12,7 +12,7 @@ use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom, LocalModel,
-    MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Wrench,
+    MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Withheld, Wrench,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -290,6 +290,259 @@ fn the_energy_stored_in_the_first_model_belongs_to_the_body() {
     let more = coupling.energy().available - model.energy;
     let allowance = PassivityConfig::new(PERIOD).allowance;
     assert!((more - allowance).abs() < 1e-15, "{more}");
+}
+
+/// The force that the body of [`pulling`] asks for on each hand (N).
+const PULLS: [f64; 2] = [2.0, 3.0];
+
+/// A body that pulls two hands along x.
+fn pulling() -> LocalModel {
+    let mut model = wall(0.0, 1, 1);
+    model.period = PERIOD;
+    model.handle_count = 2;
+    model.handles[1].device = 1;
+    for (handle, pull) in model.handles.iter_mut().zip(PULLS) {
+        handle.contact = Vec3::zeros();
+        // The weight is no force of the springs, and the cap leaves it whole.
+        handle.weight = Vec3::z() * -9.0;
+        handle.wrench.force = Vec3::new(pull, 0.0, -9.0);
+    }
+    model
+}
+
+/// Forces along x of a body that pulls two hands. Its own energy is 10 mJ at first. Then the models claim 20 mJ, which no
+/// hand has supplied. Also returns the fraction of that claim that the account covers, and what the cap withholds.
+fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64, Withheld) {
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
+    let mut model = pulling();
+    let still = [(Pose::identity(), Twist::zero()); 2];
+    let mut forces = [0.0; 2];
+    for (time, energy) in [(1, 10e-3), (2, 20e-3)] {
+        (model.sequence, model.time_ns, model.energy) = (time, time, energy);
+        coupling.accept(&model).expect("a sound model");
+        for _ in 0..10 {
+            let wrenches = coupling.tick(2, &still);
+            forces = [0, 1].map(|i| wrenches[i].force.x);
+            if energy > 15e-3 {
+                assert!(wrenches[..2].iter().all(|wrench| wrench.force.z == -9.0));
+            }
+        }
+    }
+    let covered = coupling.energy().available / model.energy;
+    (forces, covered, coupling.withheld())
+}
+
+#[test]
+fn the_whole_energy_is_backed_where_any_device_is_slow_or_late() {
+    // Which device has a slew limit, and the ticks by which the devices are late.
+    for (slow, delay, whole) in [
+        ([false, false], 0, true),
+        // Six tenths of the energy must be backed, and half of it is.
+        ([false, false], 1, false),
+        ([true, false], 0, false),
+        ([false, true], 0, false),
+        ([true, true], 3, false),
+    ] {
+        let mut passivity = PassivityConfig::new(PERIOD);
+        passivity.delay = delay;
+        for (port, slow) in passivity.ports.iter_mut().zip(slow) {
+            port.max_slew = if slow { 100.0 } else { f64::INFINITY };
+        }
+        let (forces, covered, withheld) = claimed(&passivity);
+        assert!((covered - 10.4 / 20.0).abs() < 1e-12, "{covered}");
+        let backed = if slow == [false, false] { 0.6 } else { 1.0 };
+        let left = if whole { 1.0 } else { covered / backed };
+        for (force, pull) in forces.into_iter().zip(PULLS) {
+            assert!((force - pull * left).abs() < 1e-12, "{slow:?} {force}");
+        }
+        // What the cap withholds is told for the hand with the largest force.
+        let expected = if whole { 0.0 } else { PULLS[1] };
+        assert_eq!(withheld.of, expected);
+        assert!((withheld.force - expected * (1.0 - left)).abs() < 1e-12);
+        assert_eq!(withheld.is_noticeable(), !whole);
+    }
+}
+
+#[test]
+fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
+    // Slew limits (N/s) and velocities (m/s) that the hands report. No hand has moved, so no damper acts.
+    for (slews, velocities) in [
+        ([50.0, f64::INFINITY], [0.05, 0.05]),
+        ([f64::INFINITY, 20.0], [0.05, 0.05]),
+        ([100.0, 80.0], [0.1, 0.08]),
+        // A hand that moves against its force gets no work from it.
+        ([50.0, 20.0], [-0.05, 0.05]),
+    ] {
+        let mut passivity = PassivityConfig::new(PERIOD);
+        for (port, slew) in passivity.ports.iter_mut().zip(slews) {
+            port.max_slew = slew;
+        }
+        let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+        let mut model = pulling();
+        let at = velocities.map(|v| {
+            let twist = Twist {
+                linear: Vec3::x() * v,
+                ..Twist::zero()
+            };
+            (Pose::identity(), twist)
+        });
+        let mut forces = [0.0; 2];
+        for tick in 1..60_u64 {
+            if tick == 1 || tick == 20 {
+                model.energy = if tick == 1 { 10e-3 } else { 20e-3 };
+                (model.sequence, model.time_ns) = (tick, tick);
+                coupling.accept(&model).expect("a sound model");
+            }
+            let wrenches = coupling.tick(tick, &at);
+            // The whole force, with the weight across the motion, falls evenly while the hand goes on.
+            let each = forces.iter().zip(velocities).zip(slews);
+            let lingers: f64 = each
+                .map(|((force, v), slew)| {
+                    f64::max(0.5 * force * v * (force.hypot(9.0) / slew), 0.0)
+                })
+                .sum();
+            let left = coupling.energy().available - lingers;
+            forces = [0, 1].map(|i| wrenches[i].force.x);
+            let mut held = [Wrench::zero(); MAX_DEVICES];
+            held[..2].copy_from_slice(&wrenches[..2]);
+            coupling.hold(&held, &[1.0; MAX_DEVICES]);
+            if tick > 25 {
+                for (force, pull) in forces.into_iter().zip(PULLS) {
+                    let wanted = pull * left.max(0.0) / 20e-3;
+                    assert!((force - wanted).abs() < 1e-12, "{slews:?} {tick} {force}");
+                }
+            }
+        }
+    }
+}
+
+/// One hand that makes a step, and rests. The body pulls and turns it by `force` (N) along and `moment` (N m) about z,
+/// across the motion: no work is done. It claims no energy, and damps the hand by `damping` (N s/m). Returns the wrenches
+/// from the step on, with the credit that the cap could spend, and whether the cap counted the tick.
+fn after_a_step(
+    [force, moment, damping]: [f64; 3],
+    [far, turn]: [f64; 2],
+    ticks: u32,
+) -> Vec<(Wrench, f64, bool, Withheld)> {
+    let mut coupling = Coupling::new(coupling_config(
+        Scheme::Capped,
+        &PassivityConfig::new(PERIOD),
+    ));
+    let mut model = wall(0.0, 1, 1);
+    let handle = &mut model.handles[0];
+    handle.contact = Vec3::zeros();
+    handle.wrench.force.z = force;
+    handle.wrench.moment.z = moment;
+    model.damping[0][0][(0, 0)] = damping;
+    coupling.accept(&model).expect("a sound model");
+    let mut tick = |stepped: bool, moves: bool| {
+        let before = coupling.energy().capped;
+        let by = if stepped { 1.0 } else { 0.0 };
+        let pose = Pose {
+            position: Vec3::x() * (far * by),
+            rotation: UnitQuaternion::from_scaled_axis(Vec3::x() * (turn * by)),
+        };
+        let twist = Twist {
+            linear: Vec3::x() * if moves { far / PERIOD } else { 0.0 },
+            ..Twist::zero()
+        };
+        let [wrench, ..] = coupling.tick(1, &[(pose, twist)]);
+        let mut held = [Wrench::zero(); MAX_DEVICES];
+        // The device holds only the parts that do no work here.
+        held[0].force.z = wrench.force.z;
+        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        let energy = coupling.energy();
+        let capped = energy.capped > before;
+        (wrench, energy.available, capped, coupling.withheld())
+    };
+    for _ in 0..1100 {
+        tick(false, false);
+    }
+    (0..ticks).map(|k| tick(true, k == 0)).collect()
+}
+
+#[test]
+fn springs_spend_no_more_in_a_tick_than_the_credit_however_the_hand_moves_on() {
+    // Force and moment of the springs, and the step of the hand (m, rad).
+    for ([force, moment], [far, turn]) in [
+        ([3.0, 0.0], [2e-3, 0.0]),
+        ([0.0, 0.1], [0.0, 0.05]),
+        ([2.0, 0.05], [1e-3, 0.03]),
+        ([2.0, 0.0], [0.0, 0.03]),
+        // A slow hand: the credit covers more than a tick.
+        ([2.0, 0.01], [1e-4, 1e-3]),
+    ] {
+        let ticks = after_a_step([force, moment, 0.0], [far, turn], 60);
+        for (tick, (wrench, credit, capped, withheld)) in ticks.into_iter().enumerate() {
+            // What a hand did lately it may do again, in any direction; the memory decays in 20 ms.
+            let fade = (-PERIOD * tick as f64 / 0.02).exp();
+            let most = (force * far + moment * turn) * fade;
+            let left = (credit / most).min(1.0);
+            // Rounding of a rotation's logarithm.
+            let near = |found: f64, wanted: f64| (found - wanted).abs() < 1e-9;
+            assert!(
+                near(wrench.force.z, force * left),
+                "{tick} {wrench:?} {left}"
+            );
+            assert!(near(wrench.moment.z, moment * left), "{tick} {wrench:?}");
+            assert_eq!(capped, left < 1.0, "{tick}");
+            assert!(near(withheld.force, force * (1.0 - left)), "{tick}");
+        }
+    }
+}
+
+#[test]
+fn dampers_may_go_into_debt_by_the_allowance_and_withhold_no_force_of_springs() {
+    let allowance = PassivityConfig::new(PERIOD).allowance;
+    let (force, far) = (0.1, 1e-3);
+    for (damping, whole) in [(0.5, true), (5.0, false)] {
+        let ticks = after_a_step([force, 0.0, damping], [far, 0.0], 2);
+        let (wrench, credit, capped, withheld) = ticks[0];
+        let asked = damping * far / PERIOD;
+        let most = (credit + allowance - force * far) / far;
+        let wanted = asked.min(most);
+        assert!(
+            (wrench.force.x + wanted).abs() < 1e-9,
+            "{wrench:?} {wanted}"
+        );
+        assert_eq!((wanted == asked, capped), (whole, !whole));
+        assert_eq!(wrench.force.z, force);
+        assert_eq!(withheld, Withheld::default());
+        assert!(!ticks[1].2);
+    }
+}
+
+#[test]
+fn only_a_step_onwards_is_credited_with_dissipation() {
+    let mut passivity = PassivityConfig::new(PERIOD);
+    passivity.ports[0].friction = 1.0;
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+    let mut place = Vec3::zeros();
+    let mut step = |by: Vec3| {
+        place += by;
+        let before = coupling.energy().credited;
+        coupling.tick(1, &[(Pose::at(place), Twist::zero())]);
+        coupling.energy().credited - before
+    };
+    step(Vec3::zeros());
+    // The first step, a step back, and steps across tell nothing of the path of the hand.
+    let by = 1e-4;
+    let whole = passivity.credit * by;
+    for (way, part) in [
+        (Vec3::x(), 0.0),
+        (Vec3::x(), 1.0),
+        (-Vec3::x(), 0.0),
+        (-Vec3::x(), 1.0),
+        (Vec3::zeros(), 0.0),
+        (-Vec3::x(), 1.0),
+        (Vec3::y(), 0.0),
+        (Vec3::z(), 0.0),
+        (Vec3::new(0.0, 0.6, 0.8), 1.0),
+    ] {
+        let found = step(way * by);
+        // Rounding of places of tenths of a millimetre.
+        assert!((found - part * whole).abs() < 1e-15, "{way} {found}");
+    }
 }
 
 #[test]

@@ -97,6 +97,7 @@ fn a_weight_is_felt_in_full_wherever_it_is_carried() {
 #[test]
 fn a_weight_that_returns_at_a_greater_height_is_charged() {
     let mut hand = hand();
+    assert_eq!(hand.coupling.trust(), 1.0);
     // The model grows too old: the weight is gone, and the hand lifts nothing.
     hand.go(0.0, 0);
     hand.go(0.1, 0);

@@ -81,34 +81,47 @@ mod tests {
     const COUNT: f64 = 4e-5;
     const FRICTION: f64 = 0.4;
 
+    const FRACTION: f64 = 0.4;
+
     /// The whole gain of the account for a count out under `out` (N) and back under `back` (N), with springs corrected
-    /// by `corrections` (J).
-    fn pair(out: f64, back: f64, corrections: [f64; 2], slanting: bool) -> f64 {
+    /// by `corrections` (J), beside the friction that is credited for the counts that are `credited`.
+    fn pair(
+        out: f64,
+        back: f64,
+        corrections: [f64; 2],
+        credited: [bool; 2],
+        slanting: bool,
+    ) -> f64 {
         let mut edge = Edge::default();
-        edge.step(COUNT, -out * COUNT, false, COUNT);
-        let mut got = -out * COUNT + corrections[0] + edge.settle(corrections[0], FRICTION, 0.4);
+        edge.step(COUNT, -out * COUNT, credited[0], COUNT);
+        let mut got = -out * COUNT + corrections[0];
+        got += edge.settle(corrections[0], FRICTION, FRACTION);
         if slanting {
             edge.slant();
         }
-        edge.step(-COUNT, back * COUNT, false, COUNT);
+        edge.step(-COUNT, back * COUNT, credited[1], COUNT);
         got += back * COUNT + corrections[1];
-        got + edge.settle(corrections[1], FRICTION, 0.4)
+        got + edge.settle(corrections[1], FRICTION, FRACTION)
     }
 
     proptest! {
         /// For any path of the hand, the account gains no more than motor and friction together did.
         #[test]
         fn a_closed_pair_never_gains_and_charges_the_loss_beyond_friction(
-            out in -5.0..5.0, back in -5.0..5.0, fraction in 0.0..1.0, slanting: bool,
+            out in -5.0..5.0, back in -5.0..5.0, fraction in 0.0..1.0, credited: [bool; 2], slanting: bool,
         ) {
-            let got = pair(out, back, [0.0; 2], slanting);
-            let friction: f64 = FRICTION * if slanting { SLANTING } else { 1.0 };
+            let got = pair(out, back, [0.0; 2], credited, slanting);
+            let counts = credited.map(|credited| 1.0 - FRACTION * f64::from(u8::from(credited)));
+            let friction = FRICTION * if slanting { SLANTING } else { 1.0 } * (counts[0] + counts[1]);
             // True work of motor and friction, for a hand that went this fraction of the count.
-            let truly: f64 = ((back - out) + 2.0 * friction) * fraction * COUNT;
+            let truly = ((back - out) + friction) * fraction * COUNT;
             // Rounding of sums of order 1e-4 J.
             if back <= out {
                 prop_assert!(got <= 1e-18, "{got:e}");
                 prop_assert!(got <= truly + 1e-18, "{got:e} {truly:e}");
+                // And no less than it must.
+                let lost = f64::max(out - back - friction, 0.0) * COUNT;
+                prop_assert!((got + lost).abs() < 1e-18, "{got:e} {lost:e}");
             } else {
                 prop_assert!((got - (back - out) * COUNT).abs() < 1e-18);
             }
@@ -119,8 +132,30 @@ mod tests {
     fn a_spring_that_was_corrected_is_not_paid_twice() {
         // 2,000 N/m: half of `K D^2` for each count, the whole loss.
         let half = 0.5 * 2000.0 * COUNT * COUNT;
-        let got = pair(1.0, 1.0 - 2000.0 * COUNT, [half; 2], false);
+        let got = pair(1.0, 1.0 - 2000.0 * COUNT, [half; 2], [false; 2], false);
         assert!(got.abs() < 1e-18, "{got:e}");
+    }
+
+    #[test]
+    fn only_the_same_count_back_closes_a_pair() {
+        for (out, back, closes) in [
+            (1.0, -1.0, true),
+            (-1.0, 1.0, true),
+            // Counts that a driver's geometry makes a little unequal.
+            (1.0, -0.9, true),
+            (0.9, -1.3, true),
+            (1.0, -0.4, false),
+            (1.0, 1.0, false),
+            (1.0, -2.0, false),
+            (2.0, -1.0, false),
+            (2.0, -2.0, false),
+        ] {
+            let mut edge = Edge::default();
+            edge.step(out * COUNT, -1e-6, false, COUNT);
+            edge.step(back * COUNT, -1e-6, false, COUNT);
+            let pays = edge.settle(0.0, FRICTION, FRACTION) > 0.0;
+            assert_eq!(pays, closes, "{out} {back}");
+        }
     }
 
     #[test]
@@ -135,7 +170,7 @@ mod tests {
             (-1.0, false),
         ] {
             edge.step(by * COUNT, -1e-6, false, COUNT);
-            assert_eq!(edge.settle(0.0, FRICTION, 0.4) > 0.0, pays, "{by}");
+            assert_eq!(edge.settle(0.0, FRICTION, FRACTION) > 0.0, pays, "{by}");
         }
     }
 }

@@ -109,3 +109,71 @@ fn drivers_look_back_four_milliseconds() {
     assert!((delay(1e-4) - 0.8e-3).abs() < 1e-15);
     assert!((delay(1e-2) - 5e-3).abs() < 1e-15);
 }
+
+/// A sequence of numbers between zero and one (xorshift, G. Marsaglia 2003).
+fn numbers() -> impl FnMut() -> f64 {
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[test]
+fn a_window_is_as_long_as_the_checks_of_the_paper_allow() {
+    let mut number = numbers();
+    for band in [0.7, 1.1, 3.3] {
+        let mut window = Window::new(8, band, false);
+        let mut past: [f64; 400] = [0.0; 400];
+        let (mut x, mut v) = (0.0, 0.0);
+        for tick in 0..400 {
+            v += 0.4 * (number() - 0.5);
+            x += v;
+            let y = libm::round(x);
+            past[tick] = y;
+            let (slope, length) = window.update(y);
+            // For each length, all points between must lie within the band about the line through the ends.
+            let mut wanted = 0;
+            for n in 1..=tick.min(8) {
+                let steep = (y - past[tick - n]) / n as f64;
+                // Positions are whole numbers: no point lies on the edge of the band.
+                let off = |i: usize| (y - steep * i as f64 - past[tick - i]).abs();
+                if (1..n).any(|i| off(i) > band) {
+                    break;
+                }
+                wanted = n;
+            }
+            assert_eq!(length, wanted as f64, "{band} {tick}");
+            if wanted > 0 {
+                let steep = (y - past[tick - wanted]) / wanted as f64;
+                assert!((slope - steep).abs() < 1e-12);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_filter_takes_counts_for_noise_of_the_deviation_of_a_uniform_error() {
+    let deviation = STEP / libm::sqrt(12.0);
+    let (acceleration, jerk) = (5.0, 1000.0);
+    let methods = [
+        (
+            Method::ConstantVelocity { acceleration },
+            Gains::constant_velocity(acceleration * PERIOD * PERIOD / deviation),
+        ),
+        (
+            Method::ConstantAcceleration { jerk },
+            Gains::constant_acceleration(jerk * PERIOD * PERIOD * PERIOD / deviation),
+        ),
+    ];
+    for (method, gains) in methods {
+        let mut estimator = VelocityEstimator::with_method(method, PERIOD, STEP);
+        assert!((estimator.delay() - gains.lag() * PERIOD).abs() < 1e-15);
+        estimator.update(&Vec3::zeros());
+        let v = estimator.update(&(Vec3::z() * STEP)).z;
+        let wanted = gains.beta * STEP / PERIOD;
+        assert!((v / wanted - 1.0).abs() < 1e-9, "{method:?} {v} {wanted}");
+    }
+}
