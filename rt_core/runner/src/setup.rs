@@ -64,9 +64,8 @@ pub(crate) fn set_up(
     (setup, awake)
 }
 
-/// Locks the memory that the tick uses, the most important ranges first.
-fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradation> {
-    let mut refusal = locked.lock_stack().err();
+/// The memory that the tick uses, without its stack: the most important ranges first.
+fn ranges(tick_loop: &TickLoop) -> Vec<MemoryRange> {
     let own = [
         MemoryRange::of(tick_loop),
         MemoryRange::of(&*tick_loop.controller),
@@ -75,10 +74,15 @@ fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradati
     let devices = tick_loop.devices.iter();
     let devices = devices.map(|device| MemoryRange::of(&**device));
     let own = own.into_iter().chain(devices);
-    let ranges = own.chain(tick_loop.end.memory().iter().copied());
-    let mut wanted = STACK_AHEAD;
+    own.chain(tick_loop.end.memory().iter().copied()).collect()
+}
+
+/// Locks the memory that the tick uses.
+fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradation> {
+    let ranges = ranges(tick_loop);
+    let wanted = STACK_AHEAD + ranges.iter().map(MemoryRange::bytes).sum::<usize>();
+    let mut refusal = locked.lock_stack().err();
     for range in ranges {
-        wanted += range.bytes();
         // A range that is refused leaves room for smaller ranges.
         let refused = locked.lock(range).err();
         refusal = refusal.or(refused);
