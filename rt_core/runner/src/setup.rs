@@ -77,10 +77,15 @@ fn ranges(tick_loop: &TickLoop) -> Vec<MemoryRange> {
     own.chain(tick_loop.end.memory().iter().copied()).collect()
 }
 
+/// The bytes of the ranges and of the stack.
+fn wanted(ranges: &[MemoryRange]) -> usize {
+    STACK_AHEAD + ranges.iter().map(MemoryRange::bytes).sum::<usize>()
+}
+
 /// Locks the memory that the tick uses.
 fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradation> {
     let ranges = ranges(tick_loop);
-    let wanted = STACK_AHEAD + ranges.iter().map(MemoryRange::bytes).sum::<usize>();
+    let wanted = wanted(&ranges);
     let mut refusal = locked.lock_stack().err();
     for range in ranges {
         // A range that is refused leaves room for smaller ranges.
@@ -99,4 +104,17 @@ fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradati
             wanted.div_ceil(1 << 20) + 1
         ),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_memory_of_the_tick_is_that_of_its_stack_and_of_all_ranges() {
+        let (one, other) = ([0_u8; 100], [0_u8; 24]);
+        let ranges = [MemoryRange::of(&one), MemoryRange::of(&other)];
+        assert_eq!(wanted(&[]), STACK_AHEAD);
+        assert_eq!(wanted(&ranges), STACK_AHEAD + 124);
+    }
 }
