@@ -352,7 +352,7 @@ impl<D: rt_core::Device> rt_core::Device for Telling<D> {
 
     fn motion_to_force_ns(&self) -> Option<u64> {
         self.asked.set(self.asked.get() + 1);
-        (self.tells && self.asked.get() % 3 == 0).then_some(700)
+        (self.tells && self.asked.get().is_multiple_of(3)).then_some(700)
     }
 }
 
