@@ -83,9 +83,9 @@ pub use linear::precondition::Preconditioner;
 pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
-    AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Grown, Guess, Integrator,
-    IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Pair, Part, Refresher, Starts,
-    StepReport, Stepper, StepperOptions, StepperReport, TearLimit, TearOptions, TearReport,
+    AssembledStepper, Course, Equilibrium, EquilibriumOptions, EquilibriumReport, Grown, Guess,
+    Integrator, IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Pair, Part, Refresher,
+    Starts, StepReport, Stepper, StepperOptions, StepperReport, TearLimit, TearOptions, TearReport,
     Tearing, TimeScheme, complete_bytes,
 };
 pub use team::{Alone, Team};

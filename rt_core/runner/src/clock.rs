@@ -43,6 +43,7 @@ pub(crate) fn sleep_until(deadline_ns: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     #[test]
     fn time_does_not_run_backwards_and_a_sleep_never_ends_early() {
@@ -53,5 +54,35 @@ mod tests {
         assert!(now_ns() >= woke);
         // A deadline in the past does not wait, and still returns the present time.
         assert!(sleep_until(start) >= woke);
+    }
+
+    #[test]
+    fn the_time_is_that_of_the_monotonic_clock() {
+        let read = || {
+            let time = clock_gettime(ClockId::Monotonic);
+            Duration::new(time.tv_sec as u64, time.tv_nsec as u32).as_nanos()
+        };
+        for _ in 0..100 {
+            let (before, now, after) = (read(), u128::from(now_ns()), read());
+            assert!((before..=after).contains(&now), "{before} {now} {after}");
+        }
+    }
+
+    /// The number of times that this thread has waited, as Linux counts them.
+    fn waits() -> Option<u64> {
+        let status = std::fs::read_to_string("/proc/thread-self/status").ok()?;
+        let line = status
+            .lines()
+            .find(|line| line.starts_with("voluntary_ctxt"))?;
+        line.split_whitespace().nth(1)?.parse().ok()
+    }
+
+    #[test]
+    fn a_sleep_waits_in_the_kernel_rather_than_actively() {
+        for ns in [2_000_000, 20_000_000] {
+            let before = waits();
+            sleep_until(now_ns() + ns);
+            assert!(before.is_none() || waits() > before, "{ns} ns");
+        }
     }
 }

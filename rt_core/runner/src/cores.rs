@@ -251,6 +251,16 @@ mod tests {
     }
 
     #[test]
+    fn the_machine_has_the_cores_that_the_kernel_lists() {
+        let listed = |name: &str| {
+            let text = read_to_string(format!("/sys/devices/system/cpu/{name}"));
+            text.map_or_else(|_| Vec::new(), |text| parse_list(&text).expect("a list"))
+        };
+        let machine = Cores::of_this_machine();
+        assert_eq!(machine, Cores::new(listed("online"), listed("isolated")));
+    }
+
+    #[test]
     fn an_isolated_core_comes_first_and_the_last_of_the_mask_after_it() {
         // As with `isolcpus=2-3`: no process's mask has the isolated cores.
         let cores = Cores::new(vec![0, 1, 2, 3], vec![2, 3]);
@@ -284,13 +294,23 @@ mod tests {
         for core in [4, 7, usize::MAX] {
             let error = cores.check(CoreChoice::Id(core)).expect_err("not on");
             let text = error.to_string();
-            for part in [&format!("found core {core}"), "0-3,6", "isolated one (3,6)"] {
+            for part in [
+                &format!("found core {core}"),
+                "0-3,6",
+                "preferably an isolated one (3,6)",
+            ] {
                 assert!(text.contains(part), "{part} in {text}");
             }
         }
         for choice in [CoreChoice::Isolated, CoreChoice::Last, CoreChoice::Anywhere] {
             assert_eq!(cores.check(choice), Ok(()));
         }
+        let plain = Cores::new(vec![0, 1], vec![]);
+        let error = plain.check(CoreChoice::Id(2)).expect_err("not on");
+        assert!(
+            error.to_string().ends_with("(0-1), none of them isolated"),
+            "{error}"
+        );
         // A system that lists no cores refuses none.
         assert_eq!(Cores::default().check(CoreChoice::Id(4)), Ok(()));
     }

@@ -92,7 +92,10 @@ impl LockedMemory {
                 self.ranges.push(range);
                 Ok(())
             }
-            Err(errno) => Err(reason(range.bytes, errno)),
+            Err(errno) => {
+                let limit = getrlimit(Resource::Memlock).current;
+                Err(reason(range.bytes, errno, limit))
+            }
         }
     }
 
@@ -143,8 +146,8 @@ fn with_stack_ahead<R>(see: impl FnOnce(MemoryRange) -> R) -> R {
     see(MemoryRange::of(&stack))
 }
 
-fn reason(wanted: usize, errno: rustix::io::Errno) -> LockError {
-    let limit = getrlimit(Resource::Memlock).current;
+/// Why the system refused `wanted` bytes, where a process may lock `limit` bytes in all, or any number (`None`).
+fn reason(wanted: usize, errno: rustix::io::Errno, limit: Option<u64>) -> LockError {
     match (errno, limit) {
         // The limit is exhausted, or the process may not lock at all.
         (rustix::io::Errno::NOMEM | rustix::io::Errno::PERM, Some(limit)) => {
@@ -160,6 +163,7 @@ fn reason(wanted: usize, errno: rustix::io::Errno) -> LockError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rustix::io::Errno;
 
     #[test]
     fn locked_bytes_are_counted_and_a_refusal_gives_its_reason() {
@@ -177,6 +181,64 @@ mod tests {
     }
 
     #[test]
+    fn a_refusal_names_the_limit_where_the_process_has_one() {
+        let limited = LockError::Limit {
+            wanted: 9,
+            limit: 5,
+        };
+        let refused = |errno: Errno| LockError::Refused {
+            wanted: 9,
+            errno: errno.raw_os_error(),
+        };
+        assert_eq!(reason(9, Errno::NOMEM, Some(5)), limited);
+        assert_eq!(reason(9, Errno::PERM, Some(5)), limited);
+        assert_eq!(reason(9, Errno::AGAIN, Some(5)), refused(Errno::AGAIN));
+        // A process without a limit was refused because nothing is mapped there.
+        assert_eq!(reason(9, Errno::NOMEM, None), refused(Errno::NOMEM));
+    }
+
+    /// What Linux tells of the mapping that contains `address`: its size in memory (bytes), and whether it is locked.
+    fn mapping(address: usize) -> Option<(usize, bool)> {
+        let maps = std::fs::read_to_string("/proc/self/smaps").ok()?;
+        let mut resident = None;
+        for line in maps.lines() {
+            let mut words = line.split_whitespace();
+            let first = words.next()?;
+            if let Some((begin, end)) = first.split_once('-') {
+                let hexadecimal = |text| usize::from_str_radix(text, 16);
+                let (begin, end) = (hexadecimal(begin).ok()?, hexadecimal(end).ok()?);
+                resident = (begin..end).contains(&address).then_some(0);
+            } else if let Some(bytes) = &mut resident {
+                match first {
+                    "Rss:" => *bytes = 1024 * words.next()?.parse::<usize>().ok()?,
+                    "VmFlags:" => return Some((*bytes, words.any(|flag| flag == "lo"))),
+                    _ => {}
+                }
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn memory_is_locked_until_the_lock_is_dropped() {
+        // A vector of this size has a mapping of its own.
+        let data = std::hint::black_box(vec![7_u8; 8 << 20]);
+        let address = data.as_ptr().addr() + (4 << 20);
+        let is_locked = || mapping(address).map(|(_, locked)| locked);
+        let mut locked = LockedMemory::new();
+        assert_ne!(is_locked(), Some(true));
+        let middle = MemoryRange {
+            address,
+            bytes: 4096,
+        };
+        if locked.lock(middle).is_ok() && is_locked().is_some() {
+            assert_eq!(is_locked(), Some(true));
+            drop(locked);
+            assert_eq!(is_locked(), Some(false));
+        }
+    }
+
+    #[test]
     fn memory_that_is_not_mapped_is_refused_with_a_reason() {
         let mut locked = LockedMemory::new();
         let error = locked.lock(MemoryRange {
@@ -189,10 +251,23 @@ mod tests {
 
     #[test]
     fn the_stack_ahead_is_touched_and_locked_where_allowed() {
+        // A tick holds several models on the stack while one changes to the next.
+        const { assert!(STACK_AHEAD >= 4 * size_of::<rt_core::LocalModel>()) }
         let mut locked = LockedMemory::new();
         if locked.lock_stack().is_ok() {
             assert_eq!(locked.bytes(), STACK_AHEAD);
         }
-        touch_stack();
+        // The stack of a new thread has no page in memory that the thread has not touched.
+        let resident = || {
+            let here = 0_u8;
+            mapping(std::ptr::from_ref(&here).addr()).map(|(bytes, _)| bytes)
+        };
+        let touched = std::thread::spawn(move || {
+            touch_stack();
+            resident()
+        });
+        if let Some(bytes) = touched.join().expect("does not panic") {
+            assert!(bytes >= STACK_AHEAD, "{bytes}");
+        }
     }
 }

@@ -247,6 +247,37 @@ mod tests {
     }
 
     #[test]
+    fn timers_of_the_thread_are_sharp() {
+        let slack = apart(|| {
+            sharpen_timers();
+            rustix::thread::current_timer_slack()
+        });
+        // A system without such a delay has no number.
+        assert!(slack.is_err() || slack == Ok(1), "{slack:?}");
+    }
+
+    #[test]
+    fn a_priority_that_is_granted_is_the_thread_s() {
+        let (answer, found) = apart(|| {
+            let answer = realtime(10);
+            (answer, thread_schedule_policy_param(thread_native_id()))
+        });
+        let (policy, parameters) = found.expect("the system tells");
+        let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+        match answer {
+            Ok(priority) => {
+                let found = (policy, parameters.sched_priority);
+                assert_eq!((priority, found), (10, (fifo, 10)));
+            }
+            Err(degradation) => {
+                assert_ne!(policy, fifo);
+                let line = degradation.to_string();
+                assert!(line.contains("LimitRTPRIO=10"), "{line}");
+            }
+        }
+    }
+
+    #[test]
     fn a_priority_out_of_range_is_refused_with_a_remedy() {
         let degradation = std::thread::spawn(|| realtime(200))
             .join()

@@ -64,9 +64,8 @@ pub(crate) fn set_up(
     (setup, awake)
 }
 
-/// Locks the memory that the tick uses, the most important ranges first.
-fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradation> {
-    let mut refusal = locked.lock_stack().err();
+/// The memory that the tick uses, without its stack: the most important ranges first.
+fn ranges(tick_loop: &TickLoop) -> Vec<MemoryRange> {
     let own = [
         MemoryRange::of(tick_loop),
         MemoryRange::of(&*tick_loop.controller),
@@ -75,10 +74,20 @@ fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradati
     let devices = tick_loop.devices.iter();
     let devices = devices.map(|device| MemoryRange::of(&**device));
     let own = own.into_iter().chain(devices);
-    let ranges = own.chain(tick_loop.end.memory().iter().copied());
-    let mut wanted = STACK_AHEAD;
+    own.chain(tick_loop.end.memory().iter().copied()).collect()
+}
+
+/// The bytes of the ranges and of the stack.
+fn wanted(ranges: &[MemoryRange]) -> usize {
+    STACK_AHEAD + ranges.iter().map(MemoryRange::bytes).sum::<usize>()
+}
+
+/// Locks the memory that the tick uses.
+fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradation> {
+    let ranges = ranges(tick_loop);
+    let wanted = wanted(&ranges);
+    let mut refusal = locked.lock_stack().err();
     for range in ranges {
-        wanted += range.bytes();
         // A range that is refused leaves room for smaller ranges.
         let refused = locked.lock(range).err();
         refusal = refusal.or(refused);
@@ -95,4 +104,17 @@ fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradati
             wanted.div_ceil(1 << 20) + 1
         ),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_memory_of_the_tick_is_that_of_its_stack_and_of_all_ranges() {
+        let (one, other) = ([0_u8; 100], [0_u8; 24]);
+        let ranges = [MemoryRange::of(&one), MemoryRange::of(&other)];
+        assert_eq!(wanted(&[]), STACK_AHEAD);
+        assert_eq!(wanted(&ranges), STACK_AHEAD + 124);
+    }
 }

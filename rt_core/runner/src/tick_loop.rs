@@ -94,7 +94,7 @@ impl TickLoop {
         let mut last = 0;
         let (telemetry, refused) = cycle_watched(controller, &mut self.devices, time, |stage| {
             if !times.is_empty() {
-                measure(times, &mut last, stage);
+                measure(times, &mut last, stage, clock::now_ns());
             }
             match stage {
                 Stage::Computed => took(),
@@ -130,11 +130,10 @@ impl TickLoop {
     }
 }
 
-/// Records the time that a stage of the tick took. `last` is the time of the stage before.
-fn measure(times: &mut [DeviceTimes], last: &mut u64, stage: Stage) {
-    let now = clock::now_ns();
-    let took = now.saturating_sub(*last);
-    *last = now;
+/// Records the time that a stage of the tick took, which ended at `now_ns`. `last_ns` is the end of the stage before.
+fn measure(times: &mut [DeviceTimes], last_ns: &mut u64, stage: Stage, now_ns: u64) {
+    let took = now_ns.saturating_sub(*last_ns);
+    *last_ns = now_ns;
     match stage {
         Stage::Begun | Stage::Computed => {}
         Stage::Read(device) => {
@@ -147,5 +146,38 @@ fn measure(times: &mut [DeviceTimes], last: &mut u64, stage: Stage) {
                 times.write.record(took);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_of_a_device_is_that_of_its_own_stage() {
+        let mut times = [DeviceTimes::new(), DeviceTimes::new()];
+        let mut last = 0;
+        // Two ticks of two devices, with a pause between: the end of each stage (ns).
+        for start in [1_000, 90_000] {
+            for (stage, after) in [
+                (Stage::Begun, 0),
+                (Stage::Read(0), 10),
+                (Stage::Read(1), 10 + 20),
+                (Stage::Computed, 10 + 20 + 500),
+                (Stage::Written(0), 10 + 20 + 500 + 3),
+                (Stage::Written(1), 10 + 20 + 500 + 3 + 7),
+            ] {
+                measure(&mut times, &mut last, stage, start + after);
+            }
+        }
+        for (times, (read, write)) in times.iter().zip([(10, 3), (20, 7)]) {
+            for (histogram, ns) in [(&times.read, read), (&times.write, write)] {
+                let summary = histogram.summary();
+                assert_eq!((summary.count, summary.min, summary.max), (2, ns, ns));
+            }
+        }
+        // A device that is not measured is left out.
+        measure(&mut times, &mut last, Stage::Read(2), 100_000);
+        measure(&mut times, &mut last, Stage::Written(2), 100_000);
     }
 }

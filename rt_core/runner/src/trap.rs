@@ -157,4 +157,70 @@ mod handler {
     fn answer(context: &mut ucontext_t, result: i64) {
         context.uc_mcontext.regs[0] = result as u64;
     }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+        use std::os::fd::AsRawFd as _;
+
+        #[test]
+        fn only_memory_and_text_on_the_standard_error_are_given() {
+            let refused = -i64::from(libc::EPERM);
+            let null = std::fs::File::open("/dev/zero").expect("a file");
+            let file = i64::from(null.as_raw_fd());
+            let page = 4096;
+            let (read, private) = (i64::from(libc::PROT_READ), i64::from(libc::MAP_PRIVATE));
+            let anonymous = private | i64::from(libc::MAP_ANONYMOUS);
+            let map = |flags, file| result(libc::SYS_mmap, [0, page, read, flags, file, 0]);
+            assert_eq!(map(private, file), refused);
+            let address = map(anonymous, -1);
+            assert!(address > 0 && address % page == 0, "{address}");
+            assert!(result(libc::SYS_brk, [0; 6]) > 0);
+            let write = |file| result(libc::SYS_write, [file, 0, 0, 0, 0, 0]);
+            assert_eq!(write(i64::from(libc::STDERR_FILENO)), 0);
+            assert_eq!(write(i64::from(libc::STDOUT_FILENO)), refused);
+            assert_eq!(write(file), refused);
+            assert_eq!(result(libc::SYS_getppid, [0; 6]), refused);
+        }
+
+        #[test]
+        fn the_answer_to_a_call_that_fails_is_its_error_number_and_errno_stays() {
+            // An access to a missing file sets this thread's errno.
+            assert!(std::fs::File::open("/no such file").is_err());
+            let before = std::io::Error::last_os_error().raw_os_error();
+            // The address is not that of a page.
+            let failed = result(libc::SYS_mprotect, [1, 4096, 0, 0, 0, 0]);
+            assert_eq!(failed, -i64::from(libc::EINVAL));
+            assert_eq!(before, Some(libc::ENOENT));
+            assert_eq!(std::io::Error::last_os_error().raw_os_error(), before);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_call_since_the_last_clear_is_noted_with_the_number_of_calls() {
+        assert!(!noted());
+        assert_eq!(first(), None);
+        for (number, count) in [(7, 1), (9, 2)] {
+            for _ in 0..count {
+                note(number);
+                note(number + 1);
+            }
+            assert!(noted());
+            let expected = ForbiddenCall {
+                number,
+                count: 2 * count,
+            };
+            assert_eq!(first(), Some(expected));
+            clear();
+            assert!(!noted() && first().is_none());
+        }
+        // Another thread has notes of its own.
+        note(3);
+        assert!(std::thread::spawn(|| !noted()).join().expect("no panic"));
+    }
 }

@@ -239,6 +239,9 @@ fn a_refused_model_is_named_counted_and_missed() {
     tick.take_models(|_, _| ());
     assert_eq!(host.publish(0, &model(6)), Ok(()));
     tick.take_models(|_, model| assert_eq!(model.head.sequence, 6));
+    // A gap counts once, however many models follow.
+    assert_eq!(host.publish(0, &model(7)), Ok(()));
+    tick.take_models(|_, model| assert_eq!(model.head.sequence, 7));
     assert_eq!(
         (
             tick.counters().lost_models,

@@ -25,4 +25,4 @@ pub use refresh::Refresher;
 pub use stepper::{
     Guess, Ledger, Pair, Part, Stepper, StepperOptions, StepperReport, complete_bytes,
 };
-pub use tearing::{Grown, Starts, TearLimit, TearOptions, TearReport, Tearing};
+pub use tearing::{Course, Grown, Starts, TearLimit, TearOptions, TearReport, Tearing};

@@ -2,8 +2,10 @@
 
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
-use physics::topology::{AdvanceOptions, Edit, Reserve};
-use physics::{Body, BodyConfig, Freedom, HandleSpec, Material, TearingError, Vec3};
+use physics::topology::{AdvanceOptions, Edit, NONE, Reserve};
+use physics::{
+    Body, BodyConfig, BodyEdit, Border, Freedom, HandleSpec, Material, TearingError, Vec3,
+};
 
 const MATERIAL: Material = Material {
     young: 1e6,
@@ -18,6 +20,11 @@ fn cells() -> TriMesh {
 
 /// A tearable sheet in motion: its vertices have unlike positions and velocities.
 fn moving(bending: f64, handles: &[HandleSpec]) -> Body {
+    guided(bending, handles, &[])
+}
+
+/// As [`moving`], with supports that guide vertices along axes.
+fn guided(bending: f64, handles: &[HandleSpec], supports: &[(Vec<u32>, [bool; 3])]) -> Body {
     let mesh = cells();
     let config = BodyConfig {
         bending,
@@ -33,6 +40,9 @@ fn moving(bending: f64, handles: &[HandleSpec]) -> Body {
         .collect();
     body.set_positions(&x).expect("positions");
     body.set_velocities(&v).expect("velocities");
+    for (vertices, axes) in supports {
+        body.add_support(vertices, *axes).expect("a support");
+    }
     body.make_tearable(Reserve {
         vertices: 200,
         triangles: 200,
@@ -42,32 +52,40 @@ fn moving(bending: f64, handles: &[HandleSpec]) -> Body {
 }
 
 /// Tears `body` from a vertex on its border in a wavy line, and calls `look` with the body before and after each edit.
-fn tear(
-    body: &mut Body,
-    snapping: f64,
-    mut look: impl FnMut(&Body, &Body, &Edit, &physics::BodyEdit),
-) {
+fn tear(body: &mut Body, snapping: f64, look: impl FnMut(&Body, &Body, &Edit, &BodyEdit)) {
     let surface = body.surface().expect("a surface");
-    let mut tip = (0..surface.vertex_count() as u32)
+    let tip = (0..surface.vertex_count() as u32)
         .find(|&v| {
             let x = body.node_positions()[v as usize];
             surface.on_border(v) && x.x.abs() < 0.02 && x.y < -0.09
         })
         .expect("a vertex of the lower border");
+    tear_from(body, tip, 0.6, snapping, look);
+}
+
+/// Tears `body` from the vertex `tip` by up to twelve edges, which turn by up to `wave` (rad).
+fn tear_from(
+    body: &mut Body,
+    mut tip: u32,
+    wave: f64,
+    snapping: f64,
+    mut look: impl FnMut(&Body, &Body, &Edit, &BodyEdit),
+) {
     for count in 0..12 {
         let surface = body.surface().expect("a surface");
-        let angle = surface.straight_ahead(tip) + 0.6 * libm::sin(f64::from(count));
+        let angle = surface.straight_ahead(tip) + wave * libm::sin(f64::from(count));
         let options = AdvanceOptions {
             snapping,
             opening: 0.0,
         };
-        let Some(edit) = surface.advance(tip, angle, options, |_| true) else {
+        let may_move = |vertex: u32| !body.is_held(vertex);
+        let Some(edit) = surface.advance(tip, angle, options, may_move) else {
             break;
         };
         let before = body.clone();
         let done = body.edit(&edit).expect("an edit");
         look(&before, body, &edit, &done);
-        if done.surface.tips[0] == physics::topology::NONE {
+        if done.surface.tips[0] == NONE {
             break;
         }
         tip = done.surface.tips[0];
@@ -92,6 +110,66 @@ fn edits_keep_mass_and_momentum() {
             assert!(weight.norm() <= ROUNDING * before.total_external_force().norm());
         });
         assert!(edits >= 8, "{edits} edits");
+    }
+}
+
+#[test]
+fn a_snap_changes_no_velocity_of_a_hand_or_along_a_guide() {
+    let mesh = cells();
+    let within = |low: [f64; 2], high: [f64; 2]| {
+        let corner = |[x, y]: [f64; 2], z| Vec3::new(x, y, z);
+        mesh.vertices_in_box(corner(low, -1.0), corner(high, 1.0))
+    };
+    // Two hands hold the lower and the upper border. All other vertices are guided along z, and those on the right along
+    // x as well.
+    let handles = [
+        within([-1.0, -1.0], [1.0, -0.09]),
+        within([-1.0, 0.09], [1.0, 1.0]),
+    ]
+    .map(|vertices| HandleSpec {
+        vertices,
+        origin: Vec3::zeros(),
+        freedom: Freedom::Translation,
+        border: Border::Hinged,
+    });
+    let inner = |x: f64| within([x, -0.09], [1.0, 0.09]);
+    let supports = [
+        (inner(-1.0), [false, false, true]),
+        (inner(0.01), [true, false, true]),
+    ];
+    // One tear runs beside each hand from the left border, and leads away from it slowly.
+    for (hand, (row, wave)) in [(-0.1 + 0.2 / 12.0, 0.15), (0.1 - 0.2 / 12.0, -0.15)]
+        .into_iter()
+        .enumerate()
+    {
+        let mut body = guided(0.0, &handles, &supports);
+        let tip = within([-1.0, row - 1e-3], [-0.099, row + 1e-3])[0];
+        let (mut snaps, mut corrected) = (0, 0);
+        tear_from(&mut body, tip, wave, 0.3, |before, after, _, done| {
+            let moved: Vec<u32> = (done.surface.moved.iter().flatten())
+                .map(|moved| moved.vertex)
+                .collect();
+            snaps += moved.len();
+            let old = before.node_velocities();
+            for (node, (v0, v1)) in (0..).zip(old.iter().zip(after.node_velocities())) {
+                if before.is_held(node) {
+                    assert_eq!(v0, v1, "held vertex {node}");
+                } else if !moved.contains(&node) {
+                    assert_eq!(v0.z, v1.z, "guided vertex {node}");
+                    let on_guide = supports[1].0.contains(&node);
+                    assert!(!on_guide || v0.x == v1.x, "guided vertex {node}");
+                    // Neighbours that are free along y take part in the correction.
+                    corrected += usize::from(v0.y != v1.y);
+                }
+            }
+            // Along y, every edit has free vertices that restore the momentum.
+            let change = (after.momentum() - before.momentum()).y;
+            assert!(change.abs() <= ROUNDING * before.total_mass(), "{change}");
+        });
+        assert!(
+            snaps >= 4 && corrected >= snaps,
+            "hand {hand}: {snaps} snaps, {corrected}"
+        );
     }
 }
 
@@ -167,7 +245,7 @@ fn a_tear_does_not_part_a_handle() {
         vertices: held.clone(),
         origin: Vec3::zeros(),
         freedom: Freedom::Translation,
-        border: physics::Border::Hinged,
+        border: Border::Hinged,
     };
     let mut body = moving(0.0, &[handle]);
     let surface = body.surface().expect("a surface");

@@ -5,7 +5,7 @@ use physics::mesh::TriMesh;
 use physics::tear::{TearLaw, TearMaterial};
 use physics::topology::{Edit, Growth, Origin, Reserve};
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Starts, Stepper,
+    Body, BodyConfig, Border, Course, Freedom, HandlePose, HandleSpec, Material, Starts, Stepper,
     StepperOptions, TearOptions, TearReport, Tearing, Vec3,
 };
 
@@ -284,6 +284,24 @@ fn check_straight(lattices: &[Lattice], snappings: &[f64]) {
             assert!(torn.angles[1] >= torn.angles[0].min(8.0));
             // A cut adds two triangles. A line across the mesh would cut two edges in each spacing.
             assert!(torn.added < 120);
+        }
+    }
+}
+
+#[test]
+fn a_tear_turns_back_to_its_path_by_45_degrees_at_most() {
+    use std::f64::consts::FRAC_PI_4;
+    let edge = 2e-3;
+    for aside in [0.0, 0.1, 0.9, 1.0, 3.0, 1e3, f64::INFINITY] {
+        for side in [1.0, -1.0] {
+            let course = Course {
+                aside: side * aside * edge,
+                turned: 0.3,
+            };
+            // A tip on the left turns to the right.
+            let expected = -side * libm::atan(aside).min(FRAC_PI_4);
+            let found = course.back(edge);
+            assert!((found - expected).abs() < 1e-15, "{course:?}: {found}");
         }
     }
 }

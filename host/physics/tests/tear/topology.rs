@@ -255,6 +255,33 @@ fn a_tear_across_parts_the_surface() {
     assert!(halves.iter().all(|half| (half - 0.5).abs() < 1e-15));
 }
 
+#[test]
+fn an_edit_parts_the_surface_only_where_it_leads_from_border_to_border() {
+    let slit = |tip, ahead, behind| Edit {
+        tip,
+        ahead: Growth::Open { to: ahead },
+        behind: Some(Growth::Open { to: behind }),
+    };
+    // A square of 4 x 4 cells: vertices 5 and 9 are the ends of the row of vertex 6, which is inside.
+    let cases = [
+        // The first growth alone reaches a border, then the second alone, then a single growth from inside.
+        (4, slit(6, 5, 7), [NONE, 7]),
+        (4, slit(6, 7, 5), [7, NONE]),
+        (4, Edit::grow(6, Growth::Open { to: 5 }), [NONE; 2]),
+        (4, slit(12, 13, 11), [13, 11]),
+        // In a square of 2 x 2 cells, both growths from the middle reach a border.
+        (2, slit(4, 5, 3), [NONE; 2]),
+    ];
+    for (n, edit, tips) in cases {
+        let mut surface = regular(n);
+        let done = surface.edit(&edit).unwrap();
+        surface.check().unwrap();
+        assert_eq!(done.tips, tips, "{edit:?}");
+        let pieces = Pieces::new(&surface).count();
+        assert_eq!(done.parted, pieces == 2, "{edit:?}: {pieces} pieces");
+    }
+}
+
 /// What an edit must not change when it is refused.
 fn all(surface: &Surface) -> impl PartialEq + use<> {
     let fans: Vec<Vec<u32>> = (0..surface.vertex_count() as u32)
@@ -743,6 +770,55 @@ fn notches_and_slits_end_where_they_should() {
         .unwrap();
     assert_eq!(tips, [NONE; 2]);
     assert_eq!(Pieces::new(&surface).count(), 2);
+}
+
+#[test]
+fn a_notch_begins_at_the_nearer_end_of_the_border_edge_or_between_the_ends() {
+    // From the lower left corner, counterclockwise around the unit square of 4 x 4 cells.
+    let around = |far: f64| -> [f64; 2] {
+        let along = far.fract();
+        match far as u32 {
+            0 => [along, 0.0],
+            1 => [1.0, along],
+            2 => [1.0 - along, 1.0],
+            _ => [0.0, 1.0 - along],
+        }
+    };
+    let edge = 0.25;
+    for side in 0..4_u32 {
+        // The second and the third edge of the side.
+        for begin in [1.0, 2.0] {
+            for at in [0.05, 0.5, 0.95] {
+                let mut surface = regular(4);
+                let vertices = surface.vertex_count() as u32;
+                let from = around(f64::from(side) + (begin + at) * edge);
+                let to = [0.5 * (from[0] + 0.5), 0.5 * (from[1] + 0.5)];
+                let mut root = None;
+                surface
+                    .notch(
+                        &Notch { from, to },
+                        SNAPPING,
+                        |_| true,
+                        |surface, done| {
+                            if let Some(opened) = done.opened[0] {
+                                root.get_or_insert((
+                                    opened.right[0],
+                                    place(surface, opened.right[0]),
+                                ));
+                            }
+                        },
+                    )
+                    .unwrap();
+                let (root, found) = root.expect("an opened edge");
+                let expected = around(f64::from(side) + (begin + at.round_ties_even()) * edge);
+                let expected = if at == 0.5 { from } else { expected };
+                let far = (found[0] - expected[0]).hypot(found[1] - expected[1]);
+                assert!(far < 1e-12, "from {from:?}: {found:?}, not {expected:?}");
+                // Only in the middle of the edge a new vertex is made.
+                assert_eq!(root >= vertices, at == 0.5, "from {from:?}: {root}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -73,48 +73,87 @@ fn notch(body: &mut Body, to: f64) -> u32 {
     tip
 }
 
-/// A long clamped strip with a crack along its middle, whose upper and lower borders part slowly. Returns the strain at
-/// which the tear starts, as a multiple of Griffith's: `G_c = E e^2 H / (2 (1 - nu^2))` for the height `H` (Rivlin and
-/// Thomas, "Rupture of rubber I", 1953, for a strip that does not contract along its length).
-fn start_of_strip(nx: u32, ny: u32) -> f64 {
-    let (length, height, toughness) = (0.4, 0.06, 200.0);
-    let mesh = sheet(length, height, nx, ny, Pattern::Alternating).expect("a sheet");
-    let config = BodyConfig {
-        gravity: Vec3::zeros(),
-        mass_damping: 20.0,
-        ..BodyConfig::default()
-    };
-    let handles = [handle(&mesh, "bottom"), handle(&mesh, "top")];
-    let mut body = Body::sheet(&mesh, &[CLOTH], config, &handles).expect("a sheet");
-    body.make_tearable(RESERVE).expect("tearable");
-    let tip = notch(&mut body, -0.02);
-    let options = TearOptions {
-        material: law(toughness),
-        starts: Starts::Tips,
-        snapping: 0.3,
-        skips: true,
-    };
-    let mut tearing = Tearing::new(&body, options, &[tip]).expect("tears");
-    body.reassemble();
-    let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).expect("a stepper");
-    stepper.reserve_pairs(16);
-    let expected = libm::sqrt(
-        toughness * 2.0 * (1.0 - CLOTH.poisson * CLOTH.poisson) / (CLOTH.young * height),
-    );
-    let h = 1e-3;
-    for step in 0..4000 {
-        // Up to 120 % of the strain, slowly against the waves of the strip.
-        let strain = 1.2 * expected * f64::from(step) / 4000.0;
-        let up = Vec3::new(0.0, 0.5 * strain * height, 0.0);
-        let targets = [HandlePose::at(-up), HandlePose::at(up)];
-        stepper
-            .step(&mut body, h, &targets, || false)
-            .expect("a step");
-        if tearing.advance(&mut body, &mut stepper).opened > 0 {
-            return strain / expected;
+/// A clamped sheet whose upper and lower borders part slowly, with its tears.
+struct Pulled {
+    body: Body,
+    stepper: Stepper<f64>,
+    tearing: Tearing,
+    height: f64,
+    /// The strain at which a long crack goes on, by Griffith: `G_c = E e^2 H / (2 (1 - nu^2))` for the height `H` (Rivlin
+    /// and Thomas, "Rupture of rubber I", 1953, for a strip that does not contract along its length).
+    expected: f64,
+}
+
+impl Pulled {
+    /// A sheet of `nx` x `ny` cells over these sides (m), of this toughness (J/m²). `open` makes the first cracks, and
+    /// returns their tips.
+    fn new(
+        sides: [f64; 2],
+        [nx, ny]: [u32; 2],
+        toughness: f64,
+        open: impl FnOnce(&mut Body) -> Vec<u32>,
+    ) -> Self {
+        let mesh = sheet(sides[0], sides[1], nx, ny, Pattern::Alternating).expect("a sheet");
+        let config = BodyConfig {
+            gravity: Vec3::zeros(),
+            mass_damping: 20.0,
+            ..BodyConfig::default()
+        };
+        let handles = [handle(&mesh, "bottom"), handle(&mesh, "top")];
+        let mut body = Body::sheet(&mesh, &[CLOTH], config, &handles).expect("a sheet");
+        body.make_tearable(RESERVE).expect("tearable");
+        let tips = open(&mut body);
+        let options = TearOptions {
+            material: law(toughness),
+            starts: Starts::Tips,
+            snapping: 0.3,
+            skips: true,
+        };
+        let tearing = Tearing::new(&body, options, &tips).expect("tears");
+        body.reassemble();
+        let mut stepper = Stepper::new(&body, StepperOptions::default()).expect("a stepper");
+        stepper.reserve_pairs(16);
+        let height = sides[1];
+        Self {
+            body,
+            stepper,
+            tearing,
+            height,
+            expected: libm::sqrt(
+                toughness * 2.0 * (1.0 - CLOTH.poisson * CLOTH.poisson) / (CLOTH.young * height),
+            ),
         }
     }
-    f64::INFINITY
+
+    /// A step of 1 ms to a strain, as a multiple of the expected one. Nothing tears.
+    fn pull(&mut self, strain: f64) {
+        let up = Vec3::new(0.0, 0.5 * strain * self.expected * self.height, 0.0);
+        let targets = [HandlePose::at(-up), HandlePose::at(up)];
+        self.stepper
+            .step(&mut self.body, 1e-3, &targets, || false)
+            .expect("a step");
+    }
+
+    /// As [`pull`](Self::pull), after which the tears go on. Returns the number of edges that have opened so far.
+    fn tear(&mut self, strain: f64) -> u64 {
+        self.pull(strain);
+        self.tearing
+            .advance(&mut self.body, &mut self.stepper)
+            .opened
+    }
+}
+
+/// A long clamped strip with a crack along its middle. Returns the strain at which the tear starts, as a multiple of the
+/// expected one.
+fn start_of_strip(nx: u32, ny: u32) -> f64 {
+    let mut strip = Pulled::new([0.4, 0.06], [nx, ny], 200.0, |body| {
+        vec![notch(body, -0.02)]
+    });
+    // Up to 120 % of the strain, slowly against the waves of the strip.
+    (0..4000)
+        .map(|step| 1.2 * f64::from(step) / 4000.0)
+        .find(|&strain| strip.tear(strain) > 0)
+        .unwrap_or(f64::INFINITY)
 }
 
 #[test]
@@ -185,4 +224,126 @@ fn a_sheet_tears_alike_whether_or_not_strength_is_skipped_below_the_bound() {
         assert!(with.len() >= 5, "{pattern:?}: {} edits", with.len());
         assert_eq!(with, without);
     }
+}
+
+#[test]
+fn the_slope_by_each_motion_is_that_of_the_motion_alone() {
+    let mut strip = Pulled::new([0.2, 0.06], [30, 8], 200.0, |body| vec![notch(body, -0.02)]);
+    for step in 0..300 {
+        strip.pull(0.6 * f64::from(step) / 300.0);
+    }
+    // The upper half moves up, the lower half moves down, or both move.
+    let rest = strip.body.rest_positions().to_vec();
+    let shape = |motion: usize, vertex: u32| {
+        let y = 2.0 * rest[vertex as usize].y / strip.height;
+        let moves = [y.max(0.0), y.min(0.0), y];
+        Vec3::y() * moves[motion]
+    };
+    let mut slopes = [0.0; 3];
+    let limit = (strip.tearing)
+        .limit(&strip.body, &strip.stepper, shape, &mut slopes)
+        .expect("a driven tip");
+    // At 60 % of the strain the root is about 60 % of the critical one.
+    assert!(
+        (limit.root / limit.critical - 0.6).abs() < 0.05,
+        "{limit:?}"
+    );
+    for (motion, slope) in slopes.into_iter().enumerate() {
+        let mut alone = [0.0];
+        let only = |_: usize, vertex: u32| shape(motion, vertex);
+        let same = (strip.tearing).limit(&strip.body, &strip.stepper, only, &mut alone);
+        assert_eq!((same, alone), (Some(limit), [slope]), "motion {motion}");
+    }
+    // A root is not linear in motions that no equilibrium makes, but its slope is. The small displacement is 1 % of those
+    // about the tip.
+    let [up, down, both] = slopes;
+    assert!(up > 0.0 && down > 0.0, "{slopes:?}");
+    assert!((up + down - both).abs() < 0.02 * both, "{slopes:?}");
+}
+
+#[test]
+fn vertices_that_an_edit_doubles_share_the_energy_of_its_edges() {
+    let mut strip = Pulled::new([0.1, 0.06], [12, 8], 200.0, |body| vec![notch(body, 0.01)]);
+    let mut shared = 0;
+    for step in 0..4000 {
+        strip.pull(1.5 * f64::from(step) / 4000.0);
+        let (surplus, edits) = (strip.stepper.surplus(), strip.tearing.journal().len());
+        let before: Vec<[u32; 2]> = strip
+            .stepper
+            .pairs()
+            .iter()
+            .map(|pair| pair.nodes)
+            .collect();
+        strip.tearing.advance(&mut strip.body, &mut strip.stepper);
+        let [grown] = strip.tearing.grown()[edits..] else {
+            // The tip waits until its pair has let go, so it goes on by one edge at most.
+            assert_eq!(strip.tearing.grown().len(), edits);
+            continue;
+        };
+        let pairs = strip.stepper.pairs().iter();
+        let new: Vec<f64> = pairs
+            .filter(|pair| !before.contains(&pair.nodes))
+            .map(|pair| pair.energy)
+            .collect();
+        // What earlier pairs took too little or too much is made good.
+        let expected = (grown.energy + surplus).max(0.5 * grown.energy);
+        let taken: f64 = new.iter().sum();
+        assert!(
+            (taken - expected).abs() < 1e-12 * expected,
+            "{new:?} of {expected} J"
+        );
+        assert!(new.iter().all(|energy| *energy == new[0]));
+        // The last edge doubles the tip and the vertex of the border.
+        shared += usize::from(new.len() == 2);
+        if grown.tips[0] == NONE {
+            break;
+        }
+    }
+    assert_eq!((shared, strip.tearing.tips().len()), (1, 0));
+}
+
+#[test]
+fn a_tear_that_ends_another_leaves_the_other_tips_alone() {
+    // A crack along the middle, and ahead of its tip a slit across the path, whose lower tip is on the path.
+    let mut lower = NONE;
+    let mut upper = NONE;
+    let mut strip = Pulled::new([0.12, 0.08], [12, 8], 200.0, |body| {
+        let at = |body: &Body, x: f64, y: f64| {
+            let place = Vec3::new(x, y, 0.0);
+            let mut rest = body.rest_positions().iter();
+            rest.position(|rest| (rest - place).norm() < 1e-9)
+                .expect("a vertex") as u32
+        };
+        let [low, middle, high] = [0.0, 0.01, 0.02].map(|y| at(body, 0.01, y));
+        let slit = Edit {
+            tip: middle,
+            ahead: Growth::Open { to: high },
+            behind: Some(Growth::Open { to: low }),
+        };
+        let done = body.edit(&slit).expect("a slit");
+        assert_eq!(done.surface.tips, [high, low]);
+        (lower, upper) = (low, high);
+        // The tip that is met comes first, and another tip comes last.
+        vec![low, notch(body, 0.0), high]
+    });
+    let [_, crack, _] = *strip.tearing.tips() else {
+        panic!("three tips")
+    };
+    let mut step = 0;
+    while strip.tear(1.5 * f64::from(step) / 4000.0) == 0 {
+        step += 1;
+        assert!(step < 4000, "nothing tears");
+    }
+    let met = Edit::grow(crack.vertex, Growth::Open { to: lower });
+    assert_eq!(strip.tearing.journal(), [met]);
+    let tips: Vec<u32> = (strip.tearing.tips().iter())
+        .map(|tip| tip.vertex)
+        .collect();
+    assert_eq!(tips, [upper]);
+    // The tip that is left goes on.
+    while strip.tear(3.0 * f64::from(step) / 4000.0) < 2 {
+        step += 1;
+        assert!(step < 8000, "the other tear stands still");
+    }
+    assert_eq!(strip.tearing.journal()[1].tip, upper);
 }

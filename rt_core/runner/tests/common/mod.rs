@@ -9,24 +9,33 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
-    Controller, ControllerConfig, DeviceState, Freedom, HandleReference, LocalModel, MAX_DEVICES,
-    PassivityConfig, Scheme, Vec3, Wrench,
+    Controller, ControllerConfig, DeviceError, DeviceState, Freedom, HandleReference, LocalModel,
+    MAX_DEVICES, PassivityConfig, Scheme, Vec3, Wrench,
 };
 use runner::AnyDevice;
+use runner::clock::now_ns;
+use rustix::io::Errno;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// The action of a [`puppet`] in one of its reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A system call, and its outcome.
+pub(crate) type Call = fn() -> Result<(), Errno>;
+
+/// The action of a [`puppet`] in some of its reads or writes. Their numbers begin with one.
+#[derive(Clone, Copy, Debug)]
 pub(crate) enum Trick {
     None,
     /// Spins for this time (ns) in the read with this number.
     Spin(u64, u64),
     /// Panics in the read with this number.
     Panic(u64),
-    /// Makes a needless system call in the read with this number.
-    Call(u64),
+    /// Makes a system call in the read with this number.
+    Call(u64, Call),
     /// Allocates more memory than the heap has in the read with this number.
     Allocate(u64),
+    /// Panics in the writes from this number on.
+    PanicInWrites(u64),
+    /// Refuses the writes from this number on.
+    RefuseWrites(u64),
 }
 
 /// The calls that a puppet received, for the test that watches it.
@@ -35,36 +44,62 @@ pub(crate) struct Seen {
     pub(crate) reads: u64,
     pub(crate) writes: u64,
     pub(crate) last: Option<Wrench>,
+    /// The time that each read was given (ns).
     pub(crate) times_ns: Vec<u64>,
+    /// The wrench of each write.
+    pub(crate) wrenches: Vec<Wrench>,
+    /// The clock at each read, and at each write (ns).
+    pub(crate) read_at: Vec<u64>,
+    pub(crate) written_at: Vec<u64>,
+    /// The outcome of the call of [`Trick::Call`].
+    pub(crate) called: Option<Result<(), Errno>>,
 }
 
 /// A device that stands still but for its trick, and what it meets: to be seen after a panic as well.
 pub(crate) fn puppet(trick: Trick) -> (AnyDevice, Arc<Mutex<Seen>>) {
+    // No tick allocates.
+    const ROOM: usize = 10_000;
     let seen = Arc::new(Mutex::new(Seen {
         reads: 0,
         writes: 0,
         last: None,
-        times_ns: Vec::with_capacity(10_000),
+        times_ns: Vec::with_capacity(ROOM),
+        wrenches: Vec::with_capacity(ROOM),
+        read_at: Vec::with_capacity(ROOM),
+        written_at: Vec::with_capacity(ROOM),
+        called: None,
     }));
     let (by_read, by_write) = (Arc::clone(&seen), Arc::clone(&seen));
-    let read = move |now_ns| {
+    let read = move |time_ns| {
         let reads = {
             let mut seen = lock(&by_read);
             seen.reads += 1;
-            seen.times_ns.push(now_ns);
+            seen.times_ns.push(time_ns);
+            seen.read_at.push(now_ns());
             seen.reads
         };
-        do_trick(trick, reads);
+        if let Some(outcome) = do_trick(trick, reads) {
+            lock(&by_read).called = Some(outcome);
+        }
         Ok(DeviceState {
-            device_time_ns: now_ns,
+            device_time_ns: time_ns,
             ..DeviceState::resting()
         })
     };
     let write = move |_, wrench: &Wrench| {
-        let mut seen = lock(&by_write);
-        seen.writes += 1;
-        seen.last = Some(*wrench);
-        Ok(())
+        let writes = {
+            let mut seen = lock(&by_write);
+            seen.writes += 1;
+            seen.last = Some(*wrench);
+            seen.wrenches.push(*wrench);
+            seen.written_at.push(now_ns());
+            seen.writes
+        };
+        match trick {
+            Trick::PanicInWrites(from) if writes >= from => panic!("the motor was cut"),
+            Trick::RefuseWrites(from) if writes >= from => Err(DeviceError::Busy),
+            _ => Ok(()),
+        }
     };
     let device = Scripted::new(small(Freedom::Three), read, write);
     (Box::new(device), seen)
@@ -74,22 +109,22 @@ pub(crate) fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
     seen.lock().expect("nothing panics while it is held")
 }
 
-fn do_trick(trick: Trick, reads: u64) {
+/// The outcome is that of a system call, if the trick makes one.
+fn do_trick(trick: Trick, reads: u64) -> Option<Result<(), Errno>> {
     match trick {
         Trick::Spin(read, ns) if read == reads => {
-            let end = runner::clock::now_ns() + ns;
-            while runner::clock::now_ns() < end {}
+            let end = now_ns() + ns;
+            while now_ns() < end {}
         }
         Trick::Panic(read) if read == reads => panic!("the cable was cut"),
-        Trick::Call(read) if read == reads => {
-            std::hint::black_box(rustix::process::getppid());
-        }
+        Trick::Call(read, call) if read == reads => return Some(call()),
         Trick::Allocate(read) if read == reads => {
             let taken = vec![1_u8; 64 << 20];
             assert_eq!(std::hint::black_box(&taken)[1 << 20], 1);
         }
         _ => {}
     }
+    None
 }
 
 /// A controller for `devices` devices and one body, at 1 kHz.
@@ -137,6 +172,21 @@ pub(crate) fn pushing(sequence: u64, time_ns: u64) -> LocalModel {
     model.handles[0] = HandleReference {
         wrench: Wrench {
             force: Vec3::new(1.0, 0.0, 0.0),
+            moment: Vec3::zeros(),
+        },
+        ..HandleReference::zero()
+    };
+    model
+}
+
+/// As [`pushing`], for two devices: the first is pushed along x, the second against x.
+pub(crate) fn pushing_both(sequence: u64, time_ns: u64) -> LocalModel {
+    let mut model = pushing(sequence, time_ns);
+    model.handle_count = 2;
+    model.handles[1] = HandleReference {
+        device: 1,
+        wrench: Wrench {
+            force: Vec3::new(-1.0, 0.0, 0.0),
             moment: Vec3::zeros(),
         },
         ..HandleReference::zero()

@@ -39,8 +39,9 @@ pub struct Course {
 
 impl Course {
     /// The angle by which the next edge turns from the path so that it leads back (rad), where edges have about the
-    /// length `reach` (m).
-    fn back(&self, reach: f64) -> f64 {
+    /// length `reach` (m). At most 45 degrees: a tear that comes from large triangles among small ones turns back over
+    /// several edges.
+    pub fn back(&self, reach: f64) -> f64 {
         -libm::atan2(self.aside, reach).clamp(-MOST_BACK, MOST_BACK)
     }
 
