@@ -40,6 +40,8 @@ use core::num::NonZeroU8;
 
 /// The number of runs of states that a device remembers.
 const RUNS: usize = 32;
+/// A run is at most this part of the watchdog long, so that the runs together span a watchdog.
+const PARTS: u32 = RUNS as u32 - 1;
 
 /// How the counts of one encoder become an angle or a length; see [`JointReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -601,7 +603,7 @@ impl Device {
     /// Notes a state that is sent: in the newest run, or in a new one. So many runs begin at least a watchdog apart from
     /// the first to the last.
     fn note(&mut self, sequence: u16, now_us: u32) {
-        let longest_us = self.watchdog_us / (RUNS as u32 - 1);
+        let longest_us = self.watchdog_us / PARTS;
         if let Some(run) = self.runs.get_mut(self.newest) {
             let follows =
                 (1..u16::MAX).contains(&run.count) && sequence == run.first.wrapping_add(run.count);

@@ -4,7 +4,8 @@
 //! Some wrenches are computed before the tick has read that state. Commanded, they would bring the whole force back at
 //! once. So the thread of a device counts its exchanges, and the tick hands over with each wrench the number of the
 //! newest exchange whose state it has read. A wrench from before the state that tells of the let-go is held back. The tick
-//! reads the newest state only, so each state says that the device let go until the tick has read one of them.
+//! reads the newest state only, so each state says that the device let go until the tick has read one of them. Before the
+//! first force there is nothing to let go: a device that idles until the run begins tells nothing.
 
 use super::Answer;
 use rt_core::{Rendering, Wrench};
@@ -42,6 +43,8 @@ pub struct Gate {
     tells: bool,
     /// Whether the last wrench that was commanded has a force or a moment.
     acts: bool,
+    /// Whether any had.
+    has_acted: bool,
 }
 
 impl Gate {
@@ -53,6 +56,7 @@ impl Gate {
         self.tells = self.seen < self.let_go;
         let command = if self.tells { Wrench::zero() } else { *wrench };
         self.acts = command != Wrench::zero();
+        self.has_acted |= self.acts;
         command
     }
 
@@ -73,10 +77,11 @@ impl Gate {
         let Ok(state) = answer else {
             return;
         };
-        if state.rendering != Rendering::Commanded {
-            self.let_go = self.number;
-        } else if self.tells {
-            state.rendering = Rendering::LetGo;
+        match state.rendering {
+            Rendering::LetGo if !self.has_acted => state.rendering = Rendering::Commanded,
+            Rendering::Commanded if self.tells => state.rendering = Rendering::LetGo,
+            Rendering::Commanded => {}
+            Rendering::LetGo | Rendering::Fault(_) => self.let_go = self.number,
         }
     }
 
@@ -121,6 +126,7 @@ mod tests {
         /// Whether the force is gone, and no tick has learned it yet.
         untold: bool,
         last: Wrench,
+        has_acted: bool,
     }
 
     impl Pipe {
@@ -152,6 +158,7 @@ mod tests {
                         self.untold |= self.last != Wrench::zero() && self.gate.tells;
                     }
                     self.last = command;
+                    self.has_acted |= command != Wrench::zero();
                     let mut state = DeviceState::resting();
                     if device_lets_go {
                         state.rendering = Rendering::LetGo;
@@ -162,12 +169,38 @@ mod tests {
                     }
                     self.gate.end(&mut answer);
                     if let Ok(state) = answer {
-                        self.untold |= device_lets_go;
+                        self.untold |= device_lets_go && self.has_acted;
                         self.reply = Some((state, self.gate.number()));
                     }
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_device_that_idles_before_the_first_force_tells_nothing_but_a_fault() {
+        let push = Wrench {
+            force: Vec3::x(),
+            moment: Vec3::zeros(),
+        };
+        let told = |gate: &mut Gate, rendering| {
+            let mut answer = Ok(DeviceState {
+                rendering,
+                ..DeviceState::resting()
+            });
+            gate.end(&mut answer);
+            answer.map(|state| state.rendering)
+        };
+        let mut gate = Gate::default();
+        gate.let_go();
+        assert_eq!(told(&mut gate, Rendering::LetGo), Ok(Rendering::Commanded));
+        gate.pass(&Wrench::zero(), 1);
+        assert_eq!(told(&mut gate, Rendering::LetGo), Ok(Rendering::Commanded));
+        gate.pass(&Wrench::zero(), 2);
+        let fault = Rendering::Fault(1);
+        assert_eq!(told(&mut gate, fault), Ok(fault));
+        assert_eq!(gate.pass(&push, 3), push);
+        assert_eq!(told(&mut gate, Rendering::LetGo), Ok(Rendering::LetGo));
     }
 
     proptest! {
@@ -184,6 +217,7 @@ mod tests {
                 seen: 0,
                 untold: false,
                 last: Wrench::zero(),
+                has_acted: false,
             };
             for step in steps {
                 pipe.take(step);

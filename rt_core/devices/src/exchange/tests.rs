@@ -293,13 +293,22 @@ fn the_refusals_of_the_device_are_passed_on() {
     }
     let mut device = Exchanged::start(Refusing(0), small(Freedom::Three)).expect("a thread");
     assert_eq!(device.refused_wrenches(), None);
-    let state = loop {
-        let _ = device.write(0, &push(1.0));
-        if let Ok(state) = device.read(0) {
-            break state;
+    // Each state has the count as its time.
+    let mut told = || {
+        loop {
+            let _ = device.write(0, &push(1.0));
+            if let (Ok(state), Some(refused)) = (device.read(0), device.refused_wrenches())
+                && refused > 0
+            {
+                break (state.device_time_ns, refused);
+            }
         }
     };
-    assert_eq!(device.refused_wrenches(), Some(state.device_time_ns));
+    // What the device refused up to the first wrench of the tick does not count.
+    let (time, refused) = told();
+    assert!(time - refused >= 5, "{refused} of {time}");
+    let (later, more) = told();
+    assert_eq!(more - refused, later - time);
 }
 
 #[test]

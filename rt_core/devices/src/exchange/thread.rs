@@ -33,6 +33,7 @@ pub(super) fn start(
         let_go_ns,
         looked: Instant::now(),
         gate: Gate::default(),
+        refused_before: None,
         begun: [(0, Instant::now()); BEGUN],
     };
     std::thread::Builder::new()
@@ -54,6 +55,8 @@ struct Work<E> {
     /// Time without a wrench after which the thread commands zero (ns).
     let_go_ns: Arc<AtomicU64>,
     gate: Gate,
+    /// Wrenches that the device had refused when the tick began. What it refuses while it idles before is no news.
+    refused_before: Option<u64>,
     /// The last exchanges, by number, and when each began.
     begun: [(u64, Instant); BEGUN],
     /// When the thread last looked for a wrench.
@@ -144,11 +147,16 @@ impl<E: Exchange> Work<E> {
             Err(_) if lost => &self.counts.losses,
             Err(_) => &self.counts.failures,
         });
+        let refused = self.exchange.refused_wrenches();
+        if handed.is_some() && self.refused_before.is_none() {
+            self.refused_before = refused;
+        }
+        let before = self.refused_before;
         let reply = Reply {
             answer,
             number,
             motion_to_force_ns,
-            refused_wrenches: self.exchange.refused_wrenches(),
+            refused_wrenches: refused.map(|count| count.saturating_sub(before.unwrap_or(count))),
         };
         if self.replies.push(reply).is_err() {
             Counts::add(&self.counts.unread);

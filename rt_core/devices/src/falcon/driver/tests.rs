@@ -84,6 +84,32 @@ fn a_steady_motion_keeps_its_velocity_across_missing_states() {
     }
 }
 
+/// The velocity is that up to the new position: a grip that rests and then moves has a velocity in the first state of the
+/// motion, and none as soon as its window holds no motion.
+#[test]
+fn a_motion_shows_in_the_state_that_has_it() {
+    for missing in [0, 1, 4] {
+        let mut falcon = falcon();
+        for k in 0..20 {
+            state(&mut falcon, k * PERIOD_NS, 0.0);
+        }
+        let moved_ns = (20 + missing) * PERIOD_NS;
+        let way = PERIOD * (missing + 1) as f64;
+        let moves = state(&mut falcon, moved_ns, way).twist.linear.x;
+        // A count at each end of the motion.
+        let most = 2.0 * STEP / way;
+        assert!((moves - 1.0).abs() <= most, "{missing}: {moves}");
+        let mut rests = moves;
+        for k in 1..=5 {
+            rests = state(&mut falcon, moved_ns + k * PERIOD_NS, way)
+                .twist
+                .linear
+                .x;
+        }
+        assert_eq!(rests, 0.0, "{missing}");
+    }
+}
+
 /// After a longer silence the velocity begins anew.
 #[test]
 fn a_long_silence_makes_no_velocity() {
