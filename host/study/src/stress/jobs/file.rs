@@ -175,7 +175,8 @@ pub(super) fn parse<R: DeserializeOwned>(
         let refuse = |reason: String| JobError::Line {
             path: path.to_owned(),
             line: number,
-            reason,
+            // The reason quotes the line.
+            reason: printable(&reason),
         };
         let whole = line.ends_with(b"\n");
         let length = line.len();
