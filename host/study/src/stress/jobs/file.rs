@@ -1,6 +1,7 @@
 //! The file of a study's results: its contents, and the lines that are appended.
 
 use super::{Cell, Header, JobError};
+use host::scene::printable;
 use serde::de::DeserializeOwned;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
