@@ -272,13 +272,13 @@ pub fn replay_watched(
     let mut waiting = Waiting::default();
     for number in 0..parts {
         log.part(number, &mut |models, rows| {
-            waiting.extend(models.iter().map(|model| (place(model), model.model())));
+            waiting.extend(models.iter().map(|model| (place(model), model.clone())));
             for row in rows {
                 for (body, sequence) in taken(row, &mut in_use) {
                     if let Some(model) = waiting.take((body, sequence)) {
                         // The link refuses the model if this scene has no such body. The comparison then reports a
                         // difference.
-                        let _ = host.publish(body, &model);
+                        let _ = host.publish(body, &model.model());
                     }
                 }
                 for (feed, reading) in feeds.iter().zip(&row.readings) {
