@@ -222,7 +222,7 @@ fn text_of_files_reaches_no_terminal_as_a_command() -> Outcome {
     }
     let (_, said) = palpate(&["stress", "seeds", &at("1.jsonl"), &at("2.jsonl")])?;
     assert!(
-        said.contains("line 2: unknown variant `x?[2J???another line`"),
+        said.contains("line 2: not a result of this study: unknown variant `x?[2J???another line`"),
         "{said}"
     );
     assert_eq!(said.lines().count(), 1, "{said}");
