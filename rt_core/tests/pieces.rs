@@ -554,7 +554,11 @@ fn what_a_hand_without_force_was_spared_stays_with_the_larger_part_of_its_piece(
             body.coupling.hold(&held, &all);
         }
         let available = body.coupling.energy().available;
-        assert!((own - available - 0.01).abs() < 1e-15, "{own:e} {available:e} {:e}", own - available - 0.01);
+        assert!(
+            (own - available - 0.01).abs() < 1e-15,
+            "{own:e} {available:e} {:e}",
+            own - available - 0.01
+        );
         // The third hand lets go as the body parts between the other two.
         let forces = body.take(carried(), &[0, 1], &energies, 200);
         assert_eq!(body.coupling.model().handles().count(), 2);

@@ -4,7 +4,7 @@ use devices::conformance::Suite;
 use devices::hid::{Command, HidDevice, ReadReport, WriteReport};
 use devices::panel::{Operated, Panel};
 use devices::scripted::{Scripted, small};
-use devices::{AnyDevice, DeviceModel, Registry, Replay, Request};
+use devices::{AnyDevice, DeviceModel, Registry, ReplayDevice, Request};
 use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
 use firmware_proto::report::{Model, StateReport, axes};
 use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Rendering, Vec3, Wrench};
@@ -139,9 +139,13 @@ fn recordings_conform() {
         100..130 => Err(DeviceError::NoReport),
         _ => *reading,
     });
-    let registry = Registry::new().with(Replay::new(vec![readings.clone(), holes.collect()]));
-    for (index, states) in [(0, 500), (1, 470), (2, 0)] {
-        let make = || open(&registry, "replay", index);
+    let recordings = [
+        (readings.clone(), 500),
+        (holes.collect(), 470),
+        (Vec::new(), 0),
+    ];
+    for (readings, states) in recordings {
+        let make = || Box::new(ReplayDevice::new(hand.capabilities(), readings.clone()));
         Suite::new("replay").states(states).check(make);
     }
 }

@@ -4,10 +4,11 @@ use super::outputs::{Declared, Format};
 use super::written::Written;
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::write_json;
-use host::log::{Log, LogError};
+use host::log::index::{IndexError, LogIndex};
 use host::run::TickOutputs;
 use host::run::observer::Observers;
 use host::run::replay::{ReplayError, replay_watched, scene_of};
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,7 @@ pub(super) enum ReplayFileError {
     #[error("cannot read this log: {0}")]
     Read(#[from] io::Error),
     #[error(transparent)]
-    Log(#[from] LogError),
+    Log(#[from] IndexError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
 }
@@ -33,10 +34,10 @@ pub(super) fn run(
         path: path.to_owned(),
         source: Box::new(source),
     };
-    let log = read(path).map_err(refused)?;
+    let mut log = open(path).map_err(refused)?;
     let loaded = match scene {
         Some(_) => load(scene)?,
-        None => scene_of(&log, &path.display().to_string()).map_err(|e| refused(e.into()))?,
+        None => scene_of(&mut log, &path.display().to_string()).map_err(|e| refused(e.into()))?,
     };
     let declared = Declared::default().input("the log", Some(path));
     let declared = match scene {
@@ -48,7 +49,7 @@ pub(super) fn run(
     let _held = declared.file("--json", json, Format::Json).check()?;
     let bar = progress_bar();
     let begin = || ticks.observe(&loaded.scene, Observers::new());
-    let done = replay_watched(&log, &loaded, begin, |fraction| {
+    let done = replay_watched(&mut log, &loaded, begin, |fraction| {
         bar.set_position((1000.0 * fraction) as u64);
     });
     bar.finish_and_clear();
@@ -79,6 +80,6 @@ pub(super) fn run(
     })
 }
 
-fn read(path: &Path) -> Result<Log, ReplayFileError> {
-    Ok(Log::parse(&std::fs::read(path)?)?)
+fn open(path: &Path) -> Result<LogIndex<File>, ReplayFileError> {
+    Ok(LogIndex::open(File::open(path)?)?)
 }

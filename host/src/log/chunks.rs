@@ -6,27 +6,15 @@
 //!
 //! Layout: <https://mcap.dev/spec>, "Chunk (op=0x06)".
 
-use mcap::{MAGIC, McapError, records::op};
+use mcap::{McapError, records::op};
 
 /// Size of a record's head: an operation code and a length (bytes).
 const HEAD: usize = 9;
 /// Size of the fields before the name of a chunk's compression: times, size and check sum (bytes).
 const BEFORE_COMPRESSION: usize = 28;
 
-/// Checks the chunks of a file. The file may be cut anywhere.
-pub(super) fn check(file: &[u8]) -> Result<(), McapError> {
-    let mut rest = file.get(MAGIC.len()..).unwrap_or_default();
-    while let Some((opcode, length, data)) = record(rest) {
-        if opcode == op::CHUNK {
-            check_chunk(data.get(..length).unwrap_or(data))?;
-        }
-        rest = data.get(length..).unwrap_or_default();
-    }
-    Ok(())
-}
-
-/// Checks the record of one chunk, with its head.
-pub(super) fn check_record(bytes: &[u8]) -> Result<(), McapError> {
+/// Checks the record of one chunk, with its head. The record may be cut anywhere.
+pub(super) fn check(bytes: &[u8]) -> Result<(), McapError> {
     match record(bytes) {
         Some((op::CHUNK, length, data)) => check_chunk(data.get(..length).unwrap_or(data)),
         _ => Ok(()),

@@ -5,9 +5,9 @@
 //!   these messages. The time of a message is the nominal time of its tick, from the start of the run.
 //! - Local models (`palpate_msgs/msg/LocalModel`) are on the channel `/model`, each before the first tick
 //!   that used it. The time of a message is the time of the model's reference.
-//! - The metadata record `palpate` identifies the run. The attachment `scene.toml` is the scene, and the other
-//!   attachments are the files that the scene names. A replay needs only the raw readings, the models and the
-//!   scene.
+//! - The metadata record `palpate` identifies the run, and each record `palpate.device` has the limits of a device as it
+//!   was driven. The attachment `scene.toml` is the scene, and the other attachments are the files that the scene names.
+//!   A replay needs only the raw readings, the models, the limits and the scene.
 //! - With [`LogWriter::add_bodies`], the log also holds frames of the bodies: on the channel `/bodies/NAME` the deformed
 //!   vertices as a point cloud (`sensor_msgs/msg/PointCloud2`), on `/bodies/NAME/frame` the step and the topology epoch
 //!   of each cloud (`palpate_msgs/msg/BodyFrame`), and on `/bodies/NAME/surface` the surface of each topology epoch
@@ -18,7 +18,7 @@
 //!   by its index ([`index`]). It is not a file of the scene.
 //! - Two logs of the same ticks hold the same bytes: no wall clock and no random number enters.
 //! - The ticks since the last [`LogWriter::flush`] wait in memory. A killed process leaves a valid log without
-//!   an index, which [`Log::parse`] reads.
+//!   an index, which [`index::LogIndex`] reads.
 
 mod body;
 mod cdr;
@@ -27,10 +27,12 @@ mod cloud;
 mod file;
 mod geometry;
 pub mod index;
+mod limits;
 mod model;
 pub mod overview;
 mod read;
 mod reading;
+mod record;
 mod tear;
 mod tick;
 
@@ -41,7 +43,7 @@ use std::io::{self, BufWriter, Seek, Write};
 use mcap::records::MessageHeader;
 use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
-use rt_core::{LocalModel, Telemetry};
+use rt_core::{Capabilities, LocalModel, Telemetry};
 
 use crate::live::Surface;
 use crate::run::tears::TearEvent;
@@ -147,10 +149,12 @@ pub fn model_message(body: u8, model: &LocalModel) -> Vec<u8> {
 }
 
 /// The identity and the input of a run, written before its first tick.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LogHeader {
     /// The facts that identify the run: scene name, seed, scheme, clock, version, instruction path.
     pub facts: BTreeMap<String, String>,
+    /// The limits of the devices as they are driven, in the order of the scene.
+    pub limits: Vec<Capabilities>,
     /// The text of the scene file.
     pub scene: String,
     /// The files that the scene names, by their names in the scene.
@@ -186,9 +190,6 @@ pub enum LogError {
         /// The system's error.
         source: io::Error,
     },
-    /// The bytes are no MCAP file, or the file is damaged before its end.
-    #[error("this file is not an MCAP file, or is damaged: {0}")]
-    Damaged(McapError),
     /// The file is a sound MCAP file but has no channel of ticks.
     #[error(
         "this file has no channel of {} and so is not a log of palpate",
@@ -200,27 +201,33 @@ pub enum LogError {
         "the messages of this log have another layout: another version of palpate wrote the log"
     )]
     OtherLayout,
-    /// A tick or a model does not match the definition of its message.
+    /// The limits of a device are not those of any device.
     #[error(
-        "message {index} (from zero) does not match the definition of its channel, or is too short"
+        "the log is damaged: device {index} (from zero), {field}: found {found}, allowed: {allowed}"
     )]
-    BadMessage {
-        /// Number of the message in the file.
+    Limits {
+        /// Index of the device.
         index: usize,
+        /// The field.
+        field: &'static str,
+        /// The value found.
+        found: String,
+        /// The allowed values.
+        allowed: &'static str,
     },
 }
 
 /// Writes a log, tick by tick.
 ///
 /// ```
-/// use host::log::{Log, LogError, LogHeader, LogWriter};
+/// use host::log::{Log, LogHeader, LogWriter};
 /// use std::io::Cursor;
 ///
 /// let mut writer = LogWriter::create(Cursor::new(Vec::new()), &LogHeader::default())?;
 /// writer.write(&rt_core::Telemetry::empty())?;
 /// let bytes = writer.finish()?.into_inner();
 /// assert_eq!(Log::parse(&bytes)?.rows.len(), 1);
-/// # Ok::<(), LogError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
@@ -380,7 +387,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// If the writer fails.
-    pub(crate) fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
+    pub fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
         model::encode(body, model, &mut self.message);
         let header = MessageHeader {
             channel_id: self.channels.model,
@@ -490,11 +497,13 @@ fn begin<W: Write + Seek>(
         // Chunks are built in memory and written whole: a killed process leaves no incomplete header.
         .disable_seeking(true);
     let mut writer = Writer::with_options(writer, options)?;
-    let metadata = Metadata {
-        name: METADATA_NAME.to_owned(),
-        metadata: header.facts.clone(),
-    };
-    writer.write_metadata(&metadata)?;
+    let facts = (METADATA_NAME, header.facts.clone());
+    let devices = header.limits.iter().enumerate();
+    let devices = devices.map(|(index, limits)| (limits::NAME, limits::facts(index, limits)));
+    for (name, metadata) in std::iter::once(facts).chain(devices) {
+        let name = name.to_owned();
+        writer.write_metadata(&Metadata { name, metadata })?;
+    }
     let scene = (SCENE_NAME, "application/toml", header.scene.as_bytes());
     let files = header
         .files

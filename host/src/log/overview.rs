@@ -4,6 +4,7 @@
 use crate::live::gather::{Checkpoint, Gatherer, TickView};
 use crate::live::{Event, Folded, Totals};
 use crate::run::tears::TearEvent;
+use crate::scene::source::printable;
 use serde::{Deserialize, Serialize};
 
 /// Version of the overview.
@@ -157,7 +158,11 @@ pub fn at_most<'a>(most: usize, pieces: impl ExactSizeIterator<Item = &'a Folded
 impl Overview {
     /// The overview in the bytes of an attachment; `None` if they are of another version, or contradict themselves.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
-        let overview: Self = serde_json::from_slice(bytes).ok()?;
+        let mut overview: Self = serde_json::from_slice(bytes).ok()?;
+        for event in &mut overview.events {
+            // A viewer prints it.
+            event.text = printable(&event.text);
+        }
         let in_order = |pair: &[Piece]| match pair {
             [a, b] => a.folded.to_ns < b.folded.from_ns && a.folded.last < b.folded.first,
             _ => true,

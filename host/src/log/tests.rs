@@ -4,18 +4,32 @@ use proptest::prelude::*;
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{
-    DeviceError, DeviceState, EnergyAccount, LocalModel, Mat6, PieceEnergy, TearLimit, Telemetry,
-    Vec3, Vec6, Withheld,
+    Axes, Capabilities, DeviceError, DeviceState, EnergyAccount, Freedom, LocalModel, Mat6,
+    PieceEnergy, TearLimit, Telemetry, Vec3, Vec6, Withheld,
 };
 
+use super::index::IndexError;
 use super::tick::SCHEMA;
 use super::{Log, LogError, LogFile, LogHeader, LogWriter, TickRow, energy_sums, read_log};
+
+/// The limits of a device that is driven with this force at most (N).
+fn limits(freedom: Freedom, max_force: f64) -> Capabilities {
+    Capabilities {
+        sensed: freedom,
+        actuated: freedom,
+        max_force,
+        max_moment: if freedom.turns() { 0.1 + 0.2 } else { 0.0 },
+        workspace_radius: 1.0 / 3.0,
+        position_step: 1e-5,
+    }
+}
 
 pub(super) fn header() -> LogHeader {
     LogHeader {
         facts: [("seed", "7"), ("scene", "sheet"), ("clock", "virtual")]
             .map(|(key, value)| (key.to_owned(), value.to_owned()))
             .into(),
+        limits: vec![limits(Freedom::Three, 5.0), limits(Freedom::Six, 0.1)],
         scene: "name = \"sheet\"\n".to_owned(),
         files: [("meshes/sheet.msh".to_owned(), b"$MeshFormat\n".to_vec())].into(),
     }
@@ -168,6 +182,53 @@ fn a_log_is_read_back_as_written() {
         assert_eq!(row.readings[1].reading(), expected.readings[1]);
     }
     assert_eq!(log.files, header().files);
+    assert_eq!(log.limits, header().limits);
+}
+
+/// A log of a version that did not log the limits of the devices is read, and says that it has none.
+#[test]
+fn the_limits_of_the_devices_are_optional_and_a_wrong_one_is_refused() {
+    let with = |limits: Vec<Capabilities>| {
+        let header = LogHeader { limits, ..header() };
+        let writer = LogWriter::create(Cursor::new(Vec::new()), &header).expect("in memory");
+        let whole = writer.finish().expect("in memory").into_inner();
+        // Without its index, as the log of a killed run.
+        [Log::parse(&whole), Log::parse(&whole[..whole.len() - 1])]
+    };
+    for log in with(Vec::new()) {
+        assert_eq!(log.expect("a log").limits, []);
+    }
+    let axes = Axes::new([true, false, true]).expect("two axes");
+    let many = vec![limits(Freedom::Along(axes), f64::MIN_POSITIVE); 8];
+    for log in with(many.clone()) {
+        assert_eq!(log.expect("a log").limits, many);
+    }
+    let wrong = [
+        vec![limits(Freedom::Three, f64::NAN)],
+        vec![limits(Freedom::Three, -1.0)],
+        vec![limits(Freedom::Three, 1.0); 9],
+    ];
+    for log in wrong.into_iter().flat_map(with) {
+        let error = log.expect_err("refused");
+        assert!(
+            matches!(error, IndexError::Log(LogError::Limits { .. })),
+            "{error}"
+        );
+    }
+}
+
+/// The facts of a log reach the terminals of people who replay it.
+#[test]
+fn facts_are_read_without_control_characters() {
+    let hostile = "virtual\u{1b}]0;pwned\u{7}\nsecond line\u{9b}2J";
+    let header = LogHeader {
+        facts: [("clock".to_owned(), hostile.to_owned())].into(),
+        ..header()
+    };
+    let writer = LogWriter::create(Cursor::new(Vec::new()), &header).expect("in memory");
+    let bytes = writer.finish().expect("in memory").into_inner();
+    let facts = Log::parse(&bytes).expect("a log").facts;
+    assert_eq!(facts["clock"], "virtual?]0;pwned??second line?2J");
 }
 
 #[test]
@@ -247,14 +308,17 @@ fn other_bytes_are_refused() {
         &[0; 100],
     ] {
         assert!(
-            matches!(read_log(bytes), Err(LogError::Damaged(_))),
+            matches!(read_log(bytes), Err(IndexError::NotALog)),
             "{bytes:?}"
         );
     }
     let mut foreign = mcap::Writer::new(Cursor::new(Vec::new())).expect("in memory");
     foreign.finish().expect("in memory");
     let foreign = foreign.into_inner().into_inner();
-    assert!(matches!(read_log(&foreign), Err(LogError::NoTicks)));
+    assert!(matches!(
+        read_log(&foreign),
+        Err(IndexError::Log(LogError::NoTicks))
+    ));
 }
 
 #[test]
@@ -268,7 +332,10 @@ fn a_changed_byte_in_a_tick_is_found() {
     bytes[at] ^= 1;
     assert!(matches!(
         read_log(&bytes),
-        Err(LogError::Damaged(mcap::McapError::BadChunkCrc { .. }))
+        Err(IndexError::Damaged {
+            source: mcap::McapError::BadChunkCrc { .. },
+            ..
+        })
     ));
 }
 

@@ -6,11 +6,12 @@
 use super::device_totals::{DeviceSum, DeviceTotals, acting_limit, old_model};
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
+use super::samples::{Sample, Samples};
 use super::tears::TearEvents;
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
 use crate::scene::Scene;
-use rt_core::{Telemetry, Vec3};
+use rt_core::Telemetry;
 use runner::link::LogRecord;
 
 /// A stretch of time in which a device or a body was not in its normal state.
@@ -22,15 +23,6 @@ pub(super) struct Span {
     pub to: f64,
     /// The event, in words.
     pub description: String,
-}
-
-/// One sample for a plot.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sample {
-    /// Time (s).
-    pub time: f64,
-    /// Force on the hand (N) and position of the proxy (m), by device.
-    pub devices: Vec<(Vec3, Vec3)>,
 }
 
 /// Sums up telemetry.
@@ -46,7 +38,7 @@ pub(super) struct Collector {
     spans: Vec<Span>,
     tears: TearEvents,
     /// What a plot shows, if there is one.
-    samples: Option<(Vec<Sample>, Marks)>,
+    samples: Option<(Samples, Marks)>,
     ticks: u64,
     end: f64,
 }
@@ -67,7 +59,8 @@ impl Collector {
             withheld: vec![Watch::default(); body_names.len()],
             spans: Vec::new(),
             tears,
-            samples: keep_samples.then(|| (Vec::new(), Marks::new(&device_names, &body_names))),
+            samples: keep_samples
+                .then(|| (Samples::default(), Marks::new(&device_names, &body_names))),
             ticks: 0,
             end: 0.0,
             device_names,
@@ -105,11 +98,7 @@ impl Collector {
         self.take_tears();
         if let Some((samples, marks)) = &mut self.samples {
             marks.take(telemetry);
-            let devices = telemetry
-                .devices()
-                .map(|d| (d.wrench.force, d.pose.position))
-                .collect();
-            samples.push(Sample { time, devices });
+            samples.take(telemetry);
         }
     }
 
@@ -143,7 +132,7 @@ impl Collector {
         }
         let kept = self
             .samples
-            .map(|(samples, marks)| (samples, marks.finish()));
+            .map(|(samples, marks)| (samples.finish(), marks.finish()));
         let (samples, marks) = kept.unwrap_or_default();
         Collected {
             totals: self.sums.iter().map(|sum| sum.totals().clone()).collect(),
@@ -199,7 +188,7 @@ pub(super) struct Collected {
     pub spans: Vec<Span>,
     /// The intervals that the plot marks, if samples were kept.
     pub marks: Vec<Mark>,
-    /// Every sample, if samples were kept.
+    /// The samples of the plot, if samples were kept.
     pub samples: Vec<Sample>,
     /// Number of tick records taken.
     pub records: u64,

@@ -4,11 +4,13 @@ use super::hand;
 use crate::bodies;
 use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
-use devices::{AnyDevice, Kind, OpenError, Registry, Replay, Request};
-use rt_core::Vec3;
+use devices::replay::fed;
+use devices::{AnyDevice, Kind, OpenError, Registry, Request};
 use rt_core::controller::Reading;
+use rt_core::{Capabilities, Vec3};
 use sim::Held;
 use sim::faults::Protocol;
+use std::sync::mpsc::Sender;
 
 /// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`), and emulated
 /// devices only in virtual time.
@@ -59,21 +61,19 @@ pub(super) fn open(
     opened.collect()
 }
 
-/// Opens recorded devices in place of a scene's devices, whatever their drivers: each gives its part of `readings`,
-/// by device.
-///
-/// # Errors
-/// As [`open`].
+/// Recorded devices in place of a scene's devices, whatever their drivers, and the ends that feed them their readings.
+/// `limits` are those of the devices as they were driven; a device without an entry has those of its profile.
 pub(super) fn replayed(
     loaded: &LoadedScene,
-    readings: Vec<Vec<Reading>>,
-) -> Result<Vec<AnyDevice>, SceneError> {
-    let registry = Registry::new().with(Replay::new(readings));
-    let opened = (0..loaded.scene.devices.len()).map(|index| {
-        let device = registry.open("replay", &request(loaded, index));
-        device.map_err(|error| located(loaded, index, error))
+    limits: &[Capabilities],
+) -> (Vec<Sender<Reading>>, Vec<AnyDevice>) {
+    let models = loaded.models.iter().enumerate();
+    let devices = models.map(|(index, model)| {
+        let stated = limits.get(index).copied();
+        let (feed, device) = fed(stated.unwrap_or_else(|| model.capabilities()));
+        (feed, Box::new(device) as AnyDevice)
     });
-    opened.collect()
+    devices.unzip()
 }
 
 /// The program's drivers, with the hands of a scene's simulated devices.

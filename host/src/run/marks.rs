@@ -13,6 +13,9 @@ const GAP: f64 = 0.02;
 /// Longest time from one edge to the next in an interval in which a tear grows (s). Hands tear some hundred edges a
 /// second at most, and ten a second are felt as one tear.
 const TEARING: f64 = 0.1;
+/// Most intervals that are kept. Where there are more, neighbours of one cause become one: a picture of a long run does not
+/// show the gaps between them.
+const MOST: usize = 1 << 13;
 
 /// Collects the intervals tick by tick.
 #[derive(Clone, Debug)]
@@ -76,6 +79,7 @@ impl Marks {
         });
         let names = self.device_names.iter();
         let names = names.chain(&self.body_names).chain(&self.body_names);
+        let mut too_many = false;
         for ((now, open), name) in device
             .chain(aged)
             .chain(capped)
@@ -91,6 +95,7 @@ impl Marks {
             let ends = |mark: &Mark| now.is_some() || time - mark.to > GAP;
             if open.as_ref().is_some_and(ends) {
                 self.ended.extend(open.take());
+                too_many = self.ended.len() >= MOST;
             }
             if let (None, Some((cause, from))) = (&open, now) {
                 *open = Some(Mark {
@@ -100,6 +105,30 @@ impl Marks {
                     of: name.clone(),
                 });
             }
+        }
+        if too_many {
+            self.thin();
+        }
+    }
+
+    /// Joins neighbours of one cause until half of the intervals are left at most.
+    fn thin(&mut self) {
+        let kind = |mark: &Mark| mark.cause as u8;
+        self.ended.sort_by(|a, b| {
+            let kinds = kind(a).cmp(&kind(b)).then_with(|| a.of.cmp(&b.of));
+            kinds.then(a.from.total_cmp(&b.from))
+        });
+        let mut gap = GAP;
+        while self.ended.len() > MOST / 2 {
+            gap *= 2.0;
+            self.ended.dedup_by(|next, mark| {
+                let near = next.cause == mark.cause && next.of == mark.of;
+                let joins = near && next.from <= mark.to + gap;
+                if joins {
+                    mark.to = mark.to.max(next.to);
+                }
+                joins
+            });
         }
     }
 
@@ -119,6 +148,9 @@ impl Marks {
             of: name.clone(),
         };
         self.ended.extend(open.replace(mark));
+        if self.ended.len() >= MOST {
+            self.thin();
+        }
     }
 
     /// All intervals, in the order of their beginnings.
@@ -184,6 +216,34 @@ mod tests {
                 (Cause::Held, 1.3, 1.5),
             ],
         );
+    }
+
+    /// A limit that acts for a tick in every tenth of a second, for hours.
+    #[test]
+    fn the_intervals_of_a_long_run_are_bounded_and_cover_what_acted() {
+        let mut marks = Marks::new(&["hand".to_owned()], &[]);
+        let mut telemetry = Telemetry::empty();
+        telemetry.device_count = 1;
+        let mut longest = 0;
+        let acts = (1..40_000).map(|number: u64| number * 100_000_000);
+        for time_ns in acts.clone() {
+            for (after, safety) in [(0, SafetyState::Limited), (50_000_000, SafetyState::Normal)] {
+                telemetry.time_ns = time_ns + after;
+                telemetry.devices[0].safety = safety;
+                marks.take(&telemetry);
+                longest = longest.max(marks.ended.len());
+            }
+        }
+        assert!(longest <= MOST, "{longest}");
+        let found = marks.finish();
+        let mut at = 0;
+        for time in acts.map(|ns| ns as f64 * 1e-9) {
+            while found[at].to < time {
+                at += 1;
+            }
+            assert!(found[at].from <= time, "{time} s");
+        }
+        assert!(found.is_sorted_by(|a, b| a.to < b.from));
     }
 
     #[test]

@@ -20,6 +20,7 @@ mod parts;
 mod real_clock;
 pub mod replay;
 mod report;
+mod samples;
 pub mod setup;
 pub mod slow_host;
 pub mod summary;
@@ -262,8 +263,9 @@ pub fn run_watched(
     let logged = Arc::default();
     prepared.taps.tears = TearTap::new(prepared.engine.bodies());
     let tears = prepared.taps.tears.as_mut();
-    let log = log.map(|log| (log, log_frames));
-    let mut observers = observers(loaded, options, seed, others, (log, tears), &logged)?;
+    let devices = &prepared.tick.devices;
+    let log = log.map(|log| (log, header(loaded, options, seed, devices), log_frames));
+    let mut observers = observers(loaded, options, others, (log, tears), &logged)?;
     let session = match view.zip(listener) {
         None => None,
         Some((view, listener)) => {
@@ -346,9 +348,11 @@ fn prepare(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> Result<Setu
 fn observers(
     loaded: &LoadedScene,
     options: &RunOptions,
-    seed: u64,
     others: Observers,
-    (log, mut tears): (Option<(LogFile, Option<LogFrames>)>, Option<&mut TearTap>),
+    (log, mut tears): (
+        Option<(LogFile, LogHeader, Option<LogFrames>)>,
+        Option<&mut TearTap>,
+    ),
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
@@ -360,10 +364,10 @@ fn observers(
     };
     let collector = Collector::new(scene, options.plot.is_some(), listen());
     let observers = options.ticks.observe(scene, others.with(collector))?;
-    let Some((file, frames)) = log else {
+    let Some((file, header, frames)) = log else {
         return Ok(observers);
     };
-    let mut log = LogWriter::begin_file(file, &header(loaded, options, seed))?;
+    let mut log = LogWriter::begin_file(file, &header)?;
     if frames.is_some() {
         log.add_bodies(scene.bodies.iter().map(|body| body.name.as_str()))?;
     }
@@ -405,9 +409,15 @@ fn write_files(
     }
 }
 
-fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
+fn header(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    seed: u64,
+    devices: &[AnyDevice],
+) -> LogHeader {
     LogHeader {
         facts: facts(loaded, options, seed),
+        limits: devices.iter().map(|device| device.capabilities()).collect(),
         scene: loaded.source.text.clone(),
         files: loaded.files.clone(),
     }

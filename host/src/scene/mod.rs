@@ -22,5 +22,5 @@ pub use error::{Place, SceneError};
 pub use load::{LoadedScene, MeshFile};
 pub use overrides::Override;
 pub use plausible::Warning;
-pub use source::Source;
+pub use source::{Source, printable};
 pub use spec::Scene;

@@ -139,10 +139,15 @@ pub(super) fn quoted(text: &str) -> String {
 pub(crate) fn cut(text: &str, most: usize) -> String {
     let text = text.trim();
     let line = text.lines().next().unwrap_or_default();
-    let mut chars = line.chars().map(|c| if c.is_control() { '?' } else { c });
-    let mut kept: String = chars.by_ref().take(most).collect();
+    let mut chars = line.chars();
+    let mut kept = printable(&chars.by_ref().take(most).collect::<String>());
     if chars.next().is_some() || line.len() < text.len() {
         kept.push_str("...");
     }
     kept
+}
+
+/// A text from outside without control characters, which a terminal would obey: a question mark stands for each.
+pub fn printable(text: &str) -> String {
+    text.replace(char::is_control, "?")
 }

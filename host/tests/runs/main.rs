@@ -19,6 +19,7 @@ mod log_on_disk;
 mod mounting;
 mod observers;
 mod replay;
+mod replay_devices;
 mod replay_fields;
 mod run_frames;
 mod run_table;

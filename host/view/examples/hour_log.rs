@@ -77,6 +77,7 @@ fn write(path: &Path, seconds: u64) -> Result<(), Box<dyn std::error::Error>> {
             .into(),
         scene: text.to_owned(),
         files: loaded.files.clone(),
+        ..LogHeader::default()
     };
     let built = build_bodies(&loaded)?;
     let surface = Surface::new(0, &built[0]);

@@ -145,6 +145,11 @@ pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
             .into(),
         scene: SCENE.to_owned(),
         files: [("note".to_owned(), b"a file".to_vec())].into(),
+        limits: loaded
+            .models
+            .iter()
+            .map(|model| model.capabilities())
+            .collect(),
     };
     let mut overview = OverviewBuilder::new(Gatherer::new(&loaded, Clock::Real));
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header)?;

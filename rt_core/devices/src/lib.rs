@@ -45,7 +45,7 @@ pub use exchange::{Exchange, Exchanged};
 pub use hid::Hid;
 pub use models::{DeviceFile, DeviceModel, RotationModel};
 pub use registry::{Connection, Driver, Kind, OpenError, Registry, Request};
-pub use replay::{Replay, ReplayDevice};
+pub use replay::ReplayDevice;
 pub use runner::AnyDevice;
 pub use scripted::Scripted;
 pub use serial::{Tcp, Tty};

@@ -57,8 +57,6 @@ pub enum Kind {
     Simulated,
     /// A real device. A person holds it, it needs the real clock, and its driver makes system calls.
     Real,
-    /// A recording.
-    Recorded,
 }
 
 /// A request to a driver to open a device.
@@ -256,10 +254,29 @@ impl Request<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Hid, Replay};
+    use crate::{Hid, ReplayDevice};
+
+    /// A driver whose devices have no address.
+    struct Plain;
+
+    impl Driver for Plain {
+        fn name(&self) -> &'static str {
+            "plain"
+        }
+
+        fn kind(&self) -> Kind {
+            Kind::Simulated
+        }
+
+        fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
+            request.no_address()?;
+            let capabilities = request.model.capabilities();
+            Ok(Box::new(ReplayDevice::new(capabilities, [])))
+        }
+    }
 
     fn open(connection: &str) -> String {
-        let registry = Registry::new().with(Hid).with(Replay::new(Vec::new()));
+        let registry = Registry::new().with(Hid).with(Plain);
         let model = DeviceModel::named("touch").expect("it is carried along");
         let connection = Connection::parse(connection);
         let request = Request {
@@ -277,13 +294,13 @@ mod tests {
 
     #[test]
     fn a_device_is_opened_by_the_name_of_its_driver() {
-        assert_eq!(open("replay"), "open");
+        assert_eq!(open("plain"), "open");
         assert_eq!(
             open("hdi:1"),
-            "found the driver \"hdi\", allowed: hid, replay"
+            "found the driver \"hdi\", allowed: hid, plain"
         );
         assert_eq!(
-            open("replay:2"),
+            open("plain:2"),
             "address: found 2, allowed: no address for this driver"
         );
     }

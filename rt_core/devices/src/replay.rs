@@ -1,41 +1,8 @@
-//! A device that returns the readings of a recorded run, one per tick, and its driver, `replay`.
+//! A device that returns the readings of a recorded run, one per tick.
 
-use crate::registry::{Driver, Kind, OpenError, Request};
 use rt_core::controller::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
-use runner::AnyDevice;
-
-/// The driver of recorded devices, which return their readings again. It has no settings.
-#[derive(Clone, Debug)]
-pub struct Replay {
-    readings: Vec<Vec<Reading>>,
-}
-
-impl Replay {
-    /// A driver for devices with these readings, by index in the scene. A device beyond the list has no readings.
-    pub fn new(readings: Vec<Vec<Reading>>) -> Self {
-        Self { readings }
-    }
-}
-
-impl Driver for Replay {
-    fn name(&self) -> &'static str {
-        "replay"
-    }
-
-    fn kind(&self) -> Kind {
-        Kind::Recorded
-    }
-
-    fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
-        request.no_address()?;
-        let readings = self.readings.get(request.index).cloned();
-        Ok(Box::new(ReplayDevice::new(
-            request.model.capabilities(),
-            readings.unwrap_or_default(),
-        )))
-    }
-}
+use std::sync::mpsc::{Sender, channel};
 
 /// A recorded device. Wrenches change nothing, because the motion of the hand is recorded.
 ///
@@ -51,38 +18,51 @@ impl Driver for Replay {
 ///     workspace_radius: 0.1,
 ///     position_step: 1e-5,
 /// };
-/// let mut device = ReplayDevice::new(capabilities, vec![Ok(DeviceState::resting())]);
+/// let mut device = ReplayDevice::new(capabilities, [Ok(DeviceState::resting())]);
 /// assert_eq!(device.read(0), Ok(DeviceState::resting()));
 /// assert_eq!(device.read(1_000_000), Err(DeviceError::NoReport));
 /// ```
 #[derive(Clone, Debug)]
-pub struct ReplayDevice {
+pub struct ReplayDevice<R> {
     capabilities: Capabilities,
-    readings: Vec<Reading>,
-    next: usize,
+    readings: R,
 }
 
-impl ReplayDevice {
-    /// A device that returns `readings` in order, one per call, and then no more reports.
-    pub fn new(capabilities: Capabilities, readings: Vec<Reading>) -> Self {
+impl<R: Iterator<Item = Reading>> ReplayDevice<R> {
+    /// A device that returns `readings` in order, one per call, and then no more reports. `capabilities` are those of the
+    /// recorded device as it was driven, which its profile may exceed.
+    pub fn new(
+        capabilities: Capabilities,
+        readings: impl IntoIterator<Item = Reading, IntoIter = R>,
+    ) -> Self {
         Self {
             capabilities,
-            readings,
-            next: 0,
+            readings: readings.into_iter(),
         }
     }
 }
 
-impl Device for ReplayDevice {
+/// A recorded device that returns the readings that its sender sends, so that a long recording needs no memory.
+pub fn fed(
+    capabilities: Capabilities,
+) -> (
+    Sender<Reading>,
+    ReplayDevice<impl Iterator<Item = Reading> + Send>,
+) {
+    let (sender, readings) = channel();
+    let next = move || readings.try_recv().ok();
+    let device = ReplayDevice::new(capabilities, std::iter::from_fn(next));
+    (sender, device)
+}
+
+impl<R: Iterator<Item = Reading>> Device for ReplayDevice<R> {
     fn capabilities(&self) -> Capabilities {
         self.capabilities
     }
 
     /// The next reading, whatever the time: a missed deadline has no recorded reading.
     fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
-        let reading = self.readings.get(self.next).copied();
-        self.next = self.next.saturating_add(1);
-        reading.unwrap_or(Err(DeviceError::NoReport))
+        self.readings.next().unwrap_or(Err(DeviceError::NoReport))
     }
 
     /// Never fails.
@@ -96,29 +76,45 @@ mod tests {
     use super::*;
     use rt_core::Freedom;
 
+    const CAPABILITIES: Capabilities = Capabilities {
+        sensed: Freedom::Three,
+        actuated: Freedom::Three,
+        max_force: 1.0,
+        max_moment: 0.0,
+        workspace_radius: 0.1,
+        position_step: 1e-5,
+    };
+
     #[test]
     fn readings_come_back_in_order_errors_among_them_and_then_nothing() {
-        let capabilities = Capabilities {
-            sensed: Freedom::Three,
-            actuated: Freedom::Three,
-            max_force: 1.0,
-            max_moment: 0.0,
-            workspace_radius: 0.1,
-            position_step: 1e-5,
-        };
         let mut state = DeviceState::resting();
         state.buttons = 3;
-        let readings = vec![
+        let readings = [
             Ok(state),
             Err(DeviceError::Busy),
             Ok(DeviceState::resting()),
         ];
-        let mut device = ReplayDevice::new(capabilities, readings.clone());
+        let mut device = ReplayDevice::new(CAPABILITIES, readings);
         for expected in readings {
             assert_eq!(device.read(0), expected);
             assert_eq!(device.write(0, &Wrench::zero()), Ok(()));
         }
         assert_eq!(device.read(0), Err(DeviceError::NoReport));
-        assert_eq!(device.capabilities(), capabilities);
+        assert_eq!(device.capabilities(), CAPABILITIES);
+    }
+
+    #[test]
+    fn a_fed_device_returns_each_reading_once() {
+        let (sender, mut device) = fed(CAPABILITIES);
+        assert_eq!(device.read(0), Err(DeviceError::NoReport));
+        for buttons in 1..4 {
+            let state = DeviceState {
+                buttons,
+                ..DeviceState::resting()
+            };
+            sender.send(Ok(state)).expect("the device is there");
+            assert_eq!(device.read(0), Ok(state));
+            assert_eq!(device.read(0), Err(DeviceError::NoReport));
+        }
     }
 }

@@ -4,6 +4,7 @@ mod common;
 
 use alloc_count::calls::{Counting, count};
 use common::{Trick, controller, puppet, pushing};
+use rt_core::TickTime;
 use runner::latency::recorder;
 use runner::link::{LinkConfig, link};
 use runner::{CoreChoice, LatencyHistogram, RunnerConfig, Stop, TickLoop, spawn};

@@ -3,9 +3,11 @@
 use super::{Chunk, IndexError};
 use crate::live::Surface;
 use crate::log::read::same_fields;
-use crate::log::{BodyFrame, LogError, ModelRow, TickRow, body, chunks, cloud, model, tick};
+use crate::log::{
+    BodyFrame, LogError, ModelRow, TickRow, body, chunks, cloud, model, record, tear, tick,
+};
+use crate::run::tears::TearEvent;
 use mcap::McapError;
-use mcap::parse_record;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,6 +20,8 @@ pub struct Decoded {
     pub ticks: Vec<TickRow>,
     /// The local models.
     pub models: Vec<ModelRow>,
+    /// The edits by which bodies tore.
+    pub tears: Vec<TearEvent>,
     /// The facts of the bodies' frames, by channel.
     pub(super) frames: Vec<(u16, BodyFrame)>,
     /// The positions of the bodies' frames: channel, time (ns), three numbers a vertex (m).
@@ -40,6 +44,7 @@ impl Decoded {
 pub(super) enum Content {
     Ticks,
     Models,
+    Tears,
     Frames,
     Clouds,
     Surfaces,
@@ -57,6 +62,7 @@ fn known_schema(name: &str) -> Option<(Content, &'static str)> {
     match name {
         tick::SCHEMA_NAME => Some((Content::Ticks, tick::SCHEMA)),
         model::SCHEMA_NAME => Some((Content::Models, model::SCHEMA)),
+        tear::SCHEMA_NAME => Some((Content::Tears, tear::SCHEMA)),
         body::FRAME_SCHEMA_NAME => Some((Content::Frames, body::FRAME_SCHEMA)),
         body::SURFACE_SCHEMA_NAME => Some((Content::Surfaces, body::SURFACE_SCHEMA)),
         cloud::SCHEMA_NAME => Some((Content::Clouds, cloud::SCHEMA)),
@@ -117,7 +123,7 @@ pub(super) fn decode(
         Some(&op::CHUNK) => {}
         _ => return Err(damaged(McapError::BadIndex)),
     }
-    chunks::check_record(bytes).map_err(damaged)?;
+    chunks::check(bytes).map_err(damaged)?;
     let mut reader = LinearReader::new_with_options(
         LinearReaderOptions::default()
             .with_skip_start_magic(true)
@@ -142,10 +148,10 @@ pub(super) fn decode(
             }
             Ok(LinearReadEvent::Record { opcode, data }) => match opcode {
                 op::SCHEMA | op::CHANNEL => {
-                    channels.take(parse_record(opcode, data).map_err(damaged)?)?;
+                    channels.take(record::parse(opcode, data).map_err(damaged)?)?;
                 }
                 op::MESSAGE => {
-                    let record = parse_record(opcode, data).map_err(damaged)?;
+                    let record = record::parse(opcode, data).map_err(damaged)?;
                     if let Record::Message { header, .. } = &record {
                         used.insert(header.channel_id);
                     }
@@ -196,6 +202,7 @@ impl Decoded {
                 self.ticks.push(row);
             }
             Content::Models => self.models.push(model::decode(&data)?),
+            Content::Tears => self.tears.push(tear::decode(&data)?),
             Content::Frames => {
                 let frame = body::decode_frame(&data)?;
                 self.frames.push((channel, frame));

@@ -16,6 +16,7 @@ use super::LogError;
 use super::overview::Overview;
 use decode::Channels;
 use mcap::McapError;
+use rt_core::Capabilities;
 use std::collections::BTreeMap;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::sync::Arc;
@@ -81,6 +82,7 @@ pub struct LogIndex<R> {
     /// Length of the file (bytes).
     length: u64,
     facts: BTreeMap<String, String>,
+    limits: Vec<Capabilities>,
     scene: String,
     files: BTreeMap<String, Vec<u8>>,
     overview: Option<Overview>,
@@ -95,6 +97,11 @@ impl<R: Read + Seek> LogIndex<R> {
     /// The facts that identify the run (see [`super::LogHeader`]).
     pub fn facts(&self) -> &BTreeMap<String, String> {
         &self.facts
+    }
+
+    /// The limits of the devices as they were driven; empty in a log of a version that did not log them.
+    pub fn limits(&self) -> &[Capabilities] {
+        &self.limits
     }
 
     /// The text of the scene file.
@@ -133,19 +140,27 @@ impl<R: Read + Seek> LogIndex<R> {
             self.cache.push(entry);
             return Ok(decoded);
         }
+        let decoded = Arc::new(self.read_chunk(number)?);
+        self.cache.push((number, Arc::clone(&decoded)));
+        let mut size: usize = self.cache.iter().map(|(_, kept)| kept.size()).sum();
+        while size > CACHE && self.cache.len() > 1 {
+            size -= self.cache.remove(0).1.size();
+        }
+        Ok(decoded)
+    }
+
+    /// The content of a chunk, which is not kept: for a reader that reads each chunk once.
+    ///
+    /// # Errors
+    /// As [`LogIndex::chunk`].
+    pub fn read_chunk(&mut self, number: usize) -> Result<Decoded, IndexError> {
         let Some(chunk) = self.chunks.get(number).cloned() else {
-            return Ok(Arc::default());
+            return Ok(Decoded::default());
         };
         let bytes = read_at(&mut self.source, self.length, chunk.offset, chunk.length)?;
         let (decoded, channels) = decode::decode(&chunk, &bytes, &mut self.channels)?;
         if let Some(chunk) = self.chunks.get_mut(number) {
             chunk.channels = Some(channels);
-        }
-        let decoded = Arc::new(decoded);
-        self.cache.push((number, Arc::clone(&decoded)));
-        let mut size: usize = self.cache.iter().map(|(_, kept)| kept.size()).sum();
-        while size > CACHE && self.cache.len() > 1 {
-            size -= self.cache.remove(0).1.size();
         }
         Ok(decoded)
     }

@@ -3,11 +3,13 @@
 use super::decode::{Channels, Content};
 use super::{Chunk, IndexError, LONGEST_CHUNK, LogIndex, read_at};
 use crate::log::overview::Overview;
-use crate::log::read::attachment;
-use crate::log::{LogError, METADATA_NAME, OVERVIEW_NAME, OVERVIEW_TYPE, SCENE_NAME};
+use crate::log::{
+    LogError, METADATA_NAME, OVERVIEW_NAME, OVERVIEW_TYPE, SCENE_NAME, limits, record,
+};
+use crate::scene::source::printable;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::{MAGIC, McapError, parse_record};
+use mcap::{MAGIC, McapError};
 use std::collections::BTreeMap;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 
@@ -36,6 +38,7 @@ impl<R: Read + Seek> LogIndex<R> {
             source,
             length,
             facts: BTreeMap::new(),
+            limits: Vec::new(),
             scene: String::new(),
             files: BTreeMap::new(),
             overview: None,
@@ -121,7 +124,7 @@ impl<R: Read + Seek> LogIndex<R> {
                     ) {
                         continue;
                     }
-                    match parse_record(opcode, data).map_err(damaged)? {
+                    match record::parse(opcode, data).map_err(damaged)? {
                         Record::ChunkIndex(index) => self.chunks.push(Chunk {
                             offset: index.chunk_start_offset,
                             length: index.chunk_length,
@@ -151,6 +154,7 @@ impl<R: Read + Seek> LogIndex<R> {
         }
         self.chunks.sort_by_key(|chunk| chunk.offset);
         attachments.sort_unstable();
+        metadata.sort_unstable();
         for (offset, length) in attachments {
             self.read_header_record(op::ATTACHMENT, offset, length)?;
         }
@@ -186,22 +190,22 @@ impl<R: Read + Seek> LogIndex<R> {
             }
             _ => return Err(damaged(McapError::BadIndex)),
         };
-        if opcode == op::METADATA {
-            if let Record::Metadata(metadata) = parse_record(opcode, data).map_err(damaged)?
-                && metadata.name == METADATA_NAME
-            {
-                self.facts = metadata.metadata;
+        // The check sum of an attachment is checked here, too.
+        let parsed = record::parse(opcode, data).map_err(damaged)?;
+        if let Record::Metadata(found) = &parsed {
+            match found.name.as_str() {
+                METADATA_NAME => self.facts = facts(&found.metadata),
+                limits::NAME => {
+                    let limits = limits::parse(self.limits.len(), &found.metadata)?;
+                    self.limits.push(limits);
+                }
+                _ => {}
             }
             return Ok(());
         }
-        let Some(file) = attachment(data) else {
+        let Some(file) = record::attachment(data) else {
             return Err(damaged(McapError::UnexpectedEof));
         };
-        // The crate panics on a record without a check sum. The other sizes are sound, so that it only checks the sum.
-        if file.after < size_of::<u32>() {
-            return Err(damaged(McapError::UnexpectedEof));
-        }
-        parse_record(opcode, data).map_err(damaged)?;
         match file.name {
             OVERVIEW_NAME if file.media_type == OVERVIEW_TYPE => {
                 self.overview = Overview::parse(file.content);
@@ -276,4 +280,12 @@ impl<R: Read + Seek> LogIndex<R> {
             at += length;
         }
     }
+}
+
+/// The facts of a run, which programs print: each is one line without control characters.
+fn facts(found: &BTreeMap<String, String>) -> BTreeMap<String, String> {
+    let facts = found.iter();
+    facts
+        .map(|(name, fact)| (printable(name), printable(fact)))
+        .collect()
 }

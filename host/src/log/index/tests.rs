@@ -79,16 +79,24 @@ fn log_with_frames(ticks: u64) -> Vec<u8> {
 #[test]
 fn a_log_by_its_index_has_what_the_whole_log_has() {
     let bytes = log(230);
-    let whole = Log::parse(&bytes).expect("a log");
     let mut log = open(&bytes);
     assert!(log.is_complete() && !log.has_frames());
+    let written = header();
     assert_eq!(
-        (log.facts(), log.scene(), log.files()),
-        (&whole.facts, whole.scene.as_str(), &whole.files)
+        (log.facts(), log.scene(), log.files(), log.limits()),
+        (
+            &written.facts,
+            written.scene.as_str(),
+            &written.files,
+            written.limits.as_slice()
+        )
     );
-    assert_eq!(rows(&mut log), whole.rows);
+    let ticks: Vec<_> = (0..230).map(|k| TickRow::from(&telemetry(k))).collect();
+    assert_eq!(rows(&mut log), ticks);
+    let whole = Log::parse(&bytes).expect("a log");
     let models = (0..log.chunk_count()).map(|n| log.chunk(n).expect("sound").models.clone());
     assert_eq!(models.collect::<Vec<_>>().concat(), whole.models);
+    assert_eq!(whole.models.len(), 15);
 }
 
 #[test]

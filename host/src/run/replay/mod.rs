@@ -1,26 +1,34 @@
-//! Replay: a logged run is run again and compared bit for bit. Device input, local models and times come from the
-//! log.
+//! Replay: a logged run is run again and compared bit for bit. Device input, local models, times and the limits of the
+//! devices come from the log.
 //!
 //! A replay runs the tick: the same [`TickLoop`] on the controller that the scene describes. It does not run the
 //! physics, because the models come from the log. So a replay does not depend on the machine that computes it, and a
 //! run under the real clock replays as a run under virtual time does. A log whose writer was killed replays up to its
 //! last tick.
+//!
+//! A log is read twice, part by part ([`Recorded`]): first to see whether it has all that a replay needs, then to replay
+//! it. A replay therefore takes the memory of a part of the log, however long the log is, and begins no file of its own
+//! for a log that cannot be replayed.
 
 mod compare;
+mod waiting;
 
 pub use compare::{Difference, Field, Part, Value};
 
 use super::observer::{Observed, Observers};
 use super::{devices, setup};
 use crate::atomic_file::AtomicFileError;
-use crate::log::{Log, LoggedReading, ModelRow, TickRow};
+use crate::log::index::{IndexError, LogIndex};
+use crate::log::{Log, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
-use rt_core::{Controller, TickTime};
+use rt_core::{Capabilities, Controller, TickTime};
 use runner::link::{LinkConfig, LogRecord, link};
 use runner::tick_loop::TickLoop;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::io::{Read, Seek};
+use waiting::Waiting;
 
 /// Version of the JSON that `--json` writes.
 pub const SCHEMA: &str = "palpate.replay/1";
@@ -28,6 +36,9 @@ pub const SCHEMA: &str = "palpate.replay/1";
 /// Why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
+    /// The log cannot be read further.
+    #[error(transparent)]
+    Log(#[from] IndexError),
     /// Its scene cannot be built.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -63,6 +74,97 @@ pub enum ReplayError {
     },
 }
 
+/// A log that can be replayed.
+pub trait Recorded {
+    /// The facts that identify the run.
+    fn facts(&self) -> &BTreeMap<String, String>;
+
+    /// The limits of the devices as they were driven; empty where the log does not state them.
+    fn limits(&self) -> &[Capabilities];
+
+    /// The text of the scene, and the files that it names.
+    fn scene(&self) -> (&str, &BTreeMap<String, Vec<u8>>);
+
+    /// Whether the log has its end.
+    fn is_complete(&self) -> bool;
+
+    /// Number of parts.
+    fn parts(&self) -> usize;
+
+    /// Gives `see` the models and the ticks of a part, in order. No tick precedes, by parts, a model that it used.
+    ///
+    /// # Errors
+    /// [`ReplayError::Log`] where the part cannot be read; the error of `see`.
+    fn part(
+        &mut self,
+        number: usize,
+        see: &mut dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError>,
+    ) -> Result<(), ReplayError>;
+}
+
+/// A part is a chunk of the file: half a second, or a megabyte.
+impl<R: Read + Seek> Recorded for &mut LogIndex<R> {
+    fn facts(&self) -> &BTreeMap<String, String> {
+        (**self).facts()
+    }
+
+    fn limits(&self) -> &[Capabilities] {
+        (**self).limits()
+    }
+
+    fn scene(&self) -> (&str, &BTreeMap<String, Vec<u8>>) {
+        ((**self).scene(), self.files())
+    }
+
+    fn is_complete(&self) -> bool {
+        (**self).is_complete()
+    }
+
+    fn parts(&self) -> usize {
+        self.chunk_count()
+    }
+
+    fn part(
+        &mut self,
+        number: usize,
+        see: &mut dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError>,
+    ) -> Result<(), ReplayError> {
+        let chunk = self.read_chunk(number)?;
+        see(&chunk.models, &chunk.ticks)
+    }
+}
+
+/// A log in memory has one part.
+impl Recorded for &Log {
+    fn facts(&self) -> &BTreeMap<String, String> {
+        &self.facts
+    }
+
+    fn limits(&self) -> &[Capabilities] {
+        &self.limits
+    }
+
+    fn scene(&self) -> (&str, &BTreeMap<String, Vec<u8>>) {
+        (&self.scene, &self.files)
+    }
+
+    fn is_complete(&self) -> bool {
+        self.complete
+    }
+
+    fn parts(&self) -> usize {
+        1
+    }
+
+    fn part(
+        &mut self,
+        _number: usize,
+        see: &mut dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError>,
+    ) -> Result<(), ReplayError> {
+        see(&self.models, &self.rows)
+    }
+}
+
 /// The result of a replay.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReplayReport {
@@ -74,6 +176,9 @@ pub struct ReplayReport {
     pub facts: BTreeMap<String, String>,
     /// Whether the log is complete. Of an incomplete log, the ticks that it holds were replayed.
     pub complete: bool,
+    /// Whether the log states the limits of the devices as they were driven. Without them, the replay used the limits of
+    /// the profiles.
+    pub limits: bool,
     /// Ticks replayed.
     pub ticks: u64,
     /// Ticks that differ in any field.
@@ -93,13 +198,24 @@ impl ReplayReport {
 ///
 /// # Errors
 /// [`ReplayError`] where this version does not take the scene, or the log is empty.
-pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, ReplayError> {
+pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, ReplayError> {
     // This check comes first: a log whose writer was killed in its first moments has no scene either.
-    if log.rows.is_empty() {
+    let mut empty = true;
+    for number in 0..log.parts() {
+        log.part(number, &mut |_, rows| {
+            empty = rows.is_empty();
+            Ok(())
+        })?;
+        if !empty {
+            break;
+        }
+    }
+    if empty {
         return Err(ReplayError::Empty);
     }
     let name = format!("{name} (its scene)");
-    Ok(Scene::load_texts(&name, &log.scene, &log.files)?)
+    let (text, files) = log.scene();
+    Ok(Scene::load_texts(&name, text, files)?)
 }
 
 /// Replays a log on a scene, usually its own ([`scene_of`]). `progress` is given the fraction done.
@@ -107,7 +223,7 @@ pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, ReplayError> {
 /// # Errors
 /// [`ReplayError`] where the log lacks what a replay needs, or the scene cannot be built.
 pub fn replay(
-    log: &Log,
+    log: impl Recorded,
     loaded: &LoadedScene,
     progress: impl FnMut(f64),
 ) -> Result<ReplayReport, ReplayError> {
@@ -121,18 +237,17 @@ pub fn replay(
 /// # Errors
 /// As [`replay`]; also the error of `begin`.
 pub fn replay_watched(
-    log: &Log,
+    mut log: impl Recorded,
     loaded: &LoadedScene,
     begin: impl FnOnce() -> Result<Observers, AtomicFileError>,
     mut progress: impl FnMut(f64),
 ) -> Result<(ReplayReport, Observed), ReplayError> {
     let scene = &loaded.scene;
-    let models = check(log)?;
-    let readings = (0..scene.devices.len()).map(|index| {
-        let readings = log.rows.iter().filter_map(|row| row.readings.get(index));
-        readings.map(LoggedReading::reading).collect()
-    });
-    let devices = devices::replayed(loaded, readings.collect())?;
+    let parts = log.parts();
+    // The log is read twice.
+    let mut done = |number: usize| progress(0.5 * number as f64 / parts.max(1) as f64);
+    let ticks = check(&mut log, &mut done)?;
+    let (feeds, devices) = devices::replayed(loaded, log.limits());
     let config = setup::controller(loaded, &devices)?;
     // At most one model per body and one record wait in the rings at a time.
     let (end, mut host, _) = link(&LinkConfig {
@@ -145,72 +260,95 @@ pub fn replay_watched(
     let mut report = ReplayReport {
         schema: SCHEMA,
         scene: scene.name.clone(),
-        facts: log.facts.clone(),
-        complete: log.complete,
-        ticks: log.rows.len() as u64,
+        facts: log.facts().clone(),
+        complete: log.is_complete(),
+        limits: !log.limits().is_empty(),
+        ticks,
         differing: 0,
         first: None,
     };
     let mut observers = begin()?;
     let mut in_use = Vec::new();
-    for (row, number) in log.rows.iter().zip(0_u64..) {
-        for (body, sequence) in taken(row, &mut in_use) {
-            if let Some(model) = models.get(&(body, sequence)) {
-                // The link refuses the model if this scene has no such body. The comparison then reports a
-                // difference.
-                let _ = host.publish(body, &model.model());
+    let mut waiting = Waiting::default();
+    for number in 0..parts {
+        log.part(number, &mut |models, rows| {
+            waiting.extend(models.iter().map(|model| (place(model), model.clone())));
+            for row in rows {
+                for (body, sequence) in taken(row, &mut in_use) {
+                    if let Some(model) = waiting.take((body, sequence)) {
+                        // The link refuses the model if this scene has no such body. The comparison then reports a
+                        // difference.
+                        let _ = host.publish(body, &model.model());
+                    }
+                }
+                for (feed, reading) in feeds.iter().zip(&row.readings) {
+                    // The loop holds the device as long as the feed.
+                    let _ = feed.send(reading.reading());
+                }
+                let telemetry = tick.timed(
+                    TickTime {
+                        now_ns: row.time_ns,
+                        lateness_ns: row.lateness_ns,
+                    },
+                    || row.took_ns,
+                );
+                observers.take(LogRecord::Tick(&telemetry));
+                let now = TickRow::from(&telemetry);
+                host.drain(|_| ());
+                if let Some(difference) = compare::first_difference(row, &now) {
+                    report.differing += 1;
+                    report.first.get_or_insert(difference);
+                }
             }
-        }
-        let telemetry = tick.timed(
-            TickTime {
-                now_ns: row.time_ns,
-                lateness_ns: row.lateness_ns,
-            },
-            || row.took_ns,
-        );
-        observers.take(LogRecord::Tick(&telemetry));
-        let now = TickRow::from(&telemetry);
-        host.drain(|_| ());
-        if let Some(difference) = compare::first_difference(row, &now) {
-            report.differing += 1;
-            report.first.get_or_insert(difference);
-        }
-        if number % 256 == 0 {
-            progress(number as f64 / report.ticks as f64);
-        }
+            waiting.bound();
+            Ok(())
+        })?;
+        done(parts + number + 1);
     }
     Ok((report, observers.finish()))
 }
 
-/// Checks that the log holds every tick and every model that a tick used. Returns the models by body and number.
-fn check(log: &Log) -> Result<BTreeMap<(usize, u64), &ModelRow>, ReplayError> {
-    if log.rows.is_empty() {
+/// Checks that the log holds every tick and every model that a tick used. Returns the number of ticks. `done` is given
+/// the number of parts that were read.
+fn check(log: &mut impl Recorded, mut done: impl FnMut(usize)) -> Result<u64, ReplayError> {
+    let mut expected = 0;
+    let mut in_use = Vec::new();
+    let mut waiting = Waiting::default();
+    for number in 0..log.parts() {
+        log.part(number, &mut |models, rows| {
+            waiting.extend(models.iter().map(|model| (place(model), ())));
+            for row in rows {
+                if row.tick != expected {
+                    return Err(ReplayError::MissingTick {
+                        expected,
+                        found: row.tick,
+                    });
+                }
+                expected += 1;
+                for (body, sequence) in taken(row, &mut in_use) {
+                    if waiting.take((body, sequence)).is_none() {
+                        return Err(ReplayError::MissingModel {
+                            tick: row.tick,
+                            body,
+                            sequence,
+                        });
+                    }
+                }
+            }
+            waiting.bound();
+            Ok(())
+        })?;
+        done(number + 1);
+    }
+    if expected == 0 {
         return Err(ReplayError::Empty);
     }
-    let models: BTreeMap<_, _> = log
-        .models
-        .iter()
-        .map(|model| ((usize::from(model.body), model.sequence), model))
-        .collect();
-    let mut in_use = Vec::new();
-    for (row, expected) in log.rows.iter().zip(0..) {
-        if row.tick != expected {
-            return Err(ReplayError::MissingTick {
-                expected,
-                found: row.tick,
-            });
-        }
-        for (body, sequence) in taken(row, &mut in_use) {
-            if !models.contains_key(&(body, sequence)) {
-                return Err(ReplayError::MissingModel {
-                    tick: row.tick,
-                    body,
-                    sequence,
-                });
-            }
-        }
-    }
-    Ok(models)
+    Ok(expected)
+}
+
+/// Body and number of a model.
+fn place(model: &ModelRow) -> (usize, u64) {
+    (usize::from(model.body), model.sequence)
 }
 
 /// The models that a tick began to use, by body: those whose numbers differ from the numbers `in_use` before the
@@ -243,6 +381,13 @@ impl fmt::Display for ReplayReport {
             writeln!(
                 f,
                 "  note       the log has no end, because its writer was killed; the replay covers the ticks of the log"
+            )?;
+        }
+        if !self.limits && !self.is_exact() {
+            writeln!(
+                f,
+                "  note       the log does not state the limits of its devices, because an earlier version wrote it; the \
+                 replay used those of the profiles, which a driver may have lowered"
             )?;
         }
         match &self.first {

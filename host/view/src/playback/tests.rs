@@ -428,6 +428,7 @@ fn rewritten(keep: impl Fn(u64) -> bool) -> Vec<u8> {
         facts: log.facts.clone(),
         scene: log.scene.clone(),
         files: log.files.clone(),
+        limits: log.limits.clone(),
     };
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header).expect("in memory");
     for row in log.rows.iter().filter(|row| keep(row.tick)) {

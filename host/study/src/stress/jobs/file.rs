@@ -1,6 +1,7 @@
 //! The file of a study's results: its contents, and the lines that are appended.
 
 use super::{Cell, Header, JobError};
+use host::scene::printable;
 use serde::de::DeserializeOwned;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -175,7 +176,8 @@ pub(super) fn parse<R: DeserializeOwned>(
         let refuse = |reason: String| JobError::Line {
             path: path.to_owned(),
             line: number,
-            reason,
+            // The reason quotes the line.
+            reason: printable(&reason),
         };
         let whole = line.ends_with(b"\n");
         let length = line.len();
