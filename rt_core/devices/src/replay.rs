@@ -27,6 +27,10 @@ impl Driver for Replay {
         Kind::Recorded
     }
 
+    fn reaches(&self, _: &str) -> Vec<String> {
+        Vec::new()
+    }
+
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
         request.no_address()?;
         let readings = self.readings.get(request.index).cloned();
