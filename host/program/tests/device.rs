@@ -158,7 +158,10 @@ fn one_connection_of_two_devices_is_refused_before_anything_is_opened() {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
     listener.set_nonblocking(true).expect("ours");
     let port = listener.local_addr().expect("a port").port();
-    let (name, number) = (format!("tcp:localhost:{port}"), format!("tcp:127.0.0.1:{port}"));
+    let (name, number) = (
+        format!("tcp:localhost:{port}"),
+        format!("tcp:127.0.0.1:{port}"),
+    );
     let line = folder.path().join("line");
     std::fs::write(&line, "").expect("ours");
     let link = folder.path().join("link");
@@ -168,20 +171,32 @@ fn one_connection_of_two_devices_is_refused_before_anything_is_opened() {
         (name.clone(), name.clone()),
         (name.clone(), number.clone()),
         (tty(&line), tty(&link)),
-        ("hid:/dev/hidraw97".to_owned(), "hid:/dev/hidraw97".to_owned()),
+        (
+            "hid:/dev/hidraw97".to_owned(),
+            "hid:/dev/hidraw97".to_owned(),
+        ),
     ] {
         std::fs::write(&scene, scene_of_two(&first, &second)).expect("ours");
         let override_scene = folder.path().join("override.toml");
-        std::fs::write(&override_scene, scene_of_two("tcp:localhost:1", "tcp:localhost:2")).expect("ours");
+        std::fs::write(
+            &override_scene,
+            scene_of_two("tcp:localhost:1", "tcp:localhost:2"),
+        )
+        .expect("ours");
         let log = folder.path().join("run.mcap");
-        let (log_at, over) = (log.display().to_string(), override_scene.display().to_string());
+        let (log_at, over) = (
+            log.display().to_string(),
+            override_scene.display().to_string(),
+        );
         let given = format!("--device=hand={first}");
         let also = format!("--device=other={second}");
         let at = scene.display().to_string();
         for arguments in [
             vec!["plan", "--no-timing", &at],
             vec!["run", "--clock", "real", "--armed", "--log", &log_at, &at],
-            vec!["run", "--clock", "real", "--log", &log_at, &given, &also, &over],
+            vec![
+                "run", "--clock", "real", "--log", &log_at, &given, &also, &over,
+            ],
         ] {
             let result = palpate(&arguments).output().expect("the program runs");
             let said = String::from_utf8_lossy(&result.stderr).into_owned();
@@ -199,7 +214,9 @@ fn one_connection_of_two_devices_is_refused_before_anything_is_opened() {
 
 /// The names of the ptys that a process has open.
 fn ptys(process: &Child) -> Vec<String> {
-    let files = std::fs::read_dir(format!("/proc/{}/fd", process.id())).into_iter().flatten();
+    let files = std::fs::read_dir(format!("/proc/{}/fd", process.id()))
+        .into_iter()
+        .flatten();
     let names = files.filter_map(|file| std::fs::read_link(file.ok()?.path()).ok());
     let names = names.map(|name| name.display().to_string());
     names.filter(|name| name.starts_with("/dev/pts/")).collect()
@@ -224,7 +241,10 @@ fn comes_back_on_a_pty(model: &str) {
         .expect("the program runs");
     let pause = || std::thread::sleep(std::time::Duration::from_millis(20));
     while ptys(&run).is_empty() {
-        assert!(run.try_wait().expect("a child").is_none(), "{model}: the run ended");
+        assert!(
+            run.try_wait().expect("a child").is_none(),
+            "{model}: the run ended"
+        );
         pause();
     }
     // It runs for a while.
@@ -244,24 +264,40 @@ fn comes_back_on_a_pty(model: &str) {
         assert!(others.len() < 50, "{model}: nobody gets {connect} again");
     };
     while ptys(&run).is_empty() {
-        assert!(run.try_wait().expect("a child").is_none(), "{model}: it did not come back");
+        assert!(
+            run.try_wait().expect("a child").is_none(),
+            "{model}: it did not come back"
+        );
         pause();
     }
     // The operator calibrates it.
     std::thread::sleep(std::time::Duration::from_secs(2));
-    let signal = Command::new("kill").args(["-INT", &run.id().to_string()]).status();
+    let signal = Command::new("kill")
+        .args(["-INT", &run.id().to_string()])
+        .status();
     assert!(signal.is_ok_and(|status| status.success()));
     run.wait().expect("a child");
     drop(back);
     let table = std::fs::read_to_string(file("run.csv")).expect("it was written");
     let mut lines = table.lines().filter(|line| !line.starts_with('#'));
     let head: Vec<_> = lines.next().expect("a header").split(',').collect();
-    let column = head.iter().position(|name| *name == "hand_silent").expect("a column");
-    let silent: Vec<_> = lines.map(|line| line.split(',').nth(column) == Some("1")).collect();
-    assert!(silent.iter().any(|&silent| silent), "{model}: it was never lost");
+    let column = head
+        .iter()
+        .position(|name| *name == "hand_silent")
+        .expect("a column");
+    let silent: Vec<_> = lines
+        .map(|line| line.split(',').nth(column) == Some("1"))
+        .collect();
+    assert!(
+        silent.iter().any(|&silent| silent),
+        "{model}: it was never lost"
+    );
     // In the last second it is there for some ticks, also on a busy machine.
     let last = &silent[silent.len().saturating_sub(1000)..];
-    assert!(last.iter().any(|&silent| !silent), "{model}: it did not come back");
+    assert!(
+        last.iter().any(|&silent| !silent),
+        "{model}: it did not come back"
+    );
 }
 
 #[test]
@@ -292,7 +328,9 @@ fn plugin(folder: &Path, force: &str) -> Option<()> {
     let text = text.replace("max_force = 5.0", &format!("max_force = {force}"));
     std::fs::write(folder.join("arm.c"), text).expect("ours");
     let built = Command::new("cc")
-        .args(["-std=c99", "-shared", "-fPIC", "-o", "arm.so", "arm.c", "-lm", "-I"])
+        .args([
+            "-std=c99", "-shared", "-fPIC", "-o", "arm.so", "arm.c", "-lm", "-I",
+        ])
         .arg(source.canonicalize().expect("a folder"))
         .current_dir(folder)
         .status();
@@ -312,7 +350,9 @@ fn plugin(folder: &Path, force: &str) -> Option<()> {
 fn a_plug_in_is_held_against_its_profile() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = folder.path().join("scene.toml");
-    let text = SCENE.replace("MODEL", "falcon").replace("CONNECT", "plugin:arm.so");
+    let text = SCENE
+        .replace("MODEL", "falcon")
+        .replace("CONNECT", "plugin:arm.so");
     std::fs::write(&scene, text).expect("ours");
     let run = || {
         palpate(&["run", "--clock", "real", "--armed", "--duration", "0.5"])

@@ -3,7 +3,7 @@
 //! `plugin/palpate_device.h` is the interface, and `plugin/example.c` an example. Vendors' libraries allocate, lock and
 //! block, so a plug-in is never called by the tick: each of its devices has a thread of its own
 //! ([`exchange`](crate::exchange)). They may also end their process, so each device has a process of its own as well,
-//! with which the thread exchanges ([`process`]). A device that hangs, or whose states are no numbers, is a silent device
+//! with which the thread exchanges (`process`). A device that hangs, or whose states are no numbers, is a silent device
 //! to the tick, and a device whose process has ended is a lost one.
 
 pub(crate) mod abi;
@@ -101,6 +101,7 @@ impl Plugins {
             process: Some(process),
             name: stated.name,
             limits,
+            told: false,
         };
         let device = Exchanged::start(plugin, limits);
         device.map_err(|error| refused(PluginOpenError::Thread(error).into()))
@@ -167,6 +168,8 @@ struct PluginDevice {
     name: Name,
     /// The limits that hold.
     limits: Capabilities,
+    /// Whether the person was told that the process has ended.
+    told: bool,
 }
 
 impl PluginDevice {
@@ -179,6 +182,15 @@ impl PluginDevice {
             moment: finite(&wrench.moment),
         };
         let answer = process.exchange(&wrench);
+        if let Err(number) = answer
+            && !std::mem::replace(&mut self.told, true)
+        {
+            // Nothing else of the run knows the cause. Once is enough: the process may end again and again.
+            let (path, why) = (self.path.display(), process.why(number));
+            eprintln!(
+                "the plug-in {path} {why}. Its device is lost until a new process has opened it"
+            );
+        }
         match answer.map_err(DeviceError::Disconnected)? {
             (abi::OK, state) => {
                 let state = state_of(&state, self.limits.sensed);

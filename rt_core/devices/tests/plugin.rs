@@ -365,6 +365,33 @@ fn a_plug_in_that_hangs_while_it_opens_is_told_and_ended() {
     );
 }
 
+/// A run that is killed leaves no process behind, not even that of a plug-in that hangs.
+#[test]
+fn the_process_of_a_plug_in_ends_with_its_run() {
+    use std::io::Read;
+    use std::os::fd::OwnedFd;
+    let Some(library) = made("hangs_for_ever", ["", "hang();", ""]) else {
+        return;
+    };
+    // The socket of a run that has ended.
+    let (near, far) = std::os::unix::net::UnixStream::pair().expect("a socket");
+    let mut served = Command::new(env!("CARGO_BIN_EXE_palpate-plugin"))
+        .arg("serve-plug-in")
+        .arg(library)
+        .arg("")
+        .stdin(OwnedFd::from(far))
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    drop(near);
+    // The standard output ends with the process.
+    let mut said = String::new();
+    let mut output = served.stdout.take().expect("it is piped");
+    output.read_to_string(&mut said).expect("it ends");
+    let status = served.wait().expect("it ended");
+    assert!(!status.success(), "{status}");
+}
+
 #[test]
 fn a_file_that_is_cut_off_is_told() {
     let Some(library) = example("whole") else {

@@ -11,12 +11,13 @@ use super::message::{
 };
 use crate::transport::wait_for;
 use runner::schedule::realtime;
-use rustix::event::PollFlags;
+use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fd::{AsFd, OwnedFd};
 use rustix::io::Errno;
 use rustix::net::{
     AddressFamily, RecvFlags, SendFlags, SocketFlags, SocketType, recv, send, socketpair,
 };
+use rustix::process::{Signal, getpid, kill_process};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
@@ -109,6 +110,14 @@ impl Process {
         answer.ok_or(ENDED)
     }
 
+    /// Why an exchange failed with this error number, in words. For a process that is not used any more.
+    pub(super) fn why(&mut self, number: i32) -> String {
+        match number {
+            SILENT => format!("did not answer for {} s", EXCHANGE.as_secs()),
+            _ => format!("ended its process ({})", self.child.how()),
+        }
+    }
+
     /// Waits for a message, and returns its length.
     fn receive(&self, buffer: &mut [u8], wait: Duration) -> Result<usize, i32> {
         let socket = self.socket.as_ref().ok_or(ENDED)?;
@@ -178,9 +187,24 @@ pub fn served() -> Option<ExitCode> {
     Some(served.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS))
 }
 
+/// Ends this process a second after its socket has ended, where a plug-in that hangs keeps it from ending by itself. Nobody
+/// else is left to do so where the run was killed.
+fn end_with(socket: OwnedFd) {
+    let wait = move || {
+        // Nothing but the end of the socket is waited for.
+        let mut ends = [PollFd::new(&socket, PollFlags::empty())];
+        while poll(&mut ends, None).is_err() {}
+        std::thread::sleep(CLOSE);
+        let _ = kill_process(getpid(), Signal::KILL);
+    };
+    // Without the thread, only a plug-in that hangs outlives a run that was killed.
+    let _ = std::thread::Builder::new().spawn(wait);
+}
+
 /// Serves the plug-in in a file over the socket that is the standard input, until the socket ends.
 fn serve(file: &Path, address: &str) -> Result<(), Errno> {
     let socket = std::io::stdin();
+    end_with(rustix::io::dup(&socket)?);
     let say = |bytes: &[u8]| send(&socket, bytes, SendFlags::NOSIGNAL).map(drop);
     let opened = Library::load(file).and_then(|library| {
         let (device, capabilities) = library.open(address)?;
