@@ -493,7 +493,8 @@ mod tests {
             for ambiguous in ["hid:1209:c0de", &named] {
                 let text = machine.short(&machine.select(ambiguous).expect_err("there are two"));
                 for part in [
-                    "2 devices are a HID device 1209:c0de",
+                    "the HID device 1209:c0de",
+                    "is not the only one: 2 are connected",
                     why,
                     "name one of them: hid:1209:c0de:@1-1, hid:1209:c0de:@1-2.4",
                     "hid:/dev/hidraw0, hid:/dev/hidraw1",
@@ -574,7 +575,10 @@ mod tests {
             Ok("/dev/hidraw1".to_owned())
         );
         let text = machine.select("woodenhaptics").expect_err("there are two");
-        assert!(text.contains("2 devices are a WoodenHaptics"), "{text}");
+        assert!(
+            text.contains("the WoodenHaptics is not the only one: 2 are connected"),
+            "{text}"
+        );
     }
 
     #[test]

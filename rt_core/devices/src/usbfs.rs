@@ -368,7 +368,7 @@ mod tests {
         let text = machine.find("").unwrap_err();
         assert!(
             text.contains(
-                "2 devices are a USB device 0403:cb48; name one of them: falcon:left, falcon:right"
+                "the USB device 0403:cb48 is not the only one: 2 are connected; name one of them: falcon:left, falcon:right"
             ),
             "{text}"
         );

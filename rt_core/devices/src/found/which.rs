@@ -175,7 +175,9 @@ pub enum FindError {
         found: String,
     },
     /// More than one such device is connected.
-    #[error("{count} devices are a {called}{why}; name one of them: {ways}")]
+    #[error(
+        "the {called} is not the only one: {count} are connected{why}; name one of them: {ways}"
+    )]
     Several {
         /// The device that was asked for.
         called: String,
