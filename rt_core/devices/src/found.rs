@@ -145,18 +145,17 @@ fn hid(root: &Path) -> Vec<Found> {
     let all = listed::hid(root);
     let each = all.iter().map(|one| {
         let board = Board::with(one.numbers);
-        let connect = match &board {
-            Some(_) => boards.connection(one),
-            None => {
-                let (vid, pid) = one.numbers;
-                let alike = all.iter().filter(|other| other.numbers == one.numbers);
-                let alike = Alike {
-                    kind: &format!("hid:{vid:04x}:{pid:04x}"),
-                    by_path: Some("hid"),
-                    devices: alike.cloned().collect(),
-                };
-                alike.connection(one)
-            }
+        let connect = if board.is_some() {
+            boards.connection(one)
+        } else {
+            let (vid, pid) = one.numbers;
+            let alike = all.iter().filter(|other| other.numbers == one.numbers);
+            let alike = Alike {
+                kind: &format!("hid:{vid:04x}:{pid:04x}"),
+                by_path: Some("hid"),
+                devices: alike.cloned().collect(),
+            };
+            alike.connection(one)
         };
         Found {
             name: board.map_or_else(|| one.name.clone(), |board| board.name.to_owned()),

@@ -72,7 +72,7 @@ pub fn sysfs(text: &str) -> usize {
     for count in [1, 2] {
         let mut devices = vec![one.clone(); count];
         for other in devices.iter_mut().skip(1) {
-            other.port = "1-2".to_owned();
+            other.port = String::from("1-2");
         }
         let alike = Alike {
             kind: &kind,
