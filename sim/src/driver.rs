@@ -44,6 +44,10 @@ impl Driver for Simulated {
         Kind::Simulated
     }
 
+    fn reaches(&self, _: &str) -> Vec<String> {
+        Vec::new()
+    }
+
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
         request.no_address()?;
         let held = self.held.get(request.index);

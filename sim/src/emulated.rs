@@ -47,6 +47,10 @@ impl Driver for EmulatedDriver {
         Kind::Simulated
     }
 
+    fn reaches(&self, _: &str) -> Vec<String> {
+        Vec::new()
+    }
+
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
         request.no_address()?;
         let refused = |source: Box<dyn std::error::Error + Send + Sync>| OpenError::Refused {

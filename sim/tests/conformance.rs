@@ -157,12 +157,10 @@ fn open(registry: &Registry, driver: &str, index: usize) -> AnyDevice {
 
 /// A device of that name through the door.
 fn opened(registry: &Registry, driver: &str, index: usize, name: &str) -> AnyDevice {
+    let model = model(name);
     let request = Request {
         index,
-        model: &model(name),
-        period: 1e-3,
-        address: "",
-        firmware: None,
+        ..Request::new(&model, "")
     };
     registry.open(driver, &request).expect("it can be opened")
 }

@@ -3,6 +3,7 @@
 use core::num::NonZeroU32;
 use devices::exchange::{MotionSource, let_go_after};
 use devices::serial::{GREETING_NS, Serial, SerialError};
+use devices::stated::Mismatch;
 use devices::{DeviceModel, Exchange, Transport};
 use firmware_proto::host::{Event as HostEvent, Host, HostError};
 use firmware_proto::report::{Mode, ReportError, WATCHDOG_US, WrenchSi, fault};
@@ -527,7 +528,10 @@ fn another_devices_profile_is_refused() {
     for name in ["hapkit", "virtuose6d"] {
         let profile = DeviceModel::named(name).expect("a built-in device");
         let error = refusal(&link, &profile);
-        assert!(matches!(error, SerialError::Freedom { .. }), "{error}");
+        assert!(
+            matches!(error, SerialError::Profile(Mismatch::Freedom { .. })),
+            "{error}"
+        );
     }
     let stronger = DeviceModel {
         max_force: model().max_force + 0.001,

@@ -201,6 +201,10 @@ impl CommandError {
 }
 
 fn main() -> ExitCode {
+    // The process of a plug-in is this program.
+    if let Some(code) = devices::plugin::served() {
+        return code;
+    }
     panics::report_in_one_line();
     let code = match Arguments::try_parse() {
         Ok(arguments) => execute(arguments.command),

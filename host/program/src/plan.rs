@@ -8,7 +8,7 @@ use host::engine::build;
 use host::engine::plan::{BodyPlan, Stage, stages};
 use host::engine::rehearsal::step_time;
 use host::run::slow_host::{StepTime, cores};
-use host::scene::SceneError;
+use host::scene::{SceneError, connections};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -50,6 +50,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
         .scene(scene, &loaded)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
+    connections::check(&loaded)?;
     let bar = progress_bar();
     // A scene that cannot run gets no plan. This check also reports faults of its meshes.
     build::check(&loaded)?;

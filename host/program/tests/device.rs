@@ -145,6 +145,241 @@ fn an_emulated_device_of_the_firmware_protocol_is_probed_and_held_over_a_pty() {
     probed_and_held("touch", "pty");
 }
 
+/// A scene with a second device.
+fn scene_of_two(first: &str, second: &str) -> String {
+    let first = SCENE.replace("MODEL", "omega3").replace("CONNECT", first);
+    format!("{first}\n[[device]]\nname = \"other\"\nmodel = \"omega3\"\nconnect = \"{second}\"\n")
+}
+
+#[test]
+fn one_connection_of_two_devices_is_refused_before_anything_is_opened() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = folder.path().join("scene.toml");
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    listener.set_nonblocking(true).expect("ours");
+    let port = listener.local_addr().expect("a port").port();
+    let (name, number) = (
+        format!("tcp:localhost:{port}"),
+        format!("tcp:127.0.0.1:{port}"),
+    );
+    let line = folder.path().join("line");
+    std::fs::write(&line, "").expect("ours");
+    let link = folder.path().join("link");
+    std::os::unix::fs::symlink(&line, &link).expect("ours");
+    let tty = |path: &Path| format!("tty:{}", path.display());
+    for (first, second) in [
+        (name.clone(), name.clone()),
+        (name.clone(), number.clone()),
+        (tty(&line), tty(&link)),
+        (
+            "hid:/dev/hidraw97".to_owned(),
+            "hid:/dev/hidraw97".to_owned(),
+        ),
+    ] {
+        std::fs::write(&scene, scene_of_two(&first, &second)).expect("ours");
+        let override_scene = folder.path().join("override.toml");
+        std::fs::write(
+            &override_scene,
+            scene_of_two("tcp:localhost:1", "tcp:localhost:2"),
+        )
+        .expect("ours");
+        let log = folder.path().join("run.mcap");
+        let (log_at, over) = (
+            log.display().to_string(),
+            override_scene.display().to_string(),
+        );
+        let given = format!("--device=hand={first}");
+        let also = format!("--device=other={second}");
+        let at = scene.display().to_string();
+        for arguments in [
+            vec!["plan", "--no-timing", &at],
+            vec!["run", "--clock", "real", "--armed", "--log", &log_at, &at],
+            vec![
+                "run", "--clock", "real", "--log", &log_at, &given, &also, &over,
+            ],
+        ] {
+            let result = palpate(&arguments).output().expect("the program runs");
+            let said = String::from_utf8_lossy(&result.stderr).into_owned();
+            assert_eq!(result.status.code(), Some(2), "{arguments:?}: {said}");
+            assert!(
+                said.contains("device[1].connect: found the connection of device[0]"),
+                "{arguments:?}: {said}"
+            );
+            assert!(!log.exists(), "{arguments:?}");
+        }
+    }
+    let connected = listener.accept().expect_err("nobody has connected");
+    assert_eq!(connected.kind(), std::io::ErrorKind::WouldBlock);
+}
+
+/// The names of the ptys that a process has open.
+fn ptys(process: &Child) -> Vec<String> {
+    let files = std::fs::read_dir(format!("/proc/{}/fd", process.id()))
+        .into_iter()
+        .flatten();
+    let names = files.filter_map(|file| std::fs::read_link(file.ok()?.path()).ok());
+    let names = names.map(|name| name.display().to_string());
+    names.filter(|name| name.starts_with("/dev/pts/")).collect()
+}
+
+/// The device is switched off and on again while a run holds it. The system gives the new pty the old name only where
+/// nobody has the old one open.
+fn comes_back_on_a_pty(model: &str) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = |name: &str| folder.path().join(name);
+    let (emulated, connect) = emulate(model, "pty");
+    let scene = SCENE.replace("MODEL", model).replace("CONNECT", &connect);
+    std::fs::write(file("scene.toml"), scene).expect("a temporary folder");
+    let mut run = palpate(&["run", "--clock", "real", "--armed", "--duration", "30"])
+        .arg(file("scene.toml"))
+        .arg("--csv")
+        .arg(file("run.csv"))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program runs");
+    let pause = || std::thread::sleep(std::time::Duration::from_millis(20));
+    while ptys(&run).is_empty() {
+        assert!(
+            run.try_wait().expect("a child").is_none(),
+            "{model}: the run ended"
+        );
+        pause();
+    }
+    // It runs for a while.
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    drop(emulated);
+    while !ptys(&run).is_empty() {
+        pause();
+    }
+    // Other tests may take the name first.
+    let mut others = Vec::new();
+    let back = loop {
+        let (emulated, found) = emulate(model, "pty");
+        if found == connect {
+            break emulated;
+        }
+        others.push(emulated);
+        assert!(others.len() < 50, "{model}: nobody gets {connect} again");
+    };
+    while ptys(&run).is_empty() {
+        assert!(
+            run.try_wait().expect("a child").is_none(),
+            "{model}: it did not come back"
+        );
+        pause();
+    }
+    // The operator calibrates it.
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let signal = Command::new("kill")
+        .args(["-INT", &run.id().to_string()])
+        .status();
+    assert!(signal.is_ok_and(|status| status.success()));
+    run.wait().expect("a child");
+    drop(back);
+    let table = std::fs::read_to_string(file("run.csv")).expect("it was written");
+    let mut lines = table.lines().filter(|line| !line.starts_with('#'));
+    let head: Vec<_> = lines.next().expect("a header").split(',').collect();
+    let column = head
+        .iter()
+        .position(|name| *name == "hand_silent")
+        .expect("a column");
+    let silent: Vec<_> = lines
+        .map(|line| line.split(',').nth(column) == Some("1"))
+        .collect();
+    assert!(
+        silent.iter().any(|&silent| silent),
+        "{model}: it was never lost"
+    );
+    // In the last second it is there for some ticks, also on a busy machine.
+    let last = &silent[silent.len().saturating_sub(1000)..];
+    assert!(
+        last.iter().any(|&silent| !silent),
+        "{model}: it did not come back"
+    );
+}
+
+#[test]
+fn a_woodenhaptics_that_is_switched_off_comes_back_on_its_pty() {
+    comes_back_on_a_pty("woodenhaptics");
+}
+
+#[test]
+fn a_device_of_the_firmware_protocol_that_is_switched_off_comes_back_on_its_pty() {
+    comes_back_on_a_pty("omega3");
+}
+
+/// Another built-in device than that of the profile, which only its name tells: it is stronger.
+#[test]
+fn a_device_that_calls_itself_another_is_refused() {
+    let (_emulated, connect) = emulate("omega3", "tcp");
+    let refused = palpate(&["device", "probe", &connect, "--model", "falcon"]).output();
+    let said = String::from_utf8_lossy(&refused.expect("the program runs").stderr).into_owned();
+    for part in ["\"omega3\"", "Novint Falcon", "another device's profile"] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+}
+
+/// Builds the example of a plug-in, with another force than the 5 N that it states; `None` without a C compiler.
+fn plugin(folder: &Path, force: &str) -> Option<()> {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../rt_core/devices/plugin");
+    let text = std::fs::read_to_string(source.join("example.c")).expect("the example");
+    let text = text.replace("max_force = 5.0", &format!("max_force = {force}"));
+    std::fs::write(folder.join("arm.c"), text).expect("ours");
+    let built = Command::new("cc")
+        .args([
+            "-std=c99", "-shared", "-fPIC", "-o", "arm.so", "arm.c", "-lm", "-I",
+        ])
+        .arg(source.canonicalize().expect("a folder"))
+        .current_dir(folder)
+        .status();
+    match built {
+        Ok(status) => {
+            assert!(status.success());
+            Some(())
+        }
+        Err(error) => {
+            println!("!! SKIPPED: a plug-in: no C compiler `cc` ({error})");
+            None
+        }
+    }
+}
+
+#[test]
+fn a_plug_in_is_held_against_its_profile() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = folder.path().join("scene.toml");
+    let text = SCENE
+        .replace("MODEL", "falcon")
+        .replace("CONNECT", "plugin:arm.so");
+    std::fs::write(&scene, text).expect("ours");
+    let run = || {
+        palpate(&["run", "--clock", "real", "--armed", "--duration", "0.5"])
+            .arg(&scene)
+            .output()
+            .expect("the program runs")
+    };
+    // The profile states 8 N.
+    let Some(()) = plugin(folder.path(), "0.1") else {
+        return;
+    };
+    let result = run();
+    let said = String::from_utf8_lossy(&result.stderr).into_owned();
+    assert_eq!(result.status.code(), Some(2), "{said}");
+    for part in ["arm.so", "0.1 N", "8 N", "another device's profile"] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    // A limit that is only lower holds, and is told.
+    plugin(folder.path(), "5.0").expect("it was built before");
+    let result = run();
+    let said = String::from_utf8_lossy(&result.stdout).into_owned();
+    assert!(
+        said.contains("a largest force of 5 N, and its profile 8 N: the lower limit holds"),
+        "{result:?}"
+    );
+}
+
 #[test]
 fn a_wrong_device_is_an_error_before_anything_moves() {
     for (arguments, expected) in [

@@ -4,6 +4,7 @@ use super::hand;
 use crate::bodies;
 use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
+use devices::registry::Notes;
 use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
 use rt_core::controller::Reading;
@@ -13,7 +14,7 @@ use sim::faults::Protocol;
 use std::sync::mpsc::Sender;
 
 /// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`), and emulated
-/// devices only in virtual time.
+/// devices only in virtual time. Also returns what the drivers tell, one sentence each.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be opened.
@@ -21,8 +22,9 @@ pub(super) fn open(
     loaded: &LoadedScene,
     seed: u64,
     real: bool,
-) -> Result<Vec<AnyDevice>, SceneError> {
+) -> Result<(Vec<AnyDevice>, Vec<String>), SceneError> {
     let registry = registry(loaded, seed)?;
+    let mut told = Vec::new();
     let opened = loaded.scene.devices.iter().enumerate();
     let opened = opened.map(|(index, spec)| {
         let driver = registry.driver(&spec.connect.driver);
@@ -50,15 +52,21 @@ pub(super) fn open(
             accepted.map_err(|error| located(loaded, index, error))?;
         }
         let firmware = spec.firmware.as_ref().map(|file| loaded.beside(file));
+        let notes = Notes::default();
         let request = Request {
             address: &spec.connect.address,
             firmware: firmware.as_deref(),
+            notes: Some(&notes),
             ..request(loaded, index)
         };
         let device = registry.open(&spec.connect.driver, &request);
-        device.map_err(|error| located(loaded, index, error))
+        let device = device.map_err(|error| located(loaded, index, error))?;
+        let notes = notes.into_vec().into_iter();
+        told.extend(notes.map(|note| format!("device {:?}: {note}", spec.name)));
+        Ok(device)
     });
-    opened.collect()
+    let opened = opened.collect::<Result<_, _>>()?;
+    Ok((opened, told))
 }
 
 /// Recorded devices in place of a scene's devices, whatever their drivers, and the ends that feed them their readings.
@@ -108,10 +116,9 @@ fn protocol(name: Option<&str>) -> Protocol {
 fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {
     Request {
         index,
-        model: &loaded.models[index],
+        name: &loaded.profiles[index].name,
         period: 1.0 / loaded.scene.realtime.rate,
-        address: "",
-        firmware: None,
+        ..Request::new(&loaded.models[index], "")
     }
 }
 

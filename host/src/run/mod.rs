@@ -39,7 +39,7 @@ use crate::live::session::{Session, ViewOptions};
 use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
-use crate::scene::{LoadedScene, SceneError};
+use crate::scene::{LoadedScene, SceneError, connections};
 use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
@@ -223,6 +223,7 @@ pub fn run_watched(
     others: Observers,
     mut progress: impl FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
+    connections::check(loaded)?;
     let seed = options.seed.unwrap_or(loaded.scene.seed);
     let log = options.log.as_deref().map(LogFile::open).transpose()?;
     let view = options.view.as_ref();
@@ -236,6 +237,7 @@ pub fn run_watched(
     };
     let reserved = Reserved::new(core, &Cores::of_this_machine());
     let mut prepared = prepare(loaded, options, seed)?;
+    let told = std::mem::take(&mut prepared.told);
     let frames = options
         .frames
         .as_ref()
@@ -300,6 +302,7 @@ pub fn run_watched(
     if let Some(writer) = writer {
         writer.finish(&mut parts);
     }
+    parts.degradations.extend(told);
     parts.judge(&loaded.scene, options.log.is_some());
     let mut summary = report::summarize(loaded, options, seed, size, &parts);
     summary.unwritten.append(&mut parts.unwritten);

@@ -8,6 +8,7 @@ use super::setup::{HostSide, Setup};
 use super::summary::PlaceSummary;
 use super::{RunError, RunOptions, host_panicked, real_clock, virtual_clock};
 use crate::scene::Scene;
+use crate::scene::spec::Device;
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::{LogRecord, TickCounters};
@@ -65,11 +66,7 @@ impl Parts {
             let missed = counters.missed_reads;
             // A hand that felt nothing for most of its run has not tested the scene.
             if 2 * missed > ticks {
-                let name = &device.name;
-                self.failures.push(format!(
-                    "device {name:?} gave no usable reading in {missed} of {ticks} ticks: the device was silent, or moved \
-                     as no hand can; are the motions of its hand in metres?"
-                ));
+                self.failures.push(no_readings(device, missed, ticks));
             }
         }
         if logged {
@@ -90,6 +87,23 @@ impl Parts {
             )
         })
     }
+}
+
+/// What to say of a device without a usable reading in most of its ticks.
+fn no_readings(device: &Device, missed: u64, ticks: u64) -> String {
+    let name = &device.name;
+    let head = format!("device {name:?} gave no usable reading in {missed} of {ticks} ticks");
+    if device.is_simulated() {
+        return format!(
+            "{head}: the device was silent, or moved as no hand can; are the motions of its hand in metres?"
+        );
+    }
+    // A person holds a real device.
+    format!(
+        "{head}: the device was silent, or its states were no motion. Check its cable and power, and whether the device has \
+         been calibrated or homed; `palpate device probe {}` measures its states without force",
+        device.connect
+    )
 }
 
 /// Runs what is prepared under virtual time, until `stop` is requested. `progress` is given the number of ticks done.
@@ -216,4 +230,37 @@ pub(super) fn under_the_real_clock(
         failures,
         unwritten: observed.unwritten,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::LoadedScene;
+    use crate::scene::Override;
+
+    #[test]
+    fn a_real_device_is_not_asked_about_its_hand() {
+        let scene = Scene::embedded_default().expect("a scene");
+        let said = |loaded: &LoadedScene| no_readings(&loaded.scene.devices[0], 900, 1000);
+        let simulated = said(&scene);
+        assert!(
+            simulated.contains("in 900 of 1000 ticks") && simulated.contains("its hand in metres"),
+            "{simulated}"
+        );
+        for connect in [
+            "tcp:localhost:4000",
+            "hid:1209:c0de",
+            "plugin:arm.so",
+            "falcon",
+        ] {
+            let name = &scene.scene.devices[0].name;
+            let real = [Override::connection(name, connect)];
+            let real = said(&scene.overridden(&real).expect("a scene"));
+            assert!(
+                real.contains("in 900 of 1000 ticks") && !real.contains("hand"),
+                "{real}"
+            );
+            assert!(real.contains("cable") && real.contains(connect), "{real}");
+        }
+    }
 }

@@ -64,6 +64,7 @@ pub(super) fn run(
         pacer,
         slow,
         timing,
+        told: _,
     } = setup;
     let config = RunnerConfig {
         period_ns: timing.period_ns,

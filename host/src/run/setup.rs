@@ -66,6 +66,8 @@ pub struct Setup {
     pub slow: SlowWatch,
     /// The times of the run.
     pub timing: Timing,
+    /// What the drivers of the devices tell, one sentence each.
+    pub told: Vec<String>,
 }
 
 /// The host's side of a run.
@@ -118,7 +120,7 @@ pub(crate) fn setup_with(
         SlowWatch::new(scene)
     };
     let held = build::with_solvers(loaded, how, settled)?;
-    let devices = devices::open(loaded, seed, how.real)?;
+    let (devices, told) = devices::open(loaded, seed, how.real)?;
     let config = controller(loaded, &devices)?;
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),
@@ -141,6 +143,7 @@ pub(crate) fn setup_with(
             ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,
             latency_ns: (scene.host.latency * 1e9).round() as u64,
         },
+        told,
     })
 }
 
@@ -152,7 +155,7 @@ pub fn controls(
     loaded: &LoadedScene,
     seed: u64,
 ) -> Result<(ControllerConfig, Vec<AnyDevice>), SceneError> {
-    let devices = devices::open(loaded, seed, false)?;
+    let (devices, _) = devices::open(loaded, seed, false)?;
     Ok((controller(loaded, &devices)?, devices))
 }
 

@@ -70,6 +70,7 @@ fn run_seen_until(
         pacer,
         slow,
         timing,
+        told: _,
     } = setup;
     let bodies = engine.bodies().len();
     let mut host = CatchPanic::new(Paced {

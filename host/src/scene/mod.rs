@@ -5,6 +5,7 @@
 //! [`SceneError`] is one line with the file, the line, the field, the value found and the allowed values.
 
 mod check;
+pub mod connections;
 mod consistency;
 mod device_file;
 pub(crate) mod drivers;

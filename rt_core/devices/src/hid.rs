@@ -4,14 +4,17 @@
 //!   newest when it is full, so a report left in the queue would make the force lag.
 //! - **Writing** is the task of a separate thread for each device (`writer`), because the kernel makes a writer wait
 //!   for the device, for up to five seconds.
-//! - Reader and writer each open a file of their own, because two threads cannot use the same handle. The kernel also
-//!   queues up to 64 reports for the writer's file; they are never read.
 //!
 //! The driver greets the device with a hello when it opens it, and, in place of wrenches, until the device has answered;
 //! so also where the device was restarted. Each wrench names the newest state that the driver has read ([`firmware_proto::host`]).
 //!
+//! The answer says what the device can do. Where that is not what the profile says, the device is refused when it is
+//! opened ([`stated`](crate::stated)). A device whose answer comes later, or which comes back as another, is lost: it gets
+//! no wrench before its answer agrees.
+//!
 //! A device that disappears is opened again by the writing thread as soon as it is back, without a restart of the run.
-//! Its selector finds it again, so a device that was opened by its numbers may come back under another path.
+//! Its selector finds it again, so a device that was opened by its numbers may come back under another path, and a device
+//! that was opened by its path under the same path.
 //!
 //! The bytes pass through two functions ([`HidDevice::over`]), so that a test can take the place of hidraw.
 //!
@@ -23,16 +26,17 @@ mod reading;
 mod selector;
 mod writer;
 
+use crate::found::{FindError, udev_rule};
+use crate::serial::{SerialError, check};
+use crate::stated::Name;
 use crate::transport::{Hidraw, Transport};
 use firmware_proto::host::release;
-use hidapi::HidApi;
 use reading::numbered;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
-use std::ffi::OsStr;
 use std::hash::{BuildHasher, RandomState};
 use std::num::NonZeroU32;
-use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
+use std::time::{Duration, Instant};
 use writer::{Open, Write, Writer};
 
 pub use driver::Hid;
@@ -43,40 +47,24 @@ pub use selector::HidSelector;
 /// Error number of a device that is not connected (ENODEV).
 const NO_DEVICE: i32 = 19;
 
+/// Time within which a device should answer the greeting. A device that is silent for longer may still be starting.
+const GREETING: Duration = Duration::from_secs(1);
+/// Time between two looks for the answer.
+const LOOK: Duration = Duration::from_millis(1);
+
 /// Why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum HidError {
-    /// The system does not list HID devices.
-    #[error("the HID devices of this system cannot be listed: {0}")]
-    System(#[source] hidapi::HidError),
-    /// No such device is connected.
-    #[error(
-        "no HID device {selector} is connected ({found}). Check its cable and power, and `lsusb` for its \
-         numbers; in a container or virtual machine, check that hidraw devices are passed on"
-    )]
-    NotFound {
-        /// The device that was asked for.
-        selector: HidSelector,
-        /// The devices of the same kind that were found.
-        found: String,
-    },
-    /// More than one such device is connected.
-    #[error(
-        "{count} HID devices {selector} are connected; name one by its serial number ({serials})"
-    )]
-    Several {
-        /// The device that was asked for.
-        selector: HidSelector,
-        /// Number of such devices.
-        count: usize,
-        /// The serial numbers of these devices.
-        serials: String,
-    },
+    /// There is not exactly one such device.
+    #[error(transparent)]
+    Find(#[from] FindError),
+    /// The device is not that of its profile.
+    #[error(transparent)]
+    Profile(#[from] SerialError),
     /// The device is connected but cannot be opened.
     #[error(
-        "the HID device {selector} is connected as {path} but cannot be opened: {source}. Let your account use \
-         it with a udev rule: KERNEL==\"hidraw*\", {}, MODE=\"0660\", TAG+=\"uaccess\"; then plug it in again",
-        selector.udev()
+        "the HID device {selector} is connected as {path} but cannot be opened: {source}. {}",
+        advice(source, &selector.udev())
     )]
     Open {
         /// The device that was asked for.
@@ -102,13 +90,25 @@ pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
 /// Writes a command, or returns the error number of the system. May block.
 pub type WriteReport = dyn FnMut(&Command) -> Result<(), i32> + Send;
 
+/// What helps where a device cannot be opened: `rule` is the beginning of its udev rule.
+pub(crate) fn advice(error: &std::io::Error, rule: &str) -> String {
+    match error.kind() {
+        std::io::ErrorKind::ResourceBusy => "Another run has it open; end that run".to_owned(),
+        _ => udev_rule(rule),
+    }
+}
+
 /// An open device. Dropping it sends a last command of zero force, and waits until that command is written, at most
 /// five seconds.
 pub struct HidDevice {
-    read: Box<ReadReport>,
+    /// `None` while the device is lost.
+    read: Option<Box<ReadReport>>,
     writer: Writer<Command, Box<ReadReport>>,
     reports: Reports,
+    /// The limits that hold.
     capabilities: Capabilities,
+    /// The name that the device stated first. A device of another name is another device.
+    name: Option<Name>,
     /// The system's error number, while the device is lost.
     gone: Option<i32>,
 }
@@ -118,26 +118,54 @@ type Ends = (Box<ReadReport>, Write<Command>);
 
 /// Opens the reading end and the writing end of the device that is selected.
 fn ends(selector: &HidSelector) -> Result<Ends, HidError> {
-    let api = HidApi::new().map_err(HidError::System)?;
-    let path = selector.find(&api)?;
-    let path = Path::new(OsStr::from_bytes(path.to_bytes()));
+    let path = selector.find(Path::new("/"))?.file;
     let open = || {
-        Hidraw::open(path).map_err(|source| HidError::Open {
-            selector: selector.clone(),
-            path: path.to_string_lossy().into_owned(),
-            source,
-        })
+        let input = Hidraw::open(&path)?;
+        let output = input.try_clone()?;
+        Ok((input, output))
     };
-    let (input, mut output) = (open()?, open()?);
+    let (input, mut output) = open().map_err(|source| HidError::Open {
+        selector: selector.clone(),
+        path: path.display().to_string(),
+        source,
+    })?;
     let read = move |buffer: &mut [u8]| input.read_now(buffer);
     // The transport puts the report number 0 before the report itself.
     let write = move |report: &Command| output.write(report.get(1..).unwrap_or_default());
     Ok((Box::new(read), Box::new(write)))
 }
 
+/// Greets a device, and waits for its answer, for a second at most. Returns the name of its model; `None` where it did not
+/// answer.
+fn answer(
+    (read, write): &mut Ends,
+    profile: &Capabilities,
+    watchdog_us: u32,
+) -> Result<Option<Name>, SerialError> {
+    let mut reports = Reports::new(session(), watchdog_us);
+    let start = Instant::now();
+    while start.elapsed() < GREETING {
+        let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        // What fails here fails again in the ticks, which report it.
+        if let Some(hello) = reports.command(&Wrench::zero(), now_ns) {
+            let _ = write(&numbered(&hello));
+        }
+        let _ = reports.newest(profile.sensed, now_ns, |buffer| {
+            read(buffer).map_err(DeviceError::Disconnected)
+        });
+        if let Some(report) = reports.host().capabilities() {
+            check(&report.model, profile)?;
+            return Ok(Some(Name(report.model.name)));
+        }
+        std::thread::sleep(LOOK);
+    }
+    Ok(None)
+}
+
 impl HidDevice {
-    /// Opens the one device that `selector` names. `capabilities` are the capabilities of the device, and `watchdog_us` is
-    /// the watchdog that it is asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]).
+    /// Opens the one device that `selector` names. `capabilities` are those of its profile, and `watchdog_us` is
+    /// the watchdog that it is asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]). Waits for the answer of
+    /// the device, for a second at most.
     ///
     /// # Errors
     /// [`HidError`], which names the device and the checks that the user can make.
@@ -146,16 +174,44 @@ impl HidDevice {
         capabilities: Capabilities,
         watchdog_us: u32,
     ) -> Result<Self, HidError> {
-        let first = ends(selector)?;
+        let mut first = ends(selector)?;
+        let name = answer(&mut first, &capabilities, watchdog_us)?;
         let again = selector.clone();
         // The thread needs a number only.
         let open = move || ends(&again).map_err(|_| NO_DEVICE);
-        Self::start(first, Box::new(open), capabilities, watchdog_us).map_err(|source| {
-            HidError::Thread {
-                selector: selector.clone(),
-                source,
-            }
-        })
+        let device = Self::start(first, Box::new(open), capabilities, watchdog_us);
+        let device = device.map_err(|source| HidError::Thread {
+            selector: selector.clone(),
+            source,
+        })?;
+        Ok(Self { name, ..device })
+    }
+
+    /// Whether the device may be the one of the profile, and the one of before. For the hot path.
+    fn agrees(&mut self) -> bool {
+        let Some(report) = self.reports.host().capabilities() else {
+            // It gets no wrench before it has answered.
+            return true;
+        };
+        let name = Name(report.model.name);
+        let first = *self.name.get_or_insert(name);
+        first == name && check(&report.model, &self.capabilities).is_ok()
+    }
+
+    /// The name of the device's model; `None` before its first answer.
+    pub fn name(&self) -> Option<Name> {
+        self.name
+    }
+
+    /// The newest state that waits.
+    fn receive(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+        let Some(read) = &mut self.read else {
+            return Err(DeviceError::Disconnected(NO_DEVICE));
+        };
+        self.reports
+            .newest(self.capabilities.sensed, now_ns, |buffer| {
+                read(buffer).map_err(DeviceError::Disconnected)
+            })
     }
 
     /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
@@ -202,10 +258,11 @@ impl HidDevice {
         let _ = write(&numbered(&reports.greet()));
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {
-            read,
+            read: Some(read),
             writer: Writer::start(write, let_go, open)?,
             reports,
             capabilities,
+            name: None,
             gone: None,
         })
     }
@@ -223,27 +280,30 @@ impl Device for HidDevice {
 
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
         if let Some(number) = self.gone {
-            if !self.writer.found(&mut self.read) {
+            let Some(read) = self.writer.found() else {
                 return Err(DeviceError::Disconnected(number));
-            }
+            };
+            self.read = Some(read);
             self.gone = None;
         }
-        let read = &mut self.read;
-        let result = self
-            .reports
-            .newest(self.capabilities.sensed, now_ns, |buffer| {
-                read(buffer).map_err(DeviceError::Disconnected)
-            });
+        let result = self.receive(now_ns);
         if let Err(DeviceError::Disconnected(number)) = result {
             self.gone = Some(number);
-            self.writer.lose();
+            self.writer.lose(&mut self.read);
         }
-        result
+        if self.agrees() {
+            result
+        } else {
+            Err(DeviceError::Disconnected(NO_DEVICE))
+        }
     }
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         if let Some(number) = self.gone {
             return Err(DeviceError::Disconnected(number));
+        }
+        if !self.agrees() {
+            return Err(DeviceError::Disconnected(NO_DEVICE));
         }
         match self.reports.command(wrench, now_ns) {
             Some(command) => self.writer.hand_on(numbered(&command)),
@@ -267,52 +327,4 @@ pub(crate) fn session() -> NonZeroU32 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rt_core::Freedom;
-
-    #[test]
-    fn a_missing_device_is_named_with_a_remedy() {
-        // Vendor 0 is not assigned.
-        let selector = HidSelector::parse("0000:0bad:left").expect("an address");
-        let capabilities = Capabilities {
-            sensed: Freedom::Three,
-            actuated: Freedom::Three,
-            max_force: 1.0,
-            max_moment: 0.0,
-            workspace_radius: 0.1,
-            position_step: 1e-5,
-        };
-        match HidDevice::open(&selector, capabilities, 0) {
-            Ok(_) => panic!("no such device exists"),
-            Err(error @ HidError::NotFound { .. }) => {
-                let text = error.to_string();
-                assert!(
-                    text.contains("0000:0bad") && text.contains("\"left\""),
-                    "{text}"
-                );
-                assert!(text.contains("lsusb"), "{text}");
-            }
-            // A system without sysfs lists no devices at all.
-            Err(error) => assert!(matches!(error, HidError::System(_)), "{error}"),
-        }
-    }
-
-    #[test]
-    fn a_device_that_may_not_be_opened_comes_with_its_udev_rule() {
-        let error = HidError::Open {
-            selector: HidSelector::parse("1209:c0de").expect("an address"),
-            path: "/dev/hidraw3".into(),
-            source: std::io::ErrorKind::PermissionDenied.into(),
-        };
-        let text = error.to_string();
-        for part in [
-            "1209:c0de",
-            "/dev/hidraw3",
-            "ATTRS{idVendor}==\"1209\"",
-            "permission denied",
-        ] {
-            assert!(text.contains(part), "{part} in {text}");
-        }
-    }
-}
+mod tests;

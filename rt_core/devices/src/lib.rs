@@ -9,6 +9,7 @@
 //!   simulation.
 //! - [`transport`]: how bytes reach a device. [`ftdi`]: FTDI's USB serial chips. [`usbfs`]: USB devices through the
 //!   kernel. [`exchange`]: devices that may block, in a thread of their own.
+//! - [`stated`]: what a device states of itself, held against its profile.
 //! - [`plugin`]: any other device, by a shared library with a C interface.
 //! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
 //! - [`panel`]: the operator's orders to arm and to stop the devices.
@@ -36,6 +37,7 @@ pub mod replay;
 pub mod response;
 pub mod scripted;
 pub mod serial;
+pub mod stated;
 pub mod transport;
 pub mod usbfs;
 pub mod wire;

@@ -2,42 +2,110 @@
 //!
 //! `plugin/palpate_device.h` is the interface, and `plugin/example.c` an example. Vendors' libraries allocate, lock and
 //! block, so a plug-in is never called by the tick: each of its devices has a thread of its own
-//! ([`exchange`](crate::exchange)). A device that hangs, or whose states are no numbers, is a silent device to the tick.
+//! ([`exchange`](crate::exchange)). They may also end their process, so each device has a process of its own as well,
+//! with which the thread exchanges (`process`). A device that hangs, or whose states are no numbers, is a silent device
+//! to the tick, and a device whose process has ended is a lost one.
 
 pub(crate) mod abi;
 mod library;
+mod message;
+mod process;
 
 use crate::exchange::{Exchange, Exchanged};
-use crate::registry::{Driver, Kind, OpenError, Request};
-use library::{Library, Opened};
+use crate::registry::{Driver, Kind, OpenError, Request, file_of};
+use crate::stated::{LEAST, Mismatch, Name, Stated};
 use nalgebra::{Quaternion, UnitQuaternion};
+use process::Process;
 use rt_core::{
     Axes, Capabilities, Corruption, DeviceError, DeviceState, Freedom, Pose, Rendering, Twist,
     Vec3, Wrench,
 };
 use runner::AnyDevice;
-use std::path::{Path, PathBuf};
+use std::error::Error;
+use std::path::PathBuf;
 
 pub use library::PluginError;
+pub use process::{EXCHANGE, OPEN, served};
 
 /// Tolerance on the unit length of a quaternion: the tolerance of the loop itself.
 const SKEW: f64 = 0.01;
 /// Error number of a device that is not open (ENODEV).
 const NO_DEVICE: i32 = 19;
+/// This program.
+const THIS: &str = "/proc/self/exe";
 
 /// The driver `plugin`. Addresses: `FILE` or `FILE:ADDRESS`, where only the plug-in reads `ADDRESS`. A relative file is
 /// relative to the folder of the driver.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Plugins {
     folder: PathBuf,
+    program: PathBuf,
 }
 
 impl Plugins {
-    /// A driver that finds relative files in `folder`.
+    /// A driver that finds relative files in `folder`. The process of a plug-in is this program, which must call [`served`]
+    /// first.
     pub fn new(folder: impl Into<PathBuf>) -> Self {
         Self {
             folder: folder.into(),
+            program: THIS.into(),
         }
+    }
+
+    /// The same driver with another program that calls [`served`].
+    pub fn served_by(self, program: impl Into<PathBuf>) -> Self {
+        Self {
+            program: program.into(),
+            ..self
+        }
+    }
+
+    /// The path of the library in an address, and the address of the device that the plug-in reads.
+    fn split<'a>(&self, address: &'a str) -> (PathBuf, &'a str) {
+        let (file, address) = address.split_once(':').unwrap_or((address, ""));
+        (self.folder.join(file), address)
+    }
+
+    /// Opens a device, and starts its thread.
+    ///
+    /// # Errors
+    /// [`OpenError`], which names the file and what to do.
+    pub fn connect(&self, request: &Request<'_>) -> Result<Exchanged, OpenError> {
+        let (path, address) = self.split(request.address);
+        if request.address.split(':').next() == Some("") {
+            return Err(OpenError::Address {
+                found: "nothing".into(),
+                allowed: "plugin:FILE or plugin:FILE:ADDRESS, with the path of the plug-in's library",
+            });
+        }
+        let refused = |source: Box<dyn Error + Send + Sync>| OpenError::Refused {
+            source,
+            allowed: "a plug-in whose device can be opened",
+        };
+        let started = Process::start(&self.program, &path, address);
+        let (process, name, found) = started.map_err(|error| refused(error.into()))?;
+        let Some(capabilities) = capabilities(&found) else {
+            let found = format!("{found:?}");
+            return Err(refused(
+                PluginOpenError::Capabilities { path, name, found }.into(),
+            ));
+        };
+        let stated = Stated::new(&name, &capabilities);
+        let limits = request.agree(&stated, LEAST).map_err(|source| {
+            let path = path.clone();
+            refused(PluginOpenError::Profile { path, source }.into())
+        })?;
+        let plugin = PluginDevice {
+            program: self.program.clone(),
+            path,
+            address: address.to_owned(),
+            process: Some(process),
+            name: stated.name,
+            limits,
+            told: false,
+        };
+        let device = Exchanged::start(plugin, limits);
+        device.map_err(|error| refused(PluginOpenError::Thread(error).into()))
     }
 }
 
@@ -50,53 +118,19 @@ impl Driver for Plugins {
         Kind::Real
     }
 
+    fn reaches(&self, address: &str) -> Vec<String> {
+        let (path, address) = self.split(address);
+        vec![format!("{} with {address:?}", file_of(&path))]
+    }
+
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
-        let (file, address) = request
-            .address
-            .split_once(':')
-            .unwrap_or((request.address, ""));
-        if file.is_empty() {
-            return Err(OpenError::Address {
-                found: "nothing".into(),
-                allowed: "plugin:FILE or plugin:FILE:ADDRESS, with the path of the plug-in's library",
-            });
-        }
-        let device =
-            open(&self.folder.join(file), address).map_err(|error| OpenError::Refused {
-                source: Box::new(error),
-                allowed: "a plug-in whose device can be opened",
-            })?;
-        Ok(Box::new(device.for_loop(request.period)))
+        Ok(Box::new(self.connect(request)?.for_loop(request.period)))
     }
 }
 
-/// Opens a device of the plug-in in a file, and starts its thread.
-///
-/// # Errors
-/// [`PluginOpenError`], which names the file and what to do.
-pub fn open(path: &Path, address: &str) -> Result<Exchanged, PluginOpenError> {
-    let library = Library::load(path)?;
-    let (device, found) = library.open(address)?;
-    let capabilities = capabilities(&found).ok_or_else(|| PluginOpenError::Capabilities {
-        path: path.to_owned(),
-        name: library.name().to_owned(),
-        found: format!("{found:?}"),
-    })?;
-    let plugin = PluginDevice {
-        library,
-        address: address.to_owned(),
-        device: Some(device),
-        sensed: capabilities.sensed,
-    };
-    Exchanged::start(plugin, capabilities).map_err(PluginOpenError::Thread)
-}
-
-/// Why a device of a plug-in could not be opened.
+/// Why a device that a plug-in has opened is not used.
 #[derive(Debug, thiserror::Error)]
 pub enum PluginOpenError {
-    /// The plug-in or its device.
-    #[error(transparent)]
-    Plugin(#[from] PluginError),
     /// The capabilities that the plug-in states are not those of a device.
     #[error(
         "the plug-in {path} ({name}) states capabilities that no device has: {found}; allowed: degrees of freedom x, y \
@@ -111,6 +145,14 @@ pub enum PluginOpenError {
         /// The capabilities that were found.
         found: String,
     },
+    /// The device is not that of its profile.
+    #[error("the plug-in {path}: {source}", path = .path.display())]
+    Profile {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        source: Mismatch,
+    },
     /// The system gave no thread.
     #[error("the system gave no thread for a device: {0}")]
     Thread(#[source] std::io::Error),
@@ -118,45 +160,75 @@ pub enum PluginOpenError {
 
 /// A device of a plug-in, as the thread of the device sees it.
 struct PluginDevice {
-    library: Library,
+    program: PathBuf,
+    path: PathBuf,
     address: String,
     /// `None` while the device is lost.
-    device: Option<Opened>,
-    sensed: Freedom,
+    process: Option<Process>,
+    /// The name that the plug-in gave its device first.
+    name: Name,
+    /// The limits that hold.
+    limits: Capabilities,
+    /// Whether the person was told that the process has ended.
+    told: bool,
 }
 
-impl Exchange for PluginDevice {
-    fn exchange(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError> {
-        let Some(device) = &mut self.device else {
-            return Err(DeviceError::Disconnected(NO_DEVICE));
-        };
+impl PluginDevice {
+    /// One exchange.
+    fn exchanged(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError> {
+        let gone = DeviceError::Disconnected(NO_DEVICE);
+        let process = self.process.as_mut().ok_or(gone)?;
         let wrench = abi::Wrench {
             force: finite(&wrench.force),
             moment: finite(&wrench.moment),
         };
-        match device.exchange(&wrench) {
+        let answer = process.exchange(&wrench);
+        if let Err(number) = answer
+            && !std::mem::replace(&mut self.told, true)
+        {
+            // Nothing else of the run knows the cause. Once is enough: the process may end again and again.
+            let (path, why) = (self.path.display(), process.why(number));
+            eprintln!(
+                "the plug-in {path} {why}. Its device is lost until a new process has opened it"
+            );
+        }
+        match answer.map_err(DeviceError::Disconnected)? {
             (abi::OK, state) => {
-                state_of(&state, self.sensed).ok_or(DeviceError::Corrupt(Corruption::Range))
+                let state = state_of(&state, self.limits.sensed);
+                state.ok_or(DeviceError::Corrupt(Corruption::Range))
             }
             (code, _) if code < 0 => Err(DeviceError::Disconnected(code.saturating_neg())),
             // There is no new state.
             _ => Err(DeviceError::NoReport),
         }
     }
+}
+
+impl Exchange for PluginDevice {
+    fn exchange(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError> {
+        let result = self.exchanged(wrench);
+        if let Err(DeviceError::Disconnected(_)) = result {
+            self.process = None;
+        }
+        result
+    }
 
     fn release(&mut self) {
-        self.device = None;
+        self.process = None;
     }
 
     fn reopen(&mut self) -> Result<(), DeviceError> {
         // A device is closed before it is opened again.
-        self.device = None;
+        self.process = None;
         let gone = DeviceError::Disconnected(NO_DEVICE);
-        let (device, found) = self.library.open(&self.address).map_err(|_| gone)?;
-        if capabilities(&found).map(|found| found.sensed) != Some(self.sensed) {
+        let started = Process::start(&self.program, &self.path, &self.address);
+        let (process, name, found) = started.map_err(|_| gone)?;
+        let stated = Stated::new(&name, &capabilities(&found).ok_or(gone)?);
+        // It must be the same device, and as strong as before.
+        if stated.name != self.name || stated.agree(&self.limits, 1.0).is_err() {
             return Err(gone);
         }
-        self.device = Some(device);
+        self.process = Some(process);
         Ok(())
     }
 }
@@ -250,6 +322,15 @@ mod tests {
         }
     }
 
+    /// A state with this orientation, of a device with six degrees of freedom.
+    fn turned(orientation: [f64; 4]) -> Option<DeviceState> {
+        let state = abi::State {
+            orientation,
+            ..abi::State::default()
+        };
+        state_of(&state, Freedom::Six)
+    }
+
     #[test]
     fn a_plug_in_tells_what_its_device_renders() {
         for (number, expected) in [
@@ -277,9 +358,28 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_library_is_named() {
-        let error = open(Path::new("no/such/library.so"), "").expect_err("no such file");
-        assert!(error.to_string().contains("no/such/library.so"), "{error}");
+    fn an_orientation_that_is_no_unit_quaternion_is_no_state() {
+        let half = 0.5_f64.sqrt();
+        let whole = turned([half, 0.0, 0.0, half]).expect("a quarter turn");
+        let turn = whole.pose.rotation.scaled_axis();
+        let quarter = std::f64::consts::FRAC_PI_2;
+        assert!(
+            (turn - Vec3::new(0.0, 0.0, quarter)).norm() < 1e-12,
+            "{turn}"
+        );
+        for factor in [0.0, 0.5, 0.98, 1.02, 2.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(
+                turned([factor * half, 0.0, 0.0, factor * half]),
+                None,
+                "{factor}"
+            );
+        }
+        // Rounding of a library in single precision is no fault.
+        for factor in [1.0 - 1e-6, 1.0 + 1e-6] {
+            assert!(turned([factor * half, 0.0, 0.0, factor * half]).is_some());
+        }
+        // A device without a rotation may leave the field as it is.
+        assert!(state_of(&abi::State::default(), Freedom::Three).is_some());
     }
 
     proptest! {

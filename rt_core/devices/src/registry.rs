@@ -6,9 +6,13 @@
 //! its driver.
 
 use crate::models::{DeviceFile, DeviceModel};
+use crate::stated::{Mismatch, Name, Stated};
+use rt_core::Capabilities;
 use runner::AnyDevice;
+use std::cell::RefCell;
 use std::error::Error;
 use std::fmt;
+use std::net::{IpAddr, Ipv4Addr, ToSocketAddrs};
 use std::path::Path;
 
 /// The name of a driver and the address of a device, as a scene gives them: `driver`, or `driver:address`.
@@ -59,6 +63,22 @@ pub enum Kind {
     Real,
 }
 
+/// What a driver tells of a device that it opens, beside errors: one sentence each.
+#[derive(Debug, Default)]
+pub struct Notes(RefCell<Vec<String>>);
+
+impl Notes {
+    /// Adds a note.
+    pub fn add(&self, note: String) {
+        self.0.borrow_mut().push(note);
+    }
+
+    /// The notes so far.
+    pub fn into_vec(self) -> Vec<String> {
+        self.0.into_inner()
+    }
+}
+
 /// A request to a driver to open a device.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
@@ -66,12 +86,17 @@ pub struct Request<'a> {
     pub index: usize,
     /// The model of the device.
     pub model: &'a DeviceModel,
+    /// The name of the device in its profile, which a device that states a name must not contradict; empty where the
+    /// caller knows none.
+    pub name: &'a str,
     /// Period of the tick (s).
     pub period: f64,
     /// The address of the device, which only the driver reads; empty where the scene gives none.
     pub address: &'a str,
     /// The firmware that the scene names for the device.
     pub firmware: Option<&'a Path>,
+    /// Takes what the driver tells.
+    pub notes: Option<&'a Notes>,
 }
 
 /// A driver: the code that opens devices of one kind.
@@ -86,6 +111,11 @@ pub trait Driver {
     fn protocol(&self) -> Option<&'static str> {
         None
     }
+
+    /// What an address names, as far as it can be known before anything is opened: the file of a device, a place in the
+    /// network. Two addresses that have a name in common reach one device, whatever their drivers. Empty where any number
+    /// of devices may have the address.
+    fn reaches(&self, address: &str) -> Vec<String>;
 
     /// Opens a device.
     ///
@@ -166,6 +196,9 @@ pub enum OpenError {
 ///     fn kind(&self) -> Kind {
 ///         Kind::Simulated
 ///     }
+///     fn reaches(&self, _: &str) -> Vec<String> {
+///         Vec::new()
+///     }
 ///     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
 ///         let capabilities = request.model.capabilities();
 ///         let read = |_| Ok(DeviceState::resting());
@@ -175,7 +208,7 @@ pub enum OpenError {
 ///
 /// let registry = Registry::new().with(Resting);
 /// let model = DeviceModel::named("falcon").expect("a built-in device");
-/// let request = Request { index: 0, model: &model, period: 1e-3, address: "", firmware: None };
+/// let request = Request::new(&model, "");
 /// let mut device = registry.open("resting", &request)?;
 /// assert_eq!(device.capabilities().max_force, 8.0);
 /// assert!(device.read(0).is_ok());
@@ -214,6 +247,16 @@ impl Registry {
         found.map(|driver| &**driver)
     }
 
+    /// Whether two connections reach one device, as far as that can be known before anything is opened.
+    pub fn reach_the_same(&self, one: &Connection, other: &Connection) -> bool {
+        let reached = |connection: &Connection| {
+            let driver = self.driver(&connection.driver);
+            driver.map_or_else(Vec::new, |driver| driver.reaches(&connection.address))
+        };
+        let known = reached(one);
+        !known.is_empty() && reached(other).iter().any(|name| known.contains(name))
+    }
+
     /// Opens a device through the driver of that name.
     ///
     /// # Errors
@@ -229,13 +272,91 @@ impl Registry {
     }
 }
 
+/// What a path names, for [`Driver::reaches`]: the file to which it leads, or itself where it leads nowhere.
+pub(crate) fn file_of(path: &Path) -> String {
+    let leads_to = std::fs::canonicalize(path);
+    leads_to
+        .as_deref()
+        .unwrap_or(path)
+        .to_string_lossy()
+        .into_owned()
+}
+
+/// What a host and a port name, for [`Driver::reaches`]: all addresses of the host, and the text itself.
+pub(crate) fn places_of(address: &str) -> Vec<String> {
+    let found = address.to_socket_addrs().into_iter().flatten();
+    let each = found.map(|place| {
+        // Any address of this machine is reached at this machine.
+        let ip = match place.ip().to_canonical() {
+            ip if ip.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
+            ip => ip,
+        };
+        format!("{ip} port {}", place.port())
+    });
+    each.chain([address.to_ascii_lowercase()]).collect()
+}
+
 impl fmt::Debug for Registry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self.names()).finish()
     }
 }
 
-impl Request<'_> {
+impl<'a> Request<'a> {
+    /// A request for the first device of a scene, with this address, at 1 kHz.
+    pub fn new(model: &'a DeviceModel, address: &'a str) -> Self {
+        Self {
+            index: 0,
+            model,
+            name: "",
+            period: 1e-3,
+            address,
+            firmware: None,
+            notes: None,
+        }
+    }
+
+    /// Holds what a device states against its profile (see [`Stated::agree`]). Tells the person where the name is unknown
+    /// or the device is the weaker one, and returns the limits that hold.
+    ///
+    /// # Errors
+    /// [`Mismatch`].
+    pub(crate) fn agree(&self, stated: &Stated, least: f64) -> Result<Capabilities, Mismatch> {
+        let profile = self.model.capabilities();
+        let limits = stated.agree(&profile, least)?;
+        self.name_agrees(stated.name)?;
+        for (quantity, unit, holds, profile) in [
+            ("force", "N", limits.max_force, profile.max_force),
+            ("moment", "N m", limits.max_moment, profile.max_moment),
+        ] {
+            if holds < profile {
+                self.note(format!(
+                    "the device {} states a largest {quantity} of {holds} {unit}, and its profile {profile} {unit}: the \
+                     lower limit holds",
+                    stated.name
+                ));
+            }
+        }
+        Ok(limits)
+    }
+
+    /// Holds the name that a device states against its profile (see [`Stated::name_agrees`]).
+    ///
+    /// # Errors
+    /// [`Mismatch::Name`].
+    pub(crate) fn name_agrees(&self, stated: Name) -> Result<(), Mismatch> {
+        if let Some(note) = stated.agrees(self.name)? {
+            self.note(note);
+        }
+        Ok(())
+    }
+
+    fn note(&self, note: String) {
+        if let Some(notes) = self.notes {
+            notes.add(note);
+        }
+    }
+
     /// Refuses an address, for a driver whose devices have none.
     ///
     /// # Errors
@@ -279,13 +400,7 @@ mod tests {
         let registry = Registry::new().with(Hid).with(Plain);
         let model = DeviceModel::named("touch").expect("it is carried along");
         let connection = Connection::parse(connection);
-        let request = Request {
-            index: 0,
-            model: &model,
-            period: 1e-3,
-            address: &connection.address,
-            firmware: None,
-        };
+        let request = Request::new(&model, &connection.address);
         match registry.open(&connection.driver, &request) {
             Ok(_) => "open".to_owned(),
             Err(error) => error.to_string(),
@@ -315,9 +430,8 @@ mod tests {
             "hid:1209:10000",
             "hid:+209:c0de",
             "hid:12 9:c0de",
-            "hid:/dev/hidraw",
-            "hid:/dev/hidraw1/..",
-            "hid:/dev/sda",
+            "hid:/",
+            "hid:dev/hidraw1",
         ] {
             let error = open(address);
             let found = Connection::parse(address).address;
@@ -330,6 +444,106 @@ mod tests {
         // Vendor 0 is not assigned. A system without sysfs lists no devices at all.
         let nobody = open("hid:0000:0bad:left");
         assert!(nobody.contains("HID device"), "{nobody}");
+        // Any path may be a link that leads to a device; these do not.
+        for path in ["/dev/null", "/dev/hidraw1/..", "/dev/no/such/link"] {
+            let refused = open(&format!("hid:{path}"));
+            assert!(
+                refused.contains(&format!("no HID device {path} is connected")),
+                "{refused}"
+            );
+        }
+    }
+
+    #[test]
+    fn two_texts_that_name_one_device_are_known() {
+        use crate::falcon::FalconDriver;
+        use crate::plugin::Plugins;
+        use crate::woodenhaptics::WoodenHapticsDriver;
+        use crate::{Tcp, Tty};
+        use std::os::unix::fs::symlink;
+        let folder = std::env::temp_dir().join(format!("palpate-same-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(folder.join("by-id")).expect("a temporary folder");
+        std::fs::write(folder.join("line"), "").expect("ours");
+        symlink("../line", folder.join("by-id/left")).expect("ours");
+        let registry = Registry::new()
+            .with(Hid)
+            .with(Tty)
+            .with(Tcp)
+            .with(WoodenHapticsDriver)
+            .with(FalconDriver)
+            .with(Plugins::new(&folder))
+            .with(Replay::new(Vec::new()));
+        let at = folder.display();
+        let same = |one: &str, other: &str| {
+            let (one, other) = (Connection::parse(one), Connection::parse(other));
+            let found = registry.reach_the_same(&one, &other);
+            assert_eq!(
+                registry.reach_the_same(&other, &one),
+                found,
+                "{one} {other}"
+            );
+            found
+        };
+        for (one, other) in [
+            ("falcon".to_owned(), "falcon".to_owned()),
+            ("woodenhaptics".to_owned(), "woodenhaptics".to_owned()),
+            (
+                "hid:/dev/hidraw97".to_owned(),
+                "hid:/dev/hidraw97".to_owned(),
+            ),
+            // Whatever the protocol, the file is one.
+            (
+                "hid:/dev/hidraw97".to_owned(),
+                "woodenhaptics:/dev/hidraw97".to_owned(),
+            ),
+            ("hid:1209:c0de".to_owned(), "hid:1209:C0DE".to_owned()),
+            (format!("tty:{at}/line"), format!("tty:{at}/by-id/left")),
+            (
+                format!("tty:{at}/line"),
+                format!(
+                    "tty:{at}/../{}/line@1000000",
+                    folder.file_name().unwrap().display()
+                ),
+            ),
+            (
+                format!("woodenhaptics:tty:{at}/by-id/left"),
+                format!("tty:{at}/line@9600"),
+            ),
+            (
+                "tcp:localhost:4000".to_owned(),
+                "tcp:127.0.0.1:4000".to_owned(),
+            ),
+            (
+                "tcp:0.0.0.0:4000".to_owned(),
+                "woodenhaptics:tcp:localhost:4000".to_owned(),
+            ),
+            (
+                "tcp:no.such.host.invalid:4000".to_owned(),
+                "tcp:NO.such.host.invalid:4000".to_owned(),
+            ),
+            ("plugin:line".to_owned(), "plugin:by-id/left".to_owned()),
+            ("plugin:line:1".to_owned(), format!("plugin:{at}/line:1")),
+        ] {
+            assert!(same(&one, &other), "{one} {other}");
+        }
+        for (one, other) in [
+            ("falcon:a", "falcon:b"),
+            ("hid:1209:c0de:a", "hid:1209:c0de:b"),
+            ("hid:1209:c0de:@1-1", "hid:1209:c0de:@1-2"),
+            ("hid:/dev/hidraw97", "hid:/dev/hidraw98"),
+            ("tcp:localhost:4000", "tcp:localhost:4001"),
+            ("tcp:127.0.0.1:4000", "tcp:127.0.0.2:4000"),
+            ("tty:/dev/ttyUSB97", "tty:/dev/ttyUSB98"),
+            // The plug-in tells its devices apart by their address.
+            ("plugin:line:1", "plugin:line:2"),
+            ("plugin:line", "plugin:line:1"),
+            // Any number of devices may be simulated or recorded.
+            ("replay", "replay"),
+        ] {
+            assert!(!same(one, other), "{one} {other}");
+        }
+        std::fs::remove_dir_all(&folder).expect("ours");
     }
 
     #[test]

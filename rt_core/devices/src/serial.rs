@@ -15,5 +15,6 @@ mod error;
 mod exchange;
 
 pub use connect::{Tcp, Tty};
-pub use error::{AxisNames, Name, SerialError};
+pub use error::SerialError;
+pub(crate) use error::check;
 pub use exchange::{GREETING_NS, SILENT_PERIODS, Serial};

@@ -12,6 +12,7 @@ pub use packets::Packets;
 pub use stream::Stream;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 use std::os::fd::AsFd;
 use std::time::Duration;
@@ -55,6 +56,15 @@ impl<T: Transport + ?Sized> Transport for Box<T> {
     }
 }
 
+/// Locks the file of a device for this opening alone. Unlike the kernel's exclusive mode of terminals, the lock also keeps
+/// a second run of root away.
+fn lock(file: &impl AsFd) -> std::io::Result<()> {
+    match rustix::fs::flock(file, FlockOperation::NonBlockingLockExclusive) {
+        Err(Errno::WOULDBLOCK) => Err(Errno::BUSY.into()),
+        result => Ok(result?),
+    }
+}
+
 /// The number of bytes of a read that does not wait; zero where nothing waits.
 fn now(result: Result<usize, Errno>) -> Result<usize, i32> {
     match result {
@@ -66,7 +76,7 @@ fn now(result: Result<usize, Errno>) -> Result<usize, i32> {
 
 /// Waits until a file is ready for `events`, at most for `wait`. Returns whether it is. A file whose other end is gone
 /// counts as ready: the next call tells its error.
-fn wait_for(file: &impl AsFd, events: PollFlags, wait: Duration) -> Result<bool, i32> {
+pub(crate) fn wait_for(file: &impl AsFd, events: PollFlags, wait: Duration) -> Result<bool, i32> {
     let wait = Timespec::try_from(wait).unwrap_or(Timespec {
         tv_sec: i64::MAX,
         tv_nsec: 0,

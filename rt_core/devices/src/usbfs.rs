@@ -1,6 +1,6 @@
 //! USB devices through the files that Linux has for them (usbfs), without a library.
 //!
-//! A device is found in `/sys/bus/usb/devices` by its numbers, opened as `/dev/bus/usb/BBB/DDD`, and driven by four
+//! A device is found in the kernel's list by its numbers ([`found`](crate::found)), opened as `/dev/bus/usb/BBB/DDD`, and driven by four
 //! requests of the kernel: claim an interface, control transfer, bulk transfer, and release, which closing does. Bulk
 //! transfers complete in the interrupt thread of the host controller. The bytes of a tty, in contrast, pass through a
 //! worker of ordinary priority.
@@ -9,6 +9,7 @@
 //!
 //! Source: the kernel's documentation, *USB host-side API*, and the layout of `linux/usbdevice_fs.h`.
 
+use crate::found::{self, FindError, Which, udev_rule, usb_rule};
 use crate::ftdi::{PACKET, Setup, Usb};
 use std::ffi::{c_uint, c_void};
 use std::fmt;
@@ -17,10 +18,6 @@ use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Where the kernel lists USB devices.
-const DEVICES: &str = "/sys/bus/usb/devices";
-/// Where the kernel has a file for each USB device.
-const FILES: &str = "/dev/bus/usb";
 /// The one interface of FTDI's chips of one port.
 const INTERFACE: c_uint = 0;
 /// Bulk pipe from an FTDI chip.
@@ -35,68 +32,44 @@ const INCOMPLETE: i32 = 5;
 /// Selects the USB device to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selector {
-    /// Vendor of the device.
-    pub vendor: u16,
-    /// Product of the device.
-    pub product: u16,
-    /// Serial number, which distinguishes two devices of the same kind.
-    pub serial: Option<String>,
+    /// The connection of any device of the kind, such as `falcon`.
+    pub kind: &'static str,
+    /// Vendor and product of the device.
+    pub numbers: (u16, u16),
+    /// Which one of the devices with these numbers.
+    pub which: Which,
+}
+
+impl Selector {
+    /// The file of the one connected device that is selected, on the machine whose file system has this root.
+    ///
+    /// # Errors
+    /// [`FindError`].
+    pub(crate) fn find(&self, root: &Path) -> Result<PathBuf, FindError> {
+        let (vendor, product) = self.numbers;
+        let called = format!("USB device {vendor:04x}:{product:04x}");
+        let alike = found::usb(root, self.kind, self.numbers);
+        Ok(alike.find(&self.which, &called)?.file.clone())
+    }
 }
 
 impl fmt::Display for Selector {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:04x}:{:04x}", self.vendor, self.product)?;
-        match &self.serial {
-            Some(serial) => write!(f, " with serial number {serial:?}"),
-            None => Ok(()),
-        }
+        let (vendor, product) = self.numbers;
+        write!(f, "{vendor:04x}:{product:04x}{}", self.which)
     }
 }
 
 /// Why a USB device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum UsbError {
-    /// The system lists no USB devices.
-    #[error(
-        "the USB devices of this system cannot be listed in {path}: {source}. In a container or virtual machine, check \
-         that USB devices are passed on",
-        path = path.display()
-    )]
-    System {
-        /// The folder.
-        path: PathBuf,
-        /// The error of the system.
-        source: std::io::Error,
-    },
-    /// No such device is connected.
-    #[error(
-        "no USB device {selector} is connected ({found}). Check its cable and power, and `lsusb` for its numbers; in a \
-         container or virtual machine, check that USB devices are passed on"
-    )]
-    NotFound {
-        /// The device that was asked for.
-        selector: Selector,
-        /// The devices of the same kind that were found.
-        found: String,
-    },
-    /// More than one such device is connected.
-    #[error(
-        "{count} USB devices {selector} are connected; name one by its serial number ({serials})"
-    )]
-    Several {
-        /// The device that was asked for.
-        selector: Selector,
-        /// Number of such devices.
-        count: usize,
-        /// The serial numbers of these devices.
-        serials: String,
-    },
+    /// There is not exactly one such device.
+    #[error(transparent)]
+    Find(#[from] FindError),
     /// The device is connected but cannot be opened.
     #[error(
-        "the USB device {selector} is connected as {path} but cannot be opened: {source}. Let your account use it with \
-         a udev rule: SUBSYSTEM==\"usb\", ATTR{{idVendor}}==\"{:04x}\", ATTR{{idProduct}}==\"{:04x}\", MODE=\"0660\", \
-         TAG+=\"uaccess\"; then plug it in again",
-        selector.vendor, selector.product, path = path.display()
+        "the USB device {selector} is connected as {path} but cannot be opened: {source}. {}",
+        udev_rule(&usb_rule(selector.numbers)), path = path.display()
     )]
     Open {
         /// The device that was asked for.
@@ -127,10 +100,10 @@ impl UsbError {
     /// The error number of the system; that of a missing device (ENODEV) where there is none.
     pub fn number(&self) -> i32 {
         match self {
-            Self::System { source, .. }
-            | Self::Open { source, .. }
-            | Self::Claim { source, .. } => source.raw_os_error().unwrap_or(libc::ENODEV),
-            Self::NotFound { .. } | Self::Several { .. } => libc::ENODEV,
+            Self::Open { source, .. } | Self::Claim { source, .. } => {
+                source.raw_os_error().unwrap_or(libc::ENODEV)
+            }
+            Self::Find(_) => libc::ENODEV,
         }
     }
 }
@@ -147,7 +120,7 @@ impl UsbDevice {
     /// # Errors
     /// [`UsbError`], which names the device and says what to do.
     pub fn open(selector: &Selector) -> Result<Self, UsbError> {
-        let path = Path::new(FILES).join(find(Path::new(DEVICES), selector)?);
+        let path = selector.find(Path::new("/"))?;
         let file = File::options()
             .read(true)
             .write(true)
@@ -186,74 +159,6 @@ impl Usb for UsbDevice {
             _ => Err(INCOMPLETE),
         }
     }
-}
-
-/// One device in the kernel's list.
-struct Listed {
-    /// Its file, below [`FILES`].
-    file: PathBuf,
-    serial: String,
-}
-
-/// The file of the one device that `selector` names, below [`FILES`], from the list in `devices`.
-fn find(devices: &Path, selector: &Selector) -> Result<PathBuf, UsbError> {
-    let folders = std::fs::read_dir(devices).map_err(|source| UsbError::System {
-        path: devices.to_owned(),
-        source,
-    })?;
-    let mut alike: Vec<Listed> = folders
-        .filter_map(|folder| listed(&folder.ok()?.path(), selector))
-        .collect();
-    alike.sort_by(|a, b| a.file.cmp(&b.file));
-    let serials = |of: &[&Listed]| {
-        let each: Vec<_> = of
-            .iter()
-            .map(|device| format!("{:?}", device.serial))
-            .collect();
-        each.join(", ")
-    };
-    let wanted = selector.serial.as_ref();
-    let matching: Vec<_> = alike
-        .iter()
-        .filter(|device| wanted.is_none_or(|wanted| *wanted == device.serial))
-        .collect();
-    match matching.as_slice() {
-        [device] => Ok(device.file.clone()),
-        [] => Err(UsbError::NotFound {
-            selector: selector.clone(),
-            found: if alike.is_empty() {
-                "and no other device of its kind".into()
-            } else {
-                let alike: Vec<_> = alike.iter().collect();
-                format!(
-                    "others of its kind have the serial numbers {}",
-                    serials(&alike)
-                )
-            },
-        }),
-        several => Err(UsbError::Several {
-            selector: selector.clone(),
-            count: several.len(),
-            serials: serials(several),
-        }),
-    }
-}
-
-/// The device in a folder of the kernel's list; `None` where it is an interface, or a device of another kind.
-fn listed(folder: &Path, selector: &Selector) -> Option<Listed> {
-    let text = |name: &str| {
-        let text = std::fs::read_to_string(folder.join(name)).ok()?;
-        Some(text.trim().to_owned())
-    };
-    let hex = |name| u16::from_str_radix(&text(name)?, 16).ok();
-    if (hex("idVendor")?, hex("idProduct")?) != (selector.vendor, selector.product) {
-        return None;
-    }
-    let number = |name| text(name)?.parse::<u32>().ok();
-    Some(Listed {
-        file: format!("{:03}/{:03}", number("busnum")?, number("devnum")?).into(),
-        serial: text("serial").unwrap_or_default(),
-    })
 }
 
 /// The requests of the kernel.
@@ -379,10 +284,10 @@ mod tests {
     use crate::ftdi::Control;
     use std::fs;
 
-    /// A list of devices, removed at the end.
-    struct List(PathBuf);
+    /// A machine with USB devices, removed at the end.
+    struct Machine(PathBuf);
 
-    impl List {
+    impl Machine {
         fn new(name: &str) -> Self {
             let path =
                 std::env::temp_dir().join(format!("palpate-usb-{name}-{}", std::process::id()));
@@ -391,7 +296,7 @@ mod tests {
         }
 
         fn add(&self, name: &str, files: &[(&str, &str)]) {
-            let folder = self.0.join(name);
+            let folder = self.0.join("sys/bus/usb/devices").join(name);
             fs::create_dir_all(&folder).unwrap();
             for (file, text) in files {
                 fs::write(folder.join(file), format!("{text}\n")).unwrap();
@@ -410,19 +315,26 @@ mod tests {
                 ],
             );
         }
+
+        /// The file of the device that the end of an address names, from the folder of these files; or why there is none.
+        fn find(&self, address: &str) -> Result<PathBuf, String> {
+            let file = selector(address).find(&self.0).map_err(|e| e.to_string())?;
+            let files = self.0.join("dev/bus/usb");
+            Ok(file.strip_prefix(files).unwrap().to_owned())
+        }
     }
 
-    impl Drop for List {
+    impl Drop for Machine {
         fn drop(&mut self) {
             let _ = fs::remove_dir_all(&self.0);
         }
     }
 
-    fn selector(serial: Option<&str>) -> Selector {
+    fn selector(address: &str) -> Selector {
         Selector {
-            vendor: 0x0403,
-            product: 0xcb48,
-            serial: serial.map(str::to_owned),
+            kind: "falcon",
+            numbers: (0x0403, 0xcb48),
+            which: Which::parse(address),
         }
     }
 
@@ -434,43 +346,57 @@ mod tests {
     }
 
     #[test]
-    fn a_device_is_found_by_its_numbers_and_its_serial_number() {
-        let list = List::new("found");
-        let find = |serial| find(&list.0, &selector(serial));
+    fn a_device_is_found_by_its_numbers_its_serial_number_and_its_port() {
+        let machine = Machine::new("found");
         // An interface, a hub, and a device whose files are no numbers.
-        list.add("1-1:1.0", &[("bInterfaceNumber", "00")]);
-        list.add("usb1", &[("idVendor", "1d6b"), ("idProduct", "0002")]);
-        list.add("1-9", &[("idVendor", "?"), ("idProduct", "cb48")]);
-        let text = find(None).unwrap_err().to_string();
+        machine.add("1-1:1.0", &[("bInterfaceNumber", "00")]);
+        machine.add("usb1", &[("idVendor", "1d6b"), ("idProduct", "0002")]);
+        machine.add("1-9", &[("idVendor", "?"), ("idProduct", "cb48")]);
+        let text = machine.find("").unwrap_err();
         for part in ["0403:cb48", "no other device", "lsusb"] {
             assert!(text.contains(part), "{part} in {text}");
         }
-        list.falcon("1-1", "7", "left");
-        assert_eq!(find(None).unwrap(), Path::new("001/007"));
-        let error = find(Some("right")).unwrap_err();
-        assert!(error.to_string().contains("\"left\""), "{error}");
-        assert_eq!(error.number(), libc::ENODEV);
-        list.falcon("1-2", "12", "right");
-        assert_eq!(find(Some("right")).unwrap(), Path::new("001/012"));
-        let text = find(None).unwrap_err().to_string();
+        machine.falcon("1-1", "7", "left");
+        assert_eq!(machine.find("").unwrap(), Path::new("001/007"));
+        let text = machine.find("right").unwrap_err();
         assert!(
-            text.contains("2 USB devices") && text.contains("\"left\", \"right\""),
+            text.contains("\"right\"") && text.contains("others of its kind: falcon:left"),
             "{text}"
         );
-        let missing = super::find(&list.0.join("none"), &selector(None)).unwrap_err();
-        assert!(matches!(missing, UsbError::System { .. }), "{missing}");
+        machine.falcon("1-2", "12", "right");
+        assert_eq!(machine.find("right").unwrap(), Path::new("001/012"));
+        let text = machine.find("").unwrap_err();
+        assert!(
+            text.contains(
+                "the USB device 0403:cb48 is not the only one: 2 are connected; name one of them: falcon:left, falcon:right"
+            ),
+            "{text}"
+        );
+        // Two more with one serial number.
+        machine.falcon("1-3", "13", "left");
+        let text = machine.find("left").unwrap_err();
+        assert!(
+            text.contains(
+                "serial numbers are equal (\"left\"); name one of them: falcon:@1-1, falcon:@1-3"
+            ),
+            "{text}"
+        );
+        assert_eq!(machine.find("@1-1").unwrap(), Path::new("001/007"));
+        assert_eq!(machine.find("@1-3").unwrap(), Path::new("001/013"));
+        let text = machine.find("@1-4").unwrap_err();
+        assert!(text.contains("on the USB port 1-4"), "{text}");
     }
 
     #[test]
     fn errors_of_opening_say_what_to_do() {
         let source = |number| std::io::Error::from_raw_os_error(number);
         let open = UsbError::Open {
-            selector: selector(None),
+            selector: selector(""),
             path: "/dev/bus/usb/001/007".into(),
             source: source(libc::EACCES),
         };
         let claim = UsbError::Claim {
-            selector: selector(None),
+            selector: selector(""),
             path: "/dev/bus/usb/001/007".into(),
             source: source(libc::EBUSY),
         };

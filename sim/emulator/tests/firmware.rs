@@ -673,13 +673,7 @@ fn a_firmware_that_fails_lets_go_and_says_so() {
 fn open(name: &str, address: &str) -> AnyDevice {
     let model = DeviceModel::named("falcon").expect("a built-in device");
     let registry = Registry::new().with(Tcp);
-    let request = Request {
-        index: 0,
-        model: &model,
-        period: 1e-3,
-        address,
-        firmware: None,
-    };
+    let request = Request::new(&model, address);
     let start = Instant::now();
     loop {
         match registry.open("tcp", &request) {

@@ -6,6 +6,7 @@
 
 use devices::conformance::Suite;
 use devices::falcon::{Falcon, FalconDriver, Firmware as Image, PRODUCT, VENDOR};
+use devices::found::Which;
 use devices::ftdi::{Buffer, Chip as FtdiChip, Control, Ftdi};
 use devices::transport::Hidraw;
 use devices::usbfs::{Selector, UsbDevice};
@@ -163,11 +164,9 @@ fn open(connection: &str, model: &DeviceModel, firmware: Option<&Path>) -> AnyDe
     let start = Instant::now();
     while start.elapsed() < PATIENCE {
         let request = Request {
-            index: 0,
-            model,
             period: TICK.as_secs_f64(),
-            address: &parsed.address,
             firmware,
+            ..Request::new(model, &parsed.address)
         };
         match registry.open(&parsed.driver, &request) {
             Ok(device) => return device,
@@ -517,9 +516,9 @@ fn a_falcon_boots_homes_and_has_force() {
 /// The Falcon that is connected.
 fn selector() -> Selector {
     Selector {
-        vendor: VENDOR,
-        product: PRODUCT,
-        serial: None,
+        kind: "falcon",
+        numbers: (VENDOR, PRODUCT),
+        which: Which::Only,
     }
 }
 

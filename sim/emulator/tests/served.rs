@@ -140,13 +140,7 @@ impl<E: Emulator + Send + 'static> Server<E> {
             .with(Tty)
             .with(Tcp)
             .with(WoodenHapticsDriver);
-        let request = Request {
-            index: 0,
-            model,
-            period: 1e-3,
-            address: &connection.address,
-            firmware: None,
-        };
+        let request = Request::new(model, &connection.address);
         let device = registry.open(&connection.driver, &request);
         device.unwrap_or_else(|error| panic!("{connection}: {error}"))
     }
@@ -265,13 +259,8 @@ fn a_device_over_tcp_comes_back_after_its_connection_ended() {
 fn another_devices_profile_is_refused_over_the_line() {
     let server = Server::start(Place::pty().expect("a pty"), pushed(), None);
     let connection = Connection::parse(&server.connection);
-    let request = Request {
-        index: 0,
-        model: &DeviceModel::named("hapkit").expect("a built-in device"),
-        period: 1e-3,
-        address: &connection.address,
-        firmware: None,
-    };
+    let hapkit = DeviceModel::named("hapkit").expect("a built-in device");
+    let request = Request::new(&hapkit, &connection.address);
     let refused = Registry::new().with(Tty).open("tty", &request);
     let error = refused.err().expect("it is another device").to_string();
     assert!(error.contains("another device's profile"), "{error}");

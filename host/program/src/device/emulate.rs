@@ -200,10 +200,10 @@ fn simulated(arguments: &EmulateArguments, file: &DeviceFile) -> Result<SimDevic
     device.map_err(|error| refused(error.to_string()))
 }
 
-/// The device with its protocol.
+/// The device of that name with its protocol.
 fn device(
     arguments: &EmulateArguments,
-    file: &DeviceFile,
+    (name, file): (&str, &DeviceFile),
     protocol: ProtocolName,
 ) -> Result<Emulated, CommandError> {
     let refused = |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
@@ -214,7 +214,7 @@ fn device(
         } else {
             Framing::Stream
         };
-        let device = Firmware::new(device, &arguments.model, framing);
+        let device = Firmware::new(device, name, framing);
         return Ok(Emulated::Firmware(Box::new(device)));
     }
     let emulated = WoodenHaptics::new(device, &Geometry::default(), Form::Short);
@@ -227,7 +227,7 @@ fn device(
 }
 
 pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
-    let file = NamedDevice::load(&arguments.model)?.file;
+    let NamedDevice { name, file, .. } = NamedDevice::load(&arguments.model)?;
     let own = match file.protocol.as_deref() {
         Some("woodenhaptics") => ProtocolName::Woodenhaptics,
         Some("falcon") if arguments.on == "usb" => ProtocolName::Falcon,
@@ -241,7 +241,7 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
         let problem = "--firmware is for the protocol of the Falcon (--on usb --protocol falcon)";
         return Err(DeviceCommandError::NotEmulated(problem.to_owned()).into());
     }
-    let mut emulated = device(arguments, &file, protocol)?;
+    let mut emulated = device(arguments, (&name, &file), protocol)?;
     let mut place = place(arguments, protocol)?;
     let stop = Stop::new();
     // The signal is the usual end.

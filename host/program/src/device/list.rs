@@ -36,6 +36,8 @@ struct ListedDevice {
     name: String,
     /// Serial number; empty where the device states none.
     serial: String,
+    /// The port of USB, which stays when the device is plugged in again; empty for a device on another bus.
+    port: String,
     /// The file of the device.
     file: String,
     /// Whether the device is behind a hub, which it shares with other devices.
@@ -57,6 +59,9 @@ pub(super) fn run(arguments: &ListArguments) -> Result<(), CommandError> {
         outln!("{}", device.connect);
         outln!("  {:<10} {}", "name", device.name);
         outln!("  {:<10} {}", "file", device.file.display());
+        if !device.port.is_empty() {
+            outln!("  {:<10} USB {}", "port", device.port);
+        }
         if device.behind_hub {
             outln!(
                 "  {:<10} shared with other devices, which may delay it",
@@ -92,6 +97,7 @@ fn listed(found: Found) -> ListedDevice {
         connect: found.connect,
         name: found.name,
         serial: found.serial,
+        port: found.port,
         file: found.file.display().to_string(),
         behind_hub: found.behind_hub,
         trouble: found.trouble.map(|trouble| trouble.to_string()),

@@ -2,6 +2,7 @@
 
 use super::super::CommandError;
 use super::DeviceCommandError;
+use devices::registry::Notes;
 use devices::{Connection, DeviceFile, OpenError, Request};
 use host::scene::NamedDevice;
 use rt_core::{Device, Wrench};
@@ -36,14 +37,17 @@ pub(super) fn device(
         problem: error.to_string(),
     };
     driver.accepts(&file).map_err(refused)?;
+    let notes = Notes::default();
     let request = Request {
-        index: 0,
-        model: &file.model,
-        period: 1e-3,
-        address: &connection.address,
+        name: &file.name,
         firmware,
+        notes: Some(&notes),
+        ..Request::new(&file.model, &connection.address)
     };
     let opened = driver.open(&request).map_err(refused)?;
+    for note in notes.into_vec() {
+        errln!("note: {note}");
+    }
     Ok((opened, file))
 }
 

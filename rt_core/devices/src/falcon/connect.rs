@@ -4,12 +4,14 @@ use super::boot::{Firmware, Tries};
 use super::driver::{Falcon, Settings};
 use super::{PRODUCT, VENDOR};
 use crate::exchange::{Exchanged, clock, first_then};
+use crate::found::Which;
 use crate::ftdi::Chip;
-use crate::registry::{Driver, Kind, OpenError, Request};
+use crate::registry::{Driver, Kind, OpenError, Request, file_of};
 use crate::usbfs::{Selector, UsbDevice};
 use rt_core::Capabilities;
 use runner::AnyDevice;
 use std::error::Error;
+use std::path::Path;
 
 /// Largest force (N) that is asked of a Falcon, whatever its profile. The limit of the torques allows it in every
 /// direction within 30 mm of the centre; a larger force in a weak direction would be shortened behind the back of the
@@ -19,9 +21,20 @@ pub const MOST_FORCE: f64 = 5.0;
 /// The Novint Falcon. The scene names the firmware file, which the driver uploads. There is no force before the operator
 /// has homed the device: pull the grip out and push it in once.
 ///
-/// Addresses: none, where one Falcon is connected, or its serial number.
+/// Addresses: none, where one Falcon is connected; its serial number; or `@PORT`, its port of USB.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FalconDriver;
+
+/// The Falcon that an address names; `None` where the address has no form of one.
+fn selector(address: &str) -> Option<Selector> {
+    let which = Which::parse(address);
+    let is_port = matches!(which, Which::Port(_));
+    (is_port || !address.contains([':', '/'])).then_some(Selector {
+        kind: "falcon",
+        numbers: (VENDOR, PRODUCT),
+        which,
+    })
+}
 
 impl Driver for FalconDriver {
     fn name(&self) -> &'static str {
@@ -36,28 +49,34 @@ impl Driver for FalconDriver {
         Some("falcon")
     }
 
+    fn reaches(&self, address: &str) -> Vec<String> {
+        let Some(selector) = selector(address) else {
+            return Vec::new();
+        };
+        vec![match selector.find(Path::new("/")) {
+            Ok(file) => file_of(&file),
+            Err(_) => format!("Falcon {address}"),
+        }]
+    }
+
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
         let refused = |source: Box<dyn Error + Send + Sync>| OpenError::Refused {
             source,
             allowed: "a Novint Falcon that is connected and may be opened",
         };
-        if request.address.contains([':', '/']) {
+        let Some(selector) = selector(request.address) else {
             return Err(OpenError::Address {
                 found: request.address.to_owned(),
-                allowed: "falcon, where one Falcon is connected, or falcon:SERIAL",
+                allowed: "falcon, where one Falcon is connected; falcon:SERIAL; or falcon:@PORT, with the USB port that \
+                          `palpate device list` prints",
             });
-        }
+        };
         let Some(file) = request.firmware else {
             let problem = "a Falcon needs its firmware: name the file by `firmware = \"FILE\"`. It is the firmware image of \
                            Novint's SDK, or the one in the folder `firmware` of a checkout of libnifalcon";
             return Err(refused(problem.into()));
         };
         let firmware = Firmware::load(file).map_err(|error| refused(Box::new(error)))?;
-        let selector = Selector {
-            vendor: VENDOR,
-            product: PRODUCT,
-            serial: (!request.address.is_empty()).then(|| request.address.to_owned()),
-        };
         let first = UsbDevice::open(&selector).map_err(|error| refused(Box::new(error)))?;
         // Later attempts are made by the thread of the device, which needs a number only.
         let again = move || match UsbDevice::open(&selector) {
@@ -87,16 +106,12 @@ impl Driver for FalconDriver {
 mod tests {
     use super::*;
     use crate::models::DeviceModel;
-    use std::path::Path;
 
     fn refusal(address: &str, firmware: Option<&Path>) -> String {
         let model = DeviceModel::named("falcon").expect("a built-in device");
         let request = Request {
-            index: 0,
-            model: &model,
-            period: 1e-3,
-            address,
             firmware,
+            ..Request::new(&model, address)
         };
         match FalconDriver.open(&request) {
             Ok(_) => "open".to_owned(),

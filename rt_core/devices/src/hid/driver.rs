@@ -1,20 +1,23 @@
 //! The driver `hid` opens the device that a scene names by its numbers or by its path.
 
-use super::{HidDevice, HidSelector};
+use super::{HidDevice, HidError, HidSelector};
 use crate::registry::{Driver, Kind, OpenError, Request};
+use crate::serial::SerialError;
 use firmware_proto::report::{WATCHDOG_MOST_US, WATCHDOG_US};
 use runner::AnyDevice;
 
 /// Devices that speak the firmware protocol over USB HID.
 ///
-/// Addresses: `VID:PID`, the numbers of the USB device (four hexadecimal digits each); `VID:PID:SERIAL`, where two
-/// devices of the same kind are connected; or `/dev/hidrawN`, the path of the device.
+/// Addresses: `VID:PID`, the numbers of the USB device (four hexadecimal digits each); where two devices of the same kind
+/// are connected, `VID:PID:SERIAL` or `VID:PID:@PORT`, with the port of USB; or the path of the device, `/dev/hidrawN` or
+/// a link that leads there.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hid;
 
 /// The allowed addresses.
-const ADDRESSES: &str = "hid:VID:PID or hid:VID:PID:SERIAL, with the numbers of the USB device as `lsusb` prints them \
-                         (four hexadecimal digits each), or hid:/dev/hidrawN";
+const ADDRESSES: &str = "hid:VID:PID, hid:VID:PID:SERIAL or hid:VID:PID:@PORT, with the numbers of the USB device as \
+                         `lsusb` prints them (four hexadecimal digits each) and its USB port as `palpate device list` \
+                         prints it, or hid:/dev/hidrawN or a link that leads there";
 
 /// The watchdog for a loop of a period (s): four ticks, so that a late tick is no silence, but not less than the
 /// device's own.
@@ -33,6 +36,10 @@ impl Driver for Hid {
         Kind::Real
     }
 
+    fn reaches(&self, address: &str) -> Vec<String> {
+        HidSelector::parse(address).map_or_else(Vec::new, |selector| vec![selector.reaches()])
+    }
+
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
         let Some(selector) = HidSelector::parse(request.address) else {
             let found = match request.address {
@@ -44,17 +51,21 @@ impl Driver for Hid {
                 allowed: ADDRESSES,
             });
         };
-        match HidDevice::open(
+        let refused = |source: HidError| OpenError::Refused {
+            source: Box::new(source),
+            allowed: "a device that is connected and may be opened",
+        };
+        let device = HidDevice::open(
             &selector,
             request.model.capabilities(),
             watchdog_us(request.period),
-        ) {
-            Ok(device) => Ok(Box::new(device)),
-            Err(error) => Err(OpenError::Refused {
-                source: Box::new(error),
-                allowed: "a device that is connected and may be opened",
-            }),
+        );
+        let device = device.map_err(refused)?;
+        if let Some(name) = device.name() {
+            let agreed = request.name_agrees(name);
+            agreed.map_err(|error| refused(SerialError::from(error).into()))?;
         }
+        Ok(Box::new(device))
     }
 }
 

@@ -1,14 +1,12 @@
 //! Which HID device to open: by the numbers of the USB device, or by its path.
 
-use hidapi::HidApi;
-use std::collections::BTreeMap;
-use std::ffi::CString;
+use crate::found::listed::{self, Listed};
+use crate::found::which::{Alike, FindError};
+use crate::found::{Which, hidraw_rule};
+use crate::registry::file_of;
 use std::fmt;
-
-use super::HidError;
-
-/// The paths of HID devices begin with this text, and end with a number.
-const PATH: &str = "/dev/hidraw";
+use std::fs;
+use std::path::Path;
 
 /// Selects the device to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,15 +17,17 @@ pub enum HidSelector {
         vid: u16,
         /// Product of the USB device.
         pid: u16,
-        /// Serial number, which distinguishes two devices of the same kind.
-        serial: Option<String>,
+        /// Which one of the devices with these numbers.
+        which: Which,
     },
-    /// By its path, `/dev/hidrawN`. The number may change when the device is plugged in again.
+    /// By its path: `/dev/hidrawN`, whose number may change when the device is plugged in again, or a link that leads
+    /// there.
     Path(String),
 }
 
 impl HidSelector {
-    /// The selector with the address `VID:PID`, `VID:PID:SERIAL` or `/dev/hidrawN`; `None` for any other text.
+    /// The selector with the address `VID:PID`, `VID:PID:SERIAL`, `VID:PID:@PORT` or an absolute path; `None` for any
+    /// other text.
     ///
     /// ```
     /// use devices::hid::HidSelector;
@@ -37,77 +37,78 @@ impl HidSelector {
     /// assert_eq!(HidSelector::parse("1209"), None);
     /// ```
     pub fn parse(address: &str) -> Option<Self> {
-        if let Some(number) = address.strip_prefix(PATH) {
-            let digits = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
-            return digits.then(|| Self::Path(address.to_owned()));
+        if address.starts_with('/') {
+            return (address.len() > 1).then(|| Self::Path(address.to_owned()));
         }
         let mut parts = address.splitn(3, ':');
         let vid = four_digits(parts.next()?)?;
         let pid = four_digits(parts.next()?)?;
-        let serial = match parts.next() {
+        let which = match parts.next() {
             Some("") => return None,
-            serial => serial.map(str::to_owned),
+            end => Which::parse(end.unwrap_or_default()),
         };
-        Some(Self::Numbers { vid, pid, serial })
+        Some(Self::Numbers { vid, pid, which })
     }
 
-    /// The path of the one connected device that is selected.
+    /// The one connected device that is selected, on the machine whose file system has this root.
     ///
     /// # Errors
-    /// [`HidError::NotFound`] or [`HidError::Several`].
-    pub(crate) fn find(&self, api: &HidApi) -> Result<CString, HidError> {
-        // A device is listed once for each of its usages; the path is the same.
-        let alike: BTreeMap<CString, String> = api
-            .device_list()
-            .filter(|device| match self {
-                Self::Numbers { vid, pid, .. } => {
-                    (device.vendor_id(), device.product_id()) == (*vid, *pid)
-                }
-                Self::Path(path) => device.path().to_bytes() == path.as_bytes(),
-            })
-            .map(|device| {
-                let serial = device.serial_number().unwrap_or_default();
-                (device.path().to_owned(), serial.to_owned())
-            })
-            .collect();
-        let wanted = |found: &String| match self {
-            Self::Numbers {
-                serial: Some(wanted),
-                ..
-            } => wanted == found,
-            _ => true,
-        };
-        let matching: Vec<_> = alike.iter().filter(|(_, serial)| wanted(serial)).collect();
-        match matching.as_slice() {
-            [(path, _)] => Ok((*path).clone()),
-            [] => Err(HidError::NotFound {
-                selector: self.clone(),
-                found: match alike.len() {
-                    0 => "and no other device of its kind".into(),
-                    _ => format!(
-                        "others of its kind have the serial numbers {}",
-                        quoted(alike.values())
-                    ),
-                },
-            }),
-            several => Err(HidError::Several {
-                selector: self.clone(),
-                count: several.len(),
-                serials: quoted(several.iter().map(|(_, serial)| *serial)),
-            }),
+    /// [`FindError`].
+    pub(crate) fn find(&self, root: &Path) -> Result<Listed, FindError> {
+        let devices = listed::hid(root);
+        match self {
+            Self::Numbers { vid, pid, which } => {
+                let numbers = (*vid, *pid);
+                let kind = format!("hid:{vid:04x}:{pid:04x}");
+                let alike = Alike {
+                    kind: &kind,
+                    by_path: Some("hid"),
+                    devices: devices
+                        .into_iter()
+                        .filter(|one| one.numbers == numbers)
+                        .collect(),
+                };
+                let called = format!("HID device {vid:04x}:{pid:04x}");
+                alike.find(which, &called).cloned()
+            }
+            Self::Path(path) => {
+                let leads_to = fs::canonicalize(path);
+                let is_it = |one: &Listed| {
+                    let file = fs::canonicalize(&one.file);
+                    file.ok()
+                        .is_some_and(|file| leads_to.as_ref().ok() == Some(&file))
+                };
+                let found = devices.into_iter().find(is_it);
+                found.ok_or_else(|| FindError::NotFound {
+                    called: format!("HID device {path}"),
+                    found: match leads_to {
+                        Ok(file) if file != Path::new(path) => {
+                            format!("the path leads to {}", file.display())
+                        }
+                        Ok(_) => "the file is none of a HID device".to_owned(),
+                        Err(error) => format!("there is no such file: {error}"),
+                    },
+                })
+            }
         }
     }
 
-    /// The condition of a udev rule that matches the device.
-    pub(crate) fn udev(&self) -> String {
-        match self {
-            Self::Numbers { vid, pid, .. } => {
-                format!("ATTRS{{idVendor}}==\"{vid:04x}\", ATTRS{{idProduct}}==\"{pid:04x}\"")
-            }
-            Self::Path(_) => {
-                "ATTRS{idVendor}==\"VID\", ATTRS{idProduct}==\"PID\" (see `lsusb`)".to_owned()
-            }
+    /// What the selector names, see [`Driver::reaches`](crate::Driver::reaches): the file of the device, where it is
+    /// connected.
+    pub(crate) fn reaches(&self) -> String {
+        match (self.find(Path::new("/")), self) {
+            (Ok(found), _) => file_of(&found.file),
+            (Err(_), Self::Path(path)) => file_of(Path::new(path)),
+            (Err(_), numbers) => format!("HID {numbers}"),
         }
+    }
+
+    /// The beginning of a udev rule that matches the device.
+    pub(crate) fn udev(&self) -> String {
+        hidraw_rule(match self {
+            Self::Numbers { vid, pid, .. } => Some((*vid, *pid)),
+            Self::Path(_) => None,
+        })
     }
 }
 
@@ -115,13 +116,7 @@ impl fmt::Display for HidSelector {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Path(path) => f.write_str(path),
-            Self::Numbers { vid, pid, serial } => {
-                write!(f, "{vid:04x}:{pid:04x}")?;
-                match serial {
-                    Some(serial) => write!(f, " with serial number {serial:?}"),
-                    None => Ok(()),
-                }
-            }
+            Self::Numbers { vid, pid, which } => write!(f, "{vid:04x}:{pid:04x}{which}"),
         }
     }
 }
@@ -130,9 +125,4 @@ impl fmt::Display for HidSelector {
 fn four_digits(text: &str) -> Option<u16> {
     let digits = text.len() == 4 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
     digits.then(|| u16::from_str_radix(text, 16).ok()).flatten()
-}
-
-fn quoted<'a>(serials: impl Iterator<Item = &'a String>) -> String {
-    let each: Vec<_> = serials.map(|serial| format!("{serial:?}")).collect();
-    each.join(", ")
 }

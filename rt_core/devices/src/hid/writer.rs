@@ -5,11 +5,13 @@
 //! The cost for the tick is a copy and, only where the thread sleeps, one futex wake-up: the single named wake-up that
 //! a tick may make. The tick never waits.
 //!
-//! The thread also opens a lost device again. It passes the new reading end to the tick through a ring, and takes the old
-//! one back through another, because closing a file is a system call that the tick does not make.
+//! The thread also opens a lost device again. The tick first gives its reading end back through a ring, because closing a
+//! file is a system call that the tick does not make. The thread closes both ends of the lost device before it looks for
+//! the device: the kernel gives the name of a file only to a new device when nobody has the old file open. The new
+//! reading end passes to the tick through another ring.
 
 use rt_core::DeviceError;
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use runner::ring::{prefaulted, take_newest};
 use runner::schedule::realtime;
 use std::sync::Arc;
@@ -53,11 +55,7 @@ pub(super) struct Writer<T, R> {
 impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
     /// Starts the thread. `write` sends one command, or returns the system's error number. The thread sends `last` as
     /// its last command, whatever other commands wait. `open` opens a lost device again.
-    pub(super) fn start(
-        mut write: Write<T>,
-        last: T,
-        mut open: Open<T, R>,
-    ) -> std::io::Result<Self> {
+    pub(super) fn start(write: Write<T>, last: T, mut open: Open<T, R>) -> std::io::Result<Self> {
         let (producer, mut ring, _) = prefaulted(SLOTS, last);
         let (mut found, fresh) = RingBuffer::new(ENDS);
         let (old, mut closed) = RingBuffer::new(ENDS);
@@ -67,16 +65,21 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
         let missing = Arc::clone(&lost);
         let work = move || {
             let _ = realtime(PRIORITY);
+            // None while the device is lost.
+            let mut write = Some(write);
             loop {
                 // This is read first, so that the commands pushed before the end are still found below.
                 let over = ring.is_abandoned();
-                while closed.pop().is_ok() {}
                 if missing.load(Ordering::Acquire) && !over {
+                    // The tick gave its end back before it asked.
+                    while closed.pop().is_ok() {}
+                    write = None;
                     let Ok((reading, writing)) = open() else {
                         park_timeout(RETRY);
                         continue;
                     };
-                    write = writing;
+                    write = Some(writing);
+                    told.store(0, Ordering::Relaxed);
                     // Commands from before the loss are not sent.
                     let _ = take_newest(&mut ring, |_, _| ());
                     missing.store(false, Ordering::Release);
@@ -93,10 +96,14 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
                     }
                     Some(command) => command,
                 };
-                let result = write(&command);
-                told.store(result.err().unwrap_or(0), Ordering::Relaxed);
+                if let Some(write) = &mut write {
+                    let result = write(&command);
+                    told.store(result.err().unwrap_or(0), Ordering::Relaxed);
+                    if over {
+                        let _ = write(&last);
+                    }
+                }
                 if over {
-                    let _ = write(&last);
                     return;
                 }
             }
@@ -114,23 +121,21 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
         })
     }
 
-    /// Asks the thread to open the device again. For the hot path.
-    pub(super) fn lose(&mut self) {
+    /// Gives the reading end of a lost device back, and asks the thread to open the device again. For the hot path.
+    pub(super) fn lose(&mut self, reading: &mut Option<R>) {
+        // There is room: the thread has closed the end before.
+        if let Some(Err(PushError::Full(end))) = reading.take().map(|end| self.old.push(end)) {
+            *reading = Some(end);
+        }
         self.lost.store(true, Ordering::Release);
         if let Some(thread) = &self.thread {
             thread.thread().unpark();
         }
     }
 
-    /// Takes the new reading end of a lost device in exchange for the old one, once there is one. For the hot path.
-    pub(super) fn found(&mut self, reading: &mut R) -> bool {
-        let Ok(fresh) = self.fresh.pop() else {
-            return false;
-        };
-        let old = std::mem::replace(reading, fresh);
-        // The thread empties the ring before it finds another end, so there is room.
-        let _ = self.old.push(old);
-        true
+    /// The new reading end of a lost device, once there is one. For the hot path.
+    pub(super) fn found(&mut self) -> Option<R> {
+        self.fresh.pop().ok()
     }
 
     /// Passes a command to the thread. For the hot path.
@@ -202,6 +207,16 @@ mod tests {
         assert_eq!(seen.iter().last(), Some(0));
     }
 
+    /// Waits for the reading end of a device that is back.
+    fn back<R: Send + 'static>(writer: &mut Writer<u32, R>) -> R {
+        loop {
+            match writer.found() {
+                Some(reading) => return reading,
+                None => std::thread::yield_now(),
+            }
+        }
+    }
+
     #[test]
     fn a_lost_device_comes_back_with_new_ends() {
         let (written, seen) = channel();
@@ -215,25 +230,75 @@ mod tests {
         };
         let mut writer =
             Writer::start(Box::new(|_: &u32| Err(19)), 0, Box::new(open)).expect("a thread");
-        let mut reading = 1;
-        assert!(!writer.found(&mut reading));
-        writer.lose();
+        let mut reading = Some(1);
+        assert_eq!(writer.found(), None);
+        writer.lose(&mut reading);
+        assert_eq!(reading, None);
         // The first attempt fails.
         assert!(tell.send(Err(19)).is_ok() && tell.send(Ok(2)).is_ok());
-        while !writer.found(&mut reading) {
-            std::thread::yield_now();
-        }
-        assert_eq!(reading, 2);
-        let _ = writer.hand_on(7);
+        reading = Some(back(&mut writer));
+        assert_eq!(reading, Some(2));
+        // The device that is back has refused nothing yet.
+        assert_eq!(writer.hand_on(7), Ok(()));
         assert_eq!(seen.recv(), Ok((2, 7)));
         // Lost and found once more.
-        writer.lose();
+        writer.lose(&mut reading);
         assert!(tell.send(Ok(3)).is_ok());
-        while !writer.found(&mut reading) {
-            std::thread::yield_now();
-        }
+        let reading = back(&mut writer);
         drop(writer);
         assert_eq!((reading, seen.iter().last()), (3, Some((3, 0))));
+    }
+
+    /// Commands wait while the write of one of them hangs, and the device is lost meanwhile.
+    #[test]
+    fn a_command_from_before_a_loss_is_not_sent_to_the_device_that_is_back() {
+        let (written, seen) = channel();
+        let (free, stuck) = sync_channel::<()>(0);
+        let again = written.clone();
+        let write = move |command: &u32| {
+            written.send(("lost", *command)).map_err(|_| 1)?;
+            let _ = stuck.recv();
+            Err(19)
+        };
+        let open = move || {
+            let written = again.clone();
+            let write = move |command: &u32| written.send(("back", *command)).map_err(|_| 1);
+            Ok(((), Box::new(write) as Write<u32>))
+        };
+        let mut writer = Writer::start(Box::new(write), 0, Box::new(open)).expect("a thread");
+        assert_eq!(writer.hand_on(1), Ok(()));
+        assert_eq!(seen.recv(), Ok(("lost", 1)));
+        // These wait. Then the device is lost, and the write that hung fails.
+        assert_eq!((writer.hand_on(2), writer.hand_on(3)), (Ok(()), Ok(())));
+        writer.lose(&mut Some(()));
+        drop(free);
+        back(&mut writer);
+        assert_eq!(writer.hand_on(4), Ok(()));
+        assert_eq!(seen.recv(), Ok(("back", 4)));
+    }
+
+    /// The kernel gives a device that is plugged in again its old name only where nobody has the old file open.
+    #[test]
+    fn both_ends_of_a_lost_device_are_closed_before_it_is_looked_for() {
+        let open_ends = Arc::new(());
+        let (near, far) = (Arc::clone(&open_ends), Arc::clone(&open_ends));
+        let write = move |_: &u32| {
+            let _held = &far;
+            Ok(())
+        };
+        let left = Arc::downgrade(&open_ends);
+        drop(open_ends);
+        let open = move || {
+            let count = left.strong_count();
+            Ok((
+                (Arc::new(()), count),
+                Box::new(|_: &u32| Ok(())) as Write<u32>,
+            ))
+        };
+        let mut writer = Writer::start(Box::new(write), 0, Box::new(open)).expect("a thread");
+        writer.lose(&mut Some((near, usize::MAX)));
+        let (_, open_at_the_time) = back(&mut writer);
+        assert_eq!(open_at_the_time, 0);
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Texts: connections in a scene, what the kernel tells of a device, and profiles.
 
 use crate::DeviceFile;
-use crate::found::{HidFacts, with_serial};
+use crate::found::Which;
+use crate::found::listed::{HidFacts, Listed};
+use crate::found::which::Alike;
 use crate::hid::HidSelector;
 use crate::identify::{AxisIdentified, Estimate, Identified};
 use crate::registry::Connection;
@@ -26,15 +28,14 @@ pub fn connection(text: &str) -> usize {
             let shown = selector.to_string();
             match selector {
                 HidSelector::Path(path) => assert_eq!(path, address),
-                HidSelector::Numbers { vid, pid, serial } => {
+                HidSelector::Numbers { vid, pid, which } => {
                     let numbers = format!("{vid:04x}:{pid:04x}");
                     assert!(
                         shown.starts_with(&numbers) && !shown.contains('\n'),
                         "{shown}"
                     );
-                    let text = with_serial(&numbers, serial.as_deref().unwrap_or_default());
-                    let again = HidSelector::parse(&text);
-                    assert_eq!(again, Some(HidSelector::Numbers { vid, pid, serial }));
+                    let again = HidSelector::parse(&which.connection(&numbers));
+                    assert_eq!(again, Some(HidSelector::Numbers { vid, pid, which }));
                 }
             }
         }
@@ -60,10 +61,36 @@ pub fn sysfs(text: &str) -> usize {
         assert!(!text.chars().any(char::is_control), "{text:?}");
     }
     let (vid, pid) = facts.numbers;
-    let connect = with_serial(&format!("hid:{vid:04x}:{pid:04x}"), &facts.serial);
-    let selector = HidSelector::parse(&Connection::parse(&connect).address);
-    let serial = (!facts.serial.is_empty()).then_some(facts.serial);
-    assert_eq!(selector, Some(HidSelector::Numbers { vid, pid, serial }));
+    let one = Listed {
+        numbers: facts.numbers,
+        serial: facts.serial,
+        port: "1-1".to_owned(),
+        ..Listed::default()
+    };
+    let kind = format!("hid:{vid:04x}:{pid:04x}");
+    // Alone, and beside a second device that states the same.
+    for count in [1, 2] {
+        let mut devices = vec![one.clone(); count];
+        for other in devices.iter_mut().skip(1) {
+            other.port = String::from("1-2");
+        }
+        let alike = Alike {
+            kind: &kind,
+            by_path: Some("hid"),
+            devices,
+        };
+        let connect = alike.connection(&one);
+        let selector = HidSelector::parse(&Connection::parse(&connect).address);
+        let Some(HidSelector::Numbers { which, .. }) = selector else {
+            panic!("{connect} names no device");
+        };
+        let named = alike.devices.iter().filter(|device| which.is(device));
+        assert_eq!(named.collect::<Vec<_>>(), [&one], "{connect}");
+        assert!(
+            count == 1 || which == Which::Port("1-1".to_owned()),
+            "{connect}"
+        );
+    }
     1
 }
 

@@ -36,7 +36,7 @@ pub(crate) struct State {
 }
 
 /// `palpate_capabilities`.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub(crate) struct Capabilities {
     pub(crate) sensed: u32,

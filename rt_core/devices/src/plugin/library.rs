@@ -1,5 +1,5 @@
-//! Loads a plug-in and calls its functions. This is the only place that trusts foreign code: a plug-in runs in the
-//! process, and Palpate cannot protect itself against a library that writes to memory that is not its own.
+//! Loads a plug-in and calls its functions. This is the only place that trusts foreign code, and it is only called in the
+//! process of the plug-in.
 #![allow(unsafe_code)]
 
 use super::abi::{self, ABI, ENTRY};
@@ -45,6 +45,36 @@ pub enum PluginError {
         /// The version or the lack that was found.
         found: String,
     },
+    /// The system gave no process.
+    #[error("the system gave no process for the plug-in {path}: {problem}", path = .path.display())]
+    Start {
+        /// The file.
+        path: PathBuf,
+        /// The message of the system.
+        problem: String,
+    },
+    /// The process of the plug-in ended.
+    #[error(
+        "the plug-in {path} ended its process while it was loaded or opened its device ({how}). After SIGBUS or SIGSEGV the \
+         file may be damaged or cut off: copy or build the file again",
+        path = .path.display()
+    )]
+    Ended {
+        /// The file.
+        path: PathBuf,
+        /// The end of the process.
+        how: String,
+    },
+    /// The plug-in does not open its device.
+    #[error(
+        "the plug-in {path} has neither opened its device nor refused within {} s: it hangs. Check the device, its power and \
+         the maker's library",
+        super::process::OPEN.as_secs(), path = .0.display()
+    )]
+    Silent(PathBuf),
+    /// What the process of the plug-in says.
+    #[error("{0}")]
+    Refused(String),
     /// The plug-in could not open its device.
     #[error("the plug-in {path} cannot open the device {address:?}: {message} (error {code})", path = .path.display())]
     Open {
@@ -183,10 +213,6 @@ pub(super) struct Opened {
     library: Library,
     device: abi::Device,
 }
-
-// SAFETY: the interface states that a device is used by one thread at a time, and by any thread. `Opened` owns its device
-// and lends it to nobody.
-unsafe impl Send for Opened {}
 
 impl Opened {
     /// Commands a wrench. Returns the result of the plug-in and the state that it filled in.

@@ -3,7 +3,7 @@
 use super::Serial;
 use crate::exchange::{Exchanged, clock, first_then};
 use crate::hid::watchdog_us;
-use crate::registry::{Driver, Kind, OpenError, Request};
+use crate::registry::{Driver, Kind, OpenError, Request, file_of, places_of};
 use crate::transport::Stream;
 use runner::AnyDevice;
 use std::fmt::Display;
@@ -28,7 +28,8 @@ const TCP: &str = "tcp:HOST:PORT, with a port from 1 to 65535 (tcp:localhost:400
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tty;
 
-/// Devices that speak the firmware protocol over TCP, such as an emulator or a bridge to a microcontroller.
+/// Devices that speak the firmware protocol over TCP, such as an emulator or a bridge to a microcontroller. The connection
+/// has neither authentication nor encryption: whoever reaches the network can read it and command the device.
 ///
 /// Addresses: `HOST:PORT`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,7 +62,7 @@ fn number(text: &str) -> Option<u32> {
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::PermissionDenied => {
-            ". Let your account use it: add it to the group of the file (`ls -l`, often dialout)"
+            ". Let your account use it: add your account to the group of the file (`ls -l`, often dialout)"
         }
         io::ErrorKind::NotFound => ". Check the cable, and `ls /dev/tty*` for the path",
         io::ErrorKind::ResourceBusy => ". Another program has it open; end that program",
@@ -76,6 +77,10 @@ impl Driver for Tty {
 
     fn kind(&self) -> Kind {
         Kind::Real
+    }
+
+    fn reaches(&self, address: &str) -> Vec<String> {
+        line(address).map_or_else(Vec::new, |(path, _)| vec![file_of(Path::new(path))])
     }
 
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
@@ -94,6 +99,10 @@ impl Driver for Tcp {
 
     fn kind(&self) -> Kind {
         Kind::Real
+    }
+
+    fn reaches(&self, address: &str) -> Vec<String> {
+        places_of(address)
     }
 
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
@@ -118,6 +127,10 @@ fn start(
     let capabilities = request.model.capabilities();
     let device = Serial::open(capabilities, watchdog_us(request.period), open, clock())
         .map_err(|error| refused(request.address, &error))?;
+    if let Some(name) = device.name() {
+        let agreed = request.name_agrees(name);
+        agreed.map_err(|error| refused(request.address, &error))?;
+    }
     let device =
         Exchanged::start(device, capabilities).map_err(|error| refused(request.address, &error))?;
     Ok(Box::new(device.for_loop(request.period)))
@@ -149,13 +162,7 @@ mod tests {
 
     fn open(driver: &str, address: &str) -> String {
         let model = DeviceModel::named("falcon").expect("a built-in device");
-        let request = Request {
-            index: 0,
-            model: &model,
-            period: 1e-3,
-            address,
-            firmware: None,
-        };
+        let request = Request::new(&model, address);
         let registry = Registry::new().with(Tty).with(Tcp);
         match registry.open(driver, &request) {
             Ok(_) => "open".to_owned(),

@@ -1,4 +1,4 @@
-//! Why a device over a stream is not used, and whether a device is that of its profile.
+//! Why a device of the firmware protocol is not used, and whether a device is that of its profile.
 
 #![cfg_attr(
     not(test),
@@ -11,8 +11,7 @@
     )
 )]
 
-use crate::wire::axes_of;
-use core::fmt;
+use crate::stated::{Mismatch, Name, Stated};
 use firmware_proto::host::HostError;
 use firmware_proto::report::{Model, ReportError, Sends};
 use rt_core::Capabilities;
@@ -21,11 +20,9 @@ use rt_core::Capabilities;
 pub(super) const NO_DEVICE: i32 = 19;
 /// Error number of a device that says nothing (ETIMEDOUT).
 pub(super) const TIMED_OUT: i32 = 110;
-/// Units of a report in one newton, and in one newton metre.
-const UNITS: f64 = 1e6;
 
 /// Why a device is not used.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SerialError {
     /// The connection could not be opened, or ended during the greeting.
     #[error("the connection ended (system error {0}); check the cable and the power of the device")]
@@ -62,118 +59,29 @@ pub enum SerialError {
         /// The name of the device's model.
         name: Name,
     },
-    /// The degrees of freedom differ.
-    #[error(
-        "the device {name} {verb} the axes {device}, and its profile {profile}: this is another device's profile; name \
-         the profile of the device"
-    )]
-    Freedom {
-        /// The name of the device's model.
-        name: Name,
-        /// Senses or actuates.
-        verb: &'static str,
-        /// The axes of the device.
-        device: AxisNames,
-        /// The axes of the profile.
-        profile: AxisNames,
-    },
-    /// The device is weaker than its profile.
-    #[error(
-        "the largest {quantity} of the device {name} is {device} {unit}, and that of its profile {profile} {unit}: this \
-         is another device's profile; name the profile of the device"
-    )]
-    Weaker {
-        /// The name of the device's model.
-        name: Name,
-        /// Force or moment.
-        quantity: &'static str,
-        /// Its unit.
-        unit: &'static str,
-        /// The largest of the device.
-        device: f64,
-        /// The largest of the profile.
-        profile: f64,
-    },
+    /// The device is not that of its profile.
+    #[error(transparent)]
+    Profile(#[from] Mismatch),
 }
 
 impl SerialError {
     /// The system's error number that says most.
-    pub(super) fn number(self) -> i32 {
+    pub(super) fn number(&self) -> i32 {
         match self {
-            Self::Ended(number) => number,
+            Self::Ended(number) => *number,
             Self::Silent | Self::Garbage | Self::Deaf | Self::Refused(_) => TIMED_OUT,
             _ => NO_DEVICE,
         }
     }
 }
 
-/// The name of a device's model, as a report has it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Name(pub [u8; 16]);
-
-impl fmt::Display for Name {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("\"")?;
-        for byte in self.0.into_iter().take_while(|&byte| byte != 0) {
-            write!(f, "{}", char::from(byte).escape_default())?;
-        }
-        f.write_str("\"")
-    }
-}
-
-/// Axes of a handle, see [`axes`](firmware_proto::report::axes).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AxisNames(pub u8);
-
-impl fmt::Display for AxisNames {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut bits = self.0;
-        let mut between = "";
-        for name in ["x", "y", "z", "rx", "ry", "rz"] {
-            if bits & 1 != 0 {
-                write!(f, "{between}{name}")?;
-                between = " ";
-            }
-            bits >>= 1;
-        }
-        f.write_str(if between.is_empty() { "none" } else { "" })
-    }
-}
-
-/// Checks that a device is as strong as `profile` at least, and has the same degrees of freedom.
-pub(super) fn check(model: &Model, profile: &Capabilities) -> Result<(), SerialError> {
-    let name = Name(model.name);
+/// Checks that a device sends poses and is one of `profile`, with all of its force. Returns the limits that hold.
+pub(crate) fn check(model: &Model, profile: &Capabilities) -> Result<Capabilities, SerialError> {
     if model.sends != Sends::Poses {
+        let name = Name(model.name);
         return Err(SerialError::Counts { name });
     }
-    let sensed = ("senses", model.sensed, axes_of(profile.sensed));
-    let actuated = ("actuates", model.actuated, axes_of(profile.actuated));
-    for (verb, device, profile) in [sensed, actuated] {
-        if device != profile {
-            return Err(SerialError::Freedom {
-                name,
-                verb,
-                device: AxisNames(device),
-                profile: AxisNames(profile),
-            });
-        }
-    }
-    let force = ("force", "N", model.max_force, profile.max_force);
-    let moment = ("moment", "N m", model.max_moment, profile.max_moment);
-    for (quantity, unit, device, profile) in [force, moment] {
-        let device = f64::from(device) / UNITS;
-        // The device rounds its limit to a unit.
-        if device + 1.0 / UNITS <= profile {
-            return Err(SerialError::Weaker {
-                name,
-                quantity,
-                unit,
-                device,
-                profile,
-            });
-        }
-    }
-    Ok(())
+    Ok(Stated::of(model).agree(profile, 1.0)?)
 }
 
 #[cfg(test)]
@@ -197,17 +105,20 @@ mod tests {
         let profile = DeviceModel::named("falcon")
             .expect("built in")
             .capabilities();
-        check(model, &profile).map_or_else(|error| error.to_string(), |()| "agreed".to_owned())
+        match check(model, &profile) {
+            Ok(limits) => format!("agreed on {} N", limits.max_force),
+            Err(error) => error.to_string(),
+        }
     }
 
     #[test]
     fn another_devices_profile_is_refused_with_both_numbers() {
-        assert_eq!(refused(&model()), "agreed");
+        assert_eq!(refused(&model()), "agreed on 8 N");
         let stronger = Model {
             max_force: 9_000_000,
             ..model()
         };
-        assert_eq!(refused(&stronger), "agreed");
+        assert_eq!(refused(&stronger), "agreed on 8 N");
         let weaker = Model {
             max_force: 7_999_999,
             ..model()
@@ -222,11 +133,11 @@ mod tests {
         let text = "the device \"falcon\" senses the axes x y z rx ry rz, and its profile x y z: this is another \
                     device's profile; name the profile of the device";
         assert_eq!(refused(&six), text);
-        let passive = Model {
-            actuated: 0,
+        let far = Model {
+            workspace_radius: u32::MAX,
             ..model()
         };
-        assert!(refused(&passive).contains("actuates the axes none, and its profile x y z"));
+        assert!(refused(&far).contains("4.294967295e2 m"));
         let counts = Model {
             sends: Sends::Counts { encoders: 3 },
             ..model()

@@ -14,6 +14,7 @@
 use super::error::{NO_DEVICE, SerialError, TIMED_OUT, check};
 use crate::exchange::MotionSource;
 use crate::hid::{Reports, session};
+use crate::stated::{Mismatch, Name};
 use crate::{Exchange, Transport};
 use core::time::Duration;
 use firmware_proto::host::HostError;
@@ -50,6 +51,8 @@ pub struct Serial<T> {
     profile: Capabilities,
     watchdog_us: u32,
     reports: Reports,
+    /// The name that the device stated first. A device of another name is another device.
+    name: Option<Name>,
     decoder: Decoder,
     /// Time of the last packet (ns).
     heard_ns: u64,
@@ -76,6 +79,7 @@ impl<T: Transport> Serial<T> {
             profile,
             watchdog_us,
             reports: Reports::new(session(), watchdog_us),
+            name: None,
             decoder: Decoder::new(),
             heard_ns: 0,
         };
@@ -136,12 +140,22 @@ impl<T: Transport> Serial<T> {
         }
     }
 
-    /// Whether the device has answered. An error where it is not the device of the profile.
-    fn agree(&self) -> Result<bool, SerialError> {
-        match self.reports.host().capabilities() {
-            Some(report) => check(&report.model, &self.profile).map(|()| true),
-            None => Ok(false),
+    /// Whether the device has answered. An error where it is not the device of the profile, or not the one of before.
+    fn agree(&mut self) -> Result<bool, SerialError> {
+        let Some(report) = self.reports.host().capabilities() else {
+            return Ok(false);
+        };
+        check(&report.model, &self.profile)?;
+        let name = Name(report.model.name);
+        match *self.name.get_or_insert(name) {
+            first if first == name => Ok(true),
+            _ => Err(Mismatch::Changed { name }.into()),
         }
+    }
+
+    /// The name of the device's model; `None` before its first answer.
+    pub fn name(&self) -> Option<Name> {
+        self.name
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<(), i32> {
@@ -204,6 +218,39 @@ impl<T: Transport> Serial<T> {
 
 impl<T: Transport> Exchange for Serial<T> {
     fn exchange(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError> {
+        let result = self.exchanged(wrench);
+        if let Err(DeviceError::Disconnected(_)) = result {
+            // Its name is free for the device that comes back.
+            self.transport = None;
+        }
+        result
+    }
+
+    fn release(&mut self) {
+        let report = packet(&self.reports.release());
+        // The device lets go by itself where the report does not reach it.
+        let _ = self.write(&report);
+    }
+
+    fn reopen(&mut self) -> Result<(), DeviceError> {
+        self.connect().map_err(|error| {
+            self.transport = None;
+            DeviceError::Disconnected(error.number())
+        })
+    }
+
+    fn motion_to_force(&self) -> MotionSource {
+        MotionSource::Device(self.reports.shown_ns())
+    }
+
+    fn refused_wrenches(&self) -> Option<u64> {
+        Some(self.reports.refused_by_device)
+    }
+}
+
+impl<T: Transport> Serial<T> {
+    /// One exchange.
+    fn exchanged(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError> {
         let now_ns = (self.clock)();
         self.command(wrench, now_ns)
             .map_err(DeviceError::Disconnected)?;
@@ -218,24 +265,5 @@ impl<T: Transport> Exchange for Serial<T> {
             return Err(DeviceError::Disconnected(TIMED_OUT));
         }
         state
-    }
-
-    fn release(&mut self) {
-        let report = packet(&self.reports.release());
-        // The device lets go by itself where the report does not reach it.
-        let _ = self.write(&report);
-    }
-
-    fn reopen(&mut self) -> Result<(), DeviceError> {
-        self.connect()
-            .map_err(|error| DeviceError::Disconnected(error.number()))
-    }
-
-    fn motion_to_force(&self) -> MotionSource {
-        MotionSource::Device(self.reports.shown_ns())
-    }
-
-    fn refused_wrenches(&self) -> Option<u64> {
-        Some(self.reports.refused_by_device)
     }
 }

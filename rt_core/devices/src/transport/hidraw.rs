@@ -1,12 +1,12 @@
 //! Reports over the kernel's hidraw.
 //!
-//! `hidapi` lists the devices. Reading and writing need none of it: a hidraw device is a file, and one system call
-//! passes one report. Its errors are numbers, so that nothing allocates where a device disappears.
+//! A hidraw device is a file, and one system call passes one report. Its errors are numbers, so that nothing allocates
+//! where a device disappears. The file is locked, so that no second run commands the device.
 //!
 //! The kernel queues 64 reports for each open file and drops the newest when the queue is full. A write waits for the
 //! device, for up to five seconds, whatever the flags of the file.
 
-use super::{Transport, now, wait_for, write_all};
+use super::{Transport, lock, now, wait_for, write_all};
 use rustix::event::PollFlags;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt;
@@ -28,7 +28,7 @@ impl Hidraw {
     /// Opens the device at `path`, such as `/dev/hidraw3`.
     ///
     /// # Errors
-    /// The error of the system.
+    /// The error of the system: `EBUSY` where another run has the device.
     pub fn open(path: &Path) -> std::io::Result<Self> {
         let flags = rustix::fs::OFlags::NONBLOCK.bits() as i32;
         let mut options = OpenOptions::new();
@@ -37,6 +37,16 @@ impl Hidraw {
             .write(true)
             .custom_flags(flags)
             .open(path)?;
+        lock(&file)?;
+        Ok(Self { file })
+    }
+
+    /// A second handle of the open device, for another thread. The kernel lets one thread read while another writes.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn try_clone(&self) -> std::io::Result<Self> {
+        let file = self.file.try_clone()?;
         Ok(Self { file })
     }
 
@@ -71,5 +81,27 @@ impl Transport for Hidraw {
             *to = *from;
         }
         write_all(&self.file, numbered)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_is_open_once_and_its_handles_are_one() {
+        let path = std::env::temp_dir().join(format!("palpate-hidraw-{}", std::process::id()));
+        std::fs::write(&path, "").expect("a temporary folder");
+        let first = Hidraw::open(&path).expect("nobody has it");
+        let second = first.try_clone().expect("a handle");
+        for _ in 0..2 {
+            let refused = Hidraw::open(&path).expect_err("it is open");
+            assert_eq!(refused.raw_os_error(), Some(16), "{refused}");
+        }
+        drop(first);
+        assert!(Hidraw::open(&path).is_err());
+        drop(second);
+        assert!(Hidraw::open(&path).is_ok());
+        std::fs::remove_file(&path).expect("ours");
     }
 }

@@ -3,7 +3,7 @@
 //! The bytes that a tty receives pass a worker of the kernel of ordinary priority (`flush_to_ldisc`), so a loaded
 //! machine delays them. TCP on the same machine has no such worker.
 
-use super::{Transport, now, wait_for, write_all};
+use super::{Transport, lock, now, wait_for, write_all};
 use rustix::event::PollFlags;
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use std::fs::{File, OpenOptions};
@@ -41,6 +41,7 @@ impl Stream {
             .custom_flags(flags)
             .open(path)?;
         rustix::termios::ioctl_tiocexcl(&file)?;
+        lock(&file)?;
         let mut settings = tcgetattr(&file)?;
         settings.make_raw();
         settings.set_speed(baud)?;
@@ -170,6 +171,35 @@ mod tests {
         let (master, path) = pty();
         let slave = Stream::tty(&path, 115_200).expect("a terminal");
         passes_bytes(slave, master);
+    }
+
+    /// Whether the kernel refuses another program the line.
+    #[allow(unsafe_code)]
+    fn is_exclusive(line: &Stream) -> bool {
+        use std::os::fd::AsRawFd;
+        let mut exclusive: libc::c_int = 0;
+        // SAFETY: the kernel writes one integer, which lives until the call returns.
+        let result =
+            unsafe { libc::ioctl(line.end.as_raw_fd(), libc::TIOCGEXCL, &raw mut exclusive) };
+        assert_eq!(result, 0);
+        exclusive != 0
+    }
+
+    #[test]
+    fn a_line_that_is_open_is_open_to_nobody_else() {
+        let (master, path) = pty();
+        let first = Stream::tty(&path, 115_200).expect("a terminal");
+        // Root may open a line in exclusive mode, but the line is also locked.
+        assert!(is_exclusive(&first));
+        let refused = Stream::tty(&path, 115_200).expect_err("it is open");
+        assert_eq!(refused.kind(), io::ErrorKind::ResourceBusy, "{refused}");
+        // Whoever was refused has not opened the line to others.
+        assert!(is_exclusive(&first));
+        drop(first);
+        assert!(is_exclusive(
+            &Stream::tty(&path, 115_200).expect("it is free")
+        ));
+        drop(master);
     }
 
     #[test]

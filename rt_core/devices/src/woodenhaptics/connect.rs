@@ -4,42 +4,70 @@ use super::driver::{OpenError as DriverError, Setup, WoodenHaptics};
 use super::geometry::Geometry;
 use super::report::{Form, LENGTH};
 use crate::exchange::{Exchanged, clock, first_then};
-use crate::hid::HidSelector;
-use crate::registry::{Driver, Kind, OpenError, Request};
+use crate::found::listed::Listed;
+use crate::found::{self, FindError, Which, hidraw_rule};
+use crate::hid::{HidSelector, advice};
+use crate::registry::{Driver, Kind, OpenError, Request, file_of, places_of};
 use crate::transport::{Hidraw, Packets, Stream, Transport};
-use hidapi::HidApi;
 use rt_core::Vec3;
 use runner::AnyDevice;
-use std::ffi::OsStr;
-use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-/// The numbers of the two boards, each with the length of its reports.
-const BOARDS: [(u16, u16, Form); 2] = [(0x1234, 0x0006, Form::Short), (0x16c0, 0x0486, Form::Long)];
+/// A board of WoodenHaptics.
+pub(crate) struct Board {
+    /// Vendor and product.
+    pub(crate) numbers: (u16, u16),
+    /// The length of its reports.
+    form: Form,
+    /// Its name, for people.
+    pub(crate) name: &'static str,
+}
+
+impl Board {
+    const ALL: [Self; 2] = [
+        Self {
+            numbers: (0x1234, 0x0006),
+            form: Form::Short,
+            name: "WoodenHaptics (mbed)",
+        },
+        Self {
+            numbers: (0x16c0, 0x0486),
+            form: Form::Long,
+            name: "WoodenHaptics (Teensy)",
+        },
+    ];
+
+    /// The board with these numbers.
+    pub(crate) fn with(numbers: (u16, u16)) -> Option<Self> {
+        Self::ALL.into_iter().find(|one| one.numbers == numbers)
+    }
+}
+
 /// Error number where no device is connected (ENODEV).
 const NO_DEVICE: i32 = 19;
 /// Speed of a serial line, which a pty ignores (bits a second).
 const BAUD: u32 = 115_200;
 /// The allowed addresses.
-const ADDRESSES: &str = "woodenhaptics, where one such device is connected; woodenhaptics:SERIAL; \
-                         woodenhaptics:/dev/hidrawN; or, for an emulator, woodenhaptics:tty:PATH or \
-                         woodenhaptics:tcp:HOST:PORT";
+const ADDRESSES: &str = "woodenhaptics, where one such device is connected; woodenhaptics:SERIAL or \
+                         woodenhaptics:@PORT, with the USB port that `palpate device list` prints; \
+                         woodenhaptics:/dev/hidrawN or a link that leads there; or, for an emulator, \
+                         woodenhaptics:tty:PATH or woodenhaptics:tcp:HOST:PORT";
 
 /// WoodenHaptics over HID, or an emulated one over a stream. The operator calibrates the device: hold the handle at the
 /// origin of the device and press the button for calibration. There is no force before.
 ///
-/// Addresses: none, where one device is connected; its serial number; `/dev/hidrawN`; `tty:PATH` and `tcp:HOST:PORT` for
-/// an emulator, whose reports have 14 bytes.
+/// Addresses: none, where one device is connected; its serial number; `@PORT`, its port of USB; `/dev/hidrawN` or a link that
+/// leads there; `tty:PATH` and `tcp:HOST:PORT` for an emulator, whose reports have 14 bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WoodenHapticsDriver;
 
 /// Where a device is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Address {
-    /// HID, with the serial number if there is one.
-    Board(Option<String>),
-    /// HID by its path, with short reports.
-    Hidraw(String),
+    /// HID, one of the connected boards.
+    Board(Which),
+    /// HID by its path.
+    Hidraw(HidSelector),
     Tty(String),
     Tcp(String),
 }
@@ -47,7 +75,7 @@ pub(crate) enum Address {
 impl Address {
     pub(crate) fn parse(text: &str) -> Option<Self> {
         if text.is_empty() {
-            return Some(Self::Board(None));
+            return Some(Self::Board(Which::Only));
         }
         if let Some(path) = text.strip_prefix("tty:") {
             return (!path.is_empty()).then(|| Self::Tty(path.to_owned()));
@@ -56,10 +84,26 @@ impl Address {
             return address.contains(':').then(|| Self::Tcp(address.to_owned()));
         }
         if text.starts_with('/') {
-            let path = HidSelector::parse(text)?;
-            return Some(Self::Hidraw(path.to_string()));
+            return Some(Self::Hidraw(HidSelector::parse(text)?));
         }
-        (!text.contains(':')).then(|| Self::Board(Some(text.to_owned())))
+        let which = Which::parse(text);
+        let is_port = matches!(which, Which::Port(_));
+        (is_port || !text.contains(':')).then_some(Self::Board(which))
+    }
+
+    /// The HID device that is meant.
+    fn board(&self) -> Result<Listed, FindError> {
+        let root = Path::new("/");
+        match self {
+            Self::Hidraw(selector) => selector.find(root),
+            Self::Board(which) => found::woodenhaptics(root)
+                .find(which, "WoodenHaptics")
+                .cloned(),
+            Self::Tty(path) | Self::Tcp(path) => Err(FindError::NotFound {
+                called: format!("HID device {path}"),
+                found: "it is no HID device".to_owned(),
+            }),
+        }
     }
 
     /// Finds the device, and returns its transport and the form of its reports.
@@ -74,35 +118,19 @@ impl Address {
             Self::Tcp(address) => {
                 packets(Stream::tcp(address).map_err(|error| format!("{address}: {error}"))?)
             }
-            Self::Hidraw(path) => {
-                let device = Hidraw::open(Path::new(path));
-                let device = device.map_err(|error| format!("{path}: {error}"))?;
-                (Box::new(device), Form::Short)
-            }
-            Self::Board(serial) => {
-                let api = HidApi::new()?;
-                let mut last = None;
-                for (vid, pid, form) in BOARDS {
-                    let serial = serial.clone();
-                    let selector = HidSelector::Numbers { vid, pid, serial };
-                    match selector.find(&api) {
-                        Ok(path) => {
-                            let path = Path::new(OsStr::from_bytes(path.to_bytes()));
-                            let device = Hidraw::open(path);
-                            let device = device.map_err(|error| {
-                                let rule = selector.udev();
-                                format!(
-                                    "{}: {error}. Let your account use it with a udev rule: \
-                                     KERNEL==\"hidraw*\", {rule}, MODE=\"0660\", TAG+=\"uaccess\"",
-                                    path.display()
-                                )
-                            })?;
-                            return Ok((Box::new(device), form));
-                        }
-                        Err(error) => last = Some(error),
-                    }
-                }
-                return Err(last.map_or_else(|| "no board is known".into(), Into::into));
+            Self::Hidraw(_) | Self::Board(_) => {
+                let board = self.board()?;
+                let known = Board::with(board.numbers);
+                let form = known.map_or(Form::Short, |known| known.form);
+                let device = Hidraw::open(&board.file).map_err(|error| {
+                    let rule = hidraw_rule(Some(board.numbers));
+                    format!(
+                        "{}: {error}. {}",
+                        board.file.display(),
+                        advice(&error, &rule)
+                    )
+                })?;
+                (Box::new(device), form)
             }
         })
     }
@@ -119,6 +147,19 @@ impl Driver for WoodenHapticsDriver {
 
     fn protocol(&self) -> Option<&'static str> {
         Some("woodenhaptics")
+    }
+
+    fn reaches(&self, address: &str) -> Vec<String> {
+        match Address::parse(address) {
+            None => Vec::new(),
+            Some(Address::Tty(path)) => vec![file_of(Path::new(&path))],
+            Some(Address::Tcp(address)) => places_of(&address),
+            Some(Address::Hidraw(selector)) => vec![selector.reaches()],
+            Some(board @ Address::Board(_)) => vec![match board.board() {
+                Ok(found) => file_of(&found.file),
+                Err(_) => format!("WoodenHaptics {address}"),
+            }],
+        }
     }
 
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
@@ -158,17 +199,22 @@ mod tests {
     #[test]
     fn addresses_are_those_that_the_message_allows() {
         let parse = |text| Address::parse(text);
-        assert_eq!(parse(""), Some(Address::Board(None)));
-        assert_eq!(parse("left"), Some(Address::Board(Some("left".into()))));
-        let path = "/dev/hidraw3";
-        assert_eq!(parse(path), Some(Address::Hidraw(path.into())));
+        let board = |which| Some(Address::Board(which));
+        assert_eq!(parse(""), board(Which::Only));
+        assert_eq!(parse("left"), board(Which::Serial("left".into())));
+        assert_eq!(parse("@1-2"), board(Which::Port("1-2".into())));
+        assert_eq!(parse("@1-2:1.0"), board(Which::Port("1-2:1.0".into())));
+        for path in ["/dev/hidraw3", "/dev/lab/left"] {
+            let selector = HidSelector::Path(path.into());
+            assert_eq!(parse(path), Some(Address::Hidraw(selector)));
+        }
         assert_eq!(
             parse("tty:/dev/pts/1"),
             Some(Address::Tty("/dev/pts/1".into()))
         );
         let tcp = "localhost:4000";
         assert_eq!(parse("tcp:localhost:4000"), Some(Address::Tcp(tcp.into())));
-        for wrong in ["tty:", "tcp:localhost", "/dev/sda", "a:b"] {
+        for wrong in ["tty:", "tcp:localhost", "/", "a:b"] {
             assert_eq!(parse(wrong), None, "{wrong}");
         }
     }

@@ -29,6 +29,8 @@ pub const QUEUE: usize = 64;
 /// Largest angle (rad) between a set counter and the first report that confirms it. The hand holds the handle still: at
 /// a link of 0.2 m the angle is 10 mm.
 const STILL: f64 = 0.05;
+/// Error number of a device that is not open (ENODEV).
+const NO_DEVICE: i32 = 19;
 /// Number of exchanges in which a report must confirm the counters that were set.
 const TRIES: u8 = 5;
 
@@ -133,7 +135,8 @@ impl Calibration {
 
 /// A WoodenHaptics. It has three degrees of freedom.
 pub struct WoodenHaptics<T> {
-    transport: T,
+    /// `None` while the device is lost, so that its name is free for the device that comes back.
+    transport: Option<T>,
     open: Box<Open<T>>,
     clock: Box<Clock>,
     kinematics: Kinematics,
@@ -172,7 +175,7 @@ impl<T: Transport> WoodenHaptics<T> {
         };
         let transport = open().map_err(OpenError::System)?;
         Ok(Self {
-            transport,
+            transport: Some(transport),
             open: Box::new(open),
             clock: Box::new(clock),
             kinematics,
@@ -264,9 +267,14 @@ impl<T: Transport> WoodenHaptics<T> {
     fn send(&mut self, report: &CurrentReport) -> Result<(), DeviceError> {
         let bytes = report.encode();
         let bytes = bytes.get(..self.form.length()).unwrap_or(&bytes);
-        self.transport
-            .write(bytes)
-            .map_err(DeviceError::Disconnected)
+        let written = self.transport()?.write(bytes);
+        written.map_err(DeviceError::Disconnected)
+    }
+
+    /// The connection, unless the device is lost.
+    fn transport(&mut self) -> Result<&mut T, DeviceError> {
+        let gone = DeviceError::Disconnected(NO_DEVICE);
+        self.transport.as_mut().ok_or(gone)
     }
 
     /// Discards the reports that wait. The first time, the report that the device sends unasked may still be under way.
@@ -275,7 +283,7 @@ impl<T: Transport> WoodenHaptics<T> {
         self.begun = true;
         let mut buffer = [0; LONG];
         for _ in 0..QUEUE {
-            let length = self.transport.read(&mut buffer, wait);
+            let length = self.transport()?.read(&mut buffer, wait);
             if length.map_err(DeviceError::Disconnected)? == 0 {
                 break;
             }
@@ -293,7 +301,7 @@ impl<T: Transport> WoodenHaptics<T> {
         let mut fault = DeviceError::NoReport;
         let mut wait = WAIT;
         for _ in 0..QUEUE {
-            let length = match self.transport.read(&mut buffer, wait) {
+            let length = match self.transport()?.read(&mut buffer, wait) {
                 Ok(0) => break,
                 Ok(length) => length,
                 // A report that arrived before the device disappeared is still good. The next exchange fails.
@@ -395,6 +403,39 @@ impl<T: Transport> WoodenHaptics<T> {
 
 impl<T: Transport> Exchange for WoodenHaptics<T> {
     fn exchange(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError> {
+        let result = self.exchanged(wrench);
+        if let Err(DeviceError::Disconnected(_)) = result {
+            self.transport = None;
+        }
+        result
+    }
+
+    fn release(&mut self) {
+        // The device cuts its motors by itself where the report does not reach it.
+        let _ = self.send(&CurrentReport::default());
+    }
+
+    fn reopen(&mut self) -> Result<(), DeviceError> {
+        self.transport = None;
+        let transport = (self.open)().map_err(DeviceError::Disconnected)?;
+        self.transport = Some(transport);
+        self.calibration = Calibration::UNKNOWN;
+        self.begun = false;
+        self.origin_ns = None;
+        self.last_ns = 0;
+        self.slope = Slope::default();
+        self.withheld = false;
+        let sent = self.send(&CurrentReport::default());
+        if sent.is_err() {
+            self.transport = None;
+        }
+        sent
+    }
+}
+
+impl<T: Transport> WoodenHaptics<T> {
+    /// One exchange.
+    fn exchanged(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError> {
         self.discard()?;
         let command = self.command(&wrench.force);
         self.send(&command)?;
@@ -408,22 +449,6 @@ impl<T: Transport> Exchange for WoodenHaptics<T> {
             self.calibration = Calibration::UNKNOWN;
         }
         state
-    }
-
-    fn release(&mut self) {
-        // The device cuts its motors by itself where the report does not reach it.
-        let _ = self.send(&CurrentReport::default());
-    }
-
-    fn reopen(&mut self) -> Result<(), DeviceError> {
-        self.transport = (self.open)().map_err(DeviceError::Disconnected)?;
-        self.calibration = Calibration::UNKNOWN;
-        self.begun = false;
-        self.origin_ns = None;
-        self.last_ns = 0;
-        self.slope = Slope::default();
-        self.withheld = false;
-        self.send(&CurrentReport::default())
     }
 }
 

@@ -372,6 +372,48 @@ fn a_lost_device_is_opened_again_and_begins_anew() {
     );
 }
 
+/// The system gives a device that comes back its old name only where nobody has the old file open.
+#[test]
+fn a_lost_device_is_closed_before_it_is_looked_for() {
+    let (end, alive) = (Link::default(), Arc::new(Mutex::new(Vec::new())));
+    let (opened, seen) = (end.clone(), Arc::clone(&alive));
+    let open = move || {
+        // The test, this closure, and the connection that is open.
+        seen.lock().unwrap().push(Arc::strong_count(&opened.0) - 2);
+        opened.end(|end| end.gone).map_or(Ok(opened.clone()), Err)
+    };
+    let mut driver = WoodenHaptics::open(&Setup::default(), open, counted(MS)).unwrap();
+    end.end(|end| end.gone = Some(5));
+    assert_eq!(driver.exchange(&push()), Err(DeviceError::Disconnected(5)));
+    // It is closed at once, and not first when it is looked for: the new device may come sooner.
+    assert_eq!(Arc::strong_count(&end.0), 2);
+    assert!(driver.reopen().is_err());
+    end.end(|end| end.gone = None);
+    assert_eq!(driver.reopen(), Ok(()));
+    // Also where nobody noticed the loss.
+    assert_eq!(driver.reopen(), Ok(()));
+    assert_eq!(*alive.lock().unwrap(), [0; 4]);
+}
+
+/// A device sends a report unasked when it is opened. The report may still be under way.
+#[test]
+fn the_report_that_waits_after_a_reconnection_is_discarded() {
+    let (mut driver, link) = calibrated();
+    link.end(|end| end.gone = Some(19));
+    assert!(driver.exchange(&push()).is_err());
+    link.end(|end| end.gone = None);
+    assert_eq!(driver.reopen(), Ok(()));
+    let before = link.end(|end| end.waited);
+    link.reply([at(origin())]);
+    assert_eq!(driver.exchange(&push()), Err(DeviceError::NoReport));
+    // The first exchange after the reconnection waits for that report, and the next does not.
+    let first = link.end(|end| end.waited) - before;
+    assert_eq!(first, WAIT);
+    link.reply([at(origin())]);
+    let _ = driver.exchange(&push());
+    assert_eq!(link.end(|end| end.waited) - before, WAIT);
+}
+
 #[test]
 fn the_clock_of_the_states_starts_at_the_first_exchange_and_never_goes_back() {
     let link = Link::default();
