@@ -126,6 +126,12 @@ const OUTPUTS: [Output; 22] = [
         root: "study::stress::connections::Outcome",
     },
     Output {
+        title: "`palpate stress endings --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "palpate::stress::endings::Outcome",
+    },
+    Output {
         title: "`palpate stress hold --json`",
         schema: "",
         about: "A line for each cell.",

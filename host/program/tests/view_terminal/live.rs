@@ -138,6 +138,31 @@ fn the_keys_of_its_display_stop_and_arm_the_devices_of_a_run() {
 }
 
 #[test]
+fn lines_stop_and_arm_the_devices_after_the_display_has_ended() {
+    // Closed by its key, and killed.
+    for killed in [false, true] {
+        let Some(terminal) = run("--clock real --duration 1000") else {
+            return;
+        };
+        wait_for_movement(&terminal);
+        if killed {
+            signal(display_of(terminal.process()), "-KILL");
+        } else {
+            terminal.press("q");
+        }
+        terminal.wait_until_restored();
+        terminal.wait_for("the display has ended: Enter stops");
+        terminal.tmux(&["send-keys", "-l", "halt"]);
+        terminal.press("Enter");
+        terminal.wait_for("stopped: found \"halt\"");
+        terminal.press("C-c");
+        let screen = terminal.ends_with("130");
+        let events = screen.matches(": emergency stop, no force").count();
+        assert_eq!(events, 2, "killed: {killed}: {screen}");
+    }
+}
+
+#[test]
 fn q_closes_the_display_and_the_run_goes_on() {
     for clock in CLOCKS {
         let Some(terminal) = run(&format!("{clock} --duration 6")) else {
