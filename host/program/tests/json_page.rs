@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 22] = [
+const OUTPUTS: [Output; 23] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",

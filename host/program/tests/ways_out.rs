@@ -122,7 +122,7 @@ fn every_line_stops_after_a_display_that_cannot_start() {
 
 /// An interactive shell in a terminal.
 fn shell() -> InTerminal {
-    let shell = ["bash", "--norc", "--noprofile", "-i"];
+    let shell = ["bash", "--norc", "--noprofile", "--noediting", "-i"];
     let mut shell = InTerminal::start(Session::Controlled, &shell).unwrap();
     shell.type_bytes(b"PS1='READY> '\n").unwrap();
     wait(&mut shell, 0, "a prompt", |screen| {
