@@ -74,7 +74,7 @@ impl Held {
         Self::Virtual,
         Self::Firmware,
         Self::WoodenHaptics,
-        Self::Identify,
+        Self::Probe,
     ];
 
     fn name(self) -> &'static str {
@@ -354,25 +354,29 @@ fn end(held: Held, way: Way, delay: Duration, outcome: &mut Outcome) -> Result<(
     let line = command(held, device.as_ref(), &folder.0)?;
     let mut program = InTerminal::start(way.session(), &line)
         .map_err(|error| format!("the command cannot be started by setsid: {error}"))?;
-    let begun = Instant::now();
+    let is_run = !matches!(held, Held::Probe | Held::Identify);
     let said = |program: &InTerminal| String::from_utf8_lossy(&program.screen).into_owned();
-    loop {
+    let begun = Instant::now();
+    let holds_its_device = |program: &mut InTerminal| loop {
         program.read_for(Duration::from_millis(1));
         let holds = match &device {
             Some(device) => device.force() > HELD,
             None => has_ticked(&program.screen),
         };
         if holds {
-            break;
+            return Ok(());
         }
         if begun.elapsed() > LONGEST || program.ended().map_err(text)?.is_some() {
-            return Err(format!(
-                "the command never held its device: {}",
-                said(&program)
-            ));
+            let said = said(program);
+            return Err(format!("the command never held its device: {said}"));
         }
+    };
+    holds_its_device(&mut program)?;
+    // A device that was silent for most of its run, because it was calibrated meanwhile, is a failure of the run.
+    if is_run {
+        program.read_for(begun.elapsed() + delay);
     }
-    program.read_for(delay);
+    holds_its_device(&mut program)?;
     outcome.before = device.as_ref().map(Watched::force);
     let moment = Instant::now();
     way.take(&mut program).map_err(text)?;
@@ -411,7 +415,7 @@ fn end(held: Held, way: Way, delay: Duration, outcome: &mut Outcome) -> Result<(
             fail(format!("the device renders {:.3} N", device.force()));
         }
     }
-    if !matches!(held, Held::Probe | Held::Identify) {
+    if is_run {
         outcome.replayed = Some(check_files(&folder.0, way)?);
     }
     Ok(())
