@@ -7,6 +7,7 @@ mod terminal;
 
 use rustix::process::Signal;
 use serde_json::Value;
+use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -122,11 +123,11 @@ fn every_line_stops_after_a_display_that_cannot_start() {
 
 /// An interactive shell in a terminal.
 fn shell() -> InTerminal {
-    let shell = ["bash", "--norc", "--noprofile", "--noediting", "-i"];
+    let mut shell = vec!["env", "PS1=READY> ", "bash"];
+    shell.extend(["--norc", "--noprofile", "--noediting", "-i"]);
     let mut shell = InTerminal::start(Session::Controlled, &shell).unwrap();
-    shell.type_bytes(b"PS1='READY> '\n").unwrap();
     wait(&mut shell, 0, "a prompt", |screen| {
-        screen.contains("\nREADY> ")
+        screen.contains("READY> ")
     });
     shell
 }
@@ -291,6 +292,41 @@ fn every_signal_that_a_run_can_outlive_ends_it_in_order() {
 }
 
 #[test]
+fn the_other_commands_that_hold_a_device_end_in_order() {
+    let mut emulator = Command::new(PALPATE);
+    emulator.args(["device", "emulate", "omega3", "--on", "tcp", "--free"]);
+    emulator.stdin(Stdio::null()).stderr(Stdio::null());
+    let mut emulator = Run(emulator.stdout(Stdio::piped()).spawn().unwrap());
+    let mut line = String::new();
+    let output = emulator.0.stdout.take().unwrap();
+    BufReader::new(output).read_line(&mut line).unwrap();
+    let connect = line
+        .trim()
+        .trim_start_matches("connect = ")
+        .trim_matches('"');
+    let probe: &[&str] = &["--duration", "1000"];
+    let identify: &[&str] = &["--date", "2026-01-01", "--nobody-holds-it"];
+    for (name, options) in [("probe", probe), ("identify", identify)] {
+        for (signal, expected) in [(Signal::HUP, 129), (Signal::QUIT, 131), (Signal::USR1, 138)] {
+            let mut command = Command::new(PALPATE);
+            command.args(["device", name, connect, "--model", "omega3"]);
+            let mut run = Run::start(command.args(options));
+            until("the signal is caught", || run.catches(signal));
+            run.signal(signal);
+            let status = run.0.wait().unwrap();
+            assert_eq!(
+                status.code(),
+                Some(expected),
+                "{name}, {signal:?}: {status:?}"
+            );
+        }
+    }
+    // So does the emulator itself.
+    emulator.signal(Signal::HUP);
+    assert_eq!(emulator.0.wait().unwrap().code(), Some(0));
+}
+
+#[test]
 fn a_run_that_was_told_to_ignore_the_loss_of_its_terminal_goes_on() {
     let mut command = Command::new("sh");
     // As `nohup` does.
@@ -337,8 +373,8 @@ fn the_quick_study_of_endings_finds_no_force_that_a_command_left() {
     let rows = printed.lines().skip(2);
     // Each of four commands, ended in three ways.
     assert_eq!(rows.clone().count(), 12, "{printed}");
-    // A device that rendered no force before its end would have shown nothing.
-    for row in rows.filter(|row| !row.contains("virtual")) {
+    // A device that rendered no force before its end would have shown nothing. Simulated devices are not seen.
+    for row in rows.filter(|row| !row.contains("virtual") && !row.contains("simulated")) {
         let columns: Vec<_> = row.split('|').map(str::trim).collect();
         assert!(columns[4].parse::<f64>().unwrap() > 0.0, "{row}");
         assert_eq!(columns[6], "0.00", "{row}");

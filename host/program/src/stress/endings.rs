@@ -43,6 +43,8 @@ const QUICK: u64 = 1;
 const LONGEST: Duration = Duration::from_secs(120);
 /// Time after the end of a command in which the device is still watched: a WoodenHaptics holds its currents for 0.5 s.
 const AFTER: Duration = Duration::from_millis(700);
+/// Largest number of starts of a command that ends before it holds its device.
+const STARTS: u32 = 10;
 /// Longest delay from the first force to the way out (ms).
 const DELAY_MS: u64 = 300;
 /// Force from which a device counts as held (N).
@@ -72,9 +74,9 @@ impl Held {
     ];
     const QUICK: [Self; 4] = [
         Self::Virtual,
+        Self::Simulated,
         Self::Firmware,
         Self::WoodenHaptics,
-        Self::Probe,
     ];
 
     fn name(self) -> &'static str {
@@ -343,6 +345,51 @@ fn has_ticked(screen: &[u8]) -> bool {
     counts.any(|ticks| ticks > 0)
 }
 
+/// What a program has written.
+fn said(program: &InTerminal) -> String {
+    String::from_utf8_lossy(&program.screen).into_owned()
+}
+
+/// Waits until the device of a command renders a force, or until the run has ticked where no device is seen. False where the
+/// command has ended before.
+///
+/// # Errors
+/// Neither happens.
+fn holds(program: &mut InTerminal, device: Option<&Watched>) -> Result<bool, String> {
+    let begun = Instant::now();
+    while begun.elapsed() < LONGEST {
+        program.read_for(Duration::from_millis(1));
+        let holds = match device {
+            Some(device) => device.force() > HELD,
+            None => has_ticked(&program.screen),
+        };
+        let ended = program.ended().map_err(|error| error.to_string())?;
+        if holds || ended.is_some() {
+            return Ok(ended.is_none());
+        }
+    }
+    let said = said(program);
+    Err(format!("the command does not hold its device: {said}"))
+}
+
+/// Starts a command, and waits until it holds its device. On a busy machine a device may be silent for five ticks, at which
+/// a guided motion ends by itself; the command is then started anew, because the cell has not begun.
+///
+/// # Errors
+/// The command does not start, or never holds its device.
+fn begin(way: Way, line: &[String], device: Option<&Watched>) -> Result<InTerminal, String> {
+    let mut last = String::new();
+    for _ in 0..STARTS {
+        let mut program = InTerminal::start(way.session(), line)
+            .map_err(|error| format!("the command cannot be started by setsid: {error}"))?;
+        if holds(&mut program, device)? {
+            return Ok(program);
+        }
+        last = said(&program);
+    }
+    Err(format!("the command never held its device: {last}"))
+}
+
 /// Runs a cell. What it was to show and did not is among the failures of `outcome`.
 ///
 /// # Errors
@@ -352,31 +399,16 @@ fn end(held: Held, way: Way, delay: Duration, outcome: &mut Outcome) -> Result<(
     let folder = Folder::new().map_err(text)?;
     let device = Watched::begin(held, &folder.0)?;
     let line = command(held, device.as_ref(), &folder.0)?;
-    let mut program = InTerminal::start(way.session(), &line)
-        .map_err(|error| format!("the command cannot be started by setsid: {error}"))?;
     let is_run = !matches!(held, Held::Probe | Held::Identify);
-    let said = |program: &InTerminal| String::from_utf8_lossy(&program.screen).into_owned();
     let begun = Instant::now();
-    let holds_its_device = |program: &mut InTerminal| loop {
-        program.read_for(Duration::from_millis(1));
-        let holds = match &device {
-            Some(device) => device.force() > HELD,
-            None => has_ticked(&program.screen),
-        };
-        if holds {
-            return Ok(());
-        }
-        if begun.elapsed() > LONGEST || program.ended().map_err(text)?.is_some() {
-            let said = said(program);
-            return Err(format!("the command never held its device: {said}"));
-        }
-    };
-    holds_its_device(&mut program)?;
-    // A device that was silent for most of its run, because it was calibrated meanwhile, is a failure of the run.
+    let mut program = begin(way, &line, device.as_ref())?;
     if is_run {
+        // A device that was silent for most of its run, because it was calibrated meanwhile, is a failure of the run.
         program.read_for(begun.elapsed() + delay);
+        if !holds(&mut program, device.as_ref())? {
+            return Err(format!("the run ended by itself: {}", said(&program)));
+        }
     }
-    holds_its_device(&mut program)?;
     outcome.before = device.as_ref().map(Watched::force);
     let moment = Instant::now();
     way.take(&mut program).map_err(text)?;
