@@ -338,8 +338,9 @@ fn command(held: Held, device: Option<&Watched>, folder: &Path) -> Result<Vec<St
 /// Whether a run has said that it has ticked.
 fn has_ticked(screen: &[u8]) -> bool {
     let screen = String::from_utf8_lossy(screen);
-    let mut counts = screen.lines().filter_map(|line| {
-        let (ticks, _) = line.trim().strip_prefix("ticks ")?.split_once(' ')?;
+    // The bar of the progress may stand before the text.
+    let mut counts = screen.split("ticks ").skip(1).filter_map(|rest| {
+        let (ticks, _) = rest.split_once(' ')?;
         ticks.parse::<u64>().ok()
     });
     counts.any(|ticks| ticks > 0)
