@@ -1,6 +1,6 @@
 //! `palpate device`: the devices of this machine, and emulated ones.
 
-mod emulate;
+pub(super) mod emulate;
 mod identify;
 mod list;
 mod open;

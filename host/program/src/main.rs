@@ -1,7 +1,7 @@
 //! The program `palpate`: one file per command.
 //!
 //! Exit codes: 0 for success; 1 for a failure while the command ran; 2 for an invalid scene or argument; 128 plus
-//! the number of a signal (130 for Ctrl-C) for a run that a signal ended in order. A reader that closes the pipe of the
+//! the number of a signal (130 for Ctrl-C, 129 for a closed terminal) for a command that a signal ended in order. A reader that closes the pipe of the
 //! standard output changes no exit code.
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)] // These macros panic: see `printing`.
@@ -132,7 +132,7 @@ enum CommandError {
     },
     #[error("the replay differs from the log")]
     Different,
-    #[error("{}; shut down cleanly", if *.0 == 2 { "interrupted" } else { "terminated" })]
+    #[error("{}; shut down cleanly", signals::ended_by(*.0))]
     Signal(u8),
     #[error(
         "{0} applies to the thread of the tick, and a run in virtual time has no such thread: found --clock virtual, \
@@ -141,7 +141,7 @@ enum CommandError {
     NeedsRealClock(&'static str),
     #[error("--core: {0}")]
     Core(#[from] runner::cores::NoSuchCore),
-    #[error("cannot install the handlers of SIGINT and SIGTERM: {0}")]
+    #[error("cannot install the handlers of the signals that end the command: {0}")]
     Signals(std::io::Error),
     #[error(transparent)]
     Solve(physics::CondenseError),
@@ -206,6 +206,7 @@ fn main() -> ExitCode {
         return code;
     }
     panics::report_in_one_line();
+    signals::ignore_file_limit();
     let code = match Arguments::try_parse() {
         Ok(arguments) => execute(arguments.command),
         Err(message) => {

@@ -1,45 +1,189 @@
 //! The operator of a run under the real clock: what arms and stops the devices.
 //!
 //! SIGUSR1 stops the force of all devices, and SIGUSR2 arms them. In a terminal, Enter stops the force, and the word `arm`
-//! with Enter arms the devices; in a display of the run (`--view`), Enter or space stops the force, and `a` arms. The handler of SIGUSR1 sets the flag that the tick reads, so that the force ends within one
-//! tick, whatever the other threads do.
+//! with Enter arms the devices; in a display of the run (`--view`), Enter or space stops the force, and `a` arms. The handler
+//! of SIGUSR1 sets the flag that the tick reads, so that the force ends within one tick, whatever the other threads do.
+//!
+//! A thread reads the terminal for as long as there is one: after bytes that are no text, after Ctrl-D, after the display has
+//! ended, and again when the run comes back from the background. A lost terminal ends the run ([`super::signals`]).
 
+use super::CommandError;
+use super::signals::{ORDERS, is_lost};
 use devices::panel::Panel;
 use host::scene::Scene;
-use signal_hook::consts::{SIGUSR1, SIGUSR2};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use signal_hook::flag;
-use std::io::{self, BufRead, IsTerminal};
-use std::sync::Arc;
+use std::io::{self, IsTerminal};
+use std::os::fd::AsFd;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Time after which the terminal is looked at again where it cannot be read now.
+const PAUSE: Duration = Duration::from_millis(50);
+/// Largest length of a line (bytes). A longer line counts as a line of its own.
+const LONGEST: usize = 4096;
 
 /// The operator's means during a run.
 pub(super) struct Operator {
     panel: Panel,
     /// Whether SIGUSR2 has arrived.
     arm: Arc<AtomicBool>,
+    keyboard: Keyboard,
+}
+
+/// Who reads the terminal: the thread of the operator, or the display of the run while it has the terminal.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Keyboard(Arc<Mutex<bool>>);
+
+impl Keyboard {
+    /// Gives the terminal to the display, or takes it back. The operator's thread does not read meanwhile.
+    #[cfg(feature = "view")]
+    pub(super) fn give_to_display(&self, given: bool) {
+        *self.lock() = given;
+    }
+
+    /// Whether the display has the terminal. Nobody begins to read while the guard lives.
+    fn lock(&self) -> MutexGuard<'_, bool> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Operator {
-    /// Installs the handlers. With `lines`, a thread reads the operator's lines from the terminal.
-    pub(super) fn begin(panel: &Panel, lines: bool) -> io::Result<Self> {
-        flag::register(SIGUSR1, panel.stop_flag())?;
+    /// Installs the handlers of the orders, before the scene is built and the devices are opened. Where there is a terminal,
+    /// a thread reads the operator's lines.
+    ///
+    /// # Errors
+    /// [`CommandError::Signals`] where the system refuses a handler or the thread.
+    pub(super) fn begin(panel: &Panel) -> Result<Self, CommandError> {
+        Self::install(panel).map_err(CommandError::Signals)
+    }
+
+    fn install(panel: &Panel) -> io::Result<Self> {
+        let [stop_order, arm_order] = ORDERS;
+        flag::register(stop_order, panel.stop_flag())?;
         let arm = Arc::new(AtomicBool::new(false));
-        flag::register(SIGUSR2, Arc::clone(&arm))?;
-        if lines && io::stdin().is_terminal() {
-            let panel = panel.clone();
-            // The thread ends with the program: nothing else ends a read from a terminal.
+        flag::register(arm_order, Arc::clone(&arm))?;
+        let keyboard = Keyboard::default();
+        if io::stdin().is_terminal() {
+            let (panel, keyboard) = (panel.clone(), keyboard.clone());
+            // The thread ends with its terminal, or with the program.
             std::thread::Builder::new()
                 .name("operator".into())
-                .spawn(move || read_lines(io::stdin().lock(), &panel))?;
+                .spawn(move || follow(&io::stdin(), &panel, &keyboard))?;
         }
-        let panel = panel.clone();
-        Ok(Self { panel, arm })
+        Ok(Self {
+            panel: panel.clone(),
+            arm,
+            keyboard,
+        })
+    }
+
+    /// The terminal of the operator.
+    #[cfg(feature = "view")]
+    pub(super) fn keyboard(&self) -> &Keyboard {
+        &self.keyboard
     }
 
     /// Passes an order to arm on to the devices. Called from time to time.
     pub(super) fn look(&self) {
         if self.arm.swap(false, Ordering::Relaxed) {
             self.panel.arm();
+        }
+    }
+}
+
+/// What a look at the terminal found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Found {
+    /// This many bytes. Ctrl-D alone gives none.
+    Bytes(usize),
+    /// Nothing that can be read now: another program has the terminal, or the display.
+    Nothing,
+    /// The terminal is lost.
+    Lost,
+}
+
+/// Obeys each line of the terminal until the terminal is lost.
+fn follow(terminal: &impl AsFd, panel: &Panel, keyboard: &Keyboard) {
+    let mut lines = Lines::default();
+    let mut bytes = [0; 256];
+    loop {
+        match look(terminal, keyboard, &mut bytes) {
+            Found::Bytes(count) => {
+                for &byte in bytes.get(..count).unwrap_or_default() {
+                    if let Some(line) = lines.take(byte) {
+                        obey(&line, panel);
+                    }
+                }
+            }
+            Found::Nothing => std::thread::sleep(PAUSE),
+            Found::Lost => return,
+        }
+    }
+}
+
+/// Waits until the terminal has something, and reads it unless the display has the terminal.
+fn look(terminal: &impl AsFd, keyboard: &Keyboard, bytes: &mut [u8]) -> Found {
+    match events(terminal, None) {
+        Ok(events) if is_lost(events) => return Found::Lost,
+        Ok(_) => {}
+        Err(Errno::INTR) => return Found::Nothing,
+        Err(_) => return Found::Lost,
+    }
+    let with_display = keyboard.lock();
+    // The display may have read meanwhile what there was, and a read must not wait for more.
+    let now = Timespec {
+        tv_sec: 0,
+        tv_nsec: 0,
+    };
+    if *with_display || !events(terminal, Some(&now)).is_ok_and(|is| is.contains(PollFlags::IN)) {
+        return Found::Nothing;
+    }
+    match rustix::io::read(terminal, bytes) {
+        Ok(count) => Found::Bytes(count),
+        // EIO: the run is in the background. A lost terminal shows in the next look.
+        Err(_) => Found::Nothing,
+    }
+}
+
+/// Waits for input of the terminal, or for its loss.
+fn events(terminal: &impl AsFd, wait: Option<&Timespec>) -> rustix::io::Result<PollFlags> {
+    let mut polled = [PollFd::new(terminal, PollFlags::IN)];
+    poll(&mut polled, wait)?;
+    Ok(polled[0].revents())
+}
+
+/// Puts the bytes of a terminal together to lines.
+#[derive(Debug, Default)]
+struct Lines(Vec<u8>);
+
+impl Lines {
+    /// Takes a byte. Returns the line that the byte ends. A terminal that another program left in raw mode ends its lines by
+    /// a carriage return.
+    fn take(&mut self, byte: u8) -> Option<String> {
+        let ends = matches!(byte, b'\n' | b'\r');
+        if !ends {
+            self.0.push(byte);
+        }
+        (ends || self.0.len() >= LONGEST).then(|| {
+            let line = String::from_utf8_lossy(&self.0).into_owned();
+            self.0.clear();
+            line
+        })
+    }
+}
+
+/// Obeys a line.
+fn obey(line: &str, panel: &Panel) {
+    match line.trim() {
+        "" => panel.stop(),
+        "arm" => panel.arm(),
+        other => {
+            // A person who types in a hurry wants the force to end.
+            panel.stop();
+            errln!("stopped: found {other:?}, allowed: \"arm\" to arm, an empty line to stop");
         }
     }
 }
@@ -69,20 +213,10 @@ pub(super) fn by_signals(run: u32) -> view::terminal::Operate {
     })
 }
 
-/// Obeys each line until the end of the input.
-fn read_lines(input: impl BufRead, panel: &Panel) {
-    for line in input.lines().map_while(Result::ok) {
-        match line.trim() {
-            "" => panel.stop(),
-            "arm" => panel.arm(),
-            other => {
-                // A person who types in a hurry wants the force to end.
-                panel.stop();
-                errln!("stopped: found {other:?}, allowed: \"arm\" to arm, an empty line to stop");
-            }
-        }
-    }
-}
+/// What the lines of the operator do.
+#[cfg(feature = "view")]
+pub(super) const LINES: &str =
+    "Enter stops the force of all devices, and \"arm\" with Enter arms them";
 
 /// How to arm the devices of a `scene` that wait for it; `None` where none waits. `real` tells whether the run follows the
 /// real clock, and `lines` whether lines of the terminal are read: the display of a run reads keys.
@@ -121,28 +255,53 @@ mod tests {
     use rt_core::engage::{ARM_ORDER, STOP_ORDER};
     use rt_core::{Device, DeviceState, Freedom};
 
+    /// The buttons of a device after these bytes of a terminal.
+    fn after(bytes: &[u8]) -> u32 {
+        let panel = Panel::default();
+        let mut lines = Lines::default();
+        for &byte in bytes {
+            if let Some(line) = lines.take(byte) {
+                obey(&line, &panel);
+            }
+        }
+        let rest = Scripted::new(
+            small(Freedom::Three),
+            |_| Ok(DeviceState::resting()),
+            |_, _| Ok(()),
+        );
+        let mut device = Operated::new(Box::new(rest), panel, &[]);
+        device.read(0).expect("a state").buttons
+    }
+
     #[test]
     fn every_line_but_the_word_arm_stops() {
-        for (lines, expected) in [
-            ("arm\n", ARM_ORDER),
-            ("arm\n\n", ARM_ORDER | STOP_ORDER),
-            ("arm\nstop!\n", ARM_ORDER | STOP_ORDER),
-            ("\narm\n", ARM_ORDER),
-            ("\narm\narm", 0),
+        let both = ARM_ORDER | STOP_ORDER;
+        for (bytes, expected) in [
+            (&b"arm\n"[..], ARM_ORDER),
+            (b"arm\n\n", both),
+            (b"arm\nstop!\n", both),
+            (b"\narm\n", ARM_ORDER),
+            (b"\narm\narm\n", 0),
+            // A line that is not ended yet.
+            (b"arm\narm", ARM_ORDER),
+            // Bytes that are no UTF-8, alone, before a line, and beside the word.
+            (b"arm\n\xe9\n", both),
+            (b"\xe9\narm\n", ARM_ORDER),
+            (b"arm\n\xff\xfe\n\n", both),
+            (b"arm\narm\xff\n", both),
+            (b"arm\n\0\n", both),
+            // A terminal in raw mode.
+            (b"arm\r\r", both),
         ] {
-            let panel = Panel::default();
-            read_lines(lines.as_bytes(), &panel);
-            let rest = Scripted::new(
-                small(Freedom::Three),
-                |_| Ok(DeviceState::resting()),
-                |_, _| Ok(()),
-            );
-            let mut device = Operated::new(Box::new(rest), panel, &[]);
-            assert_eq!(
-                device.read(0).expect("a state").buttons,
-                expected,
-                "{lines:?}"
-            );
+            assert_eq!(after(bytes), expected, "{bytes:?}");
         }
+    }
+
+    #[test]
+    fn bytes_without_end_stop_and_take_no_memory_without_end() {
+        let mut lines = Lines::default();
+        let ended = (0..10 * LONGEST).filter_map(|_| lines.take(b'x')).count();
+        assert_eq!(ended, 10);
+        assert!(lines.0.capacity() <= 2 * LONGEST);
     }
 }

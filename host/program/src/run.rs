@@ -6,10 +6,11 @@ use super::order::order;
 use super::outputs::{Declared, Format};
 use super::overrides::Overrides;
 use super::progress::ProgressBar;
+use super::signals::Ending;
 #[cfg(feature = "view")]
 use super::watch::Watch;
-use super::{COMMIT, CommandError, SceneArgument, signals};
-use devices::panel::TimedOrder;
+use super::{COMMIT, CommandError, SceneArgument};
+use devices::panel::{Panel, TimedOrder};
 use host::engine::faults::HostFault;
 #[cfg(feature = "view")]
 use host::live::session::ViewOptions;
@@ -19,8 +20,9 @@ use host::scene::Scene;
 use host::scene::spec::Device;
 use physics::FactorCode;
 use runner::{CallPolicy, CoreChoice, Cores};
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Frames a second without `--frames` (Hz).
 const FRAME_RATE: f64 = 25.0;
@@ -261,15 +263,20 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         let (scene, json) = (&arguments.scene.scene, &arguments.json);
         return super::replay::run(path, scene.as_deref(), json.as_ref(), &ticks);
     }
+    // Before anything else: a signal that comes while the scene is built must not end a program that opens devices.
+    let real = arguments.clock == ClockName::Real;
+    let ending = Ending::begin(real)?;
+    let panel = Panel::default();
+    let operator = real.then(|| Operator::begin(&panel)).transpose()?;
     needs_real_clock(arguments)?;
     let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
     Cores::of_this_machine().check(core)?;
     let scene = arguments.scene.scene.as_deref();
-    if arguments.overrides.has_latency() && arguments.clock == ClockName::Real {
+    if arguments.overrides.has_latency() && real {
         return Err(CommandError::NeedsVirtualClock);
     }
     #[cfg(feature = "view")]
-    if arguments.view.pace.is_some() && arguments.clock == ClockName::Real {
+    if arguments.view.pace.is_some() && real {
         return Err(CommandError::PaceNeedsVirtualClock);
     }
     let loaded = arguments.overrides.load(scene)?;
@@ -310,6 +317,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         json: arguments.json.clone(),
         faults: arguments.fault.clone(),
         orders: arguments.order.clone(),
+        stop: Arc::clone(ending.stop()),
+        panel,
         instructions: match arguments.instructions {
             InstructionsName::Auto => FactorCode::Fastest,
             InstructionsName::Portable => FactorCode::Portable,
@@ -325,7 +334,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         .view
         .view
         .clone()
-        .map(|socket| Watch::new(socket, options.clock == Clock::Real));
+        .map(|socket| Watch::new(socket, operator.as_ref().map(Operator::keyboard)));
     #[cfg(feature = "view")]
     {
         options.view = watch.as_ref().map(|watch| ViewOptions {
@@ -339,16 +348,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     options.runner.calls = watched.then(|| needed_calls(&loaded.scene));
     options.runner.core = core;
     options.runner.priority = arguments.priority.or(options.runner.priority);
-    // A run in virtual time commands no device, so a signal may end the program at once. A run that viewers watch gives
-    // the terminal back and removes its socket first.
-    let in_order = options.clock == Clock::Real || options.view.is_some();
-    let signal = in_order.then(|| signals::end_in_order(&options.stop));
-    let signal = signal.transpose().map_err(CommandError::Signals)?;
     // A display that has the terminal reads its keys.
-    let lines = options.view.is_none();
-    let real = options.clock == Clock::Real;
-    let operator = real.then(|| Operator::begin(&options.panel, lines));
-    let operator = operator.transpose().map_err(CommandError::Signals)?;
+    let lines = options.view.is_none() || !std::io::stdout().is_terminal();
     let mut waiting = operator::waiting(&loaded.scene, real, lines);
     if !options.orders.is_empty() {
         waiting = None;
@@ -411,8 +412,10 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if !summary.failures.is_empty() {
         return Err(CommandError::Incomplete);
     }
-    match signal.and_then(|signal| signal.number()) {
-        Some(number) if summary.tick.stopped => Err(CommandError::Signal(number)),
-        _ => Ok(()),
+    // A signal after the last tick has ended nothing.
+    if summary.tick.stopped {
+        ending.result()
+    } else {
+        Ok(())
     }
 }

@@ -1,35 +1,172 @@
-//! SIGINT (Ctrl-C) and SIGTERM end a run in order: the force becomes zero, the log is finished, the summary is
-//! printed.
+//! How signals end a command that may command force to a device: in order.
 //!
-//! The handler sets the flag of the loop, so that the force becomes zero within one tick. A second signal ends the
-//! program at once; the watchdog of the device then removes the force.
+//! SIGINT (Ctrl-C), SIGTERM, SIGHUP (a terminal that was closed), SIGQUIT (Ctrl-\) and every other signal that a process
+//! can outlive ([`runner::signals::ending`]) set the flag of the loop. The force becomes zero within one tick, the files
+//! are finished, and the summary is printed. The handler only sets flags, so it may run on the thread of the tick.
+//!
+//! A person who asks again by SIGINT, SIGQUIT or SIGTERM, a second after the first request or later, ends the program at
+//! once; the loop has commanded zero force by then. Sooner signals belong to the first request: `timeout` sends its signal
+//! twice, to the program and to its group, and a shell that was closed and the kernel both send SIGHUP.
+//!
+//! A terminal may be lost without a signal, where the program has a session of its own. The thread that waits for a second
+//! request therefore looks at the terminal as well. Where `nohup` lets the program ignore SIGHUP, a lost terminal ends
+//! nothing.
+//!
+//! SIGTTIN and SIGTTOU stop a program in the background that uses its terminal. A command that holds a device ignores
+//! both: the program then runs in the background, and a read of the terminal fails there.
 
+use super::CommandError;
 use runner::Stop;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
-use std::io;
+use runner::signals::{ending, ignore, is_ignored};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use signal_hook::consts::{
+    SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGXFSZ,
+};
+use signal_hook::{flag, low_level};
+use std::io::{self, IsTerminal};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
-/// The signal that the program received, if any.
-pub(super) struct Signal(Arc<AtomicUsize>);
+/// The signals by which a person may ask again.
+const REQUESTS: [i32; 3] = [SIGINT, SIGQUIT, SIGTERM];
+/// The orders of an operator.
+pub(super) const ORDERS: [i32; 2] = [SIGUSR1, SIGUSR2];
+/// Time after a request in which further requests belong to it.
+const SAME: Duration = Duration::from_secs(1);
+/// Period of the check whether there was a request.
+const LOOK: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 250_000_000,
+};
 
-impl Signal {
-    /// The number of the signal.
-    pub(super) fn number(&self) -> Option<u8> {
-        let number = self.0.load(Ordering::SeqCst);
-        u8::try_from(number).ok().filter(|number| *number > 0)
+/// Lets a write beyond the limit of a file's size fail, as a write to a full disk does. Without this, SIGXFSZ would end the
+/// process at the write.
+pub(super) fn ignore_file_limit() {
+    // The number is that of a signal, so the call cannot fail.
+    let _ = ignore(SIGXFSZ);
+}
+
+/// How a signal ended a command, in a word.
+pub(super) fn ended_by(number: u8) -> &'static str {
+    match i32::from(number) {
+        SIGINT => "interrupted",
+        SIGHUP => "the terminal was closed",
+        _ => "terminated",
     }
 }
 
-/// Installs the handlers: the first SIGINT or SIGTERM sets `stop`, and the second ends the program.
-pub(super) fn end_in_order(stop: &Stop) -> io::Result<Signal> {
-    let received = Arc::new(AtomicUsize::new(0));
-    for signal in [SIGINT, SIGTERM] {
-        // Handlers run in this order, so the first signal does not find the flag set.
-        flag::register_conditional_shutdown(signal, 128 + signal, stop.flag())?;
-        flag::register_usize(signal, Arc::clone(&received), signal as usize)?;
-        flag::register(signal, stop.flag())?;
+/// Whether nobody has the other end of a terminal any more.
+pub(super) fn is_lost(events: PollFlags) -> bool {
+    events.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
+}
+
+/// The end of a command in order. Its handlers stay until the program ends.
+pub(super) struct Ending {
+    stop: Arc<Stop>,
+    /// The signal that was received; zero for none.
+    received: Arc<AtomicUsize>,
+}
+
+impl Ending {
+    /// Installs the handlers, before the command does anything else. `operated`: an operator takes [`ORDERS`]; for a
+    /// command without an operator they are signals like the others.
+    ///
+    /// # Errors
+    /// [`CommandError::Signals`] where the system refuses a handler or the thread that waits for a second request.
+    pub(super) fn begin(operated: bool) -> Result<Self, CommandError> {
+        Self::install(operated).map_err(CommandError::Signals)
     }
-    Ok(Signal(received))
+
+    fn install(operated: bool) -> io::Result<Self> {
+        for signal in [SIGTTIN, SIGTTOU] {
+            ignore(signal)?;
+        }
+        let new = Self {
+            stop: Arc::new(Stop::new()),
+            received: Arc::default(),
+        };
+        let hangs_up = !is_ignored(SIGHUP);
+        let requested = Arc::new(AtomicBool::new(false));
+        let orders = ORDERS.into_iter().filter(|_| !operated);
+        let signals = ending().into_iter().chain(orders);
+        for signal in signals.filter(|&signal| signal != SIGHUP || hangs_up) {
+            flag::register_usize(signal, Arc::clone(&new.received), signal as usize)?;
+            flag::register(signal, new.stop.flag())?;
+            if REQUESTS.contains(&signal) {
+                flag::register(signal, Arc::clone(&requested))?;
+            }
+        }
+        let watched = Watched {
+            stop: Arc::clone(&new.stop),
+            received: Arc::clone(&new.received),
+            requested,
+            terminal: hangs_up && io::stdin().is_terminal(),
+        };
+        // The thread ends with the program.
+        std::thread::Builder::new()
+            .name("palpate-signals".into())
+            .spawn(move || watched.end_at_a_second_request())?;
+        Ok(new)
+    }
+
+    /// The request to the loop to end.
+    pub(super) fn stop(&self) -> &Arc<Stop> {
+        &self.stop
+    }
+
+    /// The result of a command that has ended in order.
+    ///
+    /// # Errors
+    /// [`CommandError::Signal`] where a signal was received.
+    pub(super) fn result(&self) -> Result<(), CommandError> {
+        let number = self.received.load(Ordering::SeqCst);
+        match u8::try_from(number) {
+            Ok(0) | Err(_) => Ok(()),
+            Ok(number) => Err(CommandError::Signal(number)),
+        }
+    }
+}
+
+/// What the thread beside a command watches.
+struct Watched {
+    stop: Arc<Stop>,
+    received: Arc<AtomicUsize>,
+    /// Whether a person has asked for the end.
+    requested: Arc<AtomicBool>,
+    /// Whether the standard input is a terminal whose loss ends the command.
+    terminal: bool,
+}
+
+impl Watched {
+    /// Ends the program at the second request.
+    fn end_at_a_second_request(mut self) {
+        self.wait();
+        std::thread::sleep(SAME);
+        self.requested.store(false, Ordering::SeqCst);
+        self.wait();
+        let number = i32::try_from(self.received.load(Ordering::SeqCst)).unwrap_or(SIGTERM);
+        low_level::exit(128_i32.saturating_add(number));
+    }
+
+    /// Waits for a request. Ends the command as SIGHUP does where its terminal is lost meanwhile.
+    fn wait(&mut self) {
+        while !self.requested.load(Ordering::SeqCst) {
+            let input = io::stdin();
+            // The loss of a terminal is told without being asked for.
+            let mut polled = [PollFd::new(&input, PollFlags::empty())];
+            let polled = if self.terminal {
+                &mut polled[..]
+            } else {
+                &mut []
+            };
+            // An error, such as an interruption, is only an earlier look.
+            let _ = poll(polled, Some(&LOOK));
+            if polled.iter().any(|input| is_lost(input.revents())) {
+                self.terminal = false;
+                self.received.store(SIGHUP as usize, Ordering::SeqCst);
+                self.stop.request();
+            }
+        }
+    }
 }

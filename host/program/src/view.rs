@@ -18,7 +18,7 @@ use ::view::terminal::{self, Ended, Options, TerminalError, draw, keys, lines, p
 use ::view::web::{self, WebError};
 use host::atomic_file::{AtomicFileError, write_atomically};
 use host::live::Message;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,7 +26,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// The signals that end a viewer.
-const SIGNALS: [i32; 3] = [SIGTERM, SIGHUP, SIGINT];
+const SIGNALS: [i32; 4] = [SIGTERM, SIGHUP, SIGINT, SIGQUIT];
 
 const EXAMPLES: &str = "\
 Examples:
@@ -124,7 +124,7 @@ pub(super) enum ViewError {
     Web(#[from] WebError),
     #[error(transparent)]
     Foxglove(#[from] FoxgloveError),
-    #[error("the handlers of SIGTERM and SIGHUP cannot be installed: {0}")]
+    #[error("the handlers of signals cannot be installed: {0}")]
     Signals(io::Error),
     #[error("--at: found no output, allowed: one or more of --plot, --csv and --curves")]
     NothingToWrite,
@@ -322,13 +322,13 @@ fn draw_terminal(
     Ok(())
 }
 
-/// Notes the signals that end the viewer. Where the run has the same terminal, Ctrl-C is for the run, which then ends,
-/// and the viewer with it.
+/// Notes the signals that end the viewer. Where the run has the same terminal, Ctrl-C and SIGQUIT are for the run, which
+/// then ends, and the viewer with it.
 fn signals(attached: bool) -> io::Result<Arc<AtomicUsize>> {
     let received = Arc::new(AtomicUsize::new(0));
     let ignored = Arc::new(AtomicUsize::new(0));
     for signal in SIGNALS {
-        let flag = if attached && signal == SIGINT {
+        let flag = if attached && [SIGINT, SIGQUIT].contains(&signal) {
             &ignored
         } else {
             &received

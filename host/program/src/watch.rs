@@ -3,9 +3,11 @@
 //! The display is a process of its own, `palpate view --attached`, on the same terminal. It may end in any way: this module
 //! then gives the terminal back as it was, and the run goes on.
 
+use super::operator::{self, Keyboard};
 use super::progress::ProgressBar;
 use host::live::socket::address;
-use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
+use rustix::process::getpgrp;
+use rustix::termios::{OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command};
@@ -24,8 +26,8 @@ pub(super) struct Watch {
     socket: PathBuf,
     /// Whether `palpate view` must be told the socket.
     named: bool,
-    /// Whether the keys of the display arm and stop the devices.
-    operates: bool,
+    /// The terminal of the operator, where the keys of the display arm and stop the devices.
+    keyboard: Option<Keyboard>,
     state: State,
 }
 
@@ -39,11 +41,11 @@ enum State {
 }
 
 impl Watch {
-    /// The display of a run with its socket at `socket`, or at the default path. `operates`: the run takes the signals of
-    /// [`super::operator`].
-    pub(super) fn new(socket: Option<PathBuf>, operates: bool) -> Self {
+    /// The display of a run with its socket at `socket`, or at the default path. `keyboard`: the run has an operator, whose
+    /// terminal the display takes while it shows the run.
+    pub(super) fn new(socket: Option<PathBuf>, keyboard: Option<&Keyboard>) -> Self {
         Self {
-            operates,
+            keyboard: keyboard.cloned(),
             named: socket.is_some(),
             socket: socket.unwrap_or_else(address::of_this_process),
             state: State::Before,
@@ -67,6 +69,9 @@ impl Watch {
                 if !matches!(child.try_wait(), Ok(None)) {
                     self.give_back();
                     bar.show();
+                    if self.keyboard.is_some() {
+                        bar.say(&format!("the display has ended: {}", operator::LINES));
+                    }
                 }
             }
             State::Over => {}
@@ -83,10 +88,11 @@ impl Watch {
             String::new()
         };
         bar.say(&format!("watch this run with: palpate view{named}"));
-        if !(io::stdin().is_terminal() && io::stdout().is_terminal()) {
+        if !(io::stdin().is_terminal() && io::stdout().is_terminal() && in_front()) {
             return;
         }
         bar.hide();
+        self.give_to_display(true);
         let before = tcgetattr(io::stdin()).ok();
         let program = std::env::current_exe();
         let child = program.and_then(|program| {
@@ -94,7 +100,7 @@ impl Watch {
             command
                 .args(["view", "--attached", "--socket"])
                 .arg(&self.socket);
-            if self.operates {
+            if self.keyboard.is_some() {
                 command
                     .arg("--operates")
                     .arg(std::process::id().to_string());
@@ -104,6 +110,7 @@ impl Watch {
         match child {
             Ok(child) => self.state = State::Shown(child, before),
             Err(error) => {
+                self.give_to_display(false);
                 errln!("the display cannot be started: {error}");
                 bar.show();
             }
@@ -138,7 +145,21 @@ impl Watch {
             let mut terminal = io::stdout();
             let _ = terminal.write_all(RESTORE).and_then(|()| terminal.flush());
         }
+        self.give_to_display(false);
     }
+
+    /// Gives the terminal of the operator to the display, or takes it back.
+    fn give_to_display(&self, given: bool) {
+        if let Some(keyboard) = &self.keyboard {
+            keyboard.give_to_display(given);
+        }
+    }
+}
+
+/// Whether this program has the terminal. A program in the background must not change the modes of a terminal on which a
+/// person works with another program. A terminal of another session knows no foreground.
+fn in_front() -> bool {
+    tcgetpgrp(io::stdin()).map_or(true, |group| group == getpgrp())
 }
 
 impl Drop for Watch {

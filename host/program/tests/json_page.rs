@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 22] = [
+const OUTPUTS: [Output; 23] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -124,6 +124,12 @@ const OUTPUTS: [Output; 22] = [
         schema: "",
         about: "A line for each cell.",
         root: "study::stress::connections::Outcome",
+    },
+    Output {
+        title: "`palpate stress endings --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "palpate::stress::endings::Outcome",
     },
     Output {
         title: "`palpate stress hold --json`",

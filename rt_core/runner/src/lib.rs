@@ -33,6 +33,7 @@ pub mod ring;
 pub mod schedule;
 pub mod seccomp;
 mod setup;
+pub mod signals;
 pub mod thread;
 pub mod tick_loop;
 mod trap;

@@ -3,7 +3,7 @@
 mod falcon;
 
 use super::super::CommandError;
-use super::super::signals;
+use super::super::signals::Ending;
 use super::DeviceCommandError;
 use devices::DeviceFile;
 use devices::transport::Packets;
@@ -12,12 +12,13 @@ use devices::woodenhaptics::{Form, Geometry};
 use emulator::uhid::Identity;
 use emulator::{Place, Served, serve};
 use host::scene::NamedDevice;
-use runner::Stop;
+use rt_core::Device;
 use runner::schedule::realtime;
 use sim::emulate::firmware::{Firmware, Framing};
 use sim::emulate::{Emulator, WoodenHaptics};
 use sim::{Hand, SimDevice, Trajectory, Tremor};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Period at which the emulated device is asked for its state, where no bytes come.
@@ -65,7 +66,7 @@ pub(super) struct EmulateArguments {
 
 /// The protocols that can be emulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum ProtocolName {
+pub(crate) enum ProtocolName {
     /// The firmware protocol of Palpate.
     Firmware,
     /// That of WoodenHaptics.
@@ -76,7 +77,7 @@ enum ProtocolName {
 
 impl ProtocolName {
     /// How a scene connects to a device at a place.
-    fn connect(self, address: &str) -> String {
+    pub(crate) fn connect(self, address: &str) -> String {
         match (self, address.strip_prefix("hid:")) {
             (Self::Firmware | Self::Falcon, _) => address.to_owned(),
             // HID is the usual transport of this device, which is found by its numbers. Of several, each is named by its
@@ -90,8 +91,8 @@ impl ProtocolName {
     }
 }
 
-/// An emulated device of any protocol.
-enum Emulated {
+/// An emulated device of any protocol but that of the Falcon.
+pub(crate) enum Emulated {
     Firmware(Box<Firmware>),
     WoodenHaptics(Box<Operated>),
 }
@@ -113,6 +114,43 @@ impl Emulator for Emulated {
 }
 
 impl Emulated {
+    /// The mechanism `device` with its protocol. `name` is the name that the device tells.
+    ///
+    /// # Errors
+    /// [`DeviceCommandError::NotEmulated`] for the protocol of the Falcon.
+    pub(crate) fn new(
+        device: SimDevice,
+        name: &str,
+        protocol: ProtocolName,
+        framing: Framing,
+    ) -> Result<Self, DeviceCommandError> {
+        let refused = |problem: String| DeviceCommandError::NotEmulated(problem);
+        match protocol {
+            ProtocolName::Firmware => Ok(Self::Firmware(Box::new(Firmware::new(
+                device, name, framing,
+            )))),
+            ProtocolName::Woodenhaptics => {
+                let device = WoodenHaptics::new(device, &Geometry::default(), Form::Short);
+                Ok(Self::WoodenHaptics(Box::new(Operated {
+                    device: device.map_err(|error| refused(error.to_string()))?,
+                    first_ns: None,
+                    last_ns: 0,
+                    pressed: false,
+                })))
+            }
+            ProtocolName::Falcon => Err(refused("a Falcon is emulated on usb alone".to_owned())),
+        }
+    }
+
+    /// The force that the motors hold (N).
+    pub(crate) fn force(&self) -> f64 {
+        let device = match self {
+            Self::Firmware(device) => device.device(),
+            Self::WoodenHaptics(device) => device.device.device(),
+        };
+        device.probe().map_or(0.0, |probe| probe.held.force.norm())
+    }
+
     /// A new host has come.
     fn begin(&mut self) {
         if let Self::WoodenHaptics(device) = self {
@@ -120,10 +158,18 @@ impl Emulated {
             device.pressed = false;
         }
     }
+
+    /// Lets time pass without a host: a device does not wait for one to let go.
+    fn run(&mut self, now_ns: u64) {
+        match self {
+            Self::Firmware(device) => device.run(now_ns),
+            Self::WoodenHaptics(device) => device.device.run(now_ns),
+        }
+    }
 }
 
 /// A device with the operator who calibrates it, soon after a host has come.
-struct Operated {
+pub(crate) struct Operated {
     device: WoodenHaptics,
     first_ns: Option<u64>,
     last_ns: u64,
@@ -206,27 +252,64 @@ fn device(
     (name, file): (&str, &DeviceFile),
     protocol: ProtocolName,
 ) -> Result<Emulated, CommandError> {
-    let refused = |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
+    let framing = if arguments.has_reports() {
+        Framing::Report
+    } else {
+        Framing::Stream
+    };
     let device = simulated(arguments, file)?;
-    if protocol == ProtocolName::Firmware {
-        let framing = if arguments.has_reports() {
-            Framing::Report
-        } else {
-            Framing::Stream
+    Ok(Emulated::new(device, name, protocol, framing)?)
+}
+
+/// Serves a device at a place to one host after the other, until `stop`. `packets`: the place gives a stream of bytes, and
+/// the protocol has packets of one length. `see` is given the device after each arrival of bytes (true), and from time to
+/// time (false).
+///
+/// # Errors
+/// The transport cannot wait for a host; where the place gives reports (`reports`), also the end of the transport.
+pub(crate) fn serve_at(
+    emulated: &mut Emulated,
+    place: &mut Place,
+    (packets, reports): (bool, bool),
+    stop: &AtomicBool,
+    served: &mut Served,
+    see: &mut dyn FnMut(&Emulated, bool),
+) -> Result<(), DeviceCommandError> {
+    let start = Instant::now();
+    let now_ns = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+    while !stop.load(Ordering::Relaxed) {
+        let host = place.host(PERIOD).map_err(DeviceCommandError::Host)?;
+        let Some(mut transport) = host else {
+            emulated.run(now_ns());
+            see(emulated, false);
+            continue;
         };
-        let device = Firmware::new(device, name, framing);
-        return Ok(Emulated::Firmware(Box::new(device)));
+        emulated.begin();
+        let mut shifted = Later {
+            device: emulated,
+            by_ns: now_ns(),
+            see,
+        };
+        // A host that goes away ends its connection, and the next may come.
+        let ended = if packets {
+            let mut packets = Packets::new(&mut *transport, LENGTH);
+            serve(&mut shifted, &mut packets, PERIOD, stop, served)
+        } else {
+            serve(&mut shifted, &mut *transport, PERIOD, stop, served)
+        };
+        drop(transport);
+        if let Err(number) = ended
+            && reports
+        {
+            return Err(DeviceCommandError::Ended(number));
+        }
     }
-    let emulated = WoodenHaptics::new(device, &Geometry::default(), Form::Short);
-    Ok(Emulated::WoodenHaptics(Box::new(Operated {
-        device: emulated.map_err(|error| refused(error.to_string()))?,
-        first_ns: None,
-        last_ns: 0,
-        pressed: false,
-    })))
+    Ok(())
 }
 
 pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
+    // A signal is the usual end.
+    let ending = Ending::begin(false)?;
     let NamedDevice { name, file, .. } = NamedDevice::load(&arguments.model)?;
     let own = match file.protocol.as_deref() {
         Some("woodenhaptics") => ProtocolName::Woodenhaptics,
@@ -235,7 +318,7 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     };
     let protocol = arguments.protocol.unwrap_or(own);
     if protocol == ProtocolName::Falcon {
-        return falcon::run(arguments, &file);
+        return falcon::run(arguments, &file, &ending);
     }
     if arguments.firmware.is_some() {
         let problem = "--firmware is for the protocol of the Falcon (--on usb --protocol falcon)";
@@ -243,39 +326,21 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     }
     let mut emulated = device(arguments, (&name, &file), protocol)?;
     let mut place = place(arguments, protocol)?;
-    let stop = Stop::new();
-    // The signal is the usual end.
-    let _signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
     outln!("connect = \"{}\"", protocol.connect(&place.connection()));
     errln!("emulating {} until Ctrl-C", arguments.model);
     // The device stands for hardware, which no other program delays. A refusal makes it as late as any program.
     let _ = realtime(PRIORITY);
-    let start = Instant::now();
     let mut served = Served::default();
-    let flag = stop.flag();
-    while !flag.load(std::sync::atomic::Ordering::Relaxed) {
-        let host = place.host(PERIOD).map_err(DeviceCommandError::Host)?;
-        let Some(mut transport) = host else { continue };
-        emulated.begin();
-        let before = start.elapsed();
-        let mut shifted = Later {
-            device: &mut emulated,
-            by_ns: u64::try_from(before.as_nanos()).unwrap_or(u64::MAX),
-        };
-        // A host that goes away ends its connection, and the next may come.
-        let ended = if protocol == ProtocolName::Woodenhaptics && !arguments.has_reports() {
-            let mut packets = Packets::new(&mut *transport, LENGTH);
-            serve(&mut shifted, &mut packets, PERIOD, &flag, &mut served)
-        } else {
-            serve(&mut shifted, &mut *transport, PERIOD, &flag, &mut served)
-        };
-        drop(transport);
-        if let Err(number) = ended
-            && arguments.has_reports()
-        {
-            return Err(DeviceCommandError::Ended(number).into());
-        }
-    }
+    let reports = arguments.has_reports();
+    let packets = protocol == ProtocolName::Woodenhaptics && !reports;
+    serve_at(
+        &mut emulated,
+        &mut place,
+        (packets, reports),
+        &ending.stop().flag(),
+        &mut served,
+        &mut |_, _| (),
+    )?;
     report(&served);
     if let Emulated::Firmware(device) = &emulated {
         errln!(
@@ -298,17 +363,21 @@ fn report(served: &Served) {
 }
 
 /// An emulator whose time begins later: one device lives on over several connections.
-struct Later<'a, E> {
-    device: &'a mut E,
+struct Later<'a> {
+    device: &'a mut Emulated,
     by_ns: u64,
+    see: &'a mut dyn FnMut(&Emulated, bool),
 }
 
-impl<E: Emulator> Emulator for Later<'_, E> {
+impl Emulator for Later<'_> {
     fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.device
             .receive(bytes, now_ns.saturating_add(self.by_ns));
+        (self.see)(self.device, true);
     }
     fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize> {
-        self.device.send(now_ns.saturating_add(self.by_ns), report)
+        let sent = self.device.send(now_ns.saturating_add(self.by_ns), report);
+        (self.see)(self.device, false);
+        sent
     }
 }

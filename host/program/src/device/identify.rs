@@ -2,16 +2,15 @@
 
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
-use super::super::{progress_bar, signals};
+use super::super::progress_bar;
+use super::super::signals::Ending;
 use super::{DeviceCommandError, open};
 use devices::identify::{Estimate, Guide, Identified};
 use host::atomic_file::{write_atomically, write_json};
 use rt_core::Wrench;
-use runner::Stop;
 use runner::schedule::realtime;
 use serde::Serialize;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Period of the ticks (s).
@@ -67,6 +66,7 @@ struct IdentifiedJson {
 }
 
 pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
+    let ending = Ending::begin(false)?;
     let _held = Declared::default()
         .file("--profile", arguments.profile.as_ref(), Format::Toml)
         .file("--json", arguments.json.as_ref(), Format::Json)
@@ -74,8 +74,6 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
     if !arguments.nobody_holds_it {
         return Err(DeviceCommandError::Unconfirmed.into());
     }
-    let stop = Stop::new();
-    let signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
     let (mut device, base) = open::device(
         &arguments.connect,
         &arguments.model,
@@ -90,7 +88,7 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
         "the device moves by itself for about a minute: at most {force:.1} N, {:.0} mm and {speed:.1} m/s. Ctrl-C stops it",
         1e3 * distance
     );
-    open::wait_for_state(&mut *device, PERIOD)?;
+    open::wait_for_state(&mut *device, PERIOD, ending.stop())?;
     // A tick that comes late is a force that lasts too long. Without the privilege the motion may end early.
     let _ = realtime(PRIORITY);
     let bar = progress_bar();
@@ -100,7 +98,7 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
         std::thread::sleep(due.saturating_sub(start.elapsed()));
         let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let reading = device.read(now);
-        let stopped = stop.flag().load(Ordering::Relaxed);
+        let stopped = ending.stop().is_requested();
         let wrench = if stopped {
             Wrench::zero()
         } else {
@@ -116,9 +114,7 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
     }
     drop(device);
     bar.finish_and_clear();
-    if let Some(number) = signal.number() {
-        return Err(CommandError::Signal(number));
-    }
+    ending.result()?;
     let Some(found) = guide.result() else {
         return Err(DeviceCommandError::NoState(0.0).into());
     };

@@ -6,7 +6,7 @@ use devices::registry::Notes;
 use devices::{Connection, DeviceFile, OpenError, Request};
 use host::scene::NamedDevice;
 use rt_core::{Device, Wrench};
-use runner::AnyDevice;
+use runner::{AnyDevice, Stop};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -51,20 +51,22 @@ pub(super) fn device(
     Ok((opened, file))
 }
 
-/// Waits for the first state of a device, with zero force. The operator may have to calibrate or home the device.
+/// Waits for the first state of a device, or for `stop`, with zero force. The operator may have to calibrate or home the
+/// device.
 ///
 /// # Errors
 /// [`DeviceCommandError::NoState`] where none comes within a minute.
 pub(super) fn wait_for_state(
     device: &mut (impl Device + ?Sized),
     period: f64,
+    stop: &Stop,
 ) -> Result<(), CommandError> {
     let start = Instant::now();
     while start.elapsed().as_secs_f64() < FIRST {
         let now = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         let reading = device.read(now);
         let _ = device.write(now, &Wrench::zero());
-        if reading.is_ok() {
+        if reading.is_ok() || stop.is_requested() {
             return Ok(());
         }
         std::thread::sleep(Duration::from_secs_f64(period));

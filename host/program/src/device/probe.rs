@@ -2,7 +2,8 @@
 
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
-use super::super::{progress_bar, signals};
+use super::super::progress_bar;
+use super::super::signals::Ending;
 use super::{DeviceCommandError, open};
 use devices::DeviceModel;
 use devices::response::{Pulses, Response, ResponseError};
@@ -44,11 +45,11 @@ pub(super) struct ProbeArguments {
 }
 
 pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
+    let ending = Ending::begin(false)?;
+    let stop = ending.stop();
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
-    let stop = Stop::new();
-    let signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
     let (mut device, file) = open::device(
         &arguments.connect,
         &arguments.model,
@@ -76,15 +77,13 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
     }
     let mut probed = Probed::new(&arguments.connect, &seen);
     if arguments.pulse && probed.states > 0 && !stop.is_requested() {
-        let found = pulses(&mut *device, &file.model, &stop);
+        let found = pulses(&mut *device, &file.model, stop);
         let failed = |error: ResponseError| DeviceCommandError::NoMotion(error.to_string());
         probed.motion = found.transpose().map_err(failed)?.map(Motion::from);
     }
     drop(device);
     bar.finish_and_clear();
-    if let Some(number) = signal.number() {
-        return Err(CommandError::Signal(number));
-    }
+    ending.result()?;
     print(&probed);
     if let Some(path) = &arguments.json {
         write_json(path, &probed)?;

@@ -2,6 +2,7 @@
 //! shards.
 
 mod connections;
+mod endings;
 mod faults;
 mod hold;
 mod scene;
@@ -35,6 +36,8 @@ enum Study {
     Faults(faults::FaultsArguments),
     /// Cut, flood, corrupt and delay the connection of each kind of device at random times, in a hand that pushes
     Connections(connections::ConnectionsArguments),
+    /// End commands that hold a device by signals and closed terminals, and watch the force of the device
+    Endings(endings::EndingsArguments),
     /// Press, hold, rub and shake every kind of body without faults, and compare the force with that of the body
     Hold(hold::HoldArguments),
     /// Run a scene with many kinds of hands, rates and faults, under each scheme
@@ -105,6 +108,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
         Study::Wall(arguments) => wall::run(arguments),
         Study::Faults(arguments) => faults::run(arguments),
         Study::Connections(arguments) => connections::run(arguments),
+        Study::Endings(arguments) => endings::run(arguments),
         Study::Hold(arguments) => hold::run(arguments),
         Study::Scene(arguments) => scene::run(arguments),
         Study::Seeds(arguments) => seeds::run(arguments),

@@ -118,6 +118,23 @@ fn ctrl_c_ends_the_run_in_order() {
 }
 
 #[test]
+fn a_closed_terminal_ends_a_watched_run_in_order() {
+    for clock in CLOCKS {
+        let Some(terminal) = run(&format!("{clock} --duration 1000 --json run.json")) else {
+            return;
+        };
+        wait_for_movement(&terminal);
+        let process = terminal.process();
+        terminal.tmux(&["kill-server"]);
+        let path = terminal.folder().join("run.json");
+        until("the run has written its summary", || path.exists());
+        until("the run has ended", || !is_alive(process));
+        let summary: serde_json::Value = serde_json::from_str(&terminal.read("run.json")).unwrap();
+        assert_eq!(summary["tick"]["stopped"], true, "{clock}");
+    }
+}
+
+#[test]
 fn the_keys_of_its_display_stop_and_arm_the_devices_of_a_run() {
     let Some(terminal) = run("--clock real --duration 1000") else {
         return;
@@ -135,6 +152,31 @@ fn the_keys_of_its_display_stop_and_arm_the_devices_of_a_run() {
     let events = |text: &str| screen.matches(text).count();
     assert_eq!(events(": emergency stop, no force"), 2, "{screen}");
     assert_eq!(events(": engaging, force coming in"), 2, "{screen}");
+}
+
+#[test]
+fn lines_stop_and_arm_the_devices_after_the_display_has_ended() {
+    // Closed by its key, and killed.
+    for killed in [false, true] {
+        let Some(terminal) = run("--clock real --duration 1000") else {
+            return;
+        };
+        wait_for_movement(&terminal);
+        if killed {
+            signal(display_of(terminal.process()), "-KILL");
+        } else {
+            terminal.press("q");
+        }
+        terminal.wait_until_restored();
+        terminal.wait_for("the display has ended: Enter stops");
+        terminal.tmux(&["send-keys", "-l", "halt"]);
+        terminal.press("Enter");
+        terminal.wait_for("stopped: found \"halt\"");
+        terminal.press("C-c");
+        let screen = terminal.ends_with("130");
+        let events = screen.matches(": emergency stop, no force").count();
+        assert_eq!(events, 2, "killed: {killed}: {screen}");
+    }
 }
 
 #[test]

@@ -1,20 +1,23 @@
 //! An emulated Falcon as a USB device of the kernel, with the operator who homes it.
 
 use super::super::super::CommandError;
-use super::super::super::signals;
+use super::super::super::signals::Ending;
 use super::super::DeviceCommandError;
 use super::{EmulateArguments, PRIORITY, report, simulated};
 use devices::DeviceFile;
 use devices::falcon::Firmware;
 use emulator::Served;
 use emulator::usb::Chip;
-use runner::Stop;
 use runner::schedule::realtime;
 use sim::emulate::Operated;
 use sim::emulate::falcon::{Falcon, Settings};
 use std::sync::Mutex;
 
-pub(super) fn run(arguments: &EmulateArguments, file: &DeviceFile) -> Result<(), CommandError> {
+pub(super) fn run(
+    arguments: &EmulateArguments,
+    file: &DeviceFile,
+    ending: &Ending,
+) -> Result<(), CommandError> {
     let refused = |problem: &str| DeviceCommandError::NotEmulated(problem.to_owned());
     if arguments.on != "usb" {
         return Err(
@@ -33,9 +36,6 @@ pub(super) fn run(arguments: &EmulateArguments, file: &DeviceFile) -> Result<(),
     let device = simulated(arguments, file)?;
     let falcon = Falcon::new(device, firmware.image(), Settings::default());
     let falcon = Mutex::new(Operated::new(falcon));
-    let stop = Stop::new();
-    // The signal is the usual end. The gadget is removed afterwards.
-    let _signal = signals::end_in_order(&stop).map_err(CommandError::Signals)?;
     let chip = Chip::create(&arguments.serial).map_err(DeviceCommandError::Gadget)?;
     outln!("connect = \"{}\"", chip.connection());
     outln!("firmware = \"{}\"", path.display());
@@ -43,7 +43,8 @@ pub(super) fn run(arguments: &EmulateArguments, file: &DeviceFile) -> Result<(),
     // The device stands for hardware, which no other program delays. Its threads inherit the priority.
     let _ = realtime(PRIORITY);
     let mut served = Served::default();
-    let result = chip.serve(&falcon, &stop.flag(), &mut served);
+    // The gadget is removed after the signal.
+    let result = chip.serve(&falcon, &ending.stop().flag(), &mut served);
     report(&served);
     result.map_err(|error| DeviceCommandError::Gadget(error).into())
 }
