@@ -438,19 +438,16 @@ mod tests {
         /// The file that a connection selects, from the root of the machine; or why there is none.
         fn select(&self, connect: &str) -> Result<String, String> {
             use crate::hid::HidSelector;
-            let found = match connect.strip_prefix("hid:") {
-                Some(address) => HidSelector::parse(address)
-                    .expect("an address")
-                    .find(&self.0),
-                None => {
-                    let end = connect
-                        .strip_prefix("woodenhaptics")
-                        .expect("one of the two");
-                    let which = Which::parse(end.strip_prefix(':').unwrap_or(end));
-                    woodenhaptics(&self.0)
-                        .find(&which, "WoodenHaptics")
-                        .cloned()
-                }
+            let found = if let Some(address) = connect.strip_prefix("hid:") {
+                let selector = HidSelector::parse(address).expect("an address");
+                selector.find(&self.0)
+            } else {
+                let end = connect
+                    .strip_prefix("woodenhaptics")
+                    .expect("one of the two");
+                let which = Which::parse(end.strip_prefix(':').unwrap_or(end));
+                let boards = woodenhaptics(&self.0);
+                boards.find(&which, "WoodenHaptics").cloned()
             };
             let file = found.map_err(|error| error.to_string())?.file;
             Ok(self.short(&file.display().to_string()))

@@ -120,7 +120,7 @@ fn opened(library: &Path, address: &str) -> Exchanged {
 }
 
 fn refused(library: &Path) -> String {
-    open(library, "").err().expect("it is refused")
+    open(library, "").map(drop).expect_err("it is refused")
 }
 
 /// Reads until `done` accepts a result. The test ends only when that happens: the thread of the device needs time.

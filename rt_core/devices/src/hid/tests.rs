@@ -74,7 +74,7 @@ fn ends_of(socket: &Socket, token: &Arc<()>) -> Ends {
     let (held, also) = (Arc::clone(token), Arc::clone(token));
     let mut has_sent = false;
     let read = move |buffer: &mut [u8]| {
-        let _ = &held;
+        std::hint::black_box(&held);
         let mut device = near.lock().expect("a thread");
         if device.gone {
             return Err(NO_DEVICE);
@@ -90,7 +90,7 @@ fn ends_of(socket: &Socket, token: &Arc<()>) -> Ends {
         Ok(report.len())
     };
     let write = move |command: &Command| {
-        let _ = &also;
+        std::hint::black_box(&also);
         let mut device = far.lock().expect("a thread");
         if device.gone {
             return Err(NO_DEVICE);

@@ -283,7 +283,7 @@ mod tests {
         let open_ends = Arc::new(());
         let (near, far) = (Arc::clone(&open_ends), Arc::clone(&open_ends));
         let write = move |_: &u32| {
-            let _held = &far;
+            std::hint::black_box(&far);
             Ok(())
         };
         let left = Arc::downgrade(&open_ends);
