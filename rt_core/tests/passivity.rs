@@ -11,8 +11,8 @@ use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
-    Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom, LocalModel,
-    MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Withheld, Wrench,
+    Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom, HeldBack,
+    LocalModel, MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Withheld, Wrench,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -361,6 +361,41 @@ fn the_whole_energy_is_backed_where_any_device_is_slow_or_late() {
         assert!((withheld.force - expected * (1.0 - left)).abs() < 1e-12);
         assert_eq!(withheld.is_noticeable(), !whole);
     }
+}
+
+#[test]
+fn what_the_cap_holds_back_is_recorded_as_far_as_the_force_is_trusted() {
+    let ms = 1_000_000;
+    let mut coupling = Coupling::new(CouplingConfig {
+        age_limit: 0.01,
+        decay: 0.05,
+        ..coupling_config(Scheme::Capped, &PassivityConfig::new(PERIOD))
+    });
+    let still = [(Pose::identity(), Twist::zero()); 2];
+    let mut model = pulling();
+    let mut expected = HeldBack::default();
+    for tick in 1..180_u64 {
+        // The models claim ten times the energy that was supplied, from 50 ms on. The last model comes at 90 ms.
+        if tick <= 90 {
+            (model.sequence, model.time_ns) = (tick, tick * ms);
+            model.energy = if tick < 50 { 10e-3 } else { 100e-3 };
+            coupling.accept(&model).expect("a sound model");
+        }
+        let wrenches = coupling.tick(tick * ms, &still);
+        let s = coupling.trust();
+        // The larger of the two forces. Before the claim, it comes in without the cap.
+        if tick > 50 {
+            let whole = PULLS[1] * s * s * (3.0 - 2.0 * s);
+            expected.note(tick * ms, whole, wrenches[1].force.x);
+        }
+    }
+    let found = coupling.held_back().capped;
+    assert!((found.sum - expected.sum).abs() < 1e-9, "{found:?}");
+    assert!((found.most - expected.most).abs() < 1e-12, "{found:?}");
+    assert!((found.of - expected.of).abs() < 1e-12, "{found:?}");
+    (expected.sum, expected.most, expected.of) = (found.sum, found.most, found.of);
+    assert_eq!(found, expected);
+    assert!(found.ticks > 60 && found.most > 1.0, "{found:?}");
 }
 
 #[test]
