@@ -439,7 +439,7 @@ fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
             let left = coupling.energy().available - lingers;
             forces = [0, 1].map(|i| wrenches[i].force.x);
             let mut held = [Wrench::zero(); MAX_DEVICES];
-            held[..2].copy_from_slice(&wrenches[..2]);
+            (held[0], held[1]) = (wrenches[0], wrenches[1]);
             coupling.hold(&held, &[1.0; MAX_DEVICES]);
             if tick > 25 {
                 for (force, pull) in forces.into_iter().zip(PULLS) {

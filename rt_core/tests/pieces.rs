@@ -548,7 +548,7 @@ fn what_a_hand_without_force_was_spared_stays_with_the_larger_part_of_its_piece(
             });
             let wrenches = body.coupling.tick(body.now, &at);
             let mut held = [Wrench::zero(); MAX_DEVICES];
-            held[..3].copy_from_slice(&wrenches[..3]);
+            (held[0], held[1], held[2]) = (wrenches[0], wrenches[1], wrenches[2]);
             let mut all = [1.0; MAX_DEVICES];
             all[2] = passed;
             body.coupling.hold(&held, &all);
@@ -1043,7 +1043,7 @@ fn a_lead_answers_as_the_springs_answer_that_much_further_motion() {
             let mut any = || [0, 1].map(|_| Vec6::from_fn(|_, _| 2e-3 * numbers.next()));
             let (by, further) = (any(), any());
             let mut lead = [Vec6::zeros(); MAX_HANDLES];
-            lead[..2].copy_from_slice(&further);
+            (lead[0], lead[1]) = (further[0], further[1]);
             let mut deviations = model.deviations(&[]);
             for (deviation, by) in deviations.iter_mut().zip(&by) {
                 deviation.displacement = *by;
