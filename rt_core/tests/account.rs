@@ -448,19 +448,20 @@ fn what_hands_supply_is_stored_or_raised_or_dissipated() {
 fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
     let (count, friction, pull) = (4e-5, 0.4, 3.0);
     let credit = PassivityConfig::new(PERIOD).credit;
-    // Stiffness, force scale of the device, rests between the counts, the axis of the counts, and another axis along which
-    // a count comes between.
-    for (k, scale, rests, axis, other) in [
-        (30_000.0, 1.0, false, 0, None),
-        (30_000.0, 3.0, false, 1, None),
-        (10_000.0, 1.0, false, 2, None),
-        (30_000.0, 1.0, false, 0, Some(1)),
-        (30_000.0, 1.0, false, 0, Some(2)),
-        (30_000.0, 1.0, false, 1, Some(0)),
-        (30_000.0, 1.0, false, 1, Some(2)),
-        (30_000.0, 1.0, false, 2, Some(0)),
-        (14_000.0, 1.0, false, 2, Some(1)),
-        (30_000.0, 1.0, true, 0, None),
+    // Stiffness, force scale of the device, rests between the counts, the axis of the counts, another axis along which a
+    // count comes between, and whether the device lets the weight go between the counts.
+    for (k, scale, rests, axis, other, leaves) in [
+        (30_000.0, 1.0, false, 0, None, false),
+        (30_000.0, 3.0, false, 1, None, false),
+        (10_000.0, 1.0, false, 2, None, false),
+        (30_000.0, 1.0, false, 0, Some(1), false),
+        (30_000.0, 1.0, false, 0, Some(2), false),
+        (30_000.0, 1.0, false, 1, Some(0), false),
+        (30_000.0, 1.0, false, 1, Some(2), false),
+        (30_000.0, 1.0, false, 2, Some(0), false),
+        (14_000.0, 1.0, false, 2, Some(1), false),
+        (30_000.0, 1.0, true, 0, None, false),
+        (30_000.0, 1.0, false, 0, None, true),
     ] {
         let unit = |axis: usize| Vec3::from_fn(|i, _| if i == axis { 1.0 } else { 0.0 });
         let port = Port {
@@ -474,8 +475,8 @@ fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
         let mut model = wall(k);
         model.handles[0].contact = Vec3::zeros();
         // The weight is no force of the spring.
-        model.handles[0].weight = unit(axis) * 2.0;
-        model.handles[0].wrench.force = unit(axis) * (2.0 + pull);
+        model.handles[0].weight = unit(axis) * -2.0;
+        model.handles[0].wrench.force = unit(axis) * (pull - 2.0);
         for axis in 0..3 {
             model.stiffness[0][0][(axis, axis)] = k;
         }
@@ -486,7 +487,15 @@ fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
             for _ in 0..ticks {
                 let aside = other.map_or(Vec3::zeros(), unit) * f64::from(y);
                 let place = (unit(axis) * f64::from(x) + aside) * count;
-                tick(&mut coupling, (Pose::at(place), Twist::zero()));
+                let [mut wrench, ..] = coupling.tick(MS, &[(Pose::at(place), Twist::zero())]);
+                let gone = leaves && x >= 3;
+                if gone {
+                    wrench.force += unit(axis) * 2.0;
+                }
+                let mut held = [Wrench::zero(); MAX_DEVICES];
+                held[0] = wrench;
+                let passed = if gone { 0.0 } else { 1.0 };
+                coupling.hold(&held, &[passed; MAX_DEVICES]);
             }
             let energy = coupling.energy();
             (energy.available, energy.credited, energy.raised)
@@ -517,6 +526,20 @@ fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
             (k * count * scale - covered).max(0.0) * count
         };
         // Rounding of an account of a joule.
+        assert!(
+            (cost - expected).abs() < 1e-14,
+            "{k} {scale} {rests} {axis} {other:?} {leaves}: {cost} {expected}"
+        );
+        // A second pair, for which no friction was credited.
+        at(3, y);
+        at(2, y);
+        let again = at(2, y);
+        let cost = after.0 - again.0;
+        let expected = if rests {
+            0.0
+        } else {
+            (k * count * scale - 2.0 * friction).max(0.0) * count
+        };
         assert!(
             (cost - expected).abs() < 1e-14,
             "{k} {scale} {rests} {axis} {other:?}: {cost} {expected}"

@@ -188,6 +188,20 @@ fn a_model_of_the_future_is_refused_and_a_clock_set_back_is_survived() {
 }
 
 #[test]
+fn a_model_may_lie_as_far_ahead_as_it_may_lie_behind() {
+    // Half a second, which is exact in seconds and in nanoseconds.
+    let mut coupling = Coupling::new(CouplingConfig {
+        age_limit: 0.5,
+        ..config(Scheme::Linear)
+    });
+    coupling.tick(1000 * MS, &[]);
+    let model = |time_ns| spring(1, time_ns, 300.0, 0.0, 2.0);
+    let late = model(1500 * MS + 1);
+    assert_eq!(coupling.accept(&late), Err(ModelFault::ToCome));
+    assert_eq!(coupling.accept(&model(1500 * MS)), Ok(()));
+}
+
+#[test]
 fn force_fades_without_a_jump_and_comes_back_without_one() {
     let mut coupling = Coupling::new(config(Scheme::Linear));
     let at = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);

@@ -23,10 +23,10 @@ fn coupling(delay: usize, most: [[f64; 2]; 2]) -> Coupling {
             ..Port::UNKNOWN
         };
     }
-    Coupling::new(config(passivity))
+    Coupling::new(config(&passivity))
 }
 
-fn config(passivity: PassivityConfig) -> CouplingConfig {
+fn config(passivity: &PassivityConfig) -> CouplingConfig {
     CouplingConfig {
         scheme: Scheme::Capped,
         period: PERIOD,
@@ -35,7 +35,7 @@ fn config(passivity: PassivityConfig) -> CouplingConfig {
         decay: 0.1,
         recovery: PERIOD,
         hold_damping: [0.0; MAX_DEVICES],
-        passivity,
+        passivity: *passivity,
     }
 }
 
@@ -89,7 +89,7 @@ fn moved(coupling: &mut Coupling, velocities: [Vec6; 2], ticks: u32) -> ([Vec6; 
         });
         let wrenches = coupling.tick(1, &at);
         let mut held = [Wrench::zero(); MAX_DEVICES];
-        held[..2].copy_from_slice(&wrenches[..2]);
+        (held[0], held[1]) = (wrenches[0], wrenches[1]);
         coupling.hold(&held, &[1.0; MAX_DEVICES]);
         last = ([0, 1].map(|i| wrenches[i].stacked()), gone);
     }
@@ -209,7 +209,7 @@ fn a_count_after_a_rest_leads_by_the_part_of_its_tick_in_the_rest() {
         for port in &mut passivity.ports {
             port.count = count;
         }
-        let mut coupling = Coupling::new(config(passivity));
+        let mut coupling = Coupling::new(config(&passivity));
         let mut model = body();
         model.stiffness[0][0] = block(k, 0.0);
         coupling.accept(&model).expect("a sound model");
@@ -236,7 +236,7 @@ fn the_first_count_of_a_run_is_a_motion_in_either_direction() {
         for sign in [1.0, -1.0] {
             let mut passivity = PassivityConfig::new(PERIOD);
             passivity.ports[0].count = count;
-            let mut coupling = Coupling::new(config(passivity));
+            let mut coupling = Coupling::new(config(&passivity));
             let mut model = body();
             model.damping[0][0] = Mat6::identity() * b;
             coupling.accept(&model).expect("a sound model");

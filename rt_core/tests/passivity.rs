@@ -11,8 +11,8 @@ use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
-    Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom, LocalModel,
-    MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Withheld, Wrench,
+    Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom, HeldBack,
+    LocalModel, MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Withheld, Wrench,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -364,6 +364,41 @@ fn the_whole_energy_is_backed_where_any_device_is_slow_or_late() {
 }
 
 #[test]
+fn what_the_cap_holds_back_is_recorded_as_far_as_the_force_is_trusted() {
+    let ms = 1_000_000;
+    let mut coupling = Coupling::new(CouplingConfig {
+        age_limit: 0.01,
+        decay: 0.05,
+        ..coupling_config(Scheme::Capped, &PassivityConfig::new(PERIOD))
+    });
+    let still = [(Pose::identity(), Twist::zero()); 2];
+    let mut model = pulling();
+    let mut expected = HeldBack::default();
+    for tick in 1..180_u64 {
+        // The models claim ten times the energy that was supplied, from 50 ms on. The last model comes at 90 ms.
+        if tick <= 90 {
+            (model.sequence, model.time_ns) = (tick, tick * ms);
+            model.energy = if tick < 50 { 10e-3 } else { 100e-3 };
+            coupling.accept(&model).expect("a sound model");
+        }
+        let wrenches = coupling.tick(tick * ms, &still);
+        let s = coupling.trust();
+        // The larger of the two forces. Before the claim, it comes in without the cap.
+        if tick > 50 {
+            let whole = PULLS[1] * s * s * (3.0 - 2.0 * s);
+            expected.note(tick * ms, whole, wrenches[1].force.x);
+        }
+    }
+    let found = coupling.held_back().capped;
+    assert!((found.sum - expected.sum).abs() < 1e-9, "{found:?}");
+    assert!((found.most - expected.most).abs() < 1e-12, "{found:?}");
+    assert!((found.of - expected.of).abs() < 1e-12, "{found:?}");
+    (expected.sum, expected.most, expected.of) = (found.sum, found.most, found.of);
+    assert_eq!(found, expected);
+    assert!(found.ticks > 60 && found.most > 1.0, "{found:?}");
+}
+
+#[test]
 fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
     // Slew limits (N/s) and velocities (m/s) that the hands report. No hand has moved, so no damper acts.
     for (slews, velocities) in [
@@ -404,7 +439,7 @@ fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
             let left = coupling.energy().available - lingers;
             forces = [0, 1].map(|i| wrenches[i].force.x);
             let mut held = [Wrench::zero(); MAX_DEVICES];
-            held[..2].copy_from_slice(&wrenches[..2]);
+            (held[0], held[1]) = (wrenches[0], wrenches[1]);
             coupling.hold(&held, &[1.0; MAX_DEVICES]);
             if tick > 25 {
                 for (force, pull) in forces.into_iter().zip(PULLS) {

@@ -8,7 +8,7 @@ use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
 use rt_core::safety::SafetyState::{
     self, DeviceStale, Limited, Normal, NotANumber, OutOfReach, Recovering, TooFast,
 };
-use rt_core::{Corruption, DeviceError, Freedom, LocalModel, Telemetry, Vec3, Wrench};
+use rt_core::{Corruption, DeviceError, Freedom, LocalModel, Telemetry, TickTime, Vec3, Wrench};
 use runner::AnyDevice;
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::tick_loop::TickLoop;

@@ -7,7 +7,7 @@ use host::run::replay::{ReplayReport, replay, scene_of};
 use host::run::{Clock, RunOptions, run, setup, virtual_clock};
 use host::scene::{LoadedScene, Override, Scene};
 use rt_core::safety::SafetyState;
-use rt_core::{Axes, Controller, Freedom, LocalModel};
+use rt_core::{Axes, Controller, Freedom, LocalModel, TickTime};
 use runner::link::LogRecord;
 use runner::{AnyDevice, TickLoop};
 use sim::{Fault, Faulty};
@@ -110,7 +110,17 @@ fn logged(case: &Case) -> Result<Log, Box<dyn Error>> {
         } else {
             k * 7919 % 50_000
         };
-        tick.tick(now_ns, late);
+        // Now and then the thread of the tick is kept from its processor before it commands.
+        let took = if k % 701 == 700 {
+            9_876_543
+        } else {
+            k * 104_729 % 30_000
+        };
+        let time = TickTime {
+            now_ns,
+            lateness_ns: late,
+        };
+        tick.timed(time, || took);
         host.drain(|_| {});
         let mut written = Ok(());
         log.records(|record| {

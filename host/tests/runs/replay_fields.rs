@@ -152,6 +152,7 @@ fn leaves(row: &mut TickRow) -> Vec<(String, Leaf<'_>)> {
         // The inputs of the tick: the replay uses them.
         time_ns: _,
         lateness_ns: _,
+        took_ns: _,
         readings: _,
         devices,
         bodies,

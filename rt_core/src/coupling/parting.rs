@@ -18,7 +18,7 @@ impl LocalModel {
     /// The piece of `newer` to which a piece of this model went, by the hands that both models name; `None` where no
     /// hand of the piece is left.
     pub(super) fn heir_of(&self, piece: u8, newer: &Self) -> Option<u8> {
-        if self.handle_count > 0 && self.piece_count() == 1 && newer.piece_count() == 1 {
+        if self.piece_count() == 1 && newer.piece_count() == 1 {
             return Some(0);
         }
         let mut own = self.handles().filter(|handle| handle.piece == piece);

@@ -149,6 +149,9 @@ mod tests {
             (1.0, -2.0, false),
             (2.0, -1.0, false),
             (2.0, -2.0, false),
+            // Steps that are no single counts, and a step of less than a count after one.
+            (1.4, -1.6, false),
+            (2.0, 0.3, false),
         ] {
             let mut edge = Edge::default();
             edge.step(out * COUNT, -1e-6, false, COUNT);
