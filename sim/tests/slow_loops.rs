@@ -34,10 +34,8 @@ fn a_force_is_held_between_the_ticks_of_a_slow_loop() {
             let period_ns = 1_000_000_000 / rate;
             let request = Request {
                 index,
-                model: &model,
                 period: 1.0 / rate as f64,
-                address: "",
-                firmware: None,
+                ..Request::new(&model, "")
             };
             let device = registry.open("emulated", &request);
             let mut device = device.unwrap_or_else(|error| panic!("{at}: {error}"));
