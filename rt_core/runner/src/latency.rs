@@ -246,6 +246,15 @@ mod tests {
     }
 
     #[test]
+    fn a_value_within_the_bound_is_known_though_others_lie_beyond() {
+        let mut histogram = LatencyHistogram::new(1_000);
+        histogram.record(10);
+        histogram.record(2_000);
+        assert_eq!(histogram.value_at(0.5), 10);
+        assert_eq!(histogram.value_at(0.51), 2_000);
+    }
+
+    #[test]
     fn percentiles_of_a_ramp_are_known_to_three_digits() {
         let mut histogram = LatencyHistogram::new(Latencies::TICK_BOUND_NS);
         for us in 1..=10_000 {
