@@ -576,12 +576,12 @@ fn a_hand_whose_piece_is_gone_pays_into_the_account_of_the_body_that_it_takes_ho
     (alone.epoch, alone.handle_count) = (2, 1);
     again.epoch = 3;
     let mut available = [0.0; 3];
-    let phases = [(torn, 42), (alone, 140), (again, 42)];
+    let phases = [(&torn, 42), (&alone, 140), (&again, 42)];
     for ((model, ticks), available) in phases.into_iter().zip(&mut available) {
         for tick in 0..ticks {
             // No model comes in the tick after the fade.
             if tick % 7 == 0 {
-                let mut model = model;
+                let mut model = *model;
                 (model.sequence, model.time_ns) = (now, now);
                 coupling.accept(&model).expect("a sound model");
             }
