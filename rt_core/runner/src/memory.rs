@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn memory_is_locked_until_the_lock_is_dropped() {
         // A vector of this size has a mapping of its own.
-        let data = std::hint::black_box(vec![7_u8; 8 << 20]);
+        let data = black_box(vec![7_u8; 8 << 20]);
         let address = data.as_ptr().addr() + (4 << 20);
         let is_locked = || mapping(address).map(|(_, locked)| locked);
         let mut locked = LockedMemory::new();
