@@ -152,13 +152,11 @@ mod tests {
                         Some((wrench, seen)) => self.gate.pass(&wrench, seen),
                         None => self.gate.let_go(),
                     };
-                    if command != Wrench::zero() {
-                        assert!(!self.untold, "a force from before the let-go");
-                    } else {
-                        self.untold |= self.last != Wrench::zero() && self.gate.tells;
-                    }
+                    let acts = command != Wrench::zero();
+                    assert!(!(acts && self.untold), "a force from before the let-go");
+                    self.untold |= !acts && self.last != Wrench::zero() && self.gate.tells;
                     self.last = command;
-                    self.has_acted |= command != Wrench::zero();
+                    self.has_acted |= acts;
                     let mut state = DeviceState::resting();
                     if device_lets_go {
                         state.rendering = Rendering::LetGo;
