@@ -36,6 +36,20 @@ pub mod fault {
     /// The reference of the encoders was not found.
     pub const HOMING: NonZeroU8 = number(6);
 
+    /// The name of a fault; `None` for a number of the device's own.
+    pub fn name(number: u8) -> Option<&'static str> {
+        let names = [
+            (EMERGENCY_STOP, "emergency stop"),
+            (AMPLIFIER, "amplifier"),
+            (ENCODER, "encoder"),
+            (TEMPERATURE, "temperature"),
+            (SUPPLY, "supply voltage"),
+            (HOMING, "reference of the encoders not found"),
+        ];
+        let mut known = names.into_iter();
+        known.find_map(|(known, name)| (known.get() == number).then_some(name))
+    }
+
     const fn number(number: u8) -> NonZeroU8 {
         match NonZeroU8::new(number) {
             Some(number) => number,

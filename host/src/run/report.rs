@@ -13,6 +13,7 @@ use crate::engine::stats::EngineStats;
 use crate::machine::Machine;
 use crate::plot::{DeviceSeries, PlotData};
 use crate::scene::{LoadedScene, Scene};
+use firmware_proto::report::fault;
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
 use rt_core::safety::{SafetyState, Trip};
@@ -148,8 +149,11 @@ fn device_faults(scene: &Scene, side: &TickSide) -> impl Iterator<Item = String>
     reported.filter_map(|(device, fault)| {
         let (tick, number) = fault?;
         let time = tick as f64 / scene.realtime.rate;
+        // A plug-in has numbers of its own.
+        let name = fault::name(number).filter(|_| device.connect.driver != "plugin");
+        let name = name.map_or_else(String::new, |name| format!(" ({name})"));
         Some(format!(
-            "the device {} reported a fault at {time:.3} s and rendered no force: number {number} of its protocol",
+            "the device {} reported the fault {number}{name} at {time:.3} s and rendered no force",
             device.name
         ))
     })

@@ -197,3 +197,109 @@ fn wrong_values_name_their_field() {
         "{said}"
     );
 }
+
+/// A block of this modulus (Pa) and density (kg/m^3) on a table, whose hand holds a lowered handle.
+fn heavy(young: f64, density: f64) -> Result<LoadedScene, Box<dyn Error>> {
+    let text = format!(
+        "\
+name = 'press'
+host = {{ step_rate = 100, publish_rate = 100 }}
+[[body]]
+name = 'block'
+damping = {{ mass = 0.1, stiffness = 0.02 }}
+mesh.box = {{ size = [0.1, 0.1, 0.06], cells = [4, 4, 3] }}
+material = {{ law = 'corotational', young = {young}, poisson = 0.4, density = {density} }}
+[[body.support]]
+name = 'table'
+group = 'bottom'
+[[body.handle]]
+name = 'finger'
+group = 'top'
+device = 'touch'
+[[device]]
+name = 'touch'
+model = 'omega3'
+max_force = 12
+mounting.origin = [0, 0, 0.035]
+hand = {{ grip = 'firm' }}
+"
+    );
+    Ok(Scene::load_texts("press.toml", &text, &BTreeMap::new())?)
+}
+
+/// The force of the device in each tick (N).
+fn forces(log: &Log) -> Vec<f64> {
+    let rows = log.rows.iter();
+    rows.map(|row| row.devices[0].wrench.force.norm()).collect()
+}
+
+/// The largest growth from one of these forces to the next (N).
+fn growth(forces: &[f64]) -> f64 {
+    let pairs = forces.windows(2).map(|pair| pair[1] - pair[0]);
+    pairs.fold(0.0, f64::max)
+}
+
+#[test]
+fn stop_and_arm_bring_back_no_more_than_the_force_before() -> Result<(), Box<dyn Error>> {
+    for (young, density) in [(30e3, 3000.0), (10e3, 1000.0)] {
+        let orders = [(Order::Stop, 1.0), (Order::Arm, 1.5)];
+        let (_, log) = logged(&heavy(young, density)?, &orders)?;
+        let forces = forces(&log);
+        let before = forces[999];
+        assert!(before > 0.5, "{before} N");
+        assert_eq!(forces[1000..1500].iter().copied().fold(0.0, f64::max), 0.0);
+        // 5.6 N and 2.94 N came in the first tick. The hand, which the block pushed away, presses it again.
+        let most = forces[1500..].iter().copied().fold(0.0, f64::max);
+        assert!(most <= before + 0.05, "{most} N after {before} N");
+        // A smooth step over the 0.2 s of the recovery, and the hand's own motion.
+        let growth = growth(&forces[1500..]);
+        assert!(growth < 2.0 * 1.5 * before * 1e-3 / 0.2, "{growth} N");
+    }
+    Ok(())
+}
+
+#[test]
+fn a_stop_gives_no_energy_of_a_lowered_weight() -> Result<(), Box<dyn Error>> {
+    let loaded = heavy(10e3, 1000.0)?;
+    let energy = |orders: &[(Order, f64)]| -> Result<_, Box<dyn Error>> {
+        let (summary, _) = logged(&loaded, orders)?;
+        let held_back = summary.held_back.iter().any(|held| held.cause == "cap");
+        Ok((summary.energy[0].clone(), held_back))
+    };
+    let (alone, _) = energy(&[])?;
+    let (stopped, held_back) = energy(&[(Order::Stop, 1.0)])?;
+    assert!(alone.raised < -2e-3, "{alone:?}");
+    assert_eq!(stopped.most_out, 0.0);
+    // The hand holds still when it is stopped, up to its creep.
+    assert!(
+        (stopped.raised - alone.raised).abs() < 0.05e-3,
+        "{stopped:?}"
+    );
+    assert!(stopped.dissipated.is_some_and(|joules| joules >= 0.0));
+    assert!(!held_back);
+    Ok(())
+}
+
+#[test]
+fn a_simulated_device_is_engaged_again_along_a_ramp() -> Result<(), Box<dyn Error>> {
+    let button =
+        "presses = [{ button = 1, from = 0.0, to = 1.2 }, { button = 1, from = 1.5, to = 2.0 }]";
+    let cases = [
+        ("", "", vec![(Order::Stop, 1.2), (Order::Arm, 1.5)]),
+        ("engage = { dead_man_button = 1 }", button, vec![]),
+    ];
+    for (device, hand, orders) in cases {
+        let (_, log) = logged(&scene(device, hand)?, &orders)?;
+        let forces = forces(&log);
+        let before = forces[1199];
+        assert!(before > 0.5, "{before} N");
+        assert_eq!(forces[1480], 0.0);
+        let growth = growth(&forces[1480..]);
+        assert!(
+            growth < 2.0 * 1.5 * before * 1e-3 / 0.2,
+            "{growth} N: {device:?}"
+        );
+        assert!(forces[1999] > 0.5 * before);
+    }
+    Ok(())
+}
