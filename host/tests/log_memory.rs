@@ -67,7 +67,7 @@ fn small() -> Result<Vec<u8>, Box<dyn Error>> {
         limits: loaded
             .models
             .iter()
-            .map(|model| model.capabilities())
+            .map(devices::DeviceModel::capabilities)
             .collect(),
         scene: loaded.source.text,
         files: [("file".to_owned(), vec![7; 9])].into(),

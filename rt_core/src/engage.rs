@@ -28,7 +28,9 @@ pub struct EngageConfig {
     pub dead_man: u32,
     /// Buttons that stop every device.
     pub stop: u32,
-    /// Time in which the force comes in after the device was engaged (s); zero for at once.
+    /// Time in which the force comes in after the device was engaged (s). Zero gives the whole force at once to a device
+    /// that is engaged from the start, and [`SafetyConfig::recovery`](crate::safety::SafetyConfig::recovery) to every
+    /// later engagement.
     pub ramp: f64,
     /// The force that bears the weight of the grip while the device is engaged (N, device axes). The force does no work
     /// on the hand, because the grip takes it up: no account counts it.

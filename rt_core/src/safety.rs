@@ -17,9 +17,9 @@
 //!   the hand does not hold has its force fade ([`crate::engage`]).
 //!
 //! After a fault the force comes back along a smooth step, never at once, and after an engagement it comes in so. Only a
-//! device that is engaged from the start gets the whole force at once, because the coupling begins smoothly. Each case
-//! has a named state, a counter, the number that tripped the limit first, and this return. The energy account receives
-//! the wrench that left (a slew limit that the account does not know of injects energy).
+//! device that is engaged from the start gets the whole force at once, because the coupling begins smoothly. Each case has
+//! a named state, a counter, the number that tripped the limit first, and this return. The energy account receives the
+//! wrench that left (a slew limit that the account does not know of injects energy).
 
 use crate::count_one;
 use crate::device::{DeviceState, Freedom, Rendering};

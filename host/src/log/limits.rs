@@ -39,8 +39,8 @@ pub(super) fn facts(index: usize, limits: &Capabilities) -> BTreeMap<String, Str
     } = limits;
     let facts = [
         (DEVICE, index.to_string()),
-        (SENSED, name(sensed)),
-        (ACTUATED, name(actuated)),
+        (SENSED, name(*sensed)),
+        (ACTUATED, name(*actuated)),
         (MAX_FORCE, format!("{max_force:?}")),
         (MAX_MOMENT, format!("{max_moment:?}")),
         (WORKSPACE_RADIUS, format!("{workspace_radius:?}")),
@@ -94,7 +94,7 @@ pub(super) fn parse(
 }
 
 /// The axes along which a device moves, such as `xz`.
-fn name(freedom: &Freedom) -> String {
+fn name(freedom: Freedom) -> String {
     let free = match freedom {
         Freedom::Along(axes) => axes.free(),
         Freedom::Three | Freedom::Six => [true; 3],
@@ -115,7 +115,7 @@ fn freedom(text: &str) -> Option<Freedom> {
         None => Freedom::Along(Axes::new(AXES.map(|axis| text.contains(axis)))?),
     };
     // Each axis once, in order, and nothing else.
-    (name(&found) == text).then_some(found)
+    (name(found) == text).then_some(found)
 }
 
 #[cfg(test)]

@@ -1,9 +1,7 @@
 //! A device's reading in a tick, as the log keeps it. A run is replayed from these readings.
 //!
-//! What a device says beside its state is part of the message's `status`. A new status is a new constant of the message
-//! definition ([`super::tick`]) and no new field: constants do not belong to the layout, so logs of earlier versions stay
-//! readable. Zero means a state of which the device says nothing else. An earlier version refuses a message with a status
-//! that it does not know.
+//! The message ([`super::tick`]) has the reason why there was no state (`status`), and what the device said of its wrenches
+//! (`rendering`, `fault`).
 
 use std::fmt;
 

@@ -46,7 +46,7 @@ pub(super) fn summaries(
         let reach = infinite(device.max_reach);
         let why = format!("the hand was beyond {reach} m (`max_reach`)");
         push(&device.name, "reach limit", &found.out_of_reach, why);
-        let why = "the device gave no reading".to_owned();
+        let why = "the device gave no reading, or the loop stood still".to_owned();
         push(&device.name, "no reading", &found.silent, why);
         let why = "the device said that it renders no force".to_owned();
         push(&device.name, "device let go", &found.let_go, why);

@@ -346,16 +346,16 @@ fn prepare(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> Result<Setu
     Ok(prepared)
 }
 
+/// What a log is begun with: its file, its header, and the frames of the bodies, where it has them.
+type LogParts = (LogFile, LogHeader, Option<LogFrames>);
+
 /// The observers `others`, the one that collects for summary and plot, and the log. `logged` is the number of ticks in
 /// the log that survive this process.
 fn observers(
     loaded: &LoadedScene,
     options: &RunOptions,
     others: Observers,
-    (log, mut tears): (
-        Option<(LogFile, LogHeader, Option<LogFrames>)>,
-        Option<&mut TearTap>,
-    ),
+    (log, mut tears): (Option<LogParts>, Option<&mut TearTap>),
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;

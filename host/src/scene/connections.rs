@@ -22,10 +22,8 @@ pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
         let Some((first, other)) = same else { continue };
         let mut found = format!("the connection of device[{first}]");
         if other.connect != device.connect {
-            found += &format!(
-                " (\"{}\" and \"{}\" reach one device)",
-                other.connect, device.connect
-            );
+            let [one, another] = [&other.connect, &device.connect];
+            found = format!("{found} (\"{one}\" and \"{another}\" reach one device)");
         }
         let field = format!("device[{index}].connect");
         let allowed = "a connection that no other device of the scene has; `palpate device list` prints what is connected";
@@ -52,9 +50,10 @@ mod tests {
             } else {
                 ""
             };
-            text += &format!(
-                "[[device]]\nname = \"{index}\"\nmodel = \"omega3\"\nconnect = \"{connect}\"\n{hand}"
-            );
+            text.extend([
+                format!("[[device]]\nname = \"{index}\"\nmodel = \"omega3\"\n"),
+                format!("connect = \"{connect}\"\n{hand}"),
+            ]);
         }
         Scene::load_texts("a.toml", &text, &BTreeMap::new()).expect("a scene")
     }

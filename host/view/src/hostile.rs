@@ -139,17 +139,17 @@ pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     use rt_core::Telemetry;
 
     let loaded = Scene::load_texts("scene.toml", SCENE, &std::collections::BTreeMap::new())?;
+    let mut limits = Vec::new();
+    for model in &loaded.models {
+        limits.push(model.capabilities());
+    }
     let header = LogHeader {
         facts: [("clock", "real"), ("seed", "1")]
             .map(|(key, value)| (key.to_owned(), value.to_owned()))
             .into(),
         scene: SCENE.to_owned(),
         files: [("note".to_owned(), b"a file".to_vec())].into(),
-        limits: loaded
-            .models
-            .iter()
-            .map(|model| model.capabilities())
-            .collect(),
+        limits,
     };
     let mut overview = OverviewBuilder::new(Gatherer::new(&loaded, Clock::Real));
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header)?;

@@ -208,12 +208,8 @@ fn text_of_files_reaches_no_terminal_as_a_command() -> Outcome {
         vec!["run", "--replay", &at("facts.mcap")],
         vec!["view", &at("facts.mcap"), "--lines"],
         vec!["stress", "seeds", &at("1.jsonl"), &at("2.jsonl")],
-        vec![
-            "run",
-            "--replay",
-            &at(&format!("no\u{1b}]0;name\u{7}.mcap")),
-        ],
-        vec!["run", &at(&format!("no\u{1b}]0;name\u{7}.toml"))],
+        vec!["run", "--replay", &at("no\u{1b}]0;name\u{7}.mcap")],
+        vec!["run", &at("no\u{1b}]0;name\u{7}.toml")],
     ] {
         let (_, said) = palpate(&arguments)?;
         let raw = said.chars().find(|c| c.is_control() && *c != '\n');

@@ -74,6 +74,9 @@ pub enum ReplayError {
     },
 }
 
+/// A receiver of the models and the ticks of a part of a log.
+pub type Seer<'a> = dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError> + 'a;
+
 /// A log that can be replayed.
 pub trait Recorded {
     /// The facts that identify the run.
@@ -95,11 +98,7 @@ pub trait Recorded {
     ///
     /// # Errors
     /// [`ReplayError::Log`] where the part cannot be read; the error of `see`.
-    fn part(
-        &mut self,
-        number: usize,
-        see: &mut dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError>,
-    ) -> Result<(), ReplayError>;
+    fn part(&mut self, number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError>;
 }
 
 /// A part is a chunk of the file: half a second, or a megabyte.
@@ -124,11 +123,7 @@ impl<R: Read + Seek> Recorded for &mut LogIndex<R> {
         self.chunk_count()
     }
 
-    fn part(
-        &mut self,
-        number: usize,
-        see: &mut dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError>,
-    ) -> Result<(), ReplayError> {
+    fn part(&mut self, number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError> {
         let chunk = self.read_chunk(number)?;
         see(&chunk.models, &chunk.ticks)
     }
@@ -156,11 +151,7 @@ impl Recorded for &Log {
         1
     }
 
-    fn part(
-        &mut self,
-        _number: usize,
-        see: &mut dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError>,
-    ) -> Result<(), ReplayError> {
+    fn part(&mut self, _number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError> {
         see(&self.models, &self.rows)
     }
 }

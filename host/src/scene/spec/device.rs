@@ -83,7 +83,8 @@ pub struct Engage {
     /// The button that stops all devices.
     #[serde(deserialize_with = "check::optional_button")]
     pub stop_button: Option<usize>,
-    /// Time in which the force comes in (s). Default: 1 s, or at once for a simulated device that is armed at the start.
+    /// Time in which the force comes in (s). Default: 1 s, or 0 for a simulated device that is armed at the start. Zero
+    /// gives the whole force at once only in the first tick.
     #[serde(deserialize_with = "check::optional_not_negative")]
     pub ramp: Option<f64>,
 }

@@ -36,9 +36,11 @@ pub struct Outcome {
     pub device_force: Option<f64>,
     /// Time from the fault until the program commanded no force (s). None where states still reached it.
     pub commanded_force: Option<f64>,
-    /// Largest growth of the commanded force from one tick to the next, after the fault began (N).
+    /// Largest growth of the commanded force from one tick to the next, after the fault began, beyond the growth that the
+    /// hand's motion explains (N).
     pub commanded_jump: f64,
-    /// Largest growth of the force at the device from one millisecond to the next, after the fault began (N).
+    /// Largest growth of the force at the device from one millisecond to the next, after the fault began, beyond the growth
+    /// that the hand's motion explains (N).
     pub device_jump: f64,
     /// Net energy at the hand (J).
     pub energy: f64,
