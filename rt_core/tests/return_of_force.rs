@@ -139,8 +139,9 @@ struct Run {
     arm: u32,
     stopped: bool,
     places: [f64; 2],
-    /// Places of the proxies in the last tick along x (m).
+    /// Places of the proxies in the last tick along x, and the largest of their motions in that tick (m).
     proxies: [f64; 2],
+    farthest: f64,
     /// Time of the last tick (ns): the host knows of no later one.
     told_ns: u64,
     /// Force of each device in the last tick, and the force of the springs at its proxy then (N).
@@ -158,6 +159,7 @@ impl Run {
             stopped: false,
             places: [0.0; 2],
             proxies: [0.0; 2],
+            farthest: 0.0,
             told_ns: 0,
             last: [(0.0, 0.0); 2],
             last_states: [SafetyState::HandsOff; 2],
@@ -239,20 +241,20 @@ impl Run {
             let (before, whole_before) = self.last[device];
             let moved = if self.scheme == Scheme::Capped {
                 // The cap passes a spring's force by up to the power 1 / 0.3 of its energy, so a capped force rises up to
-                // 4.3 times as fast as the springs.
-                5.0 * (SPRINGS[0] + 2.0 * SPRINGS[1]) * farthest
+                // 4.3 times as fast as the springs, also in the tick after a motion.
+                5.0 * (SPRINGS[0] + 2.0 * SPRINGS[1]) * farthest.max(self.farthest)
             } else {
                 (whole[device] - whole_before).abs()
             };
             // No smooth step rises faster than 1.5 times its mean. The trust in a model that returns has a ramp of its
-            // own.
-            let most = if self.scheme == Scheme::Capped {
+            // own, and what the cap passes of a returning force rises at the same time.
+            let (ramps, most) = if self.scheme == Scheme::Capped {
                 // Under the cap, the springs may bear less of the weight than they would.
-                WEIGHT.abs() + (whole[device] - WEIGHT).abs()
+                (3.0, WEIGHT.abs() + (whole[device] - WEIGHT).abs())
             } else {
-                whole[device].abs().max(whole_before.abs())
+                (2.0, whole[device].abs().max(whole_before.abs()))
             };
-            let ramp = 2.0 * 1.5 * most * PERIOD / RECOVERY;
+            let ramp = ramps * 1.5 * most * PERIOD / RECOVERY;
             let rise = force.abs() - before.abs();
             let states = (self.last_states[device], telemetry.devices[device].safety);
             prop_assert!(
@@ -269,6 +271,7 @@ impl Run {
             self.last[device] = (force, whole[device]);
             self.last_states[device] = telemetry.devices[device].safety;
         }
+        self.farthest = farthest;
         Ok(())
     }
 }
