@@ -133,3 +133,6 @@ fn is_sound(state: &DeviceState) -> bool {
     let within_reach = pose.position.norm() <= LARGEST_REACH;
     state.is_finite() && within_reach && (turn - 1.0).abs() <= SKEW && moves
 }
+
+#[cfg(test)]
+mod tests;

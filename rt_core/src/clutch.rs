@@ -67,3 +67,6 @@ impl Clutch {
         if self.slips { limiter.fraction() } else { 1.0 }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,19 +3,34 @@
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use proptest::prelude::*;
-use rt_core::controller::{DeviceConfig, Reading};
-use rt_core::coupling::CouplingConfig;
+use rt_core::controller::{DeviceConfig, Reading, Stage, cycle, cycle_watched};
+use rt_core::coupling::{CouplingConfig, HostState};
 use rt_core::device_frame::DeviceFrame;
+use rt_core::local_model::ModelFault;
 use rt_core::safety::{SafetyConfig, SafetyState};
 use rt_core::{
-    Controller, ControllerConfig, DeviceError, DeviceState, Freedom, LocalModel, MAX_DEVICES,
-    PassivityConfig, Pose, Scheme, Telemetry, Vec3, Wrench,
+    Capabilities, Controller, ControllerConfig, Device, DeviceError, DeviceState, Freedom,
+    LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Telemetry, TickTime, Vec3, Wrench,
 };
+use std::cell::RefCell;
 
 const PERIOD: f64 = 1e-3;
 const PATIENCE: u32 = 10;
 /// Stiffness of the spring between the two handles (N/m).
 const SPRING: f64 = 200.0;
+
+fn body(scheme: Scheme) -> CouplingConfig {
+    CouplingConfig {
+        scheme,
+        period: PERIOD,
+        blend: 0.0,
+        age_limit: 1e3,
+        decay: 0.1,
+        recovery: PERIOD,
+        hold_damping: [0.0; MAX_DEVICES],
+        passivity: PassivityConfig::new(PERIOD),
+    }
+}
 
 fn controller(scheme: Scheme) -> Controller {
     let mut config = ControllerConfig::default();
@@ -35,19 +50,11 @@ fn controller(scheme: Scheme) -> Controller {
         };
         let _ = config.devices.push(DeviceConfig { frame, safety });
     }
-    let _ = config.bodies.push(CouplingConfig {
-        scheme,
-        period: PERIOD,
-        blend: 0.0,
-        age_limit: 1e3,
-        decay: 0.1,
-        recovery: PERIOD,
-        hold_damping: [0.0; MAX_DEVICES],
-        passivity: PassivityConfig::new(PERIOD),
-    });
+    let _ = config.bodies.push(body(scheme));
     let mut controller = Controller::new(&config);
     let mut model = LocalModel::empty();
     model.sequence = 1;
+    model.epoch = 3;
     model.time_ns = 1;
     model.period = PERIOD;
     model.handle_count = 2;
@@ -188,5 +195,174 @@ proptest! {
         let energy = telemetry.expect("some ticks").bodies[0].energy;
         // Rounding of a hundred and fifty products of newtons and tenths of millimetres.
         prop_assert!((energy.supplied - given).abs() < 1e-15, "{} {given}", energy.supplied);
+    }
+}
+
+/// A device at a place along x (m), which writes down what it is asked.
+struct Noted<'a> {
+    index: usize,
+    x: f64,
+    takes: bool,
+    calls: &'a RefCell<Vec<String>>,
+}
+
+impl Device for Noted<'_> {
+    fn capabilities(&self) -> Capabilities {
+        unreachable!("the tick knows the limits of its devices")
+    }
+    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+        self.calls
+            .borrow_mut()
+            .push(format!("read {} {now_ns}", self.index));
+        Ok(DeviceState {
+            pose: Pose::at(Vec3::x() * self.x),
+            ..DeviceState::resting()
+        })
+    }
+    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+        let pushed = wrench.force.x != 0.0;
+        self.calls
+            .borrow_mut()
+            .push(format!("write {} {now_ns} {pushed}", self.index));
+        if self.takes {
+            Ok(())
+        } else {
+            Err(DeviceError::Busy)
+        }
+    }
+}
+
+#[test]
+fn a_cycle_reads_all_devices_then_computes_then_writes_all_devices() {
+    for (took_ns, renders) in [(1_000_000, true), (9_000_000, false)] {
+        let mut controller = controller(Scheme::Linear);
+        tick(&mut controller, [Some(0.0), Some(2e-3)]);
+        let calls = RefCell::new(Vec::new());
+        let device = |index: usize| Noted {
+            index,
+            x: 2e-3 * index as f64,
+            takes: index == 0,
+            calls: &calls,
+        };
+        let (mut first, mut second) = (device(0), device(1));
+        let time = TickTime {
+            now_ns: 7,
+            lateness_ns: 3,
+        };
+        let mut devices = [&mut first, &mut second];
+        let (telemetry, refused) = cycle_watched(&mut controller, &mut devices, time, |stage| {
+            calls.borrow_mut().push(format!("{stage:?}"));
+            if stage == Stage::Computed { took_ns } else { 0 }
+        });
+        let expected = [
+            "Begun".into(),
+            "read 0 7".into(),
+            "Read(0)".into(),
+            "read 1 7".into(),
+            "Read(1)".into(),
+            "Computed".into(),
+            format!("write 0 7 {renders}"),
+            "Written(0)".into(),
+            format!("write 1 7 {renders}"),
+            "Written(1)".into(),
+        ];
+        assert_eq!(*calls.borrow(), expected);
+        assert_eq!(refused, 1);
+        let times = (
+            telemetry.time_ns,
+            telemetry.lateness_ns,
+            telemetry.took_ns,
+            time.clock_ns(),
+        );
+        assert_eq!(times, (7, 3, took_ns, 10));
+        for device in telemetry.devices() {
+            let state = if renders {
+                SafetyState::Normal
+            } else {
+                SafetyState::DeviceStale
+            };
+            assert_eq!(device.safety, state);
+            assert_eq!(device.wrench.force.x != 0.0, renders);
+        }
+        let (telemetry, refused) = cycle(&mut controller, &mut devices, 1_000_007);
+        assert_eq!(
+            (telemetry.took_ns, telemetry.lateness_ns, refused),
+            (0, 0, 1)
+        );
+    }
+}
+
+#[test]
+fn the_record_of_a_tick_tells_what_each_device_and_body_did() {
+    let mut controller = controller(Scheme::Linear);
+    let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
+    for k in 0..20_u64 {
+        for (device, reading) in readings.iter_mut().enumerate().take(2) {
+            let mut state = DeviceState {
+                pose: Pose::at(Vec3::x() * (2e-3 * device as f64)),
+                buttons: 5 + device as u32,
+                device_time_ns: 100 * k + device as u64,
+                ..DeviceState::resting()
+            };
+            state.twist.linear.x = 0.1;
+            // The second device gives no state in the last tick.
+            *reading = if device == 1 && k == 19 {
+                Err(DeviceError::Busy)
+            } else {
+                Ok(state)
+            };
+        }
+        let (commands, record) = controller.tick(1 + k * 1_000_000, &readings);
+        assert_eq!((record.tick, record.time_ns), (k, 1 + k * 1_000_000));
+        assert_eq!((record.device_count, record.body_count), (2, 1));
+        assert_eq!(record.readings, readings);
+        for (index, device) in record.devices().enumerate() {
+            let fresh = readings[index].is_ok();
+            let told = if fresh { k } else { k - 1 };
+            assert_eq!(device.device_time_ns, 100 * told + index as u64);
+            assert_eq!((device.buttons, device.fresh), (5 + index as u32, fresh));
+            // The motion of the proxy is twice that of the device.
+            assert_eq!(device.pose.position.x, 4e-3 * index as f64);
+            assert_eq!(device.twist.linear.x, 0.2);
+            assert_eq!(device.wrench, commands[index]);
+            assert_eq!(device.safety, SafetyState::Normal);
+        }
+        let body = &record.bodies[0];
+        assert_eq!((body.sequence, body.epoch), (1, 3));
+        assert_eq!(body.age_ns, k * 1_000_000);
+        assert_eq!(body.trust, 1.0);
+        assert_eq!(body.state, HostState::Live);
+        let energy = controller.energy().next().expect("a body");
+        assert_eq!(body.energy, energy);
+    }
+}
+
+#[test]
+fn a_copy_into_another_controller_continues_as_the_original_does() {
+    let run = |controller: &mut Controller, from: u32| {
+        let place = |k: u32| f64::from(k) * 1e-4;
+        let ticks = (from..from + 30).map(|k| tick(controller, [Some(place(k)), Some(-place(k))]));
+        ticks.last().expect("some ticks")
+    };
+    let mut original = controller(Scheme::Capped);
+    run(&mut original, 0);
+    let stray = original.accept(1, &LocalModel::empty());
+    assert_eq!(stray, Err(ModelFault::Handles));
+    // Into one with as many bodies, into one with none, and into one with more.
+    let mut more = ControllerConfig::default();
+    for _ in 0..3 {
+        let _ = more.bodies.push(body(Scheme::Linear));
+    }
+    let mut driven = controller(Scheme::Capped);
+    run(&mut driven, 7);
+    for mut copy in [
+        driven,
+        Controller::new(&ControllerConfig::default()),
+        Controller::new(&more),
+    ] {
+        copy.clone_from(&original);
+        assert_eq!((copy.stray_models(), original.stray_models()), (1, 1));
+        assert_eq!(run(&mut copy, 30), run(&mut original.clone(), 30));
+        assert_eq!(copy.energy().count(), 1);
     }
 }

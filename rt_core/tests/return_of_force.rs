@@ -135,10 +135,13 @@ struct Run {
     scheme: Scheme,
     controller: Controller,
     now_ns: u64,
+    /// The bit of the orders to arm, and whether such an order is due.
     arm: u32,
+    stopped: bool,
     places: [f64; 2],
-    /// Places of the proxies in the last tick along x (m).
+    /// Places of the proxies in the last tick along x, and the largest of their motions in that tick (m).
     proxies: [f64; 2],
+    farthest: f64,
     /// Time of the last tick (ns): the host knows of no later one.
     told_ns: u64,
     /// Force of each device in the last tick, and the force of the springs at its proxy then (N).
@@ -153,8 +156,10 @@ impl Run {
             controller: controller(scheme, ramp),
             now_ns: MS,
             arm: 0,
+            stopped: false,
             places: [0.0; 2],
             proxies: [0.0; 2],
+            farthest: 0.0,
             told_ns: 0,
             last: [(0.0, 0.0); 2],
             last_states: [SafetyState::HandsOff; 2],
@@ -167,12 +172,11 @@ impl Run {
             let accepted = self.controller.accept(0, &model(self.told_ns));
             accepted.expect("a sound model");
         }
-        let orders = self.arm
-            | if cause == Cause::Stopped {
-                STOP_ORDER
-            } else {
-                0
-            };
+        if self.stopped && cause != Cause::Stopped {
+            self.arm ^= ARM_ORDER;
+        }
+        self.stopped = cause == Cause::Stopped;
+        let orders = self.arm | if self.stopped { STOP_ORDER } else { 0 };
         let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
         for (device, (reading, x)) in readings.iter_mut().zip(self.places).enumerate() {
             let mut state = DeviceState {
@@ -237,20 +241,20 @@ impl Run {
             let (before, whole_before) = self.last[device];
             let moved = if self.scheme == Scheme::Capped {
                 // The cap passes a spring's force by up to the power 1 / 0.3 of its energy, so a capped force rises up to
-                // 4.3 times as fast as the springs.
-                5.0 * (SPRINGS[0] + 2.0 * SPRINGS[1]) * farthest
+                // 4.3 times as fast as the springs, also in the tick after a motion.
+                5.0 * (SPRINGS[0] + 2.0 * SPRINGS[1]) * farthest.max(self.farthest)
             } else {
                 (whole[device] - whole_before).abs()
             };
             // No smooth step rises faster than 1.5 times its mean. The trust in a model that returns has a ramp of its
-            // own.
-            let most = if self.scheme == Scheme::Capped {
+            // own, and what the cap passes of a returning force rises at the same time.
+            let (ramps, most) = if self.scheme == Scheme::Capped {
                 // Under the cap, the springs may bear less of the weight than they would.
-                WEIGHT.abs() + (whole[device] - WEIGHT).abs()
+                (3.0, WEIGHT.abs() + (whole[device] - WEIGHT).abs())
             } else {
-                whole[device].abs().max(whole_before.abs())
+                (2.0, whole[device].abs().max(whole_before.abs()))
             };
-            let ramp = 2.0 * 1.5 * most * PERIOD / RECOVERY;
+            let ramp = ramps * 1.5 * most * PERIOD / RECOVERY;
             let rise = force.abs() - before.abs();
             let states = (self.last_states[device], telemetry.devices[device].safety);
             prop_assert!(
@@ -267,6 +271,7 @@ impl Run {
             self.last[device] = (force, whole[device]);
             self.last_states[device] = telemetry.devices[device].safety;
         }
+        self.farthest = farthest;
         Ok(())
     }
 }
@@ -297,9 +302,6 @@ proptest! {
                     *place = from + (to - from) * part;
                 }
                 let now = if k < length { cause } else { Cause::Nothing };
-                if k == length && cause == Cause::Stopped {
-                    run.arm ^= ARM_ORDER;
-                }
                 // A stop of 8.5 ms or more, or a delay that no device notices.
                 let away_ns = if length < 20 { 7 * MS } else { length * MS / 2 };
                 run.step(now, k, away_ns)?;
@@ -407,14 +409,41 @@ fn a_late_tick_and_a_long_tick_add_up() {
 
 #[test]
 fn the_proxy_does_not_follow_the_motion_of_a_pause() {
+    // The loop stands still before a tick, and within a tick. In the second case, the reading is from before the pause.
+    for cause in [Cause::Late, Cause::Long] {
+        let mut run = rendering(Scheme::Linear, 0.0);
+        let (_, before) = run.tick(Cause::Nothing, 0, 0);
+        if cause == Cause::Long {
+            run.tick(cause, 0, 500 * MS);
+        }
+        run.places = [0.03, 0.03];
+        let now = if cause == Cause::Late {
+            cause
+        } else {
+            Cause::Nothing
+        };
+        let (_, after) = run.tick(now, 0, 500 * MS);
+        for device in 0..2 {
+            let [from, to] = [&before, &after].map(|record| record.devices[device].pose.position);
+            // Rounding of a sum of places.
+            assert!((from - to).norm() < 1e-15, "{cause:?} {device}");
+        }
+    }
+}
+
+#[test]
+fn a_pause_is_counted_from_the_last_command() {
+    use SafetyState::Normal;
+    // A command leaves 6.9 ms after its tick began. The next tick begins 9 ms after the last, and commands at once.
     let mut run = rendering(Scheme::Linear, 0.0);
-    let (_, before) = run.tick(Cause::Nothing, 0, 0);
-    run.places = [0.03, 0.03];
-    let (_, after) = run.tick(Cause::Late, 0, 500 * MS);
-    for device in 0..2 {
-        let [from, to] = [&before, &after].map(|record| record.devices[device].pose.position);
-        // Rounding of a sum of places.
-        assert!((from - to).norm() < 1e-15, "{device}");
+    let long = run.tick(Cause::Long, 0, 6_900_000);
+    assert_eq!(rendered(&long), [(Normal, true); 2]);
+    let next = run.tick(Cause::Late, 0, 2 * MS);
+    assert_eq!(rendered(&next), [(Normal, true); 2]);
+    // Ticks that each are late by less than the watchdog add up to no pause.
+    for _ in 0..5 {
+        let late = run.tick(Cause::Late, 0, 6_900_000);
+        assert_eq!(rendered(&late), [(Normal, true); 2]);
     }
 }
 
@@ -483,7 +512,6 @@ fn stop_and_arm_neither_spend_nor_make_energy_of_a_lowered_weight() {
             let (_, stopped) = run.tick(Cause::Stopped, k, 0);
             assert!(!stopped.bodies[0].withheld.is_noticeable(), "{quiet} {k}");
         }
-        run.arm ^= ARM_ORDER;
         for k in 0..500 {
             run.step(Cause::Nothing, k, 0)
                 .expect("no step of the force");

@@ -139,7 +139,9 @@ fn a_force_follows_at_the_slew_limit_and_a_fault_does_not_wait_for_it() {
     }
     assert_eq!(pass(2.0), 2.0);
     assert_eq!(limiter.counters().slewed, 19);
-    assert_eq!(limiter.first_trip().map(|trip| trip.limit), Some(100.0));
+    // The whole force in the first tick would be 2000 N/s.
+    let trip = limiter.first_trip().expect("a trip");
+    assert_eq!((trip.found, trip.limit), (2000.0, 100.0));
     let stopped = limiter.pass(&push(f64::NAN), Some(&here()));
     assert_eq!(stopped, Wrench::zero());
 }
@@ -340,4 +342,166 @@ fn a_slow_loop_waits_four_periods() {
         let force = limiter.pass(&push(2.0), Some(&here())).force.x;
         assert_eq!(force == 0.0, away, "{gap_ms} ms");
     }
+}
+
+#[test]
+fn after_a_delay_within_a_tick_no_slew_limit_holds_the_force_up() {
+    let mut limiter = Limiter::new(SafetyConfig {
+        max_slew: 100.0,
+        ..config()
+    });
+    let mut now_ns = 0;
+    for _ in 0..30 {
+        now_ns += 1_000_000;
+        limiter.begin(now_ns);
+        limiter.pass(&push(2.0), Some(&here()));
+        assert!(!limiter.end(100_000));
+    }
+    limiter.begin(now_ns + 1_000_000);
+    assert_eq!(limiter.pass(&push(2.0), Some(&here())).force.x, 2.0);
+    // Zero left in place of the two newtons, so the force begins at zero.
+    assert!(limiter.end(9_000_000));
+    assert!(limiter.is_apart() && limiter.fraction() == 0.0);
+    limiter.begin(now_ns + 11_000_000);
+    let first = limiter.pass(&push(2.0), Some(&here())).force.x;
+    // A smooth step of ten ticks, and the slew limit.
+    assert!(first > 0.0 && first < 0.1, "{first}");
+    assert_eq!(limiter.counters().stale, 1);
+    assert_eq!(limiter.state(), SafetyState::Recovering);
+}
+
+#[test]
+fn a_standstill_is_one_event_of_a_device_that_was_there() {
+    // A silent device has been away before the pause. In the tick after the pause, a delay is an event of its own.
+    for (silent, took_ns, stale) in [(0, 0, 1), (2, 0, 1), (9, 0, 1), (0, 9_000_000, 2)] {
+        let mut limiter = Limiter::new(config());
+        limiter.begin(0);
+        limiter.pass(&push(2.0), Some(&here()));
+        for k in 1..=silent {
+            limiter.begin(k * 1_000_000);
+            limiter.pass(&push(2.0), None);
+        }
+        limiter.begin(100_000_000);
+        assert!(limiter.is_stale());
+        assert_eq!(limiter.pass(&push(2.0), Some(&here())), Wrench::zero());
+        assert_eq!(limiter.end(took_ns), took_ns > 0);
+        assert_eq!(limiter.counters().stale, stale, "{silent} {took_ns}");
+        limiter.begin(101_000_000 + took_ns);
+        let back = limiter.pass(&push(2.0), Some(&here())).force.x;
+        assert!(back > 0.0 && back < 0.1, "{back}");
+    }
+}
+
+#[test]
+fn a_silent_device_comes_back_along_the_ramp() {
+    let mut limiter = Limiter::new(config());
+    for _ in 0..9 {
+        limiter.pass(&push(2.0), None);
+    }
+    let trip = limiter.first_trip().expect("a trip");
+    assert_eq!((trip.tick, trip.found, trip.limit), (3, 4.0, 3.0));
+    let mut forces = [0.0; 12];
+    forces[1..].copy_from_slice(&pushes::<11>(&mut limiter));
+    assert!(largest_step(&forces) <= 2.0 * 0.15 + 1e-12, "{forces:?}");
+    assert_eq!((forces[11], limiter.counters().stale), (2.0, 1));
+    // Each silence has the whole patience.
+    for _ in 0..3 {
+        assert_eq!(limiter.pass(&push(1.0), None), push(1.0));
+    }
+}
+
+#[test]
+fn a_device_at_a_limit_is_within_it_and_is_released_below_nine_tenths() {
+    for (found, tripped) in [(2.0, false), (2.001, true), (1e300, true)] {
+        let mut is = false;
+        assert_eq!(trips(&mut is, found, 2.0), tripped);
+        assert_eq!(is, tripped);
+    }
+    for (found, stays) in [(3.0, true), (1.9, true), (1.8, true), (1.799, false)] {
+        let mut is = true;
+        assert!(!trips(&mut is, found, 2.0), "no new event");
+        assert_eq!(is, stays, "{found}");
+    }
+    // An infinite limit never trips, and a speed that overflowed exceeds every finite one.
+    for (limit, tripped) in [(f64::INFINITY, false), (1.0, true)] {
+        assert_eq!(trips(&mut false, f64::INFINITY, limit), tripped);
+    }
+}
+
+#[test]
+fn a_force_and_a_moment_are_limited_each_by_its_own_limit() {
+    let moment = Vec3::new(0.0, 0.3, 0.4);
+    for (force, moment, expected) in [
+        (9.0, Vec3::zeros(), Some((9.0, 8.0))),
+        (8.0, moment * 0.4, None),
+        (1.0, moment, Some((0.5, 0.2))),
+        (9.0, moment, Some((9.0, 8.0))),
+    ] {
+        let mut limiter = Limiter::new(config());
+        let wrench = Wrench {
+            moment,
+            ..push(force)
+        };
+        let passed = limiter.pass(&wrench, Some(&here()));
+        // Rounding of a product.
+        assert!((passed.force.x - force.min(8.0)).abs() < 1e-14);
+        let least = moment * (0.2 / moment.norm()).min(1.0);
+        assert!(moment == Vec3::zeros() || (passed.moment - least).norm() < 1e-15);
+        let trip = limiter.first_trip();
+        let found = trip.map(|trip| (trip.found, trip.limit));
+        assert_eq!(found, expected);
+        assert_eq!(limiter.counters().limited, u64::from(expected.is_some()));
+        let state = [SafetyState::Normal, SafetyState::Limited][usize::from(expected.is_some())];
+        assert_eq!(limiter.state(), state);
+    }
+}
+
+#[test]
+fn cool_motors_bear_the_grip_beside_the_largest_force() {
+    let mut limiter = Limiter::new(SafetyConfig {
+        engage: EngageConfig {
+            grip_force: Vec3::new(0.0, 0.0, -0.5),
+            ..EngageConfig::default()
+        },
+        heat: HeatConfig {
+            continuous_force: 1.5,
+            time: 10.0,
+        },
+        ..config()
+    });
+    for _ in 0..10 {
+        assert_eq!(limiter.pass(&push(7.9), Some(&here())), push(7.9));
+        assert_eq!(limiter.state(), SafetyState::Normal);
+    }
+}
+
+#[test]
+fn a_graver_state_is_told_before_a_limit() {
+    // A force that returns is limited as well: the limit is told, unless a motion of the device makes the force fade.
+    for (state, told) in [
+        (here(), SafetyState::Limited),
+        (moving(1.5), SafetyState::TooFast),
+    ] {
+        let mut limiter = Limiter::new(config());
+        limiter.pass(&push(f64::NAN), Some(&here()));
+        pushes::<5>(&mut limiter);
+        assert_eq!(limiter.state(), SafetyState::Recovering);
+        limiter.pass(&push(100.0), Some(&state));
+        assert_eq!(limiter.state(), told);
+        assert_eq!(limiter.counters().limited, 1);
+    }
+}
+
+#[test]
+fn only_an_engaged_hand_lets_go_of_the_dead_man_button() {
+    use Engaged::{Disarmed, HandsOff, Stopped, Yes};
+    let mut limiter = Limiter::new(config());
+    for engaged in [HandsOff, HandsOff, Stopped, HandsOff, Disarmed, Yes, Yes] {
+        limiter.engage(engaged);
+        assert_eq!(limiter.is_disengaged(), engaged != Yes);
+        assert_eq!(limiter.is_apart(), engaged != Yes);
+    }
+    let counters = limiter.counters();
+    let counts = (counters.hands_off, counters.stopped, counters.engaged);
+    assert_eq!(counts, (1, 1, 1));
 }
