@@ -201,6 +201,34 @@ mod tests {
         assert_eq!(told(&mut gate, Rendering::LetGo), Ok(Rendering::LetGo));
     }
 
+    /// A force that the tick has taken away itself is not let go a second time.
+    #[test]
+    fn a_let_go_that_the_tick_has_read_is_told_no_more() {
+        let push = Wrench {
+            force: Vec3::x(),
+            moment: Vec3::zeros(),
+        };
+        let rendering = |gate: &mut Gate| {
+            let mut answer = Ok(DeviceState::resting());
+            gate.end(&mut answer);
+            answer.map(|state| state.rendering)
+        };
+        let mut gate = Gate::default();
+        assert_eq!(gate.pass(&push, 0), push);
+        assert_eq!(rendering(&mut gate), Ok(Rendering::Commanded));
+        gate.let_go();
+        assert_eq!(rendering(&mut gate), Ok(Rendering::LetGo));
+        // Still nobody has read it.
+        gate.let_go();
+        assert_eq!(rendering(&mut gate), Ok(Rendering::LetGo));
+        // The tick has read the second exchange, and hands no force over. Then it is silent again.
+        assert_eq!(gate.pass(&Wrench::zero(), 2), Wrench::zero());
+        assert_eq!(rendering(&mut gate), Ok(Rendering::Commanded));
+        gate.let_go();
+        assert_eq!(rendering(&mut gate), Ok(Rendering::Commanded));
+        assert_eq!(gate.number(), 5);
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 

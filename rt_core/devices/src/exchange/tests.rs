@@ -317,3 +317,54 @@ fn a_slow_loop_has_more_time_between_two_wrenches() {
     let times = times.map(|period| let_go_after(period).as_millis());
     assert_eq!(times, [10, 26, 40, 80, 100]);
 }
+
+/// A person may hold the device when the run ends.
+#[test]
+fn the_end_waits_until_the_device_is_released() {
+    struct Slow(Arc<AtomicU64>);
+    impl Exchange for Slow {
+        fn exchange(&mut self, _: &Wrench) -> Answer {
+            Ok(at(1))
+        }
+        fn release(&mut self) {
+            std::thread::sleep(Duration::from_millis(50));
+            self.0.fetch_add(1, Ordering::Relaxed);
+        }
+        fn reopen(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+    }
+    // Two devices: each is released.
+    let released = Arc::new(AtomicU64::new(0));
+    let devices = [(); 2].map(|()| {
+        let device = Exchanged::start(Slow(Arc::clone(&released)), small(Freedom::Three));
+        device.expect("a thread")
+    });
+    for (done, device) in (1..).zip(devices) {
+        drop(device);
+        assert_eq!(released.load(Ordering::Relaxed), done);
+    }
+}
+
+/// A vendor's library may block without end. The end of the run leaves its thread behind.
+#[test]
+fn the_end_does_not_wait_for_a_device_that_blocks() {
+    let (mut device, seen, tell) = told();
+    assert_eq!(device.write(0, &push(1.0)), Ok(()));
+    assert!(seen.recv().is_ok());
+    drop(device);
+    // The device still blocks. It is released as soon as it does not.
+    assert_eq!(seen.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty));
+    drop(tell);
+    assert_eq!(seen.iter().last(), Some(Done::Released));
+}
+
+#[test]
+fn a_device_that_does_not_tell_its_refusals_has_none() {
+    let (mut device, seen, tell) = told();
+    exchanged(&mut device, &seen, &tell, 1.0);
+    tell.send(Ok(at(1))).expect("it listens");
+    read(&mut device, Ok(at(1)));
+    assert_eq!(device.refused_wrenches(), None);
+    assert!(device.counts().states() == 1 && device.counts().returns() == 0);
+}

@@ -183,3 +183,151 @@ impl<E: Exchange> Work<E> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! Single exchanges, without a thread, so that no time of a busy machine matters.
+
+    use super::*;
+    use rt_core::{DeviceState, Wrench};
+    use runner::ring::prefaulted;
+
+    /// A device that gives the answers of a test, one after the other.
+    struct Answers {
+        answers: Vec<Result<DeviceState, DeviceError>>,
+        refused: Option<u64>,
+    }
+
+    impl Exchange for Answers {
+        fn exchange(&mut self, _: &Wrench) -> Result<DeviceState, DeviceError> {
+            self.answers.pop().unwrap_or(Ok(DeviceState::resting()))
+        }
+        fn release(&mut self) {}
+        fn reopen(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn refused_wrenches(&self) -> Option<u64> {
+            self.refused
+        }
+    }
+
+    fn work(
+        answers: &[Result<DeviceState, DeviceError>],
+    ) -> (Work<Answers>, Producer<Handed>, Consumer<Reply>) {
+        let (hand, commands, _) = prefaulted(SLOTS, Handed::default());
+        let (replies, read, _) = prefaulted(SLOTS, Reply::default());
+        let work = Work {
+            exchange: Answers {
+                answers: answers.iter().rev().copied().collect(),
+                refused: None,
+            },
+            commands,
+            replies,
+            counts: Arc::default(),
+            let_go_ns: Arc::default(),
+            looked: Instant::now(),
+            gate: Gate::default(),
+            refused_before: None,
+            begun: [(0, Instant::now()); BEGUN],
+        };
+        (work, hand, read)
+    }
+
+    fn answering(answers: u64) -> Option<Handed> {
+        Some(Handed {
+            answers,
+            ..Handed::default()
+        })
+    }
+
+    /// A wrench answers the state of one of the last exchanges. The time of an older exchange is no longer known, and the
+    /// time of another exchange is never taken for it.
+    #[test]
+    fn motion_to_force_is_that_of_the_exchange_that_the_wrench_answers() {
+        let (mut work, _hand, mut read) = work(&[]);
+        let mut began = vec![Instant::now()];
+        for number in 1..=200 {
+            let behind = number % 12;
+            let answers = u64::saturating_sub(number, behind);
+            let earliest = Instant::now();
+            assert!(work.once(answering(answers)));
+            began.push(earliest);
+            let reply = read.pop().expect("a reply");
+            assert_eq!(reply.number, number);
+            let is_known = answers > 0 && behind > 0 && behind < BEGUN as u64;
+            if !is_known && behind > 0 {
+                assert_eq!(reply.motion_to_force_ns, None, "{number} answers {answers}");
+            }
+            if is_known {
+                // The exchange that is answered began after the time that was taken before it, and before the next one.
+                let shown = Duration::from_nanos(reply.motion_to_force_ns.expect("it is known"));
+                let now = Instant::now();
+                assert!(
+                    shown <= now - began[answers as usize],
+                    "{number} answers {answers}"
+                );
+                assert!(
+                    shown >= earliest - began[answers as usize + 1],
+                    "{number} answers {answers}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn each_exchange_is_counted_once_as_what_it_is() {
+        let silent = Err(DeviceError::NoReport);
+        let gone = Err(DeviceError::Disconnected(19));
+        let state = Ok(DeviceState::resting());
+        let (mut work, _hand, mut read) = work(&[state, silent, silent, state, gone, state]);
+        let mut all = || {
+            let stays = work.once(None);
+            let counts = &work.counts;
+            (stays, counts.states(), counts.failures(), counts.losses())
+        };
+        assert_eq!(
+            [all(), all(), all()],
+            [(true, 1, 0, 0), (true, 1, 1, 0), (true, 1, 2, 0)]
+        );
+        assert_eq!([all(), all()], [(true, 2, 2, 0), (false, 2, 2, 1)]);
+        // The ring has room for four answers that the tick has not read.
+        assert_eq!(work.counts.unread(), 1);
+        assert!(read.pop().is_ok() && work.once(None));
+        assert_eq!((work.counts.unread(), work.counts.states()), (1, 3));
+        assert!(work.once(None) && work.once(None));
+        assert_eq!(work.counts.unread(), 3);
+        assert_eq!((work.counts.returns(), work.counts.let_go()), (0, 0));
+    }
+
+    /// What a device refuses while it idles before the first wrench is no refusal of a wrench of this run.
+    #[test]
+    fn refusals_count_from_the_first_wrench_of_the_tick() {
+        let (mut work, _hand, mut read) = work(&[]);
+        let mut told = |refused, handed| {
+            work.exchange.refused = refused;
+            assert!(work.once(handed));
+            read.pop().expect("a reply").refused_wrenches
+        };
+        assert_eq!(told(None, None), None);
+        assert_eq!(told(Some(3), None), Some(0));
+        assert_eq!(told(Some(5), answering(0)), Some(0));
+        assert_eq!(told(Some(6), None), Some(1));
+        assert_eq!(told(Some(9), answering(0)), Some(4));
+    }
+
+    /// What waits when a device comes back was computed for the device before its loss.
+    #[test]
+    fn a_device_that_is_back_finds_no_wrench_that_waits() {
+        let (mut work, mut hand, _read) = work(&[]);
+        for _ in 0..SLOTS {
+            assert!(hand.push(Handed::default()).is_ok());
+        }
+        assert!(work.back());
+        assert!(work.commands.is_empty());
+        assert_eq!((work.counts.returns(), work.counts.losses()), (1, 0));
+        drop(hand);
+        // The end of the run ends the attempts.
+        assert!(!work.back());
+        assert_eq!(work.counts.returns(), 1);
+    }
+}

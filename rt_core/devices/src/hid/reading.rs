@@ -308,7 +308,9 @@ pub(super) fn numbered(report: &[u8; report::LENGTH]) -> Command {
 mod tests {
     use super::*;
     use firmware_proto::host::release;
-    use firmware_proto::report::{CapabilitiesReport, Condition, HelloReport, Model};
+    use firmware_proto::report::{
+        CapabilitiesReport, Condition, EncodersReport, HelloReport, Model,
+    };
     use firmware_proto::report::{WrenchReport, flags};
     use rt_core::{Pose, Vec3};
     use std::collections::VecDeque;
@@ -712,5 +714,91 @@ mod tests {
         let bytes = numbered(&release(SESSION.get(), 0));
         let sent = WrenchReport::decode(&bytes[1..]).expect("a wrench");
         assert_eq!((sent.force, sent.moment, sent.flags), ([0; 3], [0; 3], 0));
+    }
+
+    /// A device that is plugged in again during a fault: the last pose that is known is from before.
+    #[test]
+    fn another_session_keeps_the_pose_that_a_fault_needs() {
+        let mut reports = Reports::new(SESSION, 0);
+        let known = reports.newest(Freedom::Three, 0, queue(bytes(&[sent(1, 1000)])));
+        let known = known.expect("a state").pose;
+        let session = NonZeroU32::MIN;
+        reports.begin_session(session, 0);
+        let mut fault = condition(1, |condition| {
+            condition.mode = Mode::Fault;
+            condition.fault = 1;
+            condition.status = 0;
+        });
+        (fault.session, fault.position) = (session.get(), [0; 3]);
+        let state = reports.newest(Freedom::Three, MS, queue(bytes(&[fault])));
+        assert_eq!(state.map(|state| state.pose), Ok(known));
+    }
+
+    #[test]
+    fn motion_to_force_is_that_of_the_last_read_alone() {
+        let mut reports = ready();
+        assert_eq!(reports.shown_ns(), None);
+        // The wrench answers the state 2, which was measured at 2 ms. It is in force 150 us later.
+        let command = reports.command(&Wrench::zero(), 2 * MS).expect("a wrench");
+        let wrench = WrenchReport::decode(&command).expect("a wrench");
+        assert_eq!(wrench.answers, 2);
+        let shows = condition(3, |condition| {
+            in_force(condition);
+            (condition.wrench, condition.since_us) = (wrench.sequence, 2150);
+        });
+        rendering(&mut reports, &[shows]);
+        assert_eq!(reports.shown_ns(), Some(150_000));
+        let none = reports.newest(Freedom::Three, 4 * MS, queue(VecDeque::new()));
+        assert_eq!(
+            (none, reports.shown_ns()),
+            (Err(DeviceError::NoReport), None)
+        );
+        assert_eq!(
+            reports.motion_to_force.map(|shown| shown.delay_us),
+            Some(150)
+        );
+    }
+
+    #[test]
+    fn the_first_and_the_last_report_of_a_session_are_a_hello_and_a_release() {
+        let mut reports = ready();
+        let released = WrenchReport::decode(&reports.release()).expect("a wrench");
+        assert_eq!((released.session, released.flags), (SESSION.get(), 0));
+        assert_eq!((released.force, released.moment), ([0; 3], [0; 3]));
+        let hello = Reports::new(SESSION, 20_000).greet();
+        let hello = HelloReport::decode(&hello).expect("a hello");
+        assert_eq!((hello.session, hello.watchdog_us), (SESSION.get(), 20_000));
+    }
+
+    #[test]
+    fn counts_of_encoders_are_no_state() {
+        let counts = |sequence| {
+            let report = EncodersReport {
+                sequence,
+                session: SESSION.get(),
+                condition: sent(0, 0).condition,
+                counts: [0; 8],
+                number: 3,
+            };
+            report.encode().to_vec()
+        };
+        // The answer and the state of a device that sends poses are good.
+        let mut reports = ready();
+        assert_eq!((reports.good, reports.corrupt), (2, 0));
+        let kind = Err(DeviceError::Corrupt(Corruption::Kind));
+        for corrupt in [1, 2] {
+            let read = queue([counts(2 + corrupt)].into());
+            let found = reports.newest(Freedom::Three, 3 * MS, read);
+            assert_eq!((found, reports.corrupt), (kind, corrupt.into()));
+        }
+        // Bytes that are no report are told, unless more is known.
+        let mut newest = reports.begin();
+        newest.garbage();
+        let length = Err(DeviceError::Corrupt(Corruption::Length));
+        assert_eq!(reports.state(newest, Freedom::Three), length);
+        let mut newest = reports.begin();
+        reports.receive(&mut newest, &counts(5), 4 * MS);
+        newest.garbage();
+        assert_eq!(reports.state(newest, Freedom::Three), kind);
     }
 }

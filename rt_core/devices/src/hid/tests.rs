@@ -313,3 +313,29 @@ fn a_device_that_may_not_be_opened_comes_with_its_udev_rule() {
         "{error}"
     );
 }
+
+#[test]
+fn motion_to_force_and_refusals_are_those_that_the_device_tells() {
+    let socket = Arc::new(Mutex::new(Plugged::new(model("arm"))));
+    let (mut device, _) = open(&socket);
+    let mut now_ns = 0;
+    // The device puts a wrench in force 100 us after a state.
+    until(&mut device, &mut now_ns, |_, device| {
+        device
+            .motion_to_force_ns()
+            .is_some_and(|ns| ns % MS == 100_000)
+    });
+    for _ in 0..2 {
+        // On a busy machine, the device may refuse an old wrench, too.
+        let before = device.refused_wrenches().expect("the device tells");
+        let mut plugged = socket.lock().expect("a thread");
+        let time_us = plugged.time_us;
+        for _ in 0..5 {
+            assert!(plugged.firmware.receive(&[0; 64], time_us).is_err());
+        }
+        drop(plugged);
+        until(&mut device, &mut now_ns, |_, device| {
+            device.refused_wrenches() >= Some(before + 5)
+        });
+    }
+}

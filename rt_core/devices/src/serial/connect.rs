@@ -220,6 +220,15 @@ mod tests {
         let error = open("tty", "/dev/no_such_line");
         assert!(error.starts_with("/dev/no_such_line: "), "{error}");
         assert!(error.contains("Check the cable"), "{error}");
+        // Some errors have a remedy of their own.
+        for (kind, remedy) in [
+            (io::ErrorKind::PermissionDenied, "dialout"),
+            (io::ErrorKind::ResourceBusy, "end that program"),
+            (io::ErrorKind::NotFound, "Check the cable"),
+        ] {
+            assert!(advice(&kind.into()).contains(remedy), "{kind}");
+        }
+        assert_eq!(advice(&io::ErrorKind::TimedOut.into()), "");
         // Nobody listens on port 1.
         let error = open("tcp", "127.0.0.1:1");
         assert!(error.starts_with("127.0.0.1:1: "), "{error}");

@@ -267,3 +267,6 @@ impl<T: Transport> Serial<T> {
         state
     }
 }
+
+#[cfg(test)]
+mod tests;

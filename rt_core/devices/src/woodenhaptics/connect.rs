@@ -218,4 +218,13 @@ mod tests {
             assert_eq!(parse(wrong), None, "{wrong}");
         }
     }
+
+    #[test]
+    fn the_driver_has_the_protocol_of_the_emulator() {
+        let driver = WoodenHapticsDriver;
+        assert_eq!(
+            (driver.name(), driver.protocol()),
+            ("woodenhaptics", Some("woodenhaptics"))
+        );
+    }
 }

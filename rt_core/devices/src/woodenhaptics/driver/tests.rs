@@ -19,6 +19,8 @@ struct End {
     /// Total time waited.
     waited: Duration,
     gone: Option<i32>,
+    /// Whether the device is gone as soon as it has answered.
+    is_last: bool,
 }
 
 #[derive(Clone, Default)]
@@ -64,6 +66,9 @@ impl Transport for Link {
                 .push(CurrentReport::decode(bytes, Form::Short).expect("a report"));
             let reply = end.replies.pop_front().unwrap_or_default();
             end.waiting.extend(reply);
+            if end.is_last {
+                end.gone = Some(5);
+            }
             Ok(())
         })
     }
@@ -486,6 +491,32 @@ fn the_velocity_is_that_of_the_handle() {
         (state.twist.linear - expected).norm() < 1e-5,
         "{state:?} {expected}"
     );
+}
+
+/// The report that arrived before the device disappeared is good. Without a report, the device is lost at once.
+#[test]
+fn the_last_report_before_the_end_is_good() {
+    let gone = Err(DeviceError::Disconnected(5));
+    for answers in [1, 0] {
+        let (mut driver, link) = calibrated();
+        link.reply(vec![at(origin()); answers]);
+        link.end(|end| end.is_last = true);
+        if answers > 0 {
+            assert!(driver.exchange(&push()).is_ok());
+        }
+        assert_eq!(driver.exchange(&push()), gone);
+    }
+}
+
+#[test]
+fn no_button_is_no_calibration() {
+    let (mut driver, link) = open(Some(Vec3::zeros()));
+    link.reply([at([40, 50, 60]); 6]);
+    for _ in 0..6 {
+        assert_eq!(driver.exchange(&push()), Err(DeviceError::NoReport));
+        assert_eq!(link.last(), CurrentReport::default());
+    }
+    assert!(!driver.is_calibrated());
 }
 
 proptest! {
