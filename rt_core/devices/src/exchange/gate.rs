@@ -152,10 +152,10 @@ mod tests {
                         Some((wrench, seen)) => self.gate.pass(&wrench, seen),
                         None => self.gate.let_go(),
                     };
-                    if command != Wrench::zero() {
-                        assert!(!self.untold, "a force from before the let-go");
-                    } else {
+                    if command == Wrench::zero() {
                         self.untold |= self.last != Wrench::zero() && self.gate.tells;
+                    } else {
+                        assert!(!self.untold, "a force from before the let-go");
                     }
                     self.last = command;
                     self.has_acted |= command != Wrench::zero();

@@ -198,9 +198,9 @@ impl Transport for Chip {
                 }
                 later => {
                     end.now_ns = until_ns;
-                    later
-                        .into_iter()
-                        .for_each(|bytes| end.coming.push_front(bytes));
+                    if let Some(bytes) = later {
+                        end.coming.push_front(bytes);
+                    }
                     end.fails.map_or(Ok(0), Err)
                 }
             }
