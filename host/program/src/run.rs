@@ -19,7 +19,7 @@ use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
 use host::scene::spec::Device;
 use physics::FactorCode;
-use runner::{CallPolicy, CoreChoice, Cores};
+use runner::{CallPolicy, CoreChoice, Cores, Reserved};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -265,12 +265,16 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     }
     // Before anything else: a signal that comes while the scene is built must not end a program that opens devices.
     let real = arguments.clock == ClockName::Real;
+    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
+    let machine = Cores::of_this_machine();
+    // The threads that start here leave the core of the tick free, as the threads of the run do.
+    let reserved = real.then(|| Reserved::new(core, &machine));
     let ending = Ending::begin(real)?;
     let panel = Panel::default();
     let operator = real.then(|| Operator::begin(&panel)).transpose()?;
+    drop(reserved);
     needs_real_clock(arguments)?;
-    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
-    Cores::of_this_machine().check(core)?;
+    machine.check(core)?;
     let scene = arguments.scene.scene.as_deref();
     if arguments.overrides.has_latency() && real {
         return Err(CommandError::NeedsVirtualClock);

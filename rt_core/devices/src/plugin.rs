@@ -317,8 +317,75 @@ mod tests {
         assert_eq!(freedom(15), Some(Freedom::Six));
         let x = Axes::new([true, false, false]).map(Freedom::Along);
         assert_eq!(freedom(1), x);
+        for (bits, axes) in [
+            (2, [false, true, false]),
+            (3, [true, true, false]),
+            (4, [false, false, true]),
+            (5, [true, false, true]),
+            (6, [false, true, true]),
+        ] {
+            assert_eq!(freedom(bits), Axes::new(axes).map(Freedom::Along));
+        }
         for bits in [0, 8, 9, 14, 16, u32::MAX] {
             assert_eq!(freedom(bits), None, "{bits}");
+        }
+    }
+
+    /// Numbers above zero, and a largest moment exactly where a rotation is actuated.
+    #[test]
+    fn capabilities_are_those_of_a_device() {
+        let arm = abi::Capabilities {
+            sensed: 15,
+            actuated: 7,
+            max_force: 5.0,
+            max_moment: 0.0,
+            workspace_radius: 0.1,
+            position_step: 1e-5,
+        };
+        let expected = Capabilities {
+            sensed: Freedom::Six,
+            actuated: Freedom::Three,
+            max_force: 5.0,
+            max_moment: 0.0,
+            workspace_radius: 0.1,
+            position_step: 1e-5,
+        };
+        assert_eq!(capabilities(&arm), Some(expected));
+        let turning = |max_moment| abi::Capabilities {
+            actuated: 15,
+            max_moment,
+            ..arm
+        };
+        assert!(capabilities(&turning(0.5)).is_some());
+        let wrong = [0.0, -1.0, f64::NAN, f64::INFINITY];
+        for number in wrong {
+            assert_eq!(capabilities(&turning(number)), None, "{number}");
+            for place in 0..3 {
+                let mut found = arm;
+                let numbers = [
+                    &mut found.max_force,
+                    &mut found.workspace_radius,
+                    &mut found.position_step,
+                ];
+                *numbers.into_iter().nth(place).expect("three") = number;
+                assert_eq!(capabilities(&found), None, "{number} at {place}");
+            }
+        }
+        let found = abi::Capabilities {
+            max_moment: 0.5,
+            ..arm
+        };
+        assert_eq!(capabilities(&found), None);
+    }
+
+    #[test]
+    fn a_plug_in_sees_finite_wrenches_alone() {
+        let vector = Vec3::new(1.5, -2.0, 0.25);
+        assert_eq!(finite(&vector), [1.5, -2.0, 0.25]);
+        for (place, wrong) in [(0, f64::NAN), (1, f64::INFINITY), (2, f64::NEG_INFINITY)] {
+            let mut vector = vector;
+            vector[place] = wrong;
+            assert_eq!(finite(&vector), [0.0; 3]);
         }
     }
 

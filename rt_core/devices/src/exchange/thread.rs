@@ -233,11 +233,11 @@ mod tests {
         (work, hand, read)
     }
 
-    fn answering(answers: u64) -> Option<Handed> {
-        Some(Handed {
+    fn answering(answers: u64) -> Handed {
+        Handed {
             answers,
             ..Handed::default()
-        })
+        }
     }
 
     /// A wrench answers the state of one of the last exchanges. The time of an older exchange is no longer known, and the
@@ -250,7 +250,7 @@ mod tests {
             let behind = number % 12;
             let answers = u64::saturating_sub(number, behind);
             let earliest = Instant::now();
-            assert!(work.once(answering(answers)));
+            assert!(work.once(Some(answering(answers))));
             began.push(earliest);
             let reply = read.pop().expect("a reply");
             assert_eq!(reply.number, number);
@@ -310,9 +310,9 @@ mod tests {
         };
         assert_eq!(told(None, None), None);
         assert_eq!(told(Some(3), None), Some(0));
-        assert_eq!(told(Some(5), answering(0)), Some(0));
+        assert_eq!(told(Some(5), Some(answering(0))), Some(0));
         assert_eq!(told(Some(6), None), Some(1));
-        assert_eq!(told(Some(9), answering(0)), Some(4));
+        assert_eq!(told(Some(9), Some(answering(0))), Some(4));
     }
 
     /// What waits when a device comes back was computed for the device before its loss.

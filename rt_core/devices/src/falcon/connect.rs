@@ -120,6 +120,14 @@ mod tests {
     }
 
     #[test]
+    fn the_driver_has_the_protocol_of_the_emulator() {
+        assert_eq!(
+            (FalconDriver.name(), FalconDriver.protocol()),
+            ("falcon", Some("falcon"))
+        );
+    }
+
+    #[test]
     fn what_is_missing_is_named_before_anything_is_opened() {
         let text = refusal("tcp:localhost:1", None);
         assert!(text.contains("falcon:SERIAL"), "{text}");

@@ -256,6 +256,22 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// What was begun before a restart is no part of a packet.
+    #[test]
+    fn a_restart_forgets_the_packet_that_has_begun() {
+        let packet = Report::default().encode();
+        let mut framer = Framer::new();
+        let (begun, rest) = packet.split_at(7);
+        assert!(begun.iter().all(|byte| framer.push(*byte).is_none()));
+        framer.restart();
+        assert!(rest.iter().all(|byte| framer.push(*byte).is_none()));
+        let found: Vec<_> = packet
+            .iter()
+            .filter_map(|byte| framer.push(*byte))
+            .collect();
+        assert_eq!(found, [packet]);
+    }
+
     fn report() -> impl Strategy<Value = Report> {
         (any::<[i16; 3]>(), 0..16_u8, any::<[bool; 3]>()).prop_map(|(encoders, buttons, homed)| {
             Report {

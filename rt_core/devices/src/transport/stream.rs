@@ -119,6 +119,7 @@ impl Transport for Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rustix::io::Errno;
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     use std::net::TcpListener;
 
@@ -217,5 +218,66 @@ mod tests {
         assert_eq!(error.raw_os_error(), Some(25), "{error}");
         // Nobody listens on port 1.
         assert!(Stream::tcp("127.0.0.1:1").is_err());
+    }
+
+    /// A device that takes no bytes does not hold its driver, and gets bytes again as soon as it takes them.
+    #[test]
+    fn a_write_waits_for_room_for_a_bounded_time() {
+        let (mut master, path) = pty();
+        let mut slave = Stream::tty(&path, 115_200).expect("a terminal");
+        let stuck = (0..1000).find_map(|_| master.write(&[7; 1024]).err());
+        assert_eq!(stuck, Some(Errno::TIMEDOUT.raw_os_error()));
+        let mut buffer = [0; 1024];
+        while slave.read(&mut buffer, Duration::ZERO) != Ok(0) {}
+        assert_eq!(master.write(&[8, 9]), Ok(()));
+        assert_eq!(read_exactly(&mut slave, 2), [8, 9]);
+    }
+
+    /// A protocol takes any transport, also behind a reference or a box, and cut into packets.
+    #[test]
+    fn a_transport_passes_its_bytes_through_every_wrapper() {
+        fn asks(mut near: impl Transport, far: &mut Stream) {
+            near.write(&[1, 2, 3]).expect("open");
+            assert_eq!(read_exactly(far, 3), [1, 2, 3]);
+            far.write(&[4, 5, 6]).expect("open");
+            let mut buffer = [0; 3];
+            assert_eq!(near.read(&mut buffer, LONG), Ok(3));
+            assert_eq!(buffer, [4, 5, 6]);
+            assert_eq!(near.read(&mut buffer, Duration::ZERO), Ok(0));
+        }
+        let (mut master, path) = pty();
+        let mut slave = Stream::tty(&path, 115_200).expect("a terminal");
+        asks(&mut slave, &mut master);
+        asks(crate::transport::Packets::new(&mut slave, 3), &mut master);
+        let boxed: Box<dyn Transport> = Box::new(slave);
+        asks(boxed, &mut master);
+    }
+
+    /// The kernel takes the number of the report, zero for unnumbered reports, before the report itself.
+    #[test]
+    fn a_report_of_hid_follows_the_report_number() {
+        use crate::transport::Hidraw;
+        let (mut master, path) = pty();
+        // The terminal stays raw.
+        drop(Stream::tty(&path, 115_200).expect("a terminal"));
+        let mut device = Hidraw::open(&path).expect("nobody has it");
+        for length in [0, 2, 64] {
+            let report = vec![7; length];
+            assert_eq!(device.write(&report), Ok(()));
+            let sent = read_exactly(&mut master, length + 1);
+            assert_eq!((sent[0], &sent[1..]), (0, &report[..]));
+        }
+        let too_long = Errno::MSGSIZE.raw_os_error();
+        assert_eq!(device.write(&[7; 65]), Err(too_long));
+        let mut buffer = [0; 4];
+        assert_eq!(device.read_now(&mut buffer), Ok(0));
+        assert_eq!(device.read(&mut buffer, Duration::ZERO), Ok(0));
+        master.write(&[1, 2]).expect("open");
+        assert_eq!(device.read(&mut buffer, LONG), Ok(2));
+        master.write(&[3]).expect("open");
+        while device.read_now(&mut buffer) == Ok(0) {
+            std::thread::yield_now();
+        }
+        assert_eq!(buffer, [3, 2, 0, 0]);
     }
 }

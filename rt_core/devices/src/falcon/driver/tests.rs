@@ -5,6 +5,8 @@ use super::super::geometry::{count_of, inverse};
 use super::*;
 use crate::Transport;
 use proptest::prelude::*;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex};
 
 const PERIOD: f64 = 1e-3;
 const PERIOD_NS: u64 = 1_000_000;
@@ -151,6 +153,266 @@ fn a_wrench_without_torques_is_a_device_that_let_go() {
         rendering(&Wrench::zero(), STALE, 5),
         (false, Rendering::Commanded)
     );
+}
+
+/// The far end of a chip, under virtual time.
+#[derive(Default)]
+struct End {
+    now_ns: u64,
+    sent: Vec<Command>,
+    /// The answers to the next packets: each has its bytes, with the time that they take (ns).
+    answers: VecDeque<Vec<(u64, Vec<u8>)>>,
+    /// Bytes on their way, with the time of their arrival (ns).
+    coming: VecDeque<(u64, Vec<u8>)>,
+    purged: u32,
+    fails: Option<i32>,
+}
+
+#[derive(Clone, Default)]
+struct Chip(Arc<Mutex<End>>);
+
+impl Chip {
+    fn end<R>(&self, f: impl FnOnce(&mut End) -> R) -> R {
+        f(&mut self.0.lock().expect("one thread"))
+    }
+
+    /// Answers the next packet with `bytes`, which come half a millisecond later.
+    fn answer(&self, bytes: &[u8]) {
+        self.end(|end| end.answers.push_back(vec![(500_000, bytes.to_vec())]));
+    }
+
+    fn last(&self) -> Command {
+        self.end(|end| *end.sent.last().expect("a packet"))
+    }
+}
+
+impl Transport for Chip {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> Result<usize, i32> {
+        self.end(|end| {
+            let until_ns = end.now_ns + wait.as_nanos() as u64;
+            match end.coming.pop_front() {
+                Some((at_ns, bytes)) if at_ns <= until_ns => {
+                    end.now_ns = end.now_ns.max(at_ns);
+                    buffer[..bytes.len()].copy_from_slice(&bytes);
+                    Ok(bytes.len())
+                }
+                later => {
+                    end.now_ns = until_ns;
+                    if let Some(bytes) = later {
+                        end.coming.push_front(bytes);
+                    }
+                    end.fails.map_or(Ok(0), Err)
+                }
+            }
+        })
+    }
+    fn write(&mut self, bytes: &[u8]) -> Result<(), i32> {
+        self.end(|end| {
+            if let Some(number) = end.fails {
+                return Err(number);
+            }
+            // What boots the device is no packet.
+            if let Ok(bytes) = bytes.try_into() {
+                end.sent.extend(Command::decode(bytes));
+            }
+            for (late_ns, bytes) in end.answers.pop_front().unwrap_or_default() {
+                end.coming.push_back((end.now_ns + late_ns, bytes));
+            }
+            Ok(())
+        })
+    }
+}
+
+impl Ftdi for Chip {
+    fn control(&mut self, control: Control) -> Result<(), i32> {
+        self.end(|end| {
+            if let Control::Purge(_) = control {
+                end.purged += 1;
+                end.coming.clear();
+            }
+        });
+        Ok(())
+    }
+}
+
+/// A device that runs its firmware.
+fn running() -> (Falcon<Chip>, Chip) {
+    let chip = Chip::default();
+    let (clock, again) = (chip.clone(), chip.clone());
+    let settings = falcon().settings;
+    let open = move || again.end(|end| end.fails).map_or(Ok(again.clone()), Err);
+    let mut falcon = Falcon::unopened(open, move || clock.end(|end| end.now_ns), settings);
+    falcon.link = Some(chip.clone());
+    (falcon, chip)
+}
+
+fn push() -> Wrench {
+    Wrench {
+        force: Vec3::new(1.0, 0.0, 0.0),
+        moment: Vec3::zeros(),
+    }
+}
+
+/// Two Falcons: one is homed and gets torques, the other is not.
+#[test]
+fn a_force_and_its_lights_come_after_homing_alone() {
+    let lights = |red, green, blue| Lights { red, green, blue };
+    let ((mut homed, chip), (mut lost, other)) = (running(), running());
+    for _ in 0..3 {
+        chip.answer(&report(0.0).encode());
+        other.answer(
+            &Report {
+                homed: [true, false, true],
+                ..report(0.0)
+            }
+            .encode(),
+        );
+    }
+    assert!(homed.exchange(&push()).is_ok());
+    assert_eq!((chip.last().torques, chip.last().homing), ([0; 3], true));
+    assert_eq!(chip.last().lights, lights(true, false, false));
+    assert!(homed.exchange(&push()).is_ok());
+    assert!(chip.last().torques != [0; 3] && !chip.last().homing);
+    assert_eq!(chip.last().lights, lights(false, false, true));
+    assert!(homed.exchange(&Wrench::zero()).is_ok());
+    assert_eq!(chip.last().torques, [0; 3]);
+    assert_eq!(chip.last().lights, lights(false, true, false));
+    for _ in 0..3 {
+        assert_eq!(lost.exchange(&push()), Err(DeviceError::NoReport));
+        assert_eq!((other.last().torques, other.last().homing), ([0; 3], true));
+        assert_eq!(other.last().lights, lights(true, false, false));
+    }
+    assert!(homed.is_homed() && !lost.is_homed());
+    for falcon in [homed.counts(), lost.counts()] {
+        let good = Counts {
+            good: 3,
+            ..Counts::default()
+        };
+        assert_eq!(falcon, good);
+    }
+    // A device that is opened again must be homed again.
+    homed.forget();
+    assert!(!homed.is_homed() && homed.counts() == Counts::default());
+    assert_eq!(homed.command(&push()).torques, [0; 3]);
+}
+
+/// An answer that comes before the device can have received the packet answers the packet before it.
+#[test]
+fn an_answer_that_comes_too_early_is_discarded() {
+    for (early_ns, early) in [(0, 1), (SOONEST_NS - 1, 1), (SOONEST_NS, 0)] {
+        let (mut falcon, chip) = running();
+        let answers = [(early_ns, 0.01), (SOONEST_NS + 1, 0.02)];
+        let answers = answers.map(|(late_ns, x)| (late_ns, report(x).encode().to_vec()));
+        chip.end(|end| end.answers.push_back(answers.to_vec()));
+        let x = falcon.exchange(&push()).expect("a state").pose.position.x;
+        let wanted = if early == 0 { 0.01 } else { 0.02 };
+        assert!((x - wanted).abs() < 1e-3, "{early_ns}: {x}");
+        assert_eq!(falcon.counts().early, early, "{early_ns}");
+        assert_eq!(falcon.counts().good, 1);
+    }
+}
+
+/// An answer that is late is not taken for the answer to the next packet.
+#[test]
+fn a_late_answer_is_waited_for_and_discarded() {
+    let (mut falcon, chip) = running();
+    chip.answer(&report(0.0).encode());
+    assert!(falcon.exchange(&push()).is_ok());
+    let start_ns = chip.end(|end| {
+        end.answers
+            .push_back(vec![(7_000_000, report(0.01).encode().to_vec())]);
+        end.now_ns
+    });
+    assert_eq!(falcon.exchange(&push()), Err(DeviceError::NoReport));
+    let waited = chip.end(|end| end.now_ns) - start_ns;
+    assert_eq!(
+        (waited, chip.end(|end| end.purged)),
+        (WAIT.as_nanos() as u64, 0)
+    );
+    chip.answer(&report(0.02).encode());
+    let x = falcon.exchange(&push()).expect("a state").pose.position.x;
+    assert!((x - 0.02).abs() < 1e-3, "{x}");
+    assert_eq!(chip.end(|end| end.purged), 2);
+    assert_eq!((falcon.counts().silent, falcon.counts().good), (1, 2));
+    // The next exchange owes nothing.
+    chip.answer(&report(0.02).encode());
+    assert!(falcon.exchange(&push()).is_ok());
+    assert_eq!(chip.end(|end| end.purged), 2);
+}
+
+#[test]
+fn an_answer_that_is_cut_or_has_wrong_letters_is_corrupt() {
+    let (mut falcon, chip) = running();
+    let good = report(0.0).encode();
+    let mut cut = good.to_vec();
+    cut.remove(5);
+    let mut wrong = good;
+    wrong[5] = b'~';
+    for (answer, corruption) in [
+        (cut, Corruption::Length),
+        (wrong.to_vec(), Corruption::Range),
+    ] {
+        chip.answer(&answer);
+        let corrupt = Err(DeviceError::Corrupt(corruption));
+        assert_eq!(falcon.exchange(&push()), corrupt);
+        // Bytes that are no packet do not spoil the packet behind them.
+        chip.answer(&good);
+        assert!(falcon.exchange(&push()).is_ok());
+    }
+    assert_eq!((falcon.counts().corrupt, falcon.counts().good), (2, 2));
+}
+
+/// The torques end before the device counts as lost.
+#[test]
+fn a_device_that_stays_silent_gets_no_torque_and_is_lost_after_a_time() {
+    let (mut falcon, chip) = running();
+    chip.answer(&report(0.0).encode());
+    assert!(falcon.exchange(&push()).is_ok());
+    for silent in 1..LOST {
+        assert_eq!(falcon.exchange(&push()), Err(DeviceError::NoReport));
+        assert_eq!(chip.last().torques != [0; 3], silent <= STALE, "{silent}");
+    }
+    let lost = |number| Err(DeviceError::Disconnected(number));
+    assert_eq!(falcon.exchange(&push()), lost(SILENT));
+    assert_eq!(falcon.exchange(&push()), lost(NO_DEVICE));
+    chip.end(|end| end.fails = Some(7));
+    assert_eq!(falcon.reopen(), lost(7).map(drop));
+    assert_eq!(falcon.trouble(), Some(&FalconError::Open(7)));
+    // A device that is silent while it boots has no error of the system.
+    chip.end(|end| end.fails = None);
+    assert_eq!(falcon.reopen(), lost(SILENT).map(drop));
+    assert!(matches!(falcon.trouble(), Some(FalconError::Boot(_))));
+    assert_eq!(falcon.exchange(&push()), lost(NO_DEVICE));
+}
+
+/// The end of a connection is a loss at once, and another error of the system is one missing state.
+#[test]
+fn a_device_that_is_unplugged_is_lost_and_one_that_stumbles_is_not() {
+    for (number, result) in [
+        (NO_DEVICE, DeviceError::Disconnected(NO_DEVICE)),
+        (11, DeviceError::NoReport),
+    ] {
+        let (mut falcon, chip) = running();
+        chip.answer(&report(0.0).encode());
+        assert!(falcon.exchange(&push()).is_ok());
+        chip.end(|end| end.fails = Some(number));
+        assert_eq!(falcon.exchange(&push()), Err(result));
+        assert_eq!(falcon.link.is_some(), result == DeviceError::NoReport);
+    }
+    let refused = Falcon::<Chip>::connect(|| Err(13), || 0, falcon().settings);
+    assert_eq!(refused.err(), Some(FalconError::Open(13)));
+}
+
+#[test]
+fn the_end_sends_no_torque() {
+    let (mut falcon, chip) = running();
+    for _ in 0..2 {
+        chip.answer(&report(0.0).encode());
+        assert!(falcon.exchange(&push()).is_ok());
+    }
+    assert_ne!(chip.last().torques, [0; 3]);
+    falcon.release();
+    assert_eq!(chip.last(), Command::default());
 }
 
 proptest! {
