@@ -2,8 +2,8 @@
 //!
 //! The tests hold this crate to these principles:
 //!
-//! - A tick is a **pure function** of the device states, the newest local models and the controller's own
-//!   state. The same code runs under the real clock and under virtual time.
+//! - A tick is a **pure function** of the readings of the devices, the newest local models, the time by the clock and the
+//!   controller's own state. The same code runs under the real clock and under virtual time.
 //! - A tick never allocates, locks, waits, formats text or makes a system call. Threads, priorities, rings and
 //!   histograms are in the crate `runner`.
 //! - A tick never panics: the law has no indexing, no unwrapping and no integer arithmetic that can overflow.

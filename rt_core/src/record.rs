@@ -89,7 +89,8 @@ pub struct Telemetry {
     pub device_count: u8,
     /// The devices, the first `device_count` in use.
     pub devices: [DeviceTelemetry; MAX_DEVICES],
-    /// Each device's reading, as the device gave it (device axes). The readings and the models suffice for a replay.
+    /// Each device's reading, as the device gave it (device axes). The readings, the times and the models
+    /// suffice for a replay.
     pub readings: [Reading; MAX_DEVICES],
     /// The number of entries of `bodies` in use.
     pub body_count: u8,

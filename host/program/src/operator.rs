@@ -30,6 +30,7 @@ pub(super) struct Operator {
     panel: Panel,
     /// Whether SIGUSR2 has arrived.
     arm: Arc<AtomicBool>,
+    #[cfg(feature = "view")]
     keyboard: Keyboard,
 }
 
@@ -76,6 +77,7 @@ impl Operator {
         Ok(Self {
             panel: panel.clone(),
             arm,
+            #[cfg(feature = "view")]
             keyboard,
         })
     }

@@ -1,7 +1,7 @@
 //! USB devices through the files that Linux has for them (usbfs), without a library.
 //!
-//! A device is found in the kernel's list by its numbers ([`found`](crate::found)), opened as `/dev/bus/usb/BBB/DDD`, and driven by four
-//! requests of the kernel: claim an interface, control transfer, bulk transfer, and release, which closing does. Bulk
+//! A device is found in the kernel's list by its numbers ([`found`]), opened as `/dev/bus/usb/BBB/DDD`, and driven by
+//! four requests of the kernel: claim an interface, control transfer, bulk transfer, and release, which closing does. Bulk
 //! transfers complete in the interrupt thread of the host controller. The bytes of a tty, in contrast, pass through a
 //! worker of ordinary priority.
 //!
