@@ -346,8 +346,10 @@ fn a_copy_into_another_controller_continues_as_the_original_does() {
     };
     let mut original = controller(Scheme::Capped);
     run(&mut original, 0);
-    let stray = original.accept(1, &LocalModel::empty());
-    assert_eq!(stray, Err(ModelFault::Handles));
+    for body in 1..3 {
+        let stray = original.accept(body, &LocalModel::empty());
+        assert_eq!(stray, Err(ModelFault::Handles));
+    }
     // Into one with as many bodies, into one with none, and into one with more.
     let mut more = ControllerConfig::default();
     for _ in 0..3 {
@@ -355,13 +357,11 @@ fn a_copy_into_another_controller_continues_as_the_original_does() {
     }
     let mut driven = controller(Scheme::Capped);
     run(&mut driven, 7);
-    for mut copy in [
-        driven,
-        Controller::new(&ControllerConfig::default()),
-        Controller::new(&more),
-    ] {
+    let empty = Controller::new(&ControllerConfig::default());
+    for other in [&driven, &empty, &Controller::new(&more)] {
+        let mut copy = other.clone();
         copy.clone_from(&original);
-        assert_eq!((copy.stray_models(), original.stray_models()), (1, 1));
+        assert_eq!((copy.stray_models(), original.stray_models()), (2, 2));
         assert_eq!(run(&mut copy, 30), run(&mut original.clone(), 30));
         assert_eq!(copy.energy().count(), 1);
     }
