@@ -52,18 +52,25 @@ fn controller(scheme: Scheme) -> Controller {
     }
     let _ = config.bodies.push(body(scheme));
     let mut controller = Controller::new(&config);
+    controller
+        .accept(0, &model(1, SPRING))
+        .expect("a sound model");
+    controller
+}
+
+/// A model with a spring between the two handles (N/m).
+fn model(sequence: u64, spring: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = 1;
+    model.sequence = sequence;
     model.epoch = 3;
-    model.time_ns = 1;
+    model.time_ns = sequence;
     model.period = PERIOD;
     model.handle_count = 2;
     model.handles[1].device = 1;
     for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-        model.stiffness[i][j][(0, 0)] = if i == j { SPRING } else { -SPRING };
+        model.stiffness[i][j][(0, 0)] = if i == j { spring } else { -spring };
     }
-    controller.accept(0, &model).expect("a sound model");
-    controller
+    model
 }
 
 /// One tick with the devices at these positions along x; `None` gives no state.
@@ -335,6 +342,24 @@ fn the_record_of_a_tick_tells_what_each_device_and_body_did() {
         let energy = controller.energy().next().expect("a body");
         assert_eq!(body.energy, energy);
     }
+}
+
+#[test]
+fn the_record_of_a_tick_tells_what_the_cap_withholds() {
+    let mut controller = controller(Scheme::Capped);
+    let place = |k: u32| [Some(0.0), Some(1e-4 * f64::from(k.min(100)))];
+    let mut withheld = 0;
+    for k in 0..200 {
+        if k == 100 {
+            // The spring is suddenly stiffer, so it would store more energy than the hands supplied.
+            let accepted = controller.accept(0, &model(2, 5.0 * SPRING));
+            accepted.expect("a sound model");
+        }
+        let (_, record) = tick(&mut controller, place(k));
+        withheld += u64::from(record.bodies[0].withheld.is_noticeable());
+    }
+    let held_back = controller.held_back_by_bodies().next().expect("a body");
+    assert!(withheld > 50 && withheld == held_back.capped.ticks);
 }
 
 #[test]
