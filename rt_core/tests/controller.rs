@@ -52,18 +52,25 @@ fn controller(scheme: Scheme) -> Controller {
     }
     let _ = config.bodies.push(body(scheme));
     let mut controller = Controller::new(&config);
+    controller
+        .accept(0, &model(1, SPRING))
+        .expect("a sound model");
+    controller
+}
+
+/// A model with a spring between the two handles (N/m).
+fn model(sequence: u64, spring: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = 1;
+    model.sequence = sequence;
     model.epoch = 3;
-    model.time_ns = 1;
+    model.time_ns = sequence;
     model.period = PERIOD;
     model.handle_count = 2;
     model.handles[1].device = 1;
     for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-        model.stiffness[i][j][(0, 0)] = if i == j { SPRING } else { -SPRING };
+        model.stiffness[i][j][(0, 0)] = if i == j { spring } else { -spring };
     }
-    controller.accept(0, &model).expect("a sound model");
-    controller
+    model
 }
 
 /// One tick with the devices at these positions along x; `None` gives no state.
@@ -338,6 +345,24 @@ fn the_record_of_a_tick_tells_what_each_device_and_body_did() {
 }
 
 #[test]
+fn the_record_of_a_tick_tells_what_the_cap_withholds() {
+    let mut controller = controller(Scheme::Capped);
+    let place = |k: u32| [Some(0.0), Some(1e-4 * f64::from(k.min(100)))];
+    let mut withheld = 0;
+    for k in 0..200 {
+        if k == 100 {
+            // The spring is suddenly stiffer, so it would store more energy than the hands supplied.
+            let accepted = controller.accept(0, &model(2, 5.0 * SPRING));
+            accepted.expect("a sound model");
+        }
+        let (_, record) = tick(&mut controller, place(k));
+        withheld += u64::from(record.bodies[0].withheld.is_noticeable());
+    }
+    let held_back = controller.held_back_by_bodies().next().expect("a body");
+    assert!(withheld > 50 && withheld == held_back.capped.ticks);
+}
+
+#[test]
 fn a_copy_into_another_controller_continues_as_the_original_does() {
     let run = |controller: &mut Controller, from: u32| {
         let place = |k: u32| f64::from(k) * 1e-4;
@@ -346,8 +371,10 @@ fn a_copy_into_another_controller_continues_as_the_original_does() {
     };
     let mut original = controller(Scheme::Capped);
     run(&mut original, 0);
-    let stray = original.accept(1, &LocalModel::empty());
-    assert_eq!(stray, Err(ModelFault::Handles));
+    for body in 1..3 {
+        let stray = original.accept(body, &LocalModel::empty());
+        assert_eq!(stray, Err(ModelFault::Handles));
+    }
     // Into one with as many bodies, into one with none, and into one with more.
     let mut more = ControllerConfig::default();
     for _ in 0..3 {
@@ -355,13 +382,11 @@ fn a_copy_into_another_controller_continues_as_the_original_does() {
     }
     let mut driven = controller(Scheme::Capped);
     run(&mut driven, 7);
-    for mut copy in [
-        driven,
-        Controller::new(&ControllerConfig::default()),
-        Controller::new(&more),
-    ] {
+    let empty = Controller::new(&ControllerConfig::default());
+    for other in [&driven, &empty, &Controller::new(&more)] {
+        let mut copy = other.clone();
         copy.clone_from(&original);
-        assert_eq!((copy.stray_models(), original.stray_models()), (1, 1));
+        assert_eq!((copy.stray_models(), original.stray_models()), (2, 2));
         assert_eq!(run(&mut copy, 30), run(&mut original.clone(), 30));
         assert_eq!(copy.energy().count(), 1);
     }

@@ -10,8 +10,8 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
-    Axes, Controller, ControllerConfig, DeviceError, DeviceState, Freedom, LocalModel, MAX_DEVICES,
-    PassivityConfig, Pose, Scheme, Vec3,
+    Axes, Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom,
+    LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Vec3,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -99,5 +99,42 @@ proptest! {
             prop_assert!((account - supplied).abs() < 1e-13, "{account} {supplied}");
         }
         prop_assert!(largest > 0.0);
+    }
+}
+
+#[test]
+fn the_account_raises_the_part_of_a_weight_that_the_device_bears() {
+    // The weight is 1.5 N at the hand. The device senses motions across its axis, but renders no force along them. A
+    // force across the axis is no part of what was asked for.
+    for (max_force, part) in [(20.0, 1.0), (0.75, 0.5)] {
+        let free = [true, false, false];
+        let mut controller = controller(free, Vec3::zeros(), max_force, f64::INFINITY);
+        let mut model = LocalModel::empty();
+        model.sequence = 1;
+        model.time_ns = 1;
+        model.period = PERIOD;
+        model.handle_count = 1;
+        model.handles[0].wrench.force = Vec3::new(-1.0, 3.0, 0.0);
+        model.handles[0].weight = Vec3::x() * -1.0;
+        controller.accept(0, &model).expect("a sound model");
+        let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
+        let mut energy = EnergyAccount::default();
+        for k in 0..200_u64 {
+            // The hand waits for the whole force, and then lifts the weight by 15 mm of the scene.
+            let x = 1e-4 * k.saturating_sub(100).min(100) as f64;
+            readings[0] = Ok(DeviceState {
+                pose: Pose::at(Vec3::new(x, x, -x)),
+                ..DeviceState::resting()
+            });
+            let (commands, telemetry) = controller.tick(1 + k * 1_000_000, &readings);
+            energy = telemetry.bodies[0].energy;
+            let force = commands[0].force.x;
+            assert!(k < 50 || (force + 1.5 * part).abs() < 1e-12, "{k} {force}");
+        }
+        // Rounding of a hundred products.
+        let lifted = 1.5 * 99e-4;
+        for work in [energy.raised, energy.supplied] {
+            assert!((work - part * lifted).abs() < 1e-12, "{energy:?} {part}");
+        }
     }
 }

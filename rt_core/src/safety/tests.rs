@@ -505,3 +505,16 @@ fn only_an_engaged_hand_lets_go_of_the_dead_man_button() {
     let counts = (counters.hands_off, counters.stopped, counters.engaged);
     assert_eq!(counts, (1, 1, 1));
 }
+
+#[test]
+fn a_force_along_an_axis_that_the_device_does_not_actuate_is_left_out() {
+    let axes = crate::Axes::new([true, false, true]).expect("two axes");
+    let mut limiter = Limiter::new(SafetyConfig {
+        actuated: Freedom::Along(axes),
+        ..config()
+    });
+    let mut wrench = push(2.0);
+    wrench.force.y = 100.0;
+    assert_eq!(limiter.pass(&wrench, Some(&here())), push(2.0));
+    assert_eq!(limiter.state(), SafetyState::Normal);
+}
