@@ -211,6 +211,14 @@ fn a_second_request_ends_a_run_that_cannot_print() {
     assert_eq!(status.code(), Some(143));
 }
 
+/// The program, whose handlers are those of a person's shell: `nohup` and others start the tests so that they ignore
+/// SIGHUP, and the program would, too.
+fn palpate() -> Command {
+    let mut command = Command::new("env");
+    command.args(["--default-signal=HUP", PALPATE]);
+    command
+}
+
 /// A run without a terminal. It is killed at the end of a test.
 struct Run(Child);
 
@@ -247,7 +255,7 @@ fn a_signal_before_the_first_tick_ends_a_run_in_order() {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("run.json");
             let log = folder.path().join("run.mcap");
-            let mut command = Command::new(PALPATE);
+            let mut command = palpate();
             command.args(["run", "--clock", clock, "--duration", "1000", "--json"]);
             let mut run = Run::start(command.arg(&path).arg("--log").arg(&log));
             // The handlers come before anything else, so this is long before the first tick.
@@ -276,7 +284,7 @@ fn every_signal_that_a_run_can_outlive_ends_it_in_order() {
     let real = signals.map(|signal| ("real", signal));
     let without_operator = orders.map(|signal| ("virtual", signal));
     for (clock, signal) in real.into_iter().chain(without_operator) {
-        let mut command = Command::new(PALPATE);
+        let mut command = palpate();
         command.args(["run", "--clock", clock, "--duration", "1000"]);
         let mut run = Run::start(&mut command);
         until("the signal is caught", || run.catches(signal));
@@ -308,7 +316,7 @@ fn the_other_commands_that_hold_a_device_end_in_order() {
     let identify: &[&str] = &["--date", "2026-01-01", "--nobody-holds-it"];
     for (name, options) in [("probe", probe), ("identify", identify)] {
         for (signal, expected) in [(Signal::HUP, 129), (Signal::QUIT, 131), (Signal::USR1, 138)] {
-            let mut command = Command::new(PALPATE);
+            let mut command = palpate();
             command.args(["device", name, connect, "--model", "omega3"]);
             let mut run = Run::start(command.args(options));
             until("the signal is caught", || run.catches(signal));

@@ -49,7 +49,9 @@ impl InTerminal {
             ws_ypixel: 0,
         };
         tcsetwinsize(&slave, size)?;
-        let mut starter = Command::new("setsid");
+        // `nohup` and others start this process so that it ignores SIGHUP, and the program would, too.
+        let mut starter = Command::new("env");
+        starter.args(["--default-signal=HUP", "setsid"]);
         if session == Session::Controlled {
             starter.arg("--ctty");
         }
