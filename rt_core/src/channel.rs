@@ -73,10 +73,13 @@ impl Channel {
         }
         self.engagement.see(state.buttons);
         self.limiter.hear(state.rendering);
-        if self.seen_ns.is_some() || self.clutch.is_open() {
-            self.clutch
-                .follow(&self.limiter, &mut self.frame, &self.state, state);
-        }
+        // The proxy of a device that is engaged from the start begins where the device first appears.
+        let before = if self.seen_ns.is_some() || self.clutch.is_open() {
+            &self.state
+        } else {
+            state
+        };
+        (self.clutch).follow(&self.limiter, &mut self.frame, before, state);
         self.state = *state;
         self.seen_ns = Some(now_ns);
         true

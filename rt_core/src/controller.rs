@@ -259,14 +259,15 @@ impl Controller {
             }
             *proxy = channel.on_scene();
         }
-        self.engage();
+        self.engage(fresh);
         fresh
     }
 
-    /// Tells each last stage whether its device may render force. A stop of one device stops all.
-    fn engage(&mut self) {
-        let mut channels = self.channels.iter();
-        let stop = channels.any(|channel| channel.engagement.asks_to_stop());
+    /// Tells each last stage whether its device may render force. A stop of one device stops all. Only the states of this
+    /// tick ask for a stop: an older state would keep the other devices from being armed.
+    fn engage(&mut self, fresh: [bool; MAX_DEVICES]) {
+        let mut channels = self.channels.iter().zip(fresh);
+        let stop = channels.any(|(channel, fresh)| fresh && channel.engagement.asks_to_stop());
         for channel in &mut self.channels {
             if stop {
                 channel.engagement.stop();

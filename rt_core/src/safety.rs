@@ -321,7 +321,10 @@ impl Limiter {
         let stood_still = self.stands_still(waited_ns);
         if stood_still {
             count_one(&mut self.counters.stale);
+            // The tick has been counted already.
+            self.tick = self.tick.saturating_sub(1);
             self.stall(waited_ns);
+            self.tick = self.tick.saturating_add(1);
             self.last = Vec3::zeros();
             // The device counts as away up to its next good state, so its proxy does not follow the motion of the pause.
             self.misses = self.misses.max(self.config.patience.saturating_add(1));
@@ -443,14 +446,14 @@ impl Limiter {
                 count_one(&mut self.counters.stale);
             }
         }
-        if !wrench.is_finite() {
-            count_one(&mut self.counters.not_a_number);
-            return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
-        }
         if core::mem::take(&mut self.stood_still) {
             // The command is zero, so only a delay within this tick can still replace it.
             let waited_ns = core::mem::take(&mut self.waited_ns);
             return self.stall(waited_ns);
+        }
+        if !wrench.is_finite() {
+            count_one(&mut self.counters.not_a_number);
+            return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
         }
         if self.is_stale() {
             let (found, limit) = (f64::from(self.misses), f64::from(config.patience));

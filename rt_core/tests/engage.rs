@@ -265,3 +265,29 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_stopped_device_that_is_lost_keeps_no_other_device_from_being_armed() {
+    let armed = EngageConfig {
+        armed: true,
+        ..engage()
+    };
+    let mut controller = controller(Scheme::Linear, armed, HeatConfig::default());
+    after(&mut controller, 150, [(0.0, 0); 2]);
+    tick(&mut controller, [(0.01, STOP_ORDER), (0.01, STOP_ORDER)]);
+    // The first device is lost with the order in its last state. The operator arms.
+    let mut last = SafetyState::Normal;
+    for k in 0..300 {
+        let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
+        readings[1] = Ok(DeviceState {
+            pose: Pose::at(Vec3::x() * 0.01),
+            buttons: if k < 50 { STOP_ORDER } else { ARM_ORDER },
+            ..DeviceState::resting()
+        });
+        let (commands, telemetry) = controller.tick(1, &readings);
+        assert_eq!(commands[0], Wrench::zero());
+        last = telemetry.devices[1].safety;
+        assert!(k >= 50 || last == SafetyState::Stopped, "{k}");
+    }
+    assert_eq!(last, SafetyState::Normal);
+}

@@ -241,8 +241,8 @@ impl Run {
             let (before, whole_before) = self.last[device];
             let moved = if self.scheme == Scheme::Capped {
                 // The cap passes a spring's force by up to the power 1 / 0.3 of its energy, so a capped force rises up to
-                // 4.3 times as fast as the springs, also in the tick after a motion.
-                5.0 * (SPRINGS[0] + 2.0 * SPRINGS[1]) * farthest.max(self.farthest)
+                // 4.3 times as fast as the springs, also in the tick after a motion. Both hands share one account.
+                10.0 * (SPRINGS[0] + 2.0 * SPRINGS[1]) * farthest.max(self.farthest)
             } else {
                 (whole[device] - whole_before).abs()
             };
@@ -250,7 +250,7 @@ impl Run {
             // own, and what the cap passes of a returning force rises at the same time.
             let (ramps, most) = if self.scheme == Scheme::Capped {
                 // Under the cap, the springs may bear less of the weight than they would.
-                (3.0, WEIGHT.abs() + (whole[device] - WEIGHT).abs())
+                (6.0, WEIGHT.abs() + (whole[device] - WEIGHT).abs())
             } else {
                 (2.0, whole[device].abs().max(whole_before.abs()))
             };
@@ -384,6 +384,7 @@ fn a_pause_within_a_tick_replaces_its_commands_by_zero() {
     // In ticks: since the command of the tick before, and the part of the watchdog.
     assert_eq!((trip.state, trip.limit), (DeviceStale, 8.0));
     assert!((trip.found - 8.1).abs() < 1e-9, "{trip:?}");
+    assert_eq!(trip.tick, tick.1.tick);
 }
 
 #[test]
@@ -521,5 +522,24 @@ fn stop_and_arm_neither_spend_nor_make_energy_of_a_lowered_weight() {
         // The springs forget no credit that the stored energy backs; sums round.
         assert!((after.raised - before.raised).abs() < 1e-12);
         assert!((after.least - before.least).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn the_proxy_of_a_device_that_comes_late_follows_by_the_fraction_of_its_force() {
+    // The first device gives no state at the start. Its hand then moves while its force comes in.
+    let mut run = Run::new(Scheme::Linear, 0.0);
+    for k in 0..200 {
+        run.tick(Cause::Silent, k, 0);
+    }
+    let (_, first) = run.tick(Cause::Nothing, 0, 0);
+    let from = first.devices[0].pose.position.x;
+    assert_eq!(from, run.places[0]);
+    for k in 0..100 {
+        run.places[0] += 1e-4;
+        let (_, telemetry) = run.tick(Cause::Nothing, k, 0);
+        let moved = telemetry.devices[0].pose.position.x - from;
+        // The smooth step stays below its end.
+        assert!(moved < 1e-4 * (k + 1) as f64, "{k}: {moved}");
     }
 }
