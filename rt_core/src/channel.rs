@@ -113,7 +113,8 @@ impl Channel {
         }
         if self.clutch.is_open() {
             let step = self.limiter.return_step();
-            self.borne += (passed - self.borne).clamp(-step, step);
+            // Not `clamp`, which panics on bounds that are no numbers.
+            self.borne += (passed - self.borne).max(-step).min(step);
         } else {
             self.borne = passed;
         }

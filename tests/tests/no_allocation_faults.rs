@@ -172,6 +172,9 @@ fn go_through_every_fault(name: &str, handles: usize) {
     forces_that_cannot_leave(&mut run, &mut ends, name);
     run.late_ticks(1, 5_000_000_000);
     assert_eq!(run.tick.latencies.lateness.overflow(), 1);
+    // The loop stood still, so the force returns along a ramp.
+    run.expect(Live, DeviceStale);
+    run.live(&mut ends, 300, 4);
     the_others_stall_and_go(&mut run, ends);
 }
 
