@@ -301,7 +301,7 @@ fn every_signal_that_a_run_can_outlive_ends_it_in_order() {
 
 #[test]
 fn the_other_commands_that_hold_a_device_end_in_order() {
-    let mut emulator = Command::new(PALPATE);
+    let mut emulator = palpate();
     emulator.args(["device", "emulate", "omega3", "--on", "tcp", "--free"]);
     emulator.stdin(Stdio::null()).stderr(Stdio::null());
     let mut emulator = Run(emulator.stdout(Stdio::piped()).spawn().unwrap());
