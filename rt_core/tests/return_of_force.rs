@@ -241,7 +241,8 @@ impl Run {
             let (before, whole_before) = self.last[device];
             let moved = if self.scheme == Scheme::Capped {
                 // The cap passes a spring's force by up to the power 1 / 0.3 of its energy, so a capped force rises up to
-                // 4.3 times as fast as the springs, also in the tick after a motion. Both hands share one account.
+                // 4.3 times as fast as the springs, also in the tick after a motion. Forces
+                // that rise up to twice as fast were seen, for which no cause is known.
                 10.0 * (SPRINGS[0] + 2.0 * SPRINGS[1]) * farthest.max(self.farthest)
             } else {
                 (whole[device] - whole_before).abs()
