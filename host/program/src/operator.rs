@@ -1,8 +1,8 @@
 //! The operator of a run under the real clock: what arms and stops the devices.
 //!
 //! SIGUSR1 stops the force of all devices, and SIGUSR2 arms them. In a terminal, Enter stops the force, and the word `arm`
-//! with Enter arms the devices; in a display of the run (`--view`), Enter or space stops the force, and `a` arms. The handler
-//! of SIGUSR1 sets the flag that the tick reads, so that the force ends within one tick, whatever the other threads do.
+//! with Enter arms the devices; in a display of the run (`--view`), Enter or space stops the force, and `a` arms. The handlers
+//! of both signals set values that the tick reads, so that an order acts within one tick, whatever the other threads do.
 //!
 //! A thread reads the terminal for as long as there is one: after bytes that are no text, after Ctrl-D, after the display has
 //! ended, and again when the run comes back from the background. A lost terminal ends the run ([`super::signals`]).
@@ -16,7 +16,6 @@ use rustix::io::Errno;
 use signal_hook::flag;
 use std::io::{self, IsTerminal};
 use std::os::fd::AsFd;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -24,15 +23,6 @@ use std::time::Duration;
 const PAUSE: Duration = Duration::from_millis(50);
 /// Largest length of a line (bytes). A longer line counts as a line of its own.
 const LONGEST: usize = 4096;
-
-/// The operator's means during a run.
-pub(super) struct Operator {
-    panel: Panel,
-    /// Whether SIGUSR2 has arrived.
-    arm: Arc<AtomicBool>,
-    #[cfg(feature = "view")]
-    keyboard: Keyboard,
-}
 
 /// Who reads the terminal: the thread of the operator, or the display of the run while it has the terminal.
 #[derive(Clone, Debug, Default)]
@@ -51,49 +41,30 @@ impl Keyboard {
     }
 }
 
-impl Operator {
-    /// Installs the handlers of the orders, before the scene is built and the devices are opened. Where there is a terminal,
-    /// a thread reads the operator's lines.
-    ///
-    /// # Errors
-    /// [`CommandError::Signals`] where the system refuses a handler or the thread.
-    pub(super) fn begin(panel: &Panel) -> Result<Self, CommandError> {
-        Self::install(panel).map_err(CommandError::Signals)
-    }
+/// Installs the handlers of the orders to the `panel`, before the scene is built and the devices are opened. Where there is
+/// a terminal, a thread reads the operator's lines. Returns who reads the terminal.
+///
+/// # Errors
+/// [`CommandError::Signals`] where the system refuses a handler or the thread.
+pub(super) fn begin(panel: &Panel) -> Result<Keyboard, CommandError> {
+    install(panel).map_err(CommandError::Signals)
+}
 
-    fn install(panel: &Panel) -> io::Result<Self> {
-        let [stop_order, arm_order] = ORDERS;
-        flag::register(stop_order, panel.stop_flag())?;
-        let arm = Arc::new(AtomicBool::new(false));
-        flag::register(arm_order, Arc::clone(&arm))?;
-        let keyboard = Keyboard::default();
-        if io::stdin().is_terminal() {
-            let (panel, keyboard) = (panel.clone(), keyboard.clone());
-            // The thread ends with its terminal, or with the program.
-            std::thread::Builder::new()
-                .name("operator".into())
-                .spawn(move || follow(&io::stdin(), &panel, &keyboard))?;
-        }
-        Ok(Self {
-            panel: panel.clone(),
-            arm,
-            #[cfg(feature = "view")]
-            keyboard,
-        })
+fn install(panel: &Panel) -> io::Result<Keyboard> {
+    let [stop_order, arm_order] = ORDERS;
+    let (stopped, arms) = panel.for_handlers();
+    flag::register_usize(stop_order, Arc::clone(&stopped), 1)?;
+    flag::register_usize(arm_order, stopped, 0)?;
+    flag::register(arm_order, arms)?;
+    let keyboard = Keyboard::default();
+    if io::stdin().is_terminal() {
+        let (panel, keyboard) = (panel.clone(), keyboard.clone());
+        // The thread ends with its terminal, or with the program.
+        std::thread::Builder::new()
+            .name("operator".into())
+            .spawn(move || follow(&io::stdin(), &panel, &keyboard))?;
     }
-
-    /// The terminal of the operator.
-    #[cfg(feature = "view")]
-    pub(super) fn keyboard(&self) -> &Keyboard {
-        &self.keyboard
-    }
-
-    /// Passes an order to arm on to the devices. Called from time to time.
-    pub(super) fn look(&self) {
-        if self.arm.swap(false, Ordering::Relaxed) {
-            self.panel.arm();
-        }
-    }
+    Ok(keyboard)
 }
 
 /// What a look at the terminal found.

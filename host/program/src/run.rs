@@ -1,7 +1,7 @@
 //! `palpate run`: runs a scene from beginning to end.
 
 use super::fault::fault;
-use super::operator::{self, Operator};
+use super::operator;
 use super::order::order;
 use super::outputs::{Declared, Format};
 use super::overrides::Overrides;
@@ -271,7 +271,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let reserved = real.then(|| Reserved::new(core, &machine));
     let ending = Ending::begin(real)?;
     let panel = Panel::default();
-    let operator = real.then(|| Operator::begin(&panel)).transpose()?;
+    let keyboard = real.then(|| operator::begin(&panel)).transpose()?;
     drop(reserved);
     needs_real_clock(arguments)?;
     machine.check(core)?;
@@ -338,7 +338,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         .view
         .view
         .clone()
-        .map(|socket| Watch::new(socket, operator.as_ref().map(Operator::keyboard)));
+        .map(|socket| Watch::new(socket, keyboard.as_ref()));
     #[cfg(feature = "view")]
     {
         options.view = watch.as_ref().map(|watch| ViewOptions {
@@ -361,9 +361,6 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let bar = ProgressBar::begin(!arguments.report_progress);
     let mut warned = false;
     let result = host::run::run(&loaded, &options, |progress| {
-        if let Some(operator) = &operator {
-            operator.look();
-        }
         // The devices are open now.
         if let Some(waiting) = waiting.take() {
             bar.say(&waiting);

@@ -12,7 +12,7 @@ use std::io::{Cursor, Read, Seek};
 pub struct Log {
     /// The facts that identify the run (see [`super::LogHeader`]).
     pub facts: BTreeMap<String, String>,
-    /// The limits of the devices as they were driven; empty in a log of a version that did not log them.
+    /// The limits of the devices as they were driven, in the order of the scene.
     pub limits: Vec<Capabilities>,
     /// The text of the scene file.
     pub scene: String,

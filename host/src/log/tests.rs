@@ -185,9 +185,8 @@ fn a_log_is_read_back_as_written() {
     assert_eq!(log.limits, header().limits);
 }
 
-/// A log of a version that did not log the limits of the devices is read, and says that it has none.
 #[test]
-fn the_limits_of_the_devices_are_optional_and_a_wrong_one_is_refused() {
+fn the_limits_of_every_device_are_read_and_wrong_limits_are_refused() {
     let with = |limits: Vec<Capabilities>| {
         let header = LogHeader { limits, ..header() };
         let writer = LogWriter::create(Cursor::new(Vec::new()), &header).expect("in memory");

@@ -183,8 +183,6 @@ fn check(case: &Case) -> Outcome {
     without.limits.clear();
     let report = replayed(&without)?;
     assert!(report.differing > 100, "{name}: {report}");
-    let said = report.to_string();
-    assert!(said.contains("does not state the limits"), "{name}: {said}");
     Ok(())
 }
 

@@ -2,15 +2,15 @@
 //! tick.
 //!
 //! An order is a bit of the device's buttons ([`rt_core::engage`]). The log of the readings then holds the orders, and a
-//! replay needs no other record of them. An order may come from any thread, and the stop also from a signal handler: the
-//! panel is two atomic values. Orders at given times serve rehearsals: the device hands them over in the tick at or
-//! after their time, under either clock.
+//! replay needs no other record of them. An order may come from any thread and from a signal handler: the panel consists
+//! of atomic values. Of two orders that come between two ticks, the later one decides. Orders at given times serve
+//! rehearsals: the device hands them over in the tick at or after their time, under either clock.
 
 use rt_core::engage::{ARM_ORDER, OWN_BUTTONS, STOP_ORDER};
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Wrench};
 use runner::AnyDevice;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// The operator's panel of a run. Clones are the same panel.
 ///
@@ -32,40 +32,47 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Panel {
-    stopped: Arc<AtomicBool>,
-    /// Number of orders to arm.
-    armed: Arc<AtomicU32>,
+    /// Whether the last order was a stop: 1, else 0.
+    stopped: Arc<AtomicUsize>,
+    /// Whether an order to arm waits for the next tick.
+    arms: Arc<AtomicBool>,
+    /// The bit of the orders to arm, which changes with each order.
+    armed: Arc<AtomicBool>,
 }
 
 impl Panel {
     /// Arms the devices, and takes back an order to stop.
     pub fn arm(&self) {
-        self.stopped.store(false, Ordering::Relaxed);
-        self.armed.fetch_add(1, Ordering::Relaxed);
+        self.stopped.store(0, Ordering::Relaxed);
+        self.arms.store(true, Ordering::Relaxed);
     }
 
     /// Stops the devices, until they are armed again.
     pub fn stop(&self) {
-        self.stopped.store(true, Ordering::Relaxed);
+        self.stopped.store(1, Ordering::Relaxed);
     }
 
-    /// The flag that stops the devices while it is set, for a signal handler.
-    pub fn stop_flag(&self) -> Arc<AtomicBool> {
-        Arc::clone(&self.stopped)
+    /// The values that the handlers of two signals set: the first is 1 after an order to stop and 0 after an order to arm,
+    /// and an order to arm then sets the second.
+    pub fn for_handlers(&self) -> (Arc<AtomicUsize>, Arc<AtomicBool>) {
+        (Arc::clone(&self.stopped), Arc::clone(&self.arms))
     }
 
-    /// The orders as bits of buttons.
+    /// The orders as bits of buttons, read by the tick.
     fn bits(&self) -> u32 {
+        if self.arms.swap(false, Ordering::Relaxed) {
+            self.armed.fetch_xor(true, Ordering::Relaxed);
+        }
         orders(
             self.armed.load(Ordering::Relaxed),
-            self.stopped.load(Ordering::Relaxed),
+            self.stopped.load(Ordering::Relaxed) != 0,
         )
     }
 }
 
-/// The bits of a number of orders to arm, and of a stop.
-fn orders(armed: u32, stopped: bool) -> u32 {
-    let arm = if armed % 2 == 1 { ARM_ORDER } else { 0 };
+/// The bits of the orders.
+fn orders(armed: bool, stopped: bool) -> u32 {
+    let arm = if armed { ARM_ORDER } else { 0 };
     let stop = if stopped { STOP_ORDER } else { 0 };
     arm | stop
 }
@@ -104,7 +111,7 @@ pub struct Operated {
     panel: Panel,
     /// The orders to come, the next one last.
     schedule: Vec<(u64, Order)>,
-    armed: u32,
+    armed: bool,
     stopped: bool,
 }
 
@@ -120,7 +127,7 @@ impl Operated {
             device,
             panel,
             schedule,
-            armed: 0,
+            armed: false,
             stopped: false,
         }
     }
@@ -130,7 +137,7 @@ impl Operated {
         while let Some((_, order)) = self.schedule.pop_if(|(at, _)| *at <= now_ns) {
             match order {
                 Order::Arm => {
-                    self.armed = self.armed.wrapping_add(1);
+                    self.armed = !self.armed;
                     self.stopped = false;
                 }
                 Order::Stop => self.stopped = true,
@@ -217,9 +224,30 @@ mod tests {
         // An order of the panel is a change, too.
         panel.arm();
         assert_eq!(read(5), 1 | ARM_ORDER);
-        panel.stop_flag().store(true, Ordering::Relaxed);
+        panel.stop();
         assert_eq!(read(6), 1 | ARM_ORDER | STOP_ORDER);
         panel.arm();
         assert_eq!(read(7), 1);
+    }
+
+    #[test]
+    fn of_two_orders_between_two_ticks_the_later_one_decides_for_every_device() {
+        let panel = Panel::default();
+        let mut devices =
+            [pressed(1), pressed(1)].map(|device| Operated::new(device, panel.clone(), &[]));
+        let mut read = |orders: &[fn(&Panel)]| {
+            for order in orders {
+                order(&panel);
+            }
+            let [left, right] = &mut devices;
+            let states = [left, right].map(|device| device.read(0).expect("a state").buttons);
+            assert_eq!(states[0], states[1]);
+            states[0]
+        };
+        assert_eq!(read(&[Panel::arm, Panel::stop]), 1 | ARM_ORDER | STOP_ORDER);
+        assert_eq!(read(&[]), 1 | ARM_ORDER | STOP_ORDER);
+        assert_eq!(read(&[Panel::stop, Panel::arm]), 1);
+        // Two orders to arm are an order to arm.
+        assert_eq!(read(&[Panel::arm, Panel::arm]), 1 | ARM_ORDER);
     }
 }

@@ -140,10 +140,15 @@ fn the_keys_of_its_display_stop_and_arm_the_devices_of_a_run() {
         return;
     };
     wait_for_movement(&terminal);
+    // The line of the display tells that the order was sent, and the rows of the devices tell what the tick did.
     terminal.press("Enter");
-    terminal.wait_for("STOPPED: no device renders force");
+    terminal.wait("stopped devices", |screen| {
+        screen.contains("STOPPED: no device renders force") && screen.contains("stopped")
+    });
     terminal.press("a");
-    terminal.wait_for("the devices are armed");
+    terminal.wait("armed devices", |screen| {
+        screen.contains("the devices are armed") && !screen.contains("stopped")
+    });
     terminal.press("q");
     terminal.wait_until_restored();
     terminal.press("C-c");

@@ -82,7 +82,7 @@ pub trait Recorded {
     /// The facts that identify the run.
     fn facts(&self) -> &BTreeMap<String, String>;
 
-    /// The limits of the devices as they were driven; empty where the log does not state them.
+    /// The limits of the devices as they were driven. A device without limits in the log has those of its profile.
     fn limits(&self) -> &[Capabilities];
 
     /// The text of the scene, and the files that it names.
@@ -167,9 +167,6 @@ pub struct ReplayReport {
     pub facts: BTreeMap<String, String>,
     /// Whether the log is complete. Of an incomplete log, the ticks that it holds were replayed.
     pub complete: bool,
-    /// Whether the log states the limits of the devices as they were driven. Without them, the replay used the limits of
-    /// the profiles.
-    pub limits: bool,
     /// Ticks replayed.
     pub ticks: u64,
     /// Ticks that differ in any field.
@@ -253,7 +250,6 @@ pub fn replay_watched(
         scene: scene.name.clone(),
         facts: log.facts().clone(),
         complete: log.is_complete(),
-        limits: !log.limits().is_empty(),
         ticks,
         differing: 0,
         first: None,
@@ -372,13 +368,6 @@ impl fmt::Display for ReplayReport {
             writeln!(
                 f,
                 "  note       the log has no end, because its writer was killed; the replay covers the ticks of the log"
-            )?;
-        }
-        if !self.limits && !self.is_exact() {
-            writeln!(
-                f,
-                "  note       the log does not state the limits of its devices, because an earlier version wrote it; the \
-                 replay used those of the profiles, which a driver may have lowered"
             )?;
         }
         match &self.first {
