@@ -218,7 +218,15 @@ impl Controller {
         time: impl Into<TickTime>,
         readings: &[Reading; MAX_DEVICES],
     ) -> ([Wrench; MAX_DEVICES], Telemetry) {
-        let time = time.into();
+        self.tick_at(time.into(), readings)
+    }
+
+    /// The tick, compiled once, in this crate: a generic function is compiled where it is called, away from its phases.
+    fn tick_at(
+        &mut self,
+        time: TickTime,
+        readings: &[Reading; MAX_DEVICES],
+    ) -> ([Wrench; MAX_DEVICES], Telemetry) {
         let now_ns = time.now_ns;
         let mut telemetry = Telemetry::empty();
         telemetry.tick = self.tick;
