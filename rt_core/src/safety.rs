@@ -202,6 +202,8 @@ pub struct Trip {
 #[derive(Clone, Debug)]
 pub struct Limiter {
     config: SafetyConfig,
+    /// Longest time between two commands in which the loop does not count as standing still (s).
+    standstill: f64,
     /// The linear ramp from zero to one whose smooth step is the fraction that passes.
     authority: f64,
     /// Whether the device may render force.
@@ -237,6 +239,7 @@ impl Limiter {
         let whole = config.engage.is_whole_at_start();
         Self {
             config,
+            standstill: STANDSTILL * WATCHDOG.max(WATCHDOG_TICKS * config.period),
             authority: if whole { 1.0 } else { 0.0 },
             engaged: Engagement::new(config.engage).engaged(),
             comes_in: !whole,
@@ -334,18 +337,13 @@ impl Limiter {
 
     /// Whether a loop that commanded nothing for this time (ns) counts as standing still.
     fn stands_still(&self, waited_ns: u64) -> bool {
-        waited_ns as f64 * 1e-9 > self.standstill()
-    }
-
-    /// Longest time between two commands in which the loop does not count as standing still (s).
-    fn standstill(&self) -> f64 {
-        STANDSTILL * WATCHDOG.max(WATCHDOG_TICKS * self.config.period)
+        waited_ns as f64 * 1e-9 > self.standstill
     }
 
     /// No wrench, because the loop stood still for `waited_ns`.
     fn stall(&mut self, waited_ns: u64) -> Wrench {
         let found = waited_ns as f64 * 1e-9 / self.config.period;
-        let limit = self.standstill() / self.config.period;
+        let limit = self.standstill / self.config.period;
         self.fault(SafetyState::DeviceStale, found, limit)
     }
 
