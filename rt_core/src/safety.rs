@@ -487,7 +487,10 @@ impl Limiter {
         }
         let force = shorten(&mut passed.force, self.config.max_force);
         let moment = shorten(&mut passed.moment, self.config.max_moment);
-        for (found, limit) in [(force, self.config.max_force), (moment, self.config.max_moment)] {
+        for (found, limit) in [
+            (force, self.config.max_force),
+            (moment, self.config.max_moment),
+        ] {
             if let Some(found) = found {
                 self.note(SafetyState::Limited, found, limit);
             }
