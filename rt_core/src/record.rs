@@ -125,7 +125,8 @@ impl Telemetry {
             lateness_ns: 0,
             took_ns: 0,
             device_count: 0,
-            devices: [device; MAX_DEVICES],
+            // Not `[device; MAX_DEVICES]`, for which the compiler writes most of each entry twice.
+            devices: core::array::from_fn(|_| device),
             readings: [const { Err(DeviceError::NoReport) }; MAX_DEVICES],
             body_count: 0,
             bodies: [body; MAX_BODIES],

@@ -202,6 +202,8 @@ pub struct Trip {
 #[derive(Clone, Debug)]
 pub struct Limiter {
     config: SafetyConfig,
+    /// Longest time between two commands in which the loop does not count as standing still (s).
+    standstill: f64,
     /// The linear ramp from zero to one whose smooth step is the fraction that passes.
     authority: f64,
     /// Whether the device may render force.
@@ -237,6 +239,7 @@ impl Limiter {
         let whole = config.engage.is_whole_at_start();
         Self {
             config,
+            standstill: STANDSTILL * WATCHDOG.max(WATCHDOG_TICKS * config.period),
             authority: if whole { 1.0 } else { 0.0 },
             engaged: Engagement::new(config.engage).engaged(),
             comes_in: !whole,
@@ -334,18 +337,13 @@ impl Limiter {
 
     /// Whether a loop that commanded nothing for this time (ns) counts as standing still.
     fn stands_still(&self, waited_ns: u64) -> bool {
-        waited_ns as f64 * 1e-9 > self.standstill()
-    }
-
-    /// Longest time between two commands in which the loop does not count as standing still (s).
-    fn standstill(&self) -> f64 {
-        STANDSTILL * WATCHDOG.max(WATCHDOG_TICKS * self.config.period)
+        waited_ns as f64 * 1e-9 > self.standstill
     }
 
     /// No wrench, because the loop stood still for `waited_ns`.
     fn stall(&mut self, waited_ns: u64) -> Wrench {
         let found = waited_ns as f64 * 1e-9 / self.config.period;
-        let limit = self.standstill() / self.config.period;
+        let limit = self.standstill / self.config.period;
         self.fault(SafetyState::DeviceStale, found, limit)
     }
 
@@ -435,14 +433,13 @@ impl Limiter {
     }
 
     fn decide(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
-        let config = self.config;
         if let Some(state) = state {
             self.misses = 0;
             self.watch(state);
         } else {
             self.misses = self.misses.saturating_add(1);
             count_one(&mut self.counters.missed_reads);
-            if self.misses == config.patience.saturating_add(1) {
+            if self.misses == self.config.patience.saturating_add(1) {
                 count_one(&mut self.counters.stale);
             }
         }
@@ -453,10 +450,10 @@ impl Limiter {
         }
         if !wrench.is_finite() {
             count_one(&mut self.counters.not_a_number);
-            return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
+            return self.fault(SafetyState::NotANumber, f64::NAN, self.config.max_force);
         }
         if self.is_stale() {
-            let (found, limit) = (f64::from(self.misses), f64::from(config.patience));
+            let (found, limit) = (f64::from(self.misses), f64::from(self.config.patience));
             return self.fault(SafetyState::DeviceStale, found, limit);
         }
         match self.rendering {
@@ -473,24 +470,27 @@ impl Limiter {
         }
         self.state = SafetyState::Normal;
         let mut passed = *wrench;
-        if !config.actuated.turns() {
+        if !self.config.actuated.turns() {
             passed.moment = Vec3::zeros();
         }
-        passed.force = config.actuated.part(&passed.force);
+        passed.force = self.config.actuated.part(&passed.force);
         if self.is_ramping() {
             passed = passed.scaled(self.ramp());
         }
         let largest = self.largest_force();
-        if largest < config.max_force
+        if largest < self.config.max_force
             && let Some(found) = shorten(&mut passed.force, largest)
         {
             self.act(SafetyState::Hot);
             count_one(&mut self.counters.hot);
             self.note(SafetyState::Hot, found, largest);
         }
-        let force = shorten(&mut passed.force, config.max_force);
-        let moment = shorten(&mut passed.moment, config.max_moment);
-        for (found, limit) in [(force, config.max_force), (moment, config.max_moment)] {
+        let force = shorten(&mut passed.force, self.config.max_force);
+        let moment = shorten(&mut passed.moment, self.config.max_moment);
+        for (found, limit) in [
+            (force, self.config.max_force),
+            (moment, self.config.max_moment),
+        ] {
             if let Some(found) = found {
                 self.note(SafetyState::Limited, found, limit);
             }
@@ -500,12 +500,12 @@ impl Limiter {
             count_one(&mut self.counters.limited);
         }
         let mut change = passed.force - self.last;
-        if let Some(found) = shorten(&mut change, config.max_slew * config.period) {
+        if let Some(found) = shorten(&mut change, self.config.max_slew * self.config.period) {
             passed.force = self.last + change;
             self.act(SafetyState::Slewed);
             count_one(&mut self.counters.slewed);
-            let slew = found / config.period;
-            self.note(SafetyState::Slewed, slew, config.max_slew);
+            let slew = found / self.config.period;
+            self.note(SafetyState::Slewed, slew, self.config.max_slew);
         }
         passed
     }
