@@ -254,7 +254,8 @@ mod tests {
             (b"arm\n\n", both),
             (b"arm\nstop!\n", both),
             (b"\narm\n", ARM_ORDER),
-            (b"\narm\narm\n", 0),
+            // Two orders to arm before a tick are one.
+            (b"\narm\narm\n", ARM_ORDER),
             // A line that is not ended yet.
             (b"arm\narm", ARM_ORDER),
             // Bytes that are no UTF-8, alone, before a line, and beside the word.
