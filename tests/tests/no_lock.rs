@@ -164,7 +164,7 @@ fn the_loop_takes_no_lock_and_a_planted_one_is_found() {
     for part in [
         "device_read",
         "device_write",
-        "7rt_core10controller10Controller4tick",
+        "7rt_core10controller10Controller7tick_at",
         "12hdrhistogram18Histogram",
         "13vdso_wrappers13CLOCK_GETTIME",
     ] {
