@@ -184,8 +184,8 @@ impl Host {
         let forces = if self.scheme == Scheme::Capped {
             let late = (0.5 + DELAY as f64).min(self.damping / (stiffness * PERIOD));
             let pulls = spring + damper + late * stiffness * (depth - before.depth);
-            // Rounding of a place.
-            [if depth > -1e-12 { pulls.max(0.0) } else { 0.0 }, pulls]
+            // The damper acts wherever the spring does, and pulls a hand that leaves. Rounding of a place.
+            [if depth > -1e-12 { pulls.abs() } else { 0.0 }, pulls]
         } else {
             [(spring + damper).max(0.0), spring + damper]
         };
