@@ -172,7 +172,10 @@ fn a_command_that_no_device_holds_is_no_work() {
         coupling.accept(&model).expect("a sound model");
         for tick in 0..20 {
             coupling.tick(2, &[moving(1e-4 * f64::from(tick), 0.0)]);
-            coupling.hold(&[Wrench::zero(); MAX_DEVICES], &[Passed::WHOLE; MAX_DEVICES]);
+            coupling.hold(
+                &[Wrench::zero(); MAX_DEVICES],
+                &[Passed::WHOLE; MAX_DEVICES],
+            );
         }
         let raised = coupling.energy().raised;
         assert_eq!(raised > 1e-3, counts, "{weight} {raised}");
