@@ -36,8 +36,8 @@ pub(crate) struct Channel {
     /// Time of that state (ns).
     seen_ns: Option<u64>,
     clutch: Clutch,
-    /// The fraction of the weights that the energy accounts take as borne by the hand.
-    borne: f64,
+    /// The fraction of a force that the limits of the device let pass last.
+    allowed: f64,
 }
 
 impl Channel {
@@ -56,7 +56,7 @@ impl Channel {
             held_back: HeldBackByDevice::default(),
             state,
             seen_ns: None,
-            borne: 0.0,
+            allowed: 1.0,
         }
     }
 
@@ -101,24 +101,14 @@ impl Channel {
         if fraction > 0.0 { 1.0 / fraction } else { 0.0 }
     }
 
-    /// The fraction of the weights on the proxy that the energy accounts take as borne, in a tick in which this fraction
-    /// `passed` the last stage and the clutch.
-    ///
-    /// A weight that comes and goes where its handle is away from the place at which it was lifted changes the energy of
-    /// the body. While the proxy holds still, the weight stays in the accounts: no hand is spared any work. Where it
-    /// returns through the open clutch, it returns gradually, so that no other hand on the body feels a step.
-    pub(crate) fn bear(&mut self, passed: f64) -> f64 {
-        if self.clutch.holds_still(&self.limiter) {
-            return self.borne;
+    /// The fraction of a force that the limits of the device let pass, in a tick in which this fraction `passed` the last
+    /// stage. A force that fades, comes in or is away says nothing of the limits.
+    pub(crate) fn allow(&mut self, passed: f64) -> f64 {
+        let fraction = self.limiter.fraction();
+        if fraction > 0.0 {
+            self.allowed = (passed / fraction).min(1.0);
         }
-        if self.clutch.is_open() {
-            let step = self.limiter.return_step();
-            // Not `clamp`, which panics on bounds that are no numbers.
-            self.borne += (passed - self.borne).max(-step).min(step);
-        } else {
-            self.borne = passed;
-        }
-        self.borne
+        self.allowed
     }
 
     fn can_have_come(&self, within_ns: u64, state: &DeviceState) -> bool {

@@ -57,11 +57,6 @@ impl Clutch {
         }
     }
 
-    /// Whether the proxy stays where it is, however the hand moves the device, until some force has come back.
-    pub fn holds_still(&self, limiter: &Limiter) -> bool {
-        (self.slips || limiter.is_apart()) && limiter.fraction() <= 0.0
-    }
-
     /// Fraction of the device's motion that its proxy follows at present.
     pub fn fraction(&self, limiter: &Limiter) -> f64 {
         if self.slips { limiter.fraction() } else { 1.0 }

@@ -5,7 +5,7 @@
 //! [`Controller::tick`] is the law; [`cycle`] adds the calls of the devices.
 
 use crate::channel::Channel;
-use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
+use crate::coupling::{Coupling, CouplingConfig, CouplingCounters, Passed};
 use crate::device::{Device, DeviceError, DeviceState, Freedom};
 use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
@@ -349,6 +349,7 @@ impl Controller {
             let (state, now_ns) = (channel.limiter.state(), telemetry.time_ns);
             (channel.held_back).note(state, now_ns, &asked.force, &command.force);
             let [force, moment] = fractions_passed(&asked, command);
+            let allowed = channel.allow(force);
             // A slew limit may change the direction of the force. That change is attributed to the first body.
             let rest = Wrench {
                 force: command.force - asked.force * force,
@@ -359,7 +360,10 @@ impl Controller {
             let lever = channel.lever();
             rest.force *= lever;
             let (force, moment) = (force * lever, moment * lever);
-            *passed = channel.bear(force);
+            *passed = Passed {
+                rendered: force,
+                allowed,
+            };
             let here = forces.by_body.iter_mut().take(bodies);
             for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                 wrench.force = wrench.force * force + rest.force;
@@ -465,9 +469,8 @@ struct Forces {
     on_proxies: [Wrench; MAX_DEVICES],
     /// The part of each body in that sum.
     by_body: [[Wrench; MAX_DEVICES]; MAX_BODIES],
-    /// By device, the fraction of the weight that the account takes as borne: the fraction of the force that the last
-    /// stage passed, times the clutch's lever.
-    passed: [f64; MAX_DEVICES],
+    /// By device, what the last stage passed of the force, times the clutch's lever.
+    passed: [Passed; MAX_DEVICES],
 }
 
 impl Forces {
@@ -475,7 +478,7 @@ impl Forces {
         Self {
             on_proxies: [Wrench::zero(); MAX_DEVICES],
             by_body: [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES],
-            passed: [0.0; MAX_DEVICES],
+            passed: [Passed::WHOLE; MAX_DEVICES],
         }
     }
 }

@@ -47,6 +47,23 @@ pub struct CouplingConfig {
     pub passivity: PassivityConfig,
 }
 
+/// What a device passes of the force asked for, in a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passed {
+    /// The fraction of the force that it renders.
+    pub rendered: f64,
+    /// The fraction that its limits would let pass if no force faded, came in or was away.
+    pub allowed: f64,
+}
+
+impl Passed {
+    /// The whole force passes.
+    pub const WHOLE: Self = Self {
+        rendered: 1.0,
+        allowed: 1.0,
+    };
+}
+
 /// The state of the coupling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostState {
@@ -80,7 +97,7 @@ pub struct CouplingCounters {
 /// The coupling of one connected body to its devices.
 ///
 /// ```
-/// use rt_core::coupling::{Coupling, CouplingConfig, HostState};
+/// use rt_core::coupling::{Coupling, CouplingConfig, HostState, Passed};
 /// use rt_core::geometry::Twist;
 /// use rt_core::{LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Vec3, Wrench};
 ///
@@ -113,7 +130,7 @@ pub struct CouplingCounters {
 ///     // The device renders the whole wrench.
 ///     let mut held = [Wrench::zero(); MAX_DEVICES];
 ///     held[0] = wrenches[0];
-///     coupling.hold(&held, &[1.0; MAX_DEVICES]);
+///     coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
 /// }
 /// assert_eq!(coupling.state(), HostState::Live);
 /// assert!((force + 1.0).abs() < 0.02);
@@ -230,9 +247,10 @@ impl Coupling {
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         self.ticked_ns = Some(now_ns);
         self.fade_leaving();
-        let steps = self
-            .passivity
-            .observe(devices.iter().map(|(pose, _)| *pose));
+        let steps = self.passivity.observe(
+            devices.iter().map(|(pose, _)| *pose),
+            self.to.handles().map(|handle| handle.device),
+        );
         self.ahead = self.to.ahead(now_ns);
         if self.is_pending {
             self.is_pending = false;
@@ -267,14 +285,16 @@ impl Coupling {
     }
 
     /// Takes the wrenches that the devices, by index, were finally commanded to hold for this body (scene axes), and
-    /// the fraction of the force asked for that passed.
-    pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[f64; MAX_DEVICES]) {
-        let mut weights = [Vec3::zeros(); MAX_DEVICES];
+    /// what passed of the force asked for.
+    pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[Passed; MAX_DEVICES]) {
+        let mut weights = [[Vec3::zeros(); 2]; MAX_DEVICES];
         let trust = smooth_step(self.trust);
         for (handle, borne) in self.to.handles().zip(&self.weights) {
             let device = usize::from(handle.device);
-            if let Some((weight, passed)) = weights.get_mut(device).zip(passed.get(device)) {
-                *weight += borne * (trust * passed);
+            let known = weights.get_mut(device).zip(passed.get(device));
+            if let Some(([rendered, weight], passed)) = known {
+                *rendered += borne * (trust * passed.rendered);
+                *weight += borne * passed.allowed;
             }
         }
         self.passivity.hold(wrenches, &weights);

@@ -9,10 +9,12 @@
 //! energy back after the fact instead.
 //!
 //! **Weight** is a potential, and so no concern of the cap: it gives back exactly the work that lifting took. `F_s`,
-//! `V` and `H` leave the weight out, and the account keeps it apart. The held fraction `s` of a weight `g` may change
-//! (the host was late, or a device was silent). At a place `p`, this changes the potential by `R = -ds g . (p - p_0)`.
-//! The sum of these changes is signed: a weight that is removed and restored at the same height costs nothing. As long
-//! as the sum is positive, the hands have been spared that work, and the cap has that much less to spend.
+//! `V` and `H` leave the weight out, and the account keeps it apart. A device may render only a fraction `s` of a weight
+//! `g`: the host is late, or the force of the device fades or comes in. A hand that moves meanwhile is spared the work `R = -(1 - s) g . D`. Where the
+//! weight itself changes by `dg` at the place `p`, its potential changes by `R = -dg . (p - p_0)`. The sum of these
+//! works is signed: a hand that goes up and comes back down to the same height without the weight owes nothing. As long as
+//! the sum is positive, the hands have been spared that work, and the cap has that much less to spend. A hand that rests
+//! while a weight goes and returns is spared nothing, so the springs keep their credit, and their force does not jump.
 //!
 //! **Pieces.** Each piece of a torn body has its own credit, for hands on different pieces cannot pass energy to each
 //! other (`passivity/pieces.rs`). The account of the body is the sum. `classic` knows only the sum.
@@ -241,12 +243,23 @@ impl Passivity {
     }
 
     /// Takes the devices' poses of this tick, and accounts for the work of the wrenches held since the last tick.
-    /// Returns the displacement of each device since then.
-    pub(crate) fn observe(&mut self, poses: impl Iterator<Item = Pose>) -> [Vec6; MAX_DEVICES] {
+    /// `holders` are the devices that hold the body: only their dissipation is credited. Returns the displacement of
+    /// each device since the last tick.
+    pub(crate) fn observe(
+        &mut self,
+        poses: impl Iterator<Item = Pose>,
+        holders: impl Iterator<Item = u8>,
+    ) -> [Vec6; MAX_DEVICES] {
+        let mut holds = [false; MAX_DEVICES];
+        for holder in holders {
+            if let Some(holds) = holds.get_mut(usize::from(holder)) {
+                *holds = true;
+            }
+        }
         let mut steps = [Vec6::zeros(); MAX_DEVICES];
         self.devices = 0;
-        let each = self.hands.iter_mut().zip(&self.config.ports);
-        for (((hand, port), pose), step) in each.zip(poses).zip(&mut steps) {
+        let each = self.hands.iter_mut().zip(&self.config.ports).zip(holds);
+        for ((((hand, port), holds), pose), step) in each.zip(poses).zip(&mut steps) {
             self.devices = self.devices.saturating_add(1);
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
@@ -269,6 +282,8 @@ impl Passivity {
             let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
             let weight = hand.weights.get(self.config.delay);
             let fallen = weight.map_or(0.0, |weight| weight.dot(&translation)) * port.force_scale;
+            // The work of the part of the weight that the device did not render.
+            let spared = fallen - hand.weight.dot(&translation) * port.force_scale;
             let turn = Vec3::new(step.w, step.a, step.b);
             let [last, last_turn] = &mut hand.last_steps;
             if translation != Vec3::zeros() {
@@ -284,7 +299,7 @@ impl Passivity {
                     );
             }
             let period = self.config.period;
-            let fraction = self.config.credit;
+            let fraction = if holds { self.config.credit } else { 0.0 };
             let onwards = last.dissipated(
                 &translation,
                 period,
@@ -311,10 +326,12 @@ impl Passivity {
                 );
             self.account.supplied -= work;
             self.account.credited += credit;
-            self.account.raised -= fallen;
+            self.account.raised -= fallen - spared;
+            hand.spared += spared;
             if let Some(piece) = self.pieces.get_mut(hand.piece) {
                 piece.credit += credit - (work - fallen);
                 piece.got += work - fallen;
+                piece.spared += spared;
             }
         }
         let account = &mut self.account;
@@ -367,18 +384,23 @@ impl Passivity {
         self.account.stored = stored;
     }
 
-    /// Takes the wrenches that the devices, by index, were finally commanded to hold for this body (scene axes), and
-    /// the weights in these wrenches.
-    pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], weights: &[Vec3; MAX_DEVICES]) {
+    /// Takes the wrenches that the devices, by index, were finally commanded to hold for this body (scene axes), and for
+    /// each the weight in this wrench and the weight on the handle.
+    pub(crate) fn hold(
+        &mut self,
+        wrenches: &[Wrench; MAX_DEVICES],
+        weights: &[[Vec3; 2]; MAX_DEVICES],
+    ) {
         let each = self.hands.iter_mut().zip(&self.config.ports);
         let each = each.zip(wrenches.iter().zip(weights));
-        for ((hand, port), (wrench, weight)) in each.take(self.devices) {
+        for ((hand, port), (wrench, [rendered, weight])) in each.take(self.devices) {
             // No device holds a larger force, so a larger number was limited before it left.
             let held = |force: &Vec3| force.norm() <= MOST_FORCE;
             let zero = (Wrench::zero(), Vec3::zeros());
-            let sound = wrench.is_finite() && held(&wrench.force) && held(weight);
-            let (wrench, weight) = if sound { (*wrench, *weight) } else { zero };
-            let raised = hand.push(&wrench, &weight) * port.force_scale;
+            let sound = wrench.is_finite() && held(&wrench.force) && held(rendered);
+            let (wrench, rendered) = if sound { (*wrench, *rendered) } else { zero };
+            let weight = if held(weight) { *weight } else { rendered };
+            let raised = hand.push(&wrench, &rendered, &weight) * port.force_scale;
             self.account.raised += raised;
             hand.spared += raised;
             if let Some(piece) = self.pieces.get_mut(hand.piece) {

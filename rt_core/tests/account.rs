@@ -10,7 +10,7 @@
 use core::f64::consts::TAU;
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
-use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
@@ -77,7 +77,7 @@ fn tick(coupling: &mut Coupling, hand: (Pose, Twist)) -> f64 {
     let wrenches = coupling.tick(MS, &[hand]);
     let mut held = [Wrench::zero(); MAX_DEVICES];
     held[0] = wrenches[0];
-    coupling.hold(&held, &[1.0; MAX_DEVICES]);
+    coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
     wrenches[0].force.x
 }
 
@@ -100,7 +100,7 @@ impl Held {
         self.coupling.tick(1, &[(pose, Twist::zero())]);
         let mut held = [Wrench::zero(); MAX_DEVICES];
         held[0] = self.wrench;
-        self.coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        self.coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
         *self.coupling.energy()
     }
 }
@@ -172,7 +172,10 @@ fn a_command_that_no_device_holds_is_no_work() {
         coupling.accept(&model).expect("a sound model");
         for tick in 0..20 {
             coupling.tick(2, &[moving(1e-4 * f64::from(tick), 0.0)]);
-            coupling.hold(&[Wrench::zero(); MAX_DEVICES], &[1.0; MAX_DEVICES]);
+            coupling.hold(
+                &[Wrench::zero(); MAX_DEVICES],
+                &[Passed::WHOLE; MAX_DEVICES],
+            );
         }
         let raised = coupling.energy().raised;
         assert_eq!(raised > 1e-3, counts, "{weight} {raised}");
@@ -220,6 +223,10 @@ fn a_scaled_device_raises_its_scale_of_weight() {
             let [wrench, ..] = coupling.tick(2, &hand);
             let mut held = [Wrench::zero(); MAX_DEVICES];
             held[0] = wrench.scaled(passed);
+            let passed = Passed {
+                rendered: passed,
+                ..Passed::WHOLE
+            };
             coupling.hold(&held, &[passed; MAX_DEVICES]);
             *coupling.energy()
         };
@@ -237,29 +244,27 @@ fn a_scaled_device_raises_its_scale_of_weight() {
             (lifted.supplied - expected).abs() < 1e-15,
             "{scale} {lifted:?}"
         );
-        // The weight is removed at the height: nothing is raised any more. The weight is restored there: it is raised
-        // again, and nobody has to pay twice.
-        let away = at(0.01, 0.0);
-        assert!(away.raised.abs() < 1e-15, "{scale} {away:?}");
-        let back = at(0.01, 1.0);
-        assert!((back.raised - expected).abs() < 1e-15, "{scale} {back:?}");
-        let paid = lifted.available - back.available;
-        assert!(paid.abs() < 1e-15, "{scale} {paid}");
-        // The weight is removed at the bottom and restored at the height: the hand was spared the work, and has that
-        // much less to spend.
-        at(0.0, 1.0);
-        let away = at(0.0, 0.0);
-        at(0.01, 0.0);
-        let back = at(0.01, 1.0);
-        assert!((back.raised - expected).abs() < 1e-15, "{scale} {back:?}");
-        let spared = away.available - back.available;
-        assert!((spared - expected).abs() < 1e-15, "{scale} {spared}");
-        // A device that holds a part of the weight has raised that part.
-        let part = at(0.01, 0.25);
-        assert!(
-            (part.raised - 0.25 * expected).abs() < 1e-15,
-            "{scale} {part:?}"
-        );
+        // The device renders no weight, and then the weight again, while the hand rests: it stays raised, and nobody has
+        // to pay twice.
+        for passed in [0.0, 0.25, 1.0] {
+            let rests = at(0.01, passed);
+            assert_eq!(rests.raised, lifted.raised);
+            assert_eq!(rests.available, lifted.available);
+        }
+        // The device renders a part of the weight while the hand lifts it: the hand was spared the rest of the work, and
+        // has that much less to spend, until it goes down by as much in the same manner.
+        for part in [0.0, 0.25] {
+            at(0.0, 1.0);
+            let below = at(0.0, part);
+            let above = at(0.01, part);
+            assert!((above.raised - expected).abs() < 1e-15, "{scale} {above:?}");
+            let spared = below.available - above.available;
+            let rest = (1.0 - part) * expected;
+            assert!((spared - rest).abs() < 1e-15, "{scale} {spared}");
+            let again = at(0.0, part);
+            let owed = below.available - again.available;
+            assert!(owed.abs() < 1e-15, "{scale} {owed}");
+        }
     }
 }
 
@@ -495,6 +500,10 @@ fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
                 let mut held = [Wrench::zero(); MAX_DEVICES];
                 held[0] = wrench;
                 let passed = if gone { 0.0 } else { 1.0 };
+                let passed = Passed {
+                    rendered: passed,
+                    ..Passed::WHOLE
+                };
                 coupling.hold(&held, &[passed; MAX_DEVICES]);
             }
             let energy = coupling.energy();

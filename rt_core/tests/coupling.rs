@@ -5,7 +5,7 @@
 
 use nalgebra::UnitQuaternion;
 use proptest::prelude::*;
-use rt_core::coupling::{Coupling, CouplingConfig, HostState};
+use rt_core::coupling::{Coupling, CouplingConfig, HostState, Passed};
 use rt_core::local_model::ModelFault;
 use rt_core::{
     HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, Pose, Scheme,
@@ -540,7 +540,7 @@ fn held_tick(coupling: &mut Coupling, now: u64, at: &[(Pose, Twist)]) -> [f64; M
     for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
         held[usize::from(handle.device)] = *wrench;
     }
-    coupling.hold(&held, &[1.0; MAX_DEVICES]);
+    coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
     held.map(|wrench| wrench.force.x)
 }
 

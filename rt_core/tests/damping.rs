@@ -5,7 +5,7 @@
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use nalgebra::{Matrix3, UnitQuaternion};
-use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::{
     LocalModel, MAX_DEVICES, Mat6, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Vec6, Wrench,
 };
@@ -90,7 +90,7 @@ fn moved(coupling: &mut Coupling, velocities: [Vec6; 2], ticks: u32) -> ([Vec6; 
         let wrenches = coupling.tick(1, &at);
         let mut held = [Wrench::zero(); MAX_DEVICES];
         (held[0], held[1]) = (wrenches[0], wrenches[1]);
-        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
         last = ([0, 1].map(|i| wrenches[i].stacked()), gone);
     }
     assert_eq!(coupling.energy().capped, 0);
@@ -297,9 +297,18 @@ fn missing_energy_is_taken_out_of_each_hand_whose_velocity_agrees_with_its_motio
             linear: vector(0.1),
             angular: vector(1.0),
         });
-        match case % 5 {
+        match case % 7 {
             // A hand that creeps.
-            0 => twists[0].linear = vector(1.0).normalize() * 0.99e-3,
+            0 => {
+                twists[0].linear = vector(1.0).normalize() * 0.99e-3;
+                twists[0].angular = vector(1.0).normalize() * 0.019;
+            }
+            // Hands that only turn.
+            3 => twists[0].linear = vector(1.0).normalize() * 0.99e-3,
+            4 => {
+                twists[1].linear = Vec3::zeros();
+                twists[1].angular = vector(1.0).normalize() * 0.021;
+            }
             1 => twists[1].linear = vector(1.0).normalize() * 1.01e-3,
             // A rotation that outweighs the translation.
             2 => twists[0].angular *= 10.0,
@@ -318,7 +327,8 @@ fn missing_energy_is_taken_out_of_each_hand_whose_velocity_agrees_with_its_motio
         for i in 0..2 {
             let [by, turn] = steps[i];
             let along = by.dot(&twists[i].linear) + turn.dot(&twists[i].angular);
-            let agrees = along > 0.0 && twists[i].linear.norm() > 1e-3;
+            let clear = twists[i].linear.norm() > 1e-3 || twists[i].angular.norm() > 0.02;
+            let agrees = along > 0.0 && clear;
             seen[usize::from(agrees)] += 1;
             let part = if agrees { 1.0 / EASE } else { 0.0 };
             let [linear, angular] = most[i];

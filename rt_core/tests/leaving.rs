@@ -3,7 +3,7 @@
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
-use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::{
     LocalModel, MAX_DEVICES, PassivityConfig, PieceEnergy, Pose, Scheme, Twist, Vec3, Wrench,
 };
@@ -90,7 +90,7 @@ impl Hands {
         for (handle, wrench) in self.coupling.model().handles().zip(&wrenches) {
             held[usize::from(handle.device)] = *wrench;
         }
-        self.coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        self.coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
         [0, 1, 2].map(|i| held[i].force)
     }
 

@@ -6,7 +6,7 @@
 
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
-use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
@@ -212,13 +212,98 @@ fn a_wall_pressed_slowly_is_as_stiff_as_asked() {
     assert!((force / (-k * rig.x) - 1.0).abs() < 0.01);
 }
 
+/// The coupling of a body without any force, which the first device holds.
+fn in_the_air(passivity: &PassivityConfig) -> Coupling {
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
+    coupling.accept(&wall(0.0, 1, 1)).expect("a sound model");
+    coupling.tick(1, &[(Pose::identity(), Twist::zero())]);
+    coupling
+}
+
+#[test]
+fn a_body_is_credited_with_the_dissipation_of_those_devices_that_hold_it() {
+    // Two devices, each on a body of its own. Both hands move.
+    let friction = [0.3, 0.5];
+    let mut config = ControllerConfig::default();
+    let mut passivity = PassivityConfig::new(PERIOD);
+    for (port, friction) in passivity.ports.iter_mut().zip(friction) {
+        port.friction = friction;
+    }
+    for _ in 0..2 {
+        let _ = config.devices.push(DeviceConfig {
+            frame: DeviceFrame::at(Vec3::zeros()),
+            safety: SafetyConfig::unlimited(PERIOD),
+        });
+        let body = coupling_config(Scheme::Capped, &passivity);
+        let _ = config.bodies.push(body);
+    }
+    let mut controller = Controller::new(&config);
+    for body in 0..2 {
+        let mut model = wall(0.0, 1, 1);
+        model.handles[0].device = body as u8;
+        controller.accept(body, &model).expect("a sound model");
+    }
+    let by = 1e-4;
+    for k in 0..=10 {
+        let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
+        for reading in &mut readings[..2] {
+            *reading = Ok(DeviceState {
+                pose: Pose::at(Vec3::x() * (by * f64::from(k))),
+                ..DeviceState::resting()
+            });
+        }
+        controller.tick(1_000_000 + k as u64 * 1_000_000, &readings);
+    }
+    // The first tick has the first place, and the first step tells no direction.
+    for (energy, friction) in controller.energy().zip(friction) {
+        let expected = passivity.credit * friction * 9.0 * by;
+        assert!((energy.credited - expected).abs() < 1e-12, "{energy:?}");
+    }
+}
+
+#[test]
+fn the_classic_controller_damps_a_hand_that_only_turns() {
+    let mut passivity = PassivityConfig::new(PERIOD);
+    let damping = 0.01;
+    passivity.ports[0].most_turning_damping = damping;
+    let mut coupling = Coupling::new(coupling_config(Scheme::Classic, &passivity));
+    // A moment that nobody pays for turns the hand.
+    let (pushed, rate) = (0.1, 2.0);
+    let mut model = wall(0.0, 1, 1);
+    model.handles[0].contact = Vec3::zeros();
+    model.handles[0].wrench.moment.z = pushed;
+    coupling.accept(&model).expect("a sound model");
+    let mut moment = 0.0;
+    for k in 0..1000 {
+        let turn = Vec3::z() * (rate * PERIOD * f64::from(k));
+        let pose = Pose {
+            rotation: UnitQuaternion::from_scaled_axis(turn),
+            ..Pose::identity()
+        };
+        let twist = Twist {
+            angular: Vec3::z() * rate,
+            ..Twist::zero()
+        };
+        let [wrench, ..] = coupling.tick(1, &[(pose, twist)]);
+        moment = wrench.moment.z;
+        let mut held = [Wrench::zero(); MAX_DEVICES];
+        held[0] = wrench;
+        coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
+    }
+    // The missing energy soon exceeds what the device can take out in a tick.
+    assert!(
+        (moment - (pushed - damping * rate)).abs() < 1e-12,
+        "{moment}"
+    );
+}
+
 #[test]
 fn a_device_that_was_silent_is_credited_with_its_slowest_possible_motion() {
     let mut passivity = PassivityConfig::new(PERIOD);
     let (damping, friction) = (0.5, 0.3);
     passivity.ports[0].damping = damping;
     passivity.ports[0].friction = friction;
-    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+    let mut coupling = in_the_air(&passivity);
     let mut at = |x: f64| {
         coupling.tick(1, &[(Pose::at(Vec3::x() * x), Twist::zero())]);
         coupling.energy().credited
@@ -244,7 +329,7 @@ fn the_dissipation_of_a_rotation_is_credited_as_well() {
     let (damping, friction) = (5e-3, 0.02);
     passivity.ports[0].turning_damping = damping;
     passivity.ports[0].turning_friction = friction;
-    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+    let mut coupling = in_the_air(&passivity);
     let mut at = |angle: f64| {
         let pose = Pose {
             rotation: UnitQuaternion::from_scaled_axis(Vec3::z() * angle),
@@ -440,7 +525,7 @@ fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
             forces = [0, 1].map(|i| wrenches[i].force.x);
             let mut held = [Wrench::zero(); MAX_DEVICES];
             (held[0], held[1]) = (wrenches[0], wrenches[1]);
-            coupling.hold(&held, &[1.0; MAX_DEVICES]);
+            coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
             if tick > 25 {
                 for (force, pull) in forces.into_iter().zip(PULLS) {
                     let wanted = pull * left.max(0.0) / 20e-3;
@@ -485,7 +570,7 @@ fn after_a_step(
         let mut held = [Wrench::zero(); MAX_DEVICES];
         // The device holds only the parts that do no work here.
         held[0].force.z = wrench.force.z;
-        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
         let energy = coupling.energy();
         let capped = energy.capped > before;
         (wrench, energy.available, capped, coupling.withheld())
@@ -551,7 +636,7 @@ fn dampers_may_go_into_debt_by_the_allowance_and_withhold_no_force_of_springs() 
 fn only_a_step_onwards_is_credited_with_dissipation() {
     let mut passivity = PassivityConfig::new(PERIOD);
     passivity.ports[0].friction = 1.0;
-    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+    let mut coupling = in_the_air(&passivity);
     let mut place = Vec3::zeros();
     let mut step = |by: Vec3| {
         place += by;
@@ -660,7 +745,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
         for (held, wrench) in held.iter_mut().zip(&wrenches) {
             *held = *wrench;
         }
-        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
     }
     assert!(coupling.energy().supplied < -4.0 * speed * speed * PERIOD);
 }
@@ -694,7 +779,7 @@ fn held_by_a_trembling_hand(known: bool, seconds: u32) -> f64 {
         let wrenches = coupling.tick(1, &[(Pose::at(shown), twist)]);
         let mut held = [Wrench::zero(); MAX_DEVICES];
         held[0] = wrenches[0];
-        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
         if t > f64::from(seconds - 1) {
             rendered += wrenches[0].force.x;
             asked += k * deep;
@@ -739,7 +824,7 @@ fn a_single_count_back_is_no_velocity() {
         let wrenches = coupling.tick(1, &[(shown, twist)]);
         let mut held = [Wrench::zero(); MAX_DEVICES];
         held[0] = wrenches[0];
-        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
         wrenches[0].force.x - k * deep * count
     };
     // The force of the first model grows gradually. Then the hand goes in, count by count: no step reverses.

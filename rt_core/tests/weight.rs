@@ -3,7 +3,7 @@
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
-use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::{LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench};
 
 const MS: u64 = 1_000_000;
@@ -62,7 +62,7 @@ impl Hand {
             force = wrench.force.z;
             let mut held = [Wrench::zero(); MAX_DEVICES];
             held[0] = wrench;
-            self.coupling.hold(&held, &[1.0; MAX_DEVICES]);
+            self.coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
             self.now_ns += MS;
         }
         force

@@ -37,10 +37,11 @@ const WALL: [f64; 2] = [300.0, 1.0];
 const DISTANCE: f64 = 0.003;
 /// Aim of the hand at the push, towards negative z (m).
 const DEPTH: f64 = 0.012;
-/// Largest growth of a force in a millisecond beyond the growth that the hand's motion explains (N). A hand that meets the
-/// damper of the wall between two ticks, at 0.1 m/s, feels 0.1 N at once. The return of the largest force, 5 N, along a
-/// smooth step over 0.2 s grows by 0.038 N. A run without models reached 0.212 N, for which no cause is known.
-const JUMP: f64 = 0.3;
+/// Time in which a force returns after a fault (s).
+const RECOVERY: f64 = 0.2;
+/// Largest growth of a force in a millisecond beyond the growth that the motion of the hand and the ramps explain (N): a
+/// hundredth of the largest force.
+const JUMP: f64 = 0.03;
 /// Root mean square of the tremor (m).
 const TREMOR: f64 = 1e-4;
 
@@ -243,7 +244,8 @@ pub struct Limits {
     /// way, and the tick that finds out. Where the device says that it let go: its watchdog, a state, its answer, and the
     /// tick.
     pub host: f64,
-    /// Largest growth of a force from one millisecond to the next, beyond the growth that the hand's motion explains (N).
+    /// Largest growth of a force from one millisecond to the next, beyond the growth that the motion of the hand and the
+    /// ramps explain (N).
     pub jump: f64,
     /// Largest net energy at the hand (J).
     pub energy: f64,
@@ -294,11 +296,11 @@ pub struct Outcome {
     pub device: Option<f64>,
     /// Time from the fault until the host commanded no force (s); `None` where states still reached it.
     pub host: Option<f64>,
-    /// Largest growth of the commanded force from one tick to the next, after the fault began, beyond the growth of the
-    /// wall's force at the proxy (N).
+    /// Largest growth of the commanded force from one tick to the next, after the fault began, beyond the growth that the
+    /// motion of the hand and the ramps explain (N).
     pub host_jump: f64,
     /// Largest growth of the force at the device from one millisecond to the next, after the fault began, beyond the growth
-    /// of the wall's force at the proxy (N).
+    /// that the motion of the hand and the ramps explain (N).
     pub device_jump: f64,
     /// Net energy at the hand (J).
     pub energy: f64,
@@ -323,7 +325,7 @@ struct Plan {
     end: f64,
     model: DeviceModel,
     scheme: Scheme,
-    /// Time in which the force comes in after an engagement (s); zero where that time is the scene's `recovery`.
+    /// Time in which the force comes in after an engagement (s); zero where that time is [`RECOVERY`].
     ramp: f64,
 }
 

@@ -14,7 +14,7 @@ use host::engine::body::{fill_blocks, reference_of};
 use host::engine::stored::Stored;
 use host::scene::{LoadedScene, Scene};
 use physics::{Budget, Condenser, HandlePose};
-use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::{
     LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench,
 };
@@ -291,7 +291,7 @@ fn race(
             for (held, (wrench, _)) in held.iter_mut().zip(wrenches.iter().zip(&handles)) {
                 *held = *wrench;
             }
-            rival.coupling.hold(&held, &[1.0; MAX_DEVICES]);
+            rival.coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
             if measured {
                 for (wrench, reference) in wrenches.iter().zip(model.handles()) {
                     let error = (wrench.force - reference.wrench.force).norm();

@@ -7,7 +7,7 @@
 //! Credit that the present spring does not back is gradually forgotten, so it cannot be spent at once much later.
 //!
 //! Let `F_s` and `F_d` be the elastic and the viscous wrench on all handles, and `V` the energy that hands could get
-//! back. Let `R` be the work that the hands were spared by weights that were removed and restored. Each tick does:
+//! back. Let `R` be the work that the hands were spared by weights that their devices did not render. Each tick does:
 //!
 //! ```text
 //! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  eta: the fraction of the dissipation that counts
@@ -29,6 +29,11 @@
 //! that claims too much energy must not soften a hold that was paid for, so the force stays whole until the credit
 //! falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and credit vanish
 //! together with `V`, without a jump.
+//!
+//! **No jump of a hand at rest.** While no hand moves, `H`, `R` and `V` stay, except where a model changes or a body
+//! releases energy, so the factor `G / (beta V)` stays, too. Hands that move change it by `(1 / beta - 1) w . D / V`. Once a
+//! hand rests after a quick step, `D` decays, and the certificate lets the force back by a factor of at most
+//! `exp(T / 20 ms)` in a tick.
 //!
 //! **Pieces.** Each piece of a torn body is capped by its own `H`, `R` and `V` (`passivity/pieces.rs`).
 //!
@@ -53,6 +58,9 @@ use crate::velocity::VelocityEstimator;
 /// Speed (m/s) below which a hand is not damped for missing energy. One count in tens of ticks does not tell the
 /// direction of the hand.
 const CREEP: f64 = 1e-3;
+
+/// Angular rate (rad/s) below which a hand that only turns is not damped: that speed, 5 cm from the axis.
+const TURNING_CREEP: f64 = 0.02;
 
 /// Fraction of the energy claimed by a model below which the force is reduced. A device that is late by a tick renders
 /// the force of another tick, while the hand speeds up: the backed fraction doubles, up to one. Where a slew limit
@@ -330,7 +338,9 @@ pub(super) fn damp(
         let (v, heading, step) = (&motion.velocity, &motion.heading, &motion.step);
         let along = heading.x * v.x + heading.y * v.y + heading.z * v.z;
         let about = step.w * v.w + step.a * v.a + step.b * v.b;
-        along + about > 0.0 && v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP
+        let moves = v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP;
+        let turns = v.w * v.w + v.a * v.a + v.b * v.b > TURNING_CREEP * TURNING_CREEP;
+        along + about > 0.0 && (moves || turns)
     };
     let mut whole = [Vec6::zeros(); MAX_HANDLES];
     let mut power = 0.0;

@@ -71,14 +71,16 @@ impl LastStep {
 pub(super) struct Hand {
     /// Number of the piece whose account takes the work of the hand; zero for a whole body.
     pub(super) piece: usize,
-    /// Work that the hand was spared by weights that were removed and restored (J), signed.
+    /// Work that the hand was spared by weight that its device did not render (J), signed.
     pub(super) spared: f64,
     pub(super) pose: Option<Pose>,
     /// Wrenches that the device rendered, renders and will render, newest first.
     pub(super) held: [Wrench; MAX_DELAY + 1],
     /// The weight in each of these wrenches.
     pub(super) weights: [Vec3; MAX_DELAY + 1],
-    /// Position at which the device first bore weight.
+    /// The weight on the handle, whether the device renders it or not.
+    pub(super) weight: Vec3,
+    /// Position at which the handle first had weight.
     pub(super) lifted_from: Option<Vec3>,
     /// The last translation and the last rotation that were not zero.
     pub(super) last_steps: [LastStep; 2],
@@ -107,6 +109,7 @@ impl Hand {
             pose: None,
             held: [Wrench::zero(); MAX_DELAY + 1],
             weights: [Vec3::zeros(); MAX_DELAY + 1],
+            weight: Vec3::zeros(),
             lifted_from: None,
             last_steps: [LastStep::none(); 2],
             heading: Vec3::zeros(),
@@ -119,19 +122,18 @@ impl Hand {
         }
     }
 
-    /// Takes the newest wrench, in which `weight` is the weight, and forgets the oldest. Returns the change of the
-    /// potential by the change of weight (J).
-    pub(super) fn push(&mut self, wrench: &Wrench, weight: &Vec3) -> f64 {
-        let [before, ..] = self.weights;
+    /// Takes the newest wrench, in which `rendered` is the weight, and forgets the oldest. `weight` is the weight on the
+    /// handle. Returns the change of the potential by the change of this weight (J).
+    pub(super) fn push(&mut self, wrench: &Wrench, rendered: &Vec3, weight: &Vec3) -> f64 {
         let mut newer = *wrench;
         for held in &mut self.held {
             core::mem::swap(held, &mut newer);
         }
-        let mut newer = *weight;
+        let mut newer = *rendered;
         for held in &mut self.weights {
             core::mem::swap(held, &mut newer);
         }
-        let change = weight - before;
+        let change = weight - core::mem::replace(&mut self.weight, *weight);
         let Some(pose) = self.pose.filter(|_| change != Vec3::zeros()) else {
             return 0.0;
         };

@@ -29,7 +29,7 @@ pub(super) struct PieceAccount {
     pub(super) got: f64,
     /// Energy that the models said to have released so far (J).
     released: f64,
-    /// Work that the hands were spared by weights that were removed and restored (J), signed.
+    /// Work that the hands were spared by weights that their devices did not render (J), signed.
     pub(super) spared: f64,
     /// Fraction of the devices' damping that takes out missing energy.
     pub(super) damped: f64,

@@ -2,7 +2,7 @@
 
 use super::driver::Driver;
 use super::link::{Injected, Link};
-use super::{DISTANCE, Kind, PATIENCE, PERIOD_NS, Plan, Protocol, WALL};
+use super::{DISTANCE, Kind, PATIENCE, PERIOD_NS, Plan, Protocol, RECOVERY, WALL};
 use crate::DeviceModel;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
@@ -24,18 +24,40 @@ const ANSWERED_NS: u64 = 4 * PERIOD_NS;
 /// Time between two models of a host that publishes more than one (ns).
 const PUBLISHED_NS: u64 = 8 * PERIOD_NS;
 
+/// Ticks from a command to its force, at most, by which the cap reckons.
+const DELAY: usize = 1;
+/// Time in which the damper of the cap that takes out missing energy grows to the largest damping of the device (s).
+const EASE: f64 = 0.02;
+
+/// What the hand may feel of the wall in a tick.
+#[derive(Clone, Copy, Debug, Default)]
+struct Felt {
+    /// Force of the wall at the proxy (N): of a wall that only pushes, and of one that also pulls. A model that comes while
+    /// the hand is outside the wall replaces a model that does not push there, and is blended with it: the hand then feels a
+    /// part of its way to the wall.
+    forces: [f64; 2],
+    /// Distance of the proxy behind the wall (m).
+    depth: f64,
+    /// Velocity of the proxy (m/s).
+    velocity: Vec3,
+    /// Number of ticks in which the scheme damped or capped.
+    acted: u64,
+}
+
 /// The host.
 pub(super) struct Host {
     link: Link,
     driver: Driver,
     controller: Controller,
-    /// Since the fault began: the time of each command (ns), its force, and the growth of the force that the motion of the
-    /// hand explains (N).
+    /// From shortly before the fault on: the time of each command (ns), its force, and the growth of the force that the
+    /// motion of the hand and the ramps explain (N).
     commands: Vec<(u64, f64, f64)>,
-    /// Force of the wall at the proxy (N), and velocity of the proxy (m/s), in the last tick.
-    proxy: [f64; 2],
-    /// Largest damping that the scheme renders beside that of the wall (N s/m): the dampers that take out missing energy
-    /// follow the velocity, in which each count shows.
+    scheme: Scheme,
+    /// What the hand may feel in the last tick.
+    felt: Felt,
+    /// Whether the scheme damped or capped in the last tick.
+    acts: bool,
+    /// Largest damping that is rendered on the device (N s/m).
     damping: f64,
     missed: u64,
     /// Ticks in a row without a state; `None` before the first state.
@@ -57,11 +79,10 @@ impl Host {
             driver: Driver::open(protocol, &plan.model, PERIOD, link),
             controller: Controller::new(&config(plan, fault.kind)),
             commands: Vec::new(),
-            proxy: [0.0; 2],
-            damping: match plan.scheme {
-                Scheme::Capped | Scheme::Classic => late_damping(&plan.model),
-                _ => 0.0,
-            },
+            scheme: plan.scheme,
+            felt: Felt::default(),
+            acts: false,
+            damping: late_damping(&plan.model),
             missed: 0,
             without: None,
             fault,
@@ -131,34 +152,73 @@ impl Host {
         self.driver.write(&self.link, left_ns, &command);
         let force = command.force.norm();
         let explained = self.explained(&telemetry);
-        if now_ns >= self.fault.from_ns {
+        // The device may answer a command from before the fault after it.
+        if now_ns + ANSWERED_NS >= self.fault.from_ns {
             self.commands.push((left_ns, force, explained));
-        } else {
+        }
+        if now_ns < self.fault.from_ns {
             self.trips_before = self.silences();
         }
     }
 
-    /// The growth of the force that the motion of the hand in a tick explains (N).
+    /// The growth of the force that the motion of the hand in a tick and the ramps explain (N).
+    ///
+    /// - The wall itself: its spring, and its damper, which the hand meets at once at the surface. Under the cap, the spring
+    ///   resists a part of each step as a damper would.
+    /// - One force comes in at a time. No smooth step rises faster than 1.5 times its mean.
+    /// - The dampers that take out missing energy. They follow the velocity along all axes, in which each count shows. That
+    ///   of the cap comes in gradually. That of the classic controller acts in full from one tick to the next, as its
+    ///   authors propose, and takes back what has left the wall: after a force has faded while the hand was in the wall, its
+    ///   return gives the hand more than it supplied.
     fn explained(&mut self, telemetry: &Telemetry) -> f64 {
+        let Some(proxy) = telemetry.devices().next() else {
+            return 0.0;
+        };
+        let before = self.felt;
+        let depth = -proxy.pose.position.z;
+        let velocity = proxy.twist.linear;
+        let acted = telemetry.bodies[0].energy.capped;
         let [stiffness, damping] = WALL;
-        let proxy = telemetry.devices().next().map_or([0.0; 2], |proxy| {
-            let (depth, rate) = (-proxy.pose.position.z, -proxy.twist.linear.z);
-            [(stiffness * depth + damping * rate).max(0.0), rate]
-        });
-        let [[force, rate], [before, rate_before]] = [proxy, self.proxy];
-        self.proxy = proxy;
-        (force - before).max(0.0) + self.damping * (rate - rate_before).abs()
+        let spring = stiffness * depth;
+        let damper = -damping * velocity.z;
+        let forces = if self.scheme == Scheme::Capped {
+            let late = (0.5 + DELAY as f64).min(self.damping / (stiffness * PERIOD));
+            let pulls = spring + damper + late * stiffness * (depth - before.depth);
+            // The damper acts wherever the spring does, and pulls a hand that leaves. Rounding of a place.
+            [if depth > -1e-12 { pulls.abs() } else { 0.0 }, pulls]
+        } else {
+            [(spring + damper).max(0.0), spring + damper]
+        };
+        self.felt = Felt {
+            forces,
+            depth,
+            velocity,
+            acted,
+        };
+        let acts = acted > before.acted;
+        let did = std::mem::replace(&mut self.acts, acts);
+        let changed = (velocity - before.velocity).norm();
+        let damped = match self.scheme {
+            Scheme::Capped => changed + PERIOD / EASE * velocity.norm(),
+            Scheme::Classic if acts || did => velocity.norm() + before.velocity.norm(),
+            _ => 0.0,
+        };
+        let grown = forces.into_iter().zip(before.forces);
+        let grown = grown.map(|(now, before)| now - before).fold(0.0, f64::max);
+        let [pushes, _] = forces;
+        grown + 1.5 * pushes * PERIOD / RECOVERY + self.damping * damped
     }
 
     /// When the first command of no force left after the fault began (ns).
     pub(super) fn gone_ns(&self) -> Option<u64> {
         let mut commands = self.commands.iter();
-        let gone = commands.find(|(_, force, _)| *force == 0.0);
+        let from_ns = self.fault.from_ns;
+        let gone = commands.find(|(at_ns, force, _)| *at_ns >= from_ns && *force == 0.0);
         gone.map(|(at_ns, ..)| *at_ns)
     }
 
     /// Largest growth of a command since the fault began, from one tick to the next, beyond the growth that the motion of the
-    /// hand explains (N).
+    /// hand and the ramps explain (N).
     pub(super) fn jump(&self) -> f64 {
         let pairs = self.commands.iter().zip(self.commands.iter().skip(1));
         let grown = pairs.map(|((_, before, _), (_, now, explained))| now - before - explained);
@@ -223,7 +283,7 @@ fn config(plan: &Plan, kind: Kind) -> ControllerConfig {
     let model = &plan.model;
     let mut passivity = PassivityConfig::new(PERIOD);
     // A wrench acts before the next tick but one.
-    passivity.delay = 1;
+    passivity.delay = DELAY;
     passivity.ports[0] = Port {
         damping: model.damping,
         friction: model.friction,
@@ -240,7 +300,7 @@ fn config(plan: &Plan, kind: Kind) -> ControllerConfig {
             max_force: model.max_force.min(5.0),
             max_moment: 0.0,
             patience: PATIENCE,
-            recovery: 0.2,
+            recovery: RECOVERY,
             engage: EngageConfig {
                 dead_man: DEAD_MAN,
                 ramp: plan.ramp,
@@ -256,7 +316,7 @@ fn config(plan: &Plan, kind: Kind) -> ControllerConfig {
         // A wall that is published once stays valid.
         age_limit: if kind == Kind::StaleHost { 0.02 } else { 1e6 },
         decay: 0.1,
-        recovery: 0.2,
+        recovery: RECOVERY,
         hold_damping: [0.0; MAX_DEVICES],
         passivity,
     };

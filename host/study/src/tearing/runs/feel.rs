@@ -14,7 +14,7 @@ use host::engine::build::{self, How};
 use host::engine::pacer::Pacer;
 use host::engine::stats::WallStopwatch;
 use host::scene::LoadedScene;
-use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::{
     LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Scheme, TearLimit, Vec6, Wrench,
 };
@@ -132,7 +132,7 @@ impl Rival {
             for (held, wrench) in held.iter_mut().zip(&wrenches).take(poses.len()) {
                 *held = *wrench;
             }
-            coupling.hold(&held, &[1.0; MAX_DEVICES]);
+            coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
             forces.push([0, 1].map(|hand| wrenches[hand].force));
         }
     }
