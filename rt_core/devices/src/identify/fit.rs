@@ -418,3 +418,6 @@ fn without_lines(rows: &mut [(f64, [f64; 6])]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
