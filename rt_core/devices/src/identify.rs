@@ -190,3 +190,42 @@ fn axis_name(axis: usize) -> &'static str {
         _ => "z",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_contains_its_ends_and_nothing_beyond() {
+        let estimate = Estimate {
+            value: 1.5,
+            low: 1.0,
+            high: 2.0,
+        };
+        for (value, contains) in [(1.0, true), (2.0, true), (0.9, false), (2.1, false)] {
+            assert_eq!(estimate.contains(value), contains, "{value}");
+        }
+        let below = Estimate {
+            value: -1.0,
+            low: -2.0,
+            high: 0.5,
+        };
+        let found = below.not_negative();
+        assert_eq!((found.value, found.low, found.high), (0.0, 0.0, 0.5));
+    }
+
+    #[test]
+    fn an_error_names_its_axis() {
+        for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+            let text = IdentifyError::Held {
+                axis,
+                stiffness: 50.0,
+            }
+            .to_string();
+            assert!(
+                text.starts_with(&format!("along {name} the handle")),
+                "{text}"
+            );
+        }
+    }
+}

@@ -556,4 +556,62 @@ mod tests {
         assert_eq!(registry.names().collect::<Vec<_>>(), ["hid"]);
         assert_eq!(registry.driver("hid").map(Driver::kind), Some(Kind::Real));
     }
+
+    #[test]
+    fn a_driver_of_one_kind_of_devices_takes_their_profiles_alone() {
+        use crate::falcon::FalconDriver;
+        let profile = |name| DeviceFile::named(name).expect("it is carried along");
+        let falcon: &dyn Driver = &FalconDriver;
+        assert!(falcon.accepts(&profile("falcon")).is_ok());
+        let refused = falcon.accepts(&profile("touch")).expect_err("another kind");
+        assert!(
+            matches!(&refused, OpenError::Profile { found, .. } if *found == profile("touch").name)
+        );
+        // A driver of any device takes any profile.
+        let plain: &dyn Driver = &Plain;
+        assert_eq!(plain.protocol(), None);
+        assert!(plain.accepts(&profile("touch")).is_ok());
+    }
+
+    #[test]
+    fn a_person_is_told_of_a_weaker_device_and_of_an_unknown_name() {
+        let model = DeviceModel::named("virtuose6d").expect("it is carried along");
+        let profile = model.capabilities();
+        let told = |name: &str, force: f64, moment: f64| {
+            let notes = Notes::default();
+            let request = Request {
+                name: "My arm",
+                notes: Some(&notes),
+                ..Request::new(&model, "")
+            };
+            let stated = Capabilities {
+                max_force: force * profile.max_force,
+                max_moment: moment * profile.max_moment,
+                ..profile
+            };
+            let limits = request.agree(&Stated::new(name, &stated), 0.5);
+            (
+                limits.map(|limits| {
+                    (
+                        limits.max_force / profile.max_force,
+                        limits.max_moment / profile.max_moment,
+                    )
+                }),
+                notes.into_vec(),
+            )
+        };
+        assert_eq!(told("my-arm", 1.0, 1.0), (Ok((1.0, 1.0)), vec![]));
+        assert_eq!(told("my-arm", 2.0, 3.0), (Ok((1.0, 1.0)), vec![]));
+        let (limits, notes) = told("my-arm", 0.75, 0.5);
+        assert_eq!(limits, Ok((0.75, 0.5)));
+        assert_eq!(notes.len(), 2);
+        assert!(
+            notes[0].contains("a largest force of") && notes[1].contains("a largest moment of")
+        );
+        assert!(told("my-arm", 0.25, 1.0).0.is_err());
+        let (limits, notes) = told("stranger", 1.0, 1.0);
+        assert!(
+            limits.is_ok() && notes.len() == 1 && notes[0].contains("calls itself \"stranger\"")
+        );
+    }
 }

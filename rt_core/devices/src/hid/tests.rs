@@ -227,6 +227,12 @@ fn the_device_that_is_meant_is_greeted_and_named() {
     assert_eq!(name, Some(Name::new("arm")));
 }
 
+/// A device that two hosts reach obeys one of them: it knows its host by the session.
+#[test]
+fn each_host_has_a_session_of_its_own() {
+    assert_ne!(session(), session());
+}
+
 /// Another device of the same kind is plugged into the socket of the lost one, and then the lost one again.
 #[test]
 fn a_device_that_comes_back_as_another_gets_no_force_until_it_is_itself_again() {

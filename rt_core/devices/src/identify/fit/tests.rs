@@ -68,6 +68,26 @@ fn least_squares_finds_the_columns_and_what_they_do_not_explain() {
 }
 
 #[test]
+fn a_solution_without_a_positive_mass_is_none() {
+    let rows = |mass: f64| -> Vec<[f64; 6]> {
+        let columns = [
+            [1.0, 0.0, 2.0, 1.0],
+            [0.0, 3.0, 1.0, 1.0],
+            [2.0, 1.0, 0.0, 1.0],
+            [5.0, 2.0, 7.0, 1.0],
+        ];
+        columns
+            .map(|[a, b, c, d]| [a, b, c, d, 0.0, (a + 3.0 * b + 0.5 * c - d) / mass])
+            .to_vec()
+    };
+    let found = mechanics(&sums(&rows(0.5))).unwrap();
+    for (found, expected) in found.iter().zip([0.5, 3.0, 0.5, -1.0]) {
+        near(*found, expected, 1e-9);
+    }
+    assert!(mechanics(&sums(&rows(-0.5))).is_none());
+}
+
+#[test]
 fn lines_are_taken_from_every_column() {
     let times = [0.0, 0.1, 0.2, 0.3, 0.4];
     let line = |t: f64, k: usize| k as f64 + 1.0 + (2.0 - k as f64) * t;
@@ -260,6 +280,7 @@ fn a_spring_is_the_fifth_column() {
     let whole = total(&motion.sums(0.0));
     let (found, _) = whole.solve::<HELD>().unwrap();
     near(found[4] / found[0], 40.0, 0.05);
+    near(found[1] / found[0], NUMBERS[1], 0.01);
     near(1.0 / found[0], 0.2, 1e-4);
 }
 
@@ -305,6 +326,16 @@ fn axes_that_agree_have_their_mean_interval_and_axes_that_differ_a_wider_one() {
     // Of two axes that differ each is outside of the mean's interval.
     let differ = combined(&[estimate(1.0, 1.2), estimate(2.0, 2.2)]);
     assert_eq!((differ.value, differ.low, differ.high), (1.6, 1.1, 2.1));
+    // An interval that touches that of the mean does not differ, on either side.
+    for sign in [1.0, -1.0] {
+        let one = |a: f64, b: f64| estimate((sign * a).min(sign * b), (sign * a).max(sign * b));
+        let touch = combined(&[one(0.0, 2.0), one(2.5, 3.0)]);
+        let ends = [sign * 1.25, sign * 2.5];
+        assert_eq!(
+            (touch.low, touch.high),
+            (ends[0].min(ends[1]), ends[0].max(ends[1]))
+        );
+    }
 }
 
 /// A record of a sum of sines, of which a count is `step`, under the force that a mass with damping and friction needs.
@@ -495,4 +526,28 @@ fn a_number_that_cannot_be_negative_ends_at_zero() {
     assert!(
         found.friction.low >= 0.0 && found.friction.value >= 0.0 && found.friction.value < 0.01
     );
+}
+
+/// A record whose forces were written some periods before they acted.
+fn written_before(mut samples: Vec<Sample>, periods: usize) -> Vec<Sample> {
+    for k in 0..samples.len() {
+        let later = samples.get(k + periods).map_or(0.0, |sample| sample.force);
+        samples[k].force = later;
+    }
+    samples
+}
+
+#[test]
+fn a_delay_is_told_only_where_the_record_shows_it() {
+    for late in [0, 2, 5] {
+        let told = |step: f64| {
+            let samples = written_before(driven(15.0, step, NUMBERS, 0.0), late);
+            identify(&[(0, &samples)], PERIOD, 5.0)
+                .unwrap()
+                .delay_periods
+        };
+        assert_eq!(told(1e-5), Some(late as f64));
+        // On counts of a tenth of a millimetre, a delay of a period more or less fits as well.
+        assert_eq!(told(1e-4), None);
+    }
 }
