@@ -448,6 +448,7 @@ mod tests {
         // Vendor 0 is not assigned. A system without sysfs lists no devices at all.
         let nobody = open("hid:0000:0bad:left");
         assert!(nobody.contains("HID device"), "{nobody}");
+        assert!(open("hid:/dev/null").contains("the file is none of a HID device"));
         // Any path may be a link that leads to a device; these do not.
         for path in ["/dev/null", "/dev/hidraw1/..", "/dev/no/such/link"] {
             let refused = open(&format!("hid:{path}"));

@@ -427,8 +427,8 @@ mod tests {
         }
         // Beyond 10 mm the force is that of a pulse.
         assert_eq!(force(-0.015), PULSE);
-        assert_eq!(force(0.02), -PULSE);
-        assert_eq!(force(0.020_001), 0.0);
+        assert_eq!(force(0.019_9), -PULSE);
+        assert_eq!(force(0.020_1), 0.0);
         assert_eq!(pulses.result(), Some(Err(ResponseError::TooFar)));
     }
 
