@@ -551,6 +551,33 @@ mod tests {
         std::fs::remove_dir_all(&folder).expect("ours");
     }
 
+    /// A host has several addresses: one in common is enough.
+    #[test]
+    fn a_device_is_the_same_by_any_of_its_names() {
+        struct Named;
+        impl Driver for Named {
+            fn name(&self) -> &'static str {
+                "named"
+            }
+            fn kind(&self) -> Kind {
+                Kind::Real
+            }
+            fn reaches(&self, address: &str) -> Vec<String> {
+                address.split(' ').map(str::to_owned).collect()
+            }
+            fn open(&self, _: &Request<'_>) -> Result<AnyDevice, OpenError> {
+                unreachable!("nothing is opened")
+            }
+        }
+        let registry = Registry::new().with(Named);
+        let same = |one, other| {
+            let [one, other] = [one, other].map(Connection::parse);
+            registry.reach_the_same(&one, &other)
+        };
+        assert!(same("named:a b", "named:c b") && same("named:a b", "named:b c"));
+        assert!(!same("named:a b", "named:c d"));
+    }
+
     #[test]
     fn a_driver_replaces_a_driver_of_the_same_name() {
         let registry = Registry::new().with(Hid).with(Hid);

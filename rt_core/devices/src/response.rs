@@ -309,9 +309,10 @@ mod tests {
         }
     }
 
-    fn at(position: Vec3) -> Reading {
+    /// The reading of a handle at a position; `None` for a missing one.
+    fn at(position: impl Into<Option<Vec3>>) -> Reading {
         let mut state = rt_core::DeviceState::resting();
-        state.pose.position = position;
+        state.pose.position = position.into().ok_or(DeviceError::NoReport)?;
         Ok(state)
     }
 
@@ -441,7 +442,7 @@ mod tests {
             ticks += 1;
             for _ in 0..4 {
                 ticks += 1;
-                assert_eq!(pulses.tick(&Err(DeviceError::NoReport)), Wrench::zero());
+                assert_eq!(pulses.tick(&at(None)), Wrench::zero());
             }
         }
         // Sixty states, each with the four that are missing before the next one.

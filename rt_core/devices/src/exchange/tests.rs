@@ -321,6 +321,11 @@ fn a_slow_loop_has_more_time_between_two_wrenches() {
     let times = [1e-3, 1.0 / 150.0, 1.0 / 100.0, 1.0 / 50.0, 1.0];
     let times = times.map(|period| let_go_after(period).as_millis());
     assert_eq!(times, [10, 26, 40, 80, 100]);
+    let (device, _seen, _tell) = told();
+    let let_go_ns = Arc::clone(&device.let_go_ns);
+    assert_eq!(let_go_ns.load(Ordering::Relaxed), 10_000_000);
+    let _device = device.for_loop(1.0 / 50.0);
+    assert_eq!(let_go_ns.load(Ordering::Relaxed), 80_000_000);
 }
 
 /// A person may hold the device when the run ends.

@@ -607,6 +607,7 @@ mod tests {
         let error = boot(&mut link, &firmware(), &Tries::default(), &mut || 0).unwrap_err();
         assert_eq!((error.uploads, error.step), (10, Step::Line));
         assert_eq!(error.problem, Problem::System(71));
+        assert!(error.to_string().contains("no other program"), "{error}");
     }
 
     /// A boot loader that gives one byte in every second read.

@@ -430,7 +430,7 @@ fn the_interval_is_that_of_the_jackknife() {
 fn a_record_that_does_not_fit_is_refused_with_its_reason() {
     let whole = driven(15.0, 1e-5, NUMBERS, 0.0);
     let refused = |samples: &[Sample]| identify(&[(2, samples)], PERIOD, 5.0).unwrap_err();
-    let still = record([0.0; 5000]);
+    let still = record(vec![0.0; 5000]);
     assert_eq!(
         refused(&still),
         IdentifyError::TooLittleMotion {

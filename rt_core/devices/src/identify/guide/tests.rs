@@ -15,7 +15,9 @@ fn guide() -> Guide {
     Guide::new(&small(Freedom::Three), PERIOD).unwrap()
 }
 
-fn at(position: Vec3) -> Result<DeviceState, DeviceError> {
+/// The reading of a handle at a position; `None` for a lost one.
+fn at(position: impl Into<Option<Vec3>>) -> Result<DeviceState, DeviceError> {
+    let position = position.into().ok_or(DeviceError::NoReport)?;
     Ok(DeviceState {
         pose: Pose {
             position,
@@ -24,8 +26,6 @@ fn at(position: Vec3) -> Result<DeviceState, DeviceError> {
         ..DeviceState::resting()
     })
 }
-
-const LOST: Result<DeviceState, DeviceError> = Err(DeviceError::NoReport);
 
 /// A force is as expected, up to rounding.
 #[track_caller]
@@ -277,7 +277,7 @@ fn lost_readings_get_no_force_and_a_motion_goes_on_evenly_over_them() {
         guide.tick(&at(Vec3::y() * (f64::from(k) * 1e-4)));
     }
     for _ in 0..4 {
-        assert_eq!(guide.tick(&LOST), Wrench::zero());
+        assert_eq!(guide.tick(&at(None)), Wrench::zero());
     }
     for k in 15..=25_u32 {
         let y = f64::from(k) * 1e-4;
@@ -292,7 +292,7 @@ fn lost_readings_get_no_force_and_a_motion_goes_on_evenly_over_them() {
         assert_eq!(guide.tick(&at(Vec3::x() * f64::NAN)), Wrench::zero());
     }
     assert!(!guide.ended());
-    guide.tick(&LOST);
+    guide.tick(&at(None));
     assert_eq!(
         guide.result(),
         Some(Err(IdentifyError::Silent { ticks: 5, most: 5 }))
@@ -303,11 +303,11 @@ fn lost_readings_get_no_force_and_a_motion_goes_on_evenly_over_them() {
 fn the_motion_begins_with_the_first_reading() {
     let mut guide = guide();
     for _ in 0..4 {
-        guide.tick(&LOST);
+        guide.tick(&at(None));
     }
     assert_eq!(guide.progress(), 0.0);
     guide.tick(&at(Vec3::zeros()));
-    guide.tick(&LOST);
+    guide.tick(&at(None));
     assert!((guide.progress() - 2.0 / 61_500.0).abs() < 1e-12);
 }
 
@@ -315,8 +315,8 @@ fn the_motion_begins_with_the_first_reading() {
 fn only_the_free_axes_move_and_count() {
     let axes = Axes::new([false, true, true]).unwrap();
     let mut guide = Guide::new(&small(Freedom::Along(axes)), PERIOD).unwrap();
-    for tick in 0..2 * 20_500 {
-        assert!((guide.progress() - tick as f64 / 41_000.0).abs() < 1e-12);
+    for tick in 0..2 * 20_500_u32 {
+        assert!((guide.progress() - f64::from(tick) / 41_000.0).abs() < 1e-12);
         // What such a device reads along its other axis is no motion.
         let force = guide.tick(&at(Vec3::x())).force;
         assert_eq!(force.x, 0.0);
@@ -391,7 +391,7 @@ impl Plant {
     ) -> Result<Identified, IdentifyError> {
         let mut guide = Guide::new(&small(freedom), PERIOD).unwrap();
         for tick in 0.. {
-            let reading = if lost(tick) { LOST } else { self.reading() };
+            let reading = if lost(tick) { at(None) } else { self.reading() };
             let force = guide.tick(&reading).force;
             if let Some(result) = guide.result() {
                 return result;
