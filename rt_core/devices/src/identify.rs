@@ -228,4 +228,37 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn a_number_that_was_identified_is_no_estimate_any_more() {
+        let estimate = |value: f64| Estimate {
+            value,
+            low: 0.5 * value,
+            high: 2.0 * value,
+        };
+        let mut base = crate::DeviceFile::named("virtuose6d").expect("a built-in device");
+        base.estimated = ["mass", "friction", "rotation.friction"]
+            .map(str::to_owned)
+            .into();
+        let found = Identified {
+            mass: estimate(0.321_04),
+            damping: estimate(4.5),
+            friction: estimate(0.25),
+            position_step: 1e-5,
+            delay_periods: Some(1.5),
+            period: 1e-3,
+            axes: Vec::new(),
+        };
+        let file = crate::DeviceFile::parse(&found.profile(&base, "2026-01-14")).expect("a file");
+        assert_eq!(file.estimated, ["rotation.friction"]);
+        let model = &file.model;
+        let numbers = (
+            model.mass,
+            model.damping,
+            model.friction,
+            model.output_delay,
+        );
+        assert_eq!(numbers, (0.321, 4.5, 0.25, 1.5e-3));
+        assert!(file.sources["mass"].contains("2026-01-14: 95 % interval 0.1605 to 0.6421 kg"));
+    }
 }
