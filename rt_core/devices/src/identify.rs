@@ -236,6 +236,15 @@ mod tests {
             low: 0.5 * value,
             high: 2.0 * value,
         };
+        let axis = |axis, mass| AxisIdentified {
+            axis,
+            mass: estimate(mass),
+            damping: estimate(10.0 * mass),
+            friction: estimate(0.1 * mass),
+            bias: 0.0,
+            swings: 40,
+            residual: 3e-6,
+        };
         let mut base = crate::DeviceFile::named("virtuose6d").expect("a built-in device");
         base.estimated = ["mass", "friction", "rotation.friction"]
             .map(str::to_owned)
@@ -247,7 +256,7 @@ mod tests {
             position_step: 1e-5,
             delay_periods: Some(1.5),
             period: 1e-3,
-            axes: Vec::new(),
+            axes: vec![axis(0, 0.3), axis(2, 0.4)],
         };
         let file = crate::DeviceFile::parse(&found.profile(&base, "2026-01-14")).expect("a file");
         assert_eq!(file.estimated, ["rotation.friction"]);
@@ -259,6 +268,14 @@ mod tests {
             model.output_delay,
         );
         assert_eq!(numbers, (0.321, 4.5, 0.25, 1.5e-3));
-        assert!(file.sources["mass"].contains("2026-01-14: 95 % interval 0.1605 to 0.6421 kg"));
+        for (name, told) in [
+            ("mass", "0.1605 to 0.6421 kg; x 0.3, z 0.4"),
+            ("damping", "2.25 to 9.0 N s/m; x 3.0, z 4.0"),
+            ("friction", "0.125 to 0.5 N; x 0.03, z 0.04"),
+        ] {
+            let expected =
+                "identified by guided motion on 2026-01-14: 95 % interval ".to_owned() + told;
+            assert_eq!(file.sources[name], expected);
+        }
     }
 }
