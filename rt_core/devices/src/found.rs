@@ -19,7 +19,6 @@ use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 use std::fmt;
 use std::fs::{self, OpenOptions};
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use which::Alike;
 
@@ -242,15 +241,7 @@ fn line_trouble(file: &Path, rule: impl Fn() -> String) -> Option<Trouble> {
 
 /// Why a file cannot be opened for reading and writing, by one program alone.
 fn trouble(file: &Path, rule: impl Fn() -> String) -> Option<Trouble> {
-    use rustix::fs::OFlags;
-    let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits() as i32;
-    let mut options = OpenOptions::new();
-    let opened = options
-        .read(true)
-        .write(true)
-        .custom_flags(flags)
-        .open(file);
-    let refusal = match opened {
+    let refusal = match OpenOptions::new().read(true).write(true).open(file) {
         Ok(file) => rustix::fs::flock(&file, FlockOperation::NonBlockingLockShared).err()?,
         Err(error) => Errno::from_raw_os_error(error.raw_os_error().unwrap_or_default()),
     };
@@ -641,5 +632,49 @@ mod tests {
             .and_then(|rest| rest.split('-').next());
         let number: u32 = number.and_then(|text| text.parse().ok()).expect("a number");
         assert!(number < 73, "{refused}");
+    }
+
+    /// What `look` finds under an account that is not the owner of anything.
+    fn as_another_account<T: Send>(look: impl FnOnce() -> T + Send) -> T {
+        let look = || {
+            if rustix::process::geteuid().is_root() {
+                // The account "nobody", for this thread alone.
+                let nobody = rustix::fs::Uid::from_raw(65534);
+                rustix::thread::set_thread_res_uid(nobody, nobody, nobody).expect("root may");
+            }
+            look()
+        };
+        std::thread::scope(|scope| scope.spawn(look).join().expect("it looks"))
+    }
+
+    #[test]
+    fn a_device_that_may_not_be_written_to_comes_with_the_rule_for_its_kind() {
+        use std::os::unix::fs::PermissionsExt;
+        let machine = Machine::new("rules");
+        machine.hid(0, "00001209:0000C0DE", "left", "1-1", 0);
+        machine.line("ttyACM0", "A1", "1-2", 0);
+        for file in ["hidraw0", "ttyACM0"] {
+            let path = machine.0.join("dev").join(file);
+            fs::set_permissions(path, fs::Permissions::from_mode(0o444)).expect("ours");
+        }
+        let mut found = as_another_account(|| list(&machine.0));
+        found.sort_by(|a, b| a.connect.cmp(&b.connect));
+        let rules: Vec<_> = (found.iter())
+            .map(|found| match &found.trouble {
+                Some(Trouble::Permission(rule)) => rule.as_str(),
+                other => panic!("{other:?} of {}", found.connect),
+            })
+            .collect();
+        assert_eq!(
+            rules,
+            [
+                "KERNEL==\"hidraw*\", ATTRS{idVendor}==\"1209\", ATTRS{idProduct}==\"c0de\"",
+                "SUBSYSTEM==\"tty\", ATTRS{idVendor}==\"2341\", ATTRS{idProduct}==\"0043\"",
+            ]
+        );
+        // A line that was plugged out while it was looked for.
+        fs::remove_file(machine.0.join("dev/ttyACM0")).expect("ours");
+        let trouble = list(&machine.0).pop().expect("the line is last").trouble;
+        assert_eq!(trouble, Some(Trouble::NoFile));
     }
 }

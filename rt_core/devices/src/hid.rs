@@ -179,12 +179,11 @@ impl HidDevice {
         let again = selector.clone();
         // The thread needs a number only.
         let open = move || ends(&again).map_err(|_| NO_DEVICE);
-        let device = Self::start(first, Box::new(open), capabilities, watchdog_us);
-        let device = device.map_err(|source| HidError::Thread {
+        let device = Self::start(first, Box::new(open), capabilities, watchdog_us, name);
+        device.map_err(|source| HidError::Thread {
             selector: selector.clone(),
             source,
-        })?;
-        Ok(Self { name, ..device })
+        })
     }
 
     /// Whether the device may be the one of the profile, and the one of before. For the hot path.
@@ -231,6 +230,7 @@ impl HidDevice {
             Box::new(open),
             capabilities,
             0,
+            None,
         )
     }
 
@@ -243,14 +243,16 @@ impl HidDevice {
         capabilities: Capabilities,
     ) -> std::io::Result<Self> {
         let first = open().map_err(std::io::Error::from_raw_os_error)?;
-        Self::start(first, Box::new(open), capabilities, 0)
+        Self::start(first, Box::new(open), capabilities, 0, None)
     }
 
+    /// Starts the thread of a device that is open, and whose model has this name where it has been greeted before.
     fn start(
         (read, mut write): Ends,
         open: Open<Command, Box<ReadReport>>,
         capabilities: Capabilities,
         watchdog_us: u32,
+        name: Option<Name>,
     ) -> std::io::Result<Self> {
         let session = session();
         let mut reports = Reports::new(session, watchdog_us);
@@ -262,7 +264,7 @@ impl HidDevice {
             writer: Writer::start(write, let_go, open)?,
             reports,
             capabilities,
-            name: None,
+            name,
             gone: None,
         })
     }

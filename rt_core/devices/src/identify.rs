@@ -190,3 +190,92 @@ fn axis_name(axis: usize) -> &'static str {
         _ => "z",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_contains_its_ends_and_nothing_beyond() {
+        let estimate = Estimate {
+            value: 1.5,
+            low: 1.0,
+            high: 2.0,
+        };
+        for (value, contains) in [(1.0, true), (2.0, true), (0.9, false), (2.1, false)] {
+            assert_eq!(estimate.contains(value), contains, "{value}");
+        }
+        let below = Estimate {
+            value: -1.0,
+            low: -2.0,
+            high: 0.5,
+        };
+        let found = below.not_negative();
+        assert_eq!((found.value, found.low, found.high), (0.0, 0.0, 0.5));
+    }
+
+    #[test]
+    fn an_error_names_its_axis() {
+        for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+            let text = IdentifyError::Held {
+                axis,
+                stiffness: 50.0,
+            }
+            .to_string();
+            assert!(
+                text.starts_with(&format!("along {name} the handle")),
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_number_that_was_identified_is_no_estimate_any_more() {
+        let estimate = |value: f64| Estimate {
+            value,
+            low: 0.5 * value,
+            high: 2.0 * value,
+        };
+        let axis = |axis, mass| AxisIdentified {
+            axis,
+            mass: estimate(mass),
+            damping: estimate(10.0 * mass),
+            friction: estimate(0.1 * mass),
+            bias: 0.0,
+            swings: 40,
+            residual: 3e-6,
+        };
+        let mut base = crate::DeviceFile::named("virtuose6d").expect("a built-in device");
+        base.estimated = ["mass", "friction", "rotation.friction"]
+            .map(str::to_owned)
+            .into();
+        let found = Identified {
+            mass: estimate(0.321_04),
+            damping: estimate(4.5),
+            friction: estimate(0.25),
+            position_step: 1e-5,
+            delay_periods: Some(1.5),
+            period: 1e-3,
+            axes: vec![axis(0, 0.3), axis(2, 0.4)],
+        };
+        let file = crate::DeviceFile::parse(&found.profile(&base, "2026-01-14")).expect("a file");
+        assert_eq!(file.estimated, ["rotation.friction"]);
+        let model = &file.model;
+        let numbers = (
+            model.mass,
+            model.damping,
+            model.friction,
+            model.output_delay,
+        );
+        assert_eq!(numbers, (0.321, 4.5, 0.25, 1.5e-3));
+        for (name, told) in [
+            ("mass", "0.1605 to 0.6421 kg; x 0.3, z 0.4"),
+            ("damping", "2.25 to 9.0 N s/m; x 3.0, z 4.0"),
+            ("friction", "0.125 to 0.5 N; x 0.03, z 0.04"),
+        ] {
+            let expected =
+                "identified by guided motion on 2026-01-14: 95 % interval ".to_owned() + told;
+            assert_eq!(file.sources[name], expected);
+        }
+    }
+}

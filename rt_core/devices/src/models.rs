@@ -189,6 +189,39 @@ mod tests {
         assert_eq!(DeviceModel::named("tuch"), None);
     }
 
+    /// The account of energy takes no credit for what nobody has measured.
+    #[test]
+    fn a_dissipation_that_is_estimated_counts_as_none() {
+        let model = DeviceModel::named("virtuose6d").unwrap();
+        let rotation = model.rotation.unwrap();
+        let all = [
+            "damping",
+            "friction",
+            "rotation.damping",
+            "rotation.friction",
+        ];
+        for (k, name) in all.iter().enumerate() {
+            let safe = model.without_estimates(&[(*name).to_owned(), "mass".to_owned()]);
+            let turning = safe.rotation.unwrap();
+            let found = [
+                safe.damping,
+                safe.friction,
+                turning.damping,
+                turning.friction,
+            ];
+            let mut expected = [
+                model.damping,
+                model.friction,
+                rotation.damping,
+                rotation.friction,
+            ];
+            assert!(expected.iter().all(|value| *value > 0.0));
+            expected[k] = 0.0;
+            assert_eq!(found, expected, "{name}");
+            assert_eq!((safe.mass, turning.inertia), (model.mass, rotation.inertia));
+        }
+    }
+
     #[test]
     fn files_have_the_numbers_of_the_makers() {
         // Spot checks against the sources that the files name.

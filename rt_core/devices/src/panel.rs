@@ -122,7 +122,9 @@ impl Operated {
         let mut schedule: Vec<_> = orders
             .map(|timed| ((timed.at.max(0.0) * 1e9) as u64, timed.order))
             .collect();
-        schedule.sort_by_key(|(at, _)| std::cmp::Reverse(*at));
+        // Orders of one time are obeyed as they are listed.
+        schedule.sort_by_key(|(at, _)| *at);
+        schedule.reverse();
         Self {
             device,
             panel,
@@ -228,6 +230,75 @@ mod tests {
         assert_eq!(read(6), 1 | ARM_ORDER | STOP_ORDER);
         panel.arm();
         assert_eq!(read(7), 1);
+        panel.stop();
+        assert_eq!(read(8), 1 | STOP_ORDER);
+    }
+
+    #[test]
+    fn an_order_of_the_panel_and_one_of_the_schedule_are_both_obeyed() {
+        let at = |order| TimedOrder { order, at: 1e-3 };
+        let panel = Panel::default();
+        let schedule = [at(Order::Arm), at(Order::Stop)];
+        let mut device = Operated::new(pressed(0), panel.clone(), &schedule);
+        let mut read = |ms: u64| device.read(ms * 1_000_000).expect("a state").buttons;
+        panel.arm();
+        panel.stop();
+        assert_eq!(read(0), ARM_ORDER | STOP_ORDER);
+        // The second order to arm changes the bit again, and a second stop is a stop.
+        assert_eq!(read(1), STOP_ORDER);
+        panel.arm();
+        // The stop of the schedule is not taken back by the panel.
+        assert_eq!(read(2), ARM_ORDER | STOP_ORDER);
+        assert_eq!([Order::Arm.name(), Order::Stop.name()], ["arm", "stop"]);
+    }
+
+    #[test]
+    fn all_but_the_orders_is_that_of_the_device() {
+        /// A device that tells everything.
+        struct Talkative(Option<Wrench>);
+        impl Device for Talkative {
+            fn capabilities(&self) -> Capabilities {
+                small(Freedom::Six)
+            }
+            fn read(&mut self, _: u64) -> Result<DeviceState, DeviceError> {
+                Err(DeviceError::NoReport)
+            }
+            fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+                let is_new = self.0.replace(*wrench) != Some(*wrench);
+                if now_ns == 7 && is_new {
+                    Err(DeviceError::Busy)
+                } else {
+                    Ok(())
+                }
+            }
+            fn probe(&self) -> Option<Probe> {
+                let held = self.0?;
+                Some(Probe {
+                    pose: rt_core::Pose::identity(),
+                    twist: rt_core::Twist::zero(),
+                    held,
+                    motor_work: 1.0,
+                    on_hand: 2.0,
+                })
+            }
+            fn motion_to_force_ns(&self) -> Option<u64> {
+                Some(300)
+            }
+            fn refused_wrenches(&self) -> Option<u64> {
+                Some(5)
+            }
+        }
+        let mut device = Operated::new(Box::new(Talkative(None)), Panel::default(), &[]);
+        let push = Wrench {
+            force: rt_core::Vec3::x(),
+            moment: rt_core::Vec3::zeros(),
+        };
+        assert_eq!(device.capabilities(), small(Freedom::Six));
+        assert_eq!(device.read(0), Err(DeviceError::NoReport));
+        assert_eq!(device.write(7, &push), Err(DeviceError::Busy));
+        assert_eq!(device.probe().map(|probe| probe.held), Some(push));
+        assert_eq!(device.motion_to_force_ns(), Some(300));
+        assert_eq!(device.refused_wrenches(), Some(5));
     }
 
     #[test]

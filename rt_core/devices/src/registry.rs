@@ -448,6 +448,7 @@ mod tests {
         // Vendor 0 is not assigned. A system without sysfs lists no devices at all.
         let nobody = open("hid:0000:0bad:left");
         assert!(nobody.contains("HID device"), "{nobody}");
+        assert!(open("hid:/dev/null").contains("the file is none of a HID device"));
         // Any path may be a link that leads to a device; these do not.
         for path in ["/dev/null", "/dev/hidraw1/..", "/dev/no/such/link"] {
             let refused = open(&format!("hid:{path}"));
@@ -550,10 +551,95 @@ mod tests {
         std::fs::remove_dir_all(&folder).expect("ours");
     }
 
+    /// A host has several addresses: one in common is enough.
+    #[test]
+    fn a_device_is_the_same_by_any_of_its_names() {
+        struct Named;
+        impl Driver for Named {
+            fn name(&self) -> &'static str {
+                "named"
+            }
+            fn kind(&self) -> Kind {
+                Kind::Real
+            }
+            fn reaches(&self, address: &str) -> Vec<String> {
+                address.split(' ').map(str::to_owned).collect()
+            }
+            fn open(&self, _: &Request<'_>) -> Result<AnyDevice, OpenError> {
+                unreachable!("nothing is opened")
+            }
+        }
+        let registry = Registry::new().with(Named);
+        let same = |one, other| {
+            let [one, other] = [one, other].map(Connection::parse);
+            registry.reach_the_same(&one, &other)
+        };
+        assert!(same("named:a b", "named:c b") && same("named:a b", "named:b c"));
+        assert!(!same("named:a b", "named:c d"));
+    }
+
     #[test]
     fn a_driver_replaces_a_driver_of_the_same_name() {
         let registry = Registry::new().with(Hid).with(Hid);
         assert_eq!(registry.names().collect::<Vec<_>>(), ["hid"]);
         assert_eq!(registry.driver("hid").map(Driver::kind), Some(Kind::Real));
+    }
+
+    #[test]
+    fn a_driver_of_one_kind_of_devices_takes_their_profiles_alone() {
+        use crate::falcon::FalconDriver;
+        let profile = |name| DeviceFile::named(name).expect("it is carried along");
+        let falcon: &dyn Driver = &FalconDriver;
+        assert!(falcon.accepts(&profile("falcon")).is_ok());
+        let refused = falcon.accepts(&profile("touch")).expect_err("another kind");
+        assert!(
+            matches!(&refused, OpenError::Profile { found, .. } if *found == profile("touch").name)
+        );
+        // A driver of any device takes any profile.
+        let plain: &dyn Driver = &Plain;
+        assert_eq!(plain.protocol(), None);
+        assert!(plain.accepts(&profile("touch")).is_ok());
+    }
+
+    #[test]
+    fn a_person_is_told_of_a_weaker_device_and_of_an_unknown_name() {
+        let model = DeviceModel::named("virtuose6d").expect("it is carried along");
+        let profile = model.capabilities();
+        let told = |name: &str, force: f64, moment: f64| {
+            let notes = Notes::default();
+            let request = Request {
+                name: "My arm",
+                notes: Some(&notes),
+                ..Request::new(&model, "")
+            };
+            let stated = Capabilities {
+                max_force: force * profile.max_force,
+                max_moment: moment * profile.max_moment,
+                ..profile
+            };
+            let limits = request.agree(&Stated::new(name, &stated), 0.5);
+            (
+                limits.map(|limits| {
+                    (
+                        limits.max_force / profile.max_force,
+                        limits.max_moment / profile.max_moment,
+                    )
+                }),
+                notes.into_vec(),
+            )
+        };
+        assert_eq!(told("my-arm", 1.0, 1.0), (Ok((1.0, 1.0)), vec![]));
+        assert_eq!(told("my-arm", 2.0, 3.0), (Ok((1.0, 1.0)), vec![]));
+        let (limits, notes) = told("my-arm", 0.75, 0.5);
+        assert_eq!(limits, Ok((0.75, 0.5)));
+        assert_eq!(notes.len(), 2);
+        assert!(
+            notes[0].contains("a largest force of") && notes[1].contains("a largest moment of")
+        );
+        assert!(told("my-arm", 0.25, 1.0).0.is_err());
+        let (limits, notes) = told("stranger", 1.0, 1.0);
+        assert!(
+            limits.is_ok() && notes.len() == 1 && notes[0].contains("calls itself \"stranger\"")
+        );
     }
 }

@@ -263,6 +263,7 @@ mod tests {
         let model = DeviceModel::named("falcon").expect("a built-in device");
         let mut pulses = Pulses::new(&model, 1e-3);
         for _ in 0..SILENT_TICKS {
+            assert!(!pulses.ended());
             assert_eq!(pulses.tick(&Err(DeviceError::NoReport)), Wrench::zero());
         }
         assert_eq!(pulses.result(), Some(Err(ResponseError::Silent)));
@@ -292,5 +293,159 @@ mod tests {
             }
         }
         assert_eq!(pulses.result(), Some(Err(ResponseError::TooFar)));
+    }
+
+    const STEP: f64 = 1e-5;
+    /// The force of a pulse of [`model`] (N).
+    const PULSE: f64 = 1.2;
+
+    fn model() -> DeviceModel {
+        DeviceModel {
+            max_force: 4.0,
+            mass: 0.2,
+            friction: 0.2,
+            position_step: STEP,
+            ..DeviceModel::named("falcon").expect("a built-in device")
+        }
+    }
+
+    /// The reading of a handle at a position; `None` for a missing one.
+    fn at(position: impl Into<Option<Vec3>>) -> Reading {
+        let mut state = rt_core::DeviceState::resting();
+        state.pose.position = position.into().ok_or(DeviceError::NoReport)?;
+        Ok(state)
+    }
+
+    /// A device on which the handle moves by two counts after the given ticks of each pulse, or not at all.
+    fn pulsed(model: &DeviceModel, axis: Vec3, moves: [Option<u32>; PULSES]) -> Pulses {
+        let mut pulses = Pulses::new(model, 1e-3);
+        let (force, most) = pulses.limits();
+        assert_eq!(most, 0.02);
+        let start = Vec3::new(0.01, 0.02, 0.03);
+        for (done, moved) in moves.into_iter().enumerate() {
+            assert_eq!(pulses.progress(), done as f64 / 20.0);
+            let direction = if done % 2 == 0 { 1.0 } else { -1.0 };
+            let push = axis * (direction * force);
+            let mut wrench = Wrench::zero();
+            // A rest of 0.3 s. The last states of the pulse before still brake the handle for some ticks.
+            for tick in 1..=300 {
+                assert!(tick < 10 || wrench == Wrench::zero(), "{tick}");
+                wrench = pulses.tick(&at(start));
+            }
+            assert_eq!((wrench.force, wrench.moment), (push, Vec3::zeros()));
+            let moved = moved.unwrap_or(150);
+            for tick in 1..moved {
+                // Neither less than two counts nor a motion against the force is a motion.
+                let counts = if tick % 2 == 0 { 1.7 } else { -3.0 };
+                wrench = pulses.tick(&at(start + axis * (direction * counts * STEP)));
+                assert_eq!(wrench.force, push);
+            }
+            assert_eq!(pulses.result(), None);
+            let counts = if moved < 150 { 1.8 } else { 0.0 };
+            wrench = pulses.tick(&at(start + axis * (direction * counts * STEP)));
+            assert_eq!(wrench, Wrench::zero());
+        }
+        assert!(pulses.ended() && pulses.progress() == 1.0);
+        assert_eq!(pulses.tick(&at(start + axis * 0.01)), Wrench::zero());
+        pulses
+    }
+
+    #[test]
+    fn the_delay_is_the_time_to_the_first_motion_less_the_motion_itself() {
+        let moves = core::array::from_fn(|k| Some(5 + (k as u32 * 7) % 20));
+        let found = pulsed(&model(), Vec3::x(), moves).result().expect("an end");
+        let found = found.expect("a delay");
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
+        // Delays from 5 to 24 ms, each once.
+        for (found, expected) in found.first_motion.iter().zip([5e-3, 15e-3, 24e-3]) {
+            assert!(near(*found, expected), "{found} {expected}");
+        }
+        // One count and two, at (1.2 N - 0.2 N) / 0.2 kg.
+        let [one, two] = [1.0, 2.0].map(|counts: f64| (2.0 * counts * STEP / 5.0).sqrt());
+        assert!(
+            near(found.delay, 15e-3 - 0.5 * (one + two) - 0.5e-3),
+            "{found:?}"
+        );
+        assert!(near(found.bound, 0.5 * (two - one) + 0.5e-3), "{found:?}");
+        assert_eq!((found.pulses, found.force), (20, PULSE));
+    }
+
+    #[test]
+    fn friction_takes_nine_tenths_of_the_force_at_most() {
+        let stiff = DeviceModel {
+            friction: 5.0,
+            ..model()
+        };
+        let found = pulsed(&stiff, Vec3::x(), [Some(10); PULSES]).result();
+        let found = found.expect("an end").expect("a delay");
+        let [one, two] = [1.0, 2.0].map(|counts: f64| (2.0 * counts * STEP * 0.2 / 0.12).sqrt());
+        assert!(
+            (found.bound - (0.5 * (two - one) + 0.5e-3)).abs() < 1e-12,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn half_of_the_pulses_must_move_the_handle() {
+        let moves = |count: usize| core::array::from_fn(|k| (k < count).then_some(12));
+        let found = pulsed(&model(), Vec3::x(), moves(10)).result();
+        assert_eq!(found.expect("an end").map(|found| found.pulses), Ok(10));
+        let few = pulsed(&model(), Vec3::x(), moves(9)).result();
+        assert_eq!(few, Some(Err(ResponseError::Still { moved: 9 })));
+    }
+
+    #[test]
+    fn the_pulses_act_along_the_first_free_axis() {
+        for (free, axis) in [
+            ([true, true, false], Vec3::x()),
+            ([false, true, true], Vec3::y()),
+            ([false, false, true], Vec3::z()),
+        ] {
+            let flat = DeviceModel {
+                axes: rt_core::Axes::new(free),
+                ..model()
+            };
+            pulsed(&flat, axis, [Some(3); PULSES]);
+        }
+    }
+
+    #[test]
+    fn a_spring_and_a_damper_bring_the_handle_back_between_two_pulses() {
+        let mut pulses = Pulses::new(&model(), 1e-3);
+        let mut force = |x: f64| pulses.tick(&at(Vec3::x() * (0.05 + x))).force.x;
+        let stiffness = PULSE / 0.01;
+        let damping = 2.0 * (stiffness * 0.2_f64).sqrt();
+        assert_eq!(force(0.0), 0.0);
+        // The speed is the mean over seven periods; the handle had rested before.
+        for k in 1..20_u32 {
+            let x = 1e-4 * f64::from(k);
+            let speed = 0.1 * f64::from(k.min(7)) / 7.0;
+            let expected = (-stiffness * x - damping * speed).max(-PULSE);
+            assert!((force(x) - expected).abs() < 1e-9, "{k}");
+        }
+        for _ in 0..8 {
+            force(-0.015);
+        }
+        // Beyond 10 mm the force is that of a pulse.
+        assert_eq!(force(-0.015), PULSE);
+        assert_eq!(force(0.019_9), -PULSE);
+        assert_eq!(force(0.020_1), 0.0);
+        assert_eq!(pulses.result(), Some(Err(ResponseError::TooFar)));
+    }
+
+    #[test]
+    fn missing_states_are_time_that_passes() {
+        let mut pulses = Pulses::new(&model(), 1e-3);
+        let start = at(Vec3::zeros());
+        let mut ticks = 0;
+        while pulses.tick(&start) == Wrench::zero() {
+            ticks += 1;
+            for _ in 0..4 {
+                ticks += 1;
+                assert_eq!(pulses.tick(&at(None)), Wrench::zero());
+            }
+        }
+        // Sixty states, each with the four that are missing before the next one.
+        assert_eq!(ticks, 300);
     }
 }

@@ -424,6 +424,9 @@ mod tests {
             ""
         );
         assert_eq!(said("arm", ""), "");
+        // A name that is not cut is whole, and a cut one begins the other.
+        assert!(said("Lab", "Laboratory arm").contains("calls itself"));
+        assert!(said("Laboratory arm 2", "Laboratory arm 3").contains("calls itself"));
         for (stated, profile) in [("arm", name("falcon")), ("omega3", "My device".to_owned())] {
             let told = said(stated, &profile);
             assert!(
@@ -431,5 +434,17 @@ mod tests {
                 "{told}"
             );
         }
+    }
+
+    #[test]
+    fn what_a_device_states_in_units_of_a_report_is_in_si_units_here() {
+        let stated = Stated::of(&Model {
+            max_force: 8_000_000,
+            max_moment: 500_000,
+            workspace_radius: 500_000,
+            ..Model::default()
+        });
+        let numbers = (stated.max_force, stated.max_moment, stated.workspace_radius);
+        assert_eq!(numbers, (8.0, 0.5, 0.05));
     }
 }

@@ -154,7 +154,7 @@ impl Usb for UsbDevice {
     }
 
     fn bulk_out(&mut self, bytes: &[u8]) -> Result<(), i32> {
-        match kernel::bulk_out(&self.file, OUT, bytes, SEND_MS)? {
+        match kernel::bulk_out(&self.file, bytes, SEND_MS)? {
             sent if sent == bytes.len() => Ok(()),
             _ => Err(INCOMPLETE),
         }
@@ -259,21 +259,16 @@ mod kernel {
         checked(unsafe { libc::ioctl(file.as_raw_fd(), BULK, &raw mut transfer) })
     }
 
-    /// A bulk transfer to the device. `endpoint` is one to the device, so that the kernel only reads the bytes.
-    pub(super) fn bulk_out(
-        file: &File,
-        endpoint: c_uint,
-        bytes: &[u8],
-        timeout_ms: c_uint,
-    ) -> Result<usize, i32> {
+    /// A bulk transfer to the device.
+    pub(super) fn bulk_out(file: &File, bytes: &[u8], timeout_ms: c_uint) -> Result<usize, i32> {
         let mut transfer = BulkTransfer {
-            endpoint: endpoint & 0x7f,
+            endpoint: super::OUT,
             length: c_uint::try_from(bytes.len()).map_err(|_| libc::EINVAL)?,
             timeout_ms,
             data: bytes.as_ptr().cast_mut().cast(),
         };
         // SAFETY: the kernel reads one `struct usbdevfs_bulktransfer`, and `length` bytes from `data`, which `bytes`
-        // has. It writes nothing to `data`, because the direction bit of the endpoint is zero.
+        // has. It writes nothing to `data`, because the direction bit of this endpoint is zero.
         checked(unsafe { libc::ioctl(file.as_raw_fd(), BULK, &raw mut transfer) })
     }
 }
@@ -428,5 +423,15 @@ mod tests {
             Err(libc::ENOTTY)
         );
         assert_eq!(device.bulk_out(&[1, 2]), Err(libc::ENOTTY));
+    }
+
+    #[test]
+    fn a_selector_is_shown_by_numbers_and_end() {
+        let one = Selector {
+            kind: "falcon",
+            numbers: (0x0403, 0xcb48),
+            which: Which::Serial("A1".to_owned()),
+        };
+        assert_eq!(one.to_string(), "0403:cb48 with serial number \"A1\"");
     }
 }

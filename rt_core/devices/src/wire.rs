@@ -86,3 +86,33 @@ pub fn corrupt(error: ReportError) -> DeviceError {
         ReportError::OutOfRange { .. } => Corruption::Range,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_renders_with_power_and_with_a_wrench_in_force_alone() {
+        let both = status::POWERED | status::IN_FORCE;
+        let rendering = |status, mode| {
+            rendering_of(&Condition {
+                status,
+                mode,
+                fault: 7,
+                ..Condition::default()
+            })
+        };
+        for (status, rendered) in [
+            (both, Rendering::Commanded),
+            (0xff, Rendering::Commanded),
+            (!both, Rendering::LetGo),
+            (0, Rendering::LetGo),
+            (status::POWERED, Rendering::LetGo),
+            (status::IN_FORCE, Rendering::LetGo),
+        ] {
+            assert_eq!(rendering(status, Mode::Active), rendered, "{status:#x}");
+            // A device in a fault renders nothing, whatever else it says.
+            assert_eq!(rendering(status, Mode::Fault), Rendering::Fault(7));
+        }
+    }
+}

@@ -64,6 +64,7 @@ fn made(test: &str, [loaded, open, exchange]: [&str; 3]) -> Option<PathBuf> {
 struct palpate_device {{ int unused; }};
 static struct palpate_device one;
 static int exchanges;
+static char mark[512]; /* a file that is made when the device is closed, where `open` names one */
 static void nap(void) {{ struct timespec ms = {{0, 1000000}}; nanosleep(&ms, NULL); }}
 static void hang(void) {{ for (;;) nap(); }}
 static int opened(const char *address, palpate_device **device, palpate_capabilities *states, char *message, size_t length) {{
@@ -87,7 +88,11 @@ static int exchanged(palpate_device *device, const palpate_wrench *wrench, palpa
     {exchange}
     return PALPATE_OK;
 }}
-static void closed(palpate_device *device) {{ (void)device; }}
+static void closed(palpate_device *device) {{
+    (void)device;
+    FILE *file = mark[0] ? fopen(mark, "w") : NULL;
+    if (file) fclose(file);
+}}
 const palpate_plugin *palpate_plugin_entry(void) {{
     static const palpate_plugin plugin = {{PALPATE_DEVICE_ABI, 0, "made", opened, exchanged, closed}};
     {loaded}
@@ -510,4 +515,25 @@ fn a_plug_in_that_cannot_be_opened_says_why() {
     if build("other", &source).is_some() {
         assert!(open("other.so").contains("is no plug-in for devices"));
     }
+}
+
+/// A motor that nobody switches off keeps its last current.
+#[test]
+fn the_end_of_a_run_closes_each_device() {
+    let name_the_mark = r#"snprintf(mark, sizeof mark, "%s", address);"#;
+    let Some(library) = made("closes", ["", name_the_mark, ""]) else {
+        return;
+    };
+    let marks = ["left", "right"].map(|name| Path::new(FOLDER).join(format!("closed-{name}")));
+    for mark in &marks {
+        let _ = std::fs::remove_file(mark);
+    }
+    let [left, right] = marks
+        .each_ref()
+        .map(|mark| opened(&library, &mark.display().to_string()));
+    assert!(marks.iter().all(|mark| !mark.exists()));
+    drop(left);
+    assert!(marks[0].exists() && !marks[1].exists());
+    drop(right);
+    assert!(marks[1].exists());
 }

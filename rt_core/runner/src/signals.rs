@@ -84,4 +84,27 @@ mod tests {
             assert!(!signals.contains(&signal), "{signal}");
         }
     }
+
+    #[test]
+    fn requests_timers_and_realtime_signals_end_a_process() {
+        let mut signals = ending();
+        for signal in [
+            libc::SIGHUP,
+            libc::SIGINT,
+            libc::SIGQUIT,
+            libc::SIGTERM,
+            libc::SIGALRM,
+            libc::SIGVTALRM,
+            libc::SIGPROF,
+            libc::SIGXCPU,
+        ] {
+            assert!(signals.contains(&signal), "{signal}");
+        }
+        #[cfg(target_os = "linux")]
+        assert!((libc::SIGRTMIN()..=libc::SIGRTMAX()).all(|signal| signals.contains(&signal)));
+        let count = signals.len();
+        signals.sort_unstable();
+        signals.dedup();
+        assert_eq!(signals.len(), count, "each once");
+    }
 }

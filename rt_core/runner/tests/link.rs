@@ -399,3 +399,48 @@ fn copies_of_models_that_the_log_has_no_room_for_are_counted_and_cost_the_tick_n
     host.publish(0, &model(10)).expect("the tick takes it");
     assert_eq!(host.refused_copies(), 3);
 }
+
+#[test]
+fn the_log_has_room_for_as_many_copies_however_many_handles_they_have() {
+    // A small model at the start shifts the places of the others, so that one of them skips the end of the ring.
+    for first in 1..=MAX_HANDLES as u8 {
+        let (mut tick, mut host, mut log) = small();
+        let mut publish = |sequence, handles| {
+            host.publish(0, &sized(sequence, handles))
+                .expect("the tick takes them");
+            tick.take_models(|_, _| ());
+            host.refused_copies()
+        };
+        assert_eq!(publish(1, first), 0);
+        assert_eq!(numbers(&mut log), [-1]);
+        for sequence in 2..=7 {
+            assert_eq!(publish(sequence, MAX_HANDLES as u8), 0, "{first}");
+        }
+        assert_eq!(numbers(&mut log), [-2, -3, -4, -5, -6, -7]);
+    }
+}
+
+/// The host sends a model of more handles than the link was made for.
+#[test]
+fn a_model_that_is_larger_than_the_rings_is_taken_whole_or_refused() {
+    let rates = LinkConfig {
+        handles: 1,
+        stall: 1.0,
+        ..LinkConfig::new(4.0, 2.0)
+    };
+    let (mut tick, mut host, _log) = link(&rates);
+    let mut taken = |host: &mut HostEnd, sequence, handles| {
+        let sent = host.publish(0, &sized(sequence, handles));
+        let mut whole = None;
+        tick.take_models(|_, model| {
+            let mut found = LocalModel::empty();
+            found.copy_used_from(model);
+            whole = Some(is_sized(&found) && found.sequence == sequence);
+        });
+        (sent.is_ok(), whole)
+    };
+    // Eight blocks fill their ring; eighteen have no room.
+    assert_eq!(taken(&mut host, 1, 2), (true, Some(true)));
+    assert_eq!(taken(&mut host, 2, 3), (false, None));
+    assert_eq!(taken(&mut host, 3, 1), (true, Some(true)));
+}

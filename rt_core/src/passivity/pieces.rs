@@ -291,3 +291,27 @@ impl Passivity {
         self.account.available = pieces.fold(0.0, |sum, piece| sum + piece.available());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_heir_of_a_piece_is_its_largest_part_the_first_of_equal_ones_and_the_first_piece_where_none_is_left()
+     {
+        let heir = |row: [f64; 4]| {
+            let mut fractions = [[0.0; MAX_HANDLES]; MAX_HANDLES];
+            fractions[1][..4].copy_from_slice(&row);
+            let division = Division {
+                fractions,
+                continues: [true; MAX_HANDLES],
+                is_part: [false; MAX_HANDLES],
+                count: 4,
+            };
+            division.heir(1)
+        };
+        assert_eq!(heir([0.1, 0.2, 0.6, 0.1]), 2);
+        assert_eq!(heir([0.0, 0.5, 0.0, 0.5]), 1);
+        assert_eq!(heir([0.0; 4]), 0);
+    }
+}

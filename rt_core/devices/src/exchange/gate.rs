@@ -257,4 +257,30 @@ mod tests {
             prop_assert!(pipe.last != Wrench::zero());
         }
     }
+
+    /// A device with a fault holds no force, and no wrench from before brings the force back when the fault is over.
+    #[test]
+    fn after_a_fault_the_force_waits_until_the_tick_has_read_it() {
+        let push = Wrench {
+            force: Vec3::x(),
+            moment: Vec3::zeros(),
+        };
+        let end = |gate: &mut Gate, rendering| {
+            let mut answer = Ok(DeviceState {
+                rendering,
+                ..DeviceState::resting()
+            });
+            gate.end(&mut answer);
+            answer.map(|state| state.rendering)
+        };
+        for rendering in [Rendering::Fault(3), Rendering::LetGo] {
+            let mut gate = Gate::default();
+            assert_eq!(gate.pass(&push, 0), push);
+            assert_eq!(end(&mut gate, rendering), Ok(rendering));
+            assert_eq!(gate.pass(&push, 0), Wrench::zero());
+            let told = end(&mut gate, Rendering::Commanded);
+            assert_eq!(told, Ok(Rendering::LetGo));
+            assert_eq!(gate.pass(&push, 2), push);
+        }
+    }
 }

@@ -542,8 +542,11 @@ mod tests {
         let huge = error(&path);
         std::fs::write(&path, vec![7; LARGEST]).unwrap();
         let largest = Firmware::load(&path).map(|firmware| firmware.image().len());
+        std::fs::write(&path, vec![7; 100]).unwrap();
+        let small = Firmware::load(&path).map(|firmware| firmware.image().len());
         std::fs::remove_dir_all(&folder).unwrap();
         assert_eq!(largest.unwrap(), LARGEST);
+        assert_eq!(small.unwrap(), 100);
         for (text, what) in [
             (&missing, "No such file"),
             (&empty, "has 0 bytes"),
@@ -604,5 +607,130 @@ mod tests {
         let error = boot(&mut link, &firmware(), &Tries::default(), &mut || 0).unwrap_err();
         assert_eq!((error.uploads, error.step), (10, Step::Line));
         assert_eq!(error.problem, Problem::System(71));
+        assert!(error.to_string().contains("no other program"), "{error}");
+    }
+
+    /// A boot loader that gives one byte in every second read.
+    #[derive(Default)]
+    struct Loader {
+        divisor: u16,
+        settings: Vec<Control>,
+        /// Bytes that wait to be read.
+        waits: std::collections::VecDeque<u8>,
+        gives: bool,
+        begun: bool,
+        image: Vec<u8>,
+        /// The byte of the image that comes back changed, and the first one that does not come back.
+        changed: Option<usize>,
+        missing: Option<usize>,
+    }
+
+    impl Transport for Loader {
+        fn read(&mut self, buffer: &mut [u8], wait: Duration) -> Result<usize, i32> {
+            assert!(wait <= ECHO_WAIT);
+            self.gives = !self.gives;
+            let next = if self.gives {
+                self.waits.pop_front()
+            } else {
+                None
+            };
+            buffer[0] = next.unwrap_or_default();
+            Ok(next.iter().count())
+        }
+        fn write(&mut self, bytes: &[u8]) -> Result<(), i32> {
+            match self.divisor {
+                HANDSHAKE_DIVISOR if bytes == HELLO => {
+                    self.waits.extend([0x0a, 0x44]);
+                    self.waits.extend(HELLO_BACK);
+                }
+                // The whole answer was read before.
+                IMAGE_DIVISOR if bytes == [BEGIN] && !self.begun && self.waits.is_empty() => {
+                    self.begun = true;
+                    self.waits.push_back(BEGIN);
+                }
+                IMAGE_DIVISOR if self.begun => {
+                    for &byte in bytes {
+                        let at = self.image.len();
+                        self.image.push(byte);
+                        if self.missing.is_none_or(|missing| at < missing) {
+                            let change = if self.changed == Some(at) { 0x0f } else { 0 };
+                            self.waits.push_back(byte ^ change);
+                        }
+                    }
+                }
+                PACKET_DIVISOR if !self.image.is_empty() => {
+                    self.waits.extend(Report::default().encode());
+                }
+                _ => {}
+            }
+            Ok(())
+        }
+    }
+
+    impl Ftdi for Loader {
+        fn control(&mut self, request: Control) -> Result<(), i32> {
+            self.settings.push(request);
+            if let Control::Divisor(divisor) = request {
+                self.divisor = divisor;
+            }
+            Ok(())
+        }
+    }
+
+    /// Boots with one upload of an image of three pieces.
+    fn booted(loader: &mut Loader) -> Result<u32, BootError> {
+        let image: Vec<u8> = (0..2 * PIECE + 20).map(|k| k as u8).collect();
+        let firmware = Firmware::new(Path::new("novint.bin"), image).unwrap();
+        let tries = Tries {
+            handshakes: 3,
+            uploads: 1,
+        };
+        let mut now_ns = 0;
+        boot(loader, &firmware, &tries, &mut || {
+            now_ns += 100_000;
+            now_ns
+        })
+    }
+
+    #[test]
+    fn the_image_is_uploaded_whole_and_a_device_that_runs_is_left_as_it_is() {
+        let mut loader = Loader::default();
+        assert_eq!(booted(&mut loader), Ok(1));
+        let whole: Vec<u8> = (0..2 * PIECE + 20).map(|k| k as u8).collect();
+        assert_eq!(loader.image, whole);
+        let packets = [
+            Control::NoFlow,
+            Control::EightNone,
+            Control::Latency(1),
+            Control::Divisor(PACKET_DIVISOR),
+            Control::EventCharacter(Some(packet::END)),
+            Control::Purge(Buffer::One),
+            Control::Purge(Buffer::Two),
+        ];
+        assert_eq!(loader.settings[loader.settings.len() - 7..], packets);
+        assert_eq!(booted(&mut loader), Ok(0));
+        assert_eq!(loader.image, whole);
+    }
+
+    #[test]
+    fn a_byte_of_the_image_that_comes_back_changed_or_not_at_all_is_named() {
+        for at in [0, 30, PIECE - 1, PIECE, 2 * PIECE + 19] {
+            let mut changing = Loader {
+                changed: Some(at),
+                ..Loader::default()
+            };
+            let error = booted(&mut changing).unwrap_err();
+            let (sent, found) = (at as u8, at as u8 ^ 0x0f);
+            assert_eq!(error.problem, Problem::Changed { at, sent, found });
+            let mut losing = Loader {
+                missing: Some(at),
+                ..Loader::default()
+            };
+            let error = booted(&mut losing).unwrap_err();
+            assert_eq!(
+                (error.step, error.problem),
+                (Step::Image, Problem::Missing { at })
+            );
+        }
     }
 }

@@ -91,14 +91,17 @@ impl Driver for FalconDriver {
         };
         let falcon = Falcon::connect(open, clock(), settings);
         let falcon = falcon.map_err(|error| refused(Box::new(error)))?;
-        let stated = request.model.capabilities();
-        let capabilities = Capabilities {
-            max_force: stated.max_force.min(MOST_FORCE),
-            ..stated
-        };
-        let device = Exchanged::start(falcon, capabilities);
+        let device = Exchanged::start(falcon, limited(request.model.capabilities()));
         let device = device.map_err(|error| refused(Box::new(error)))?;
         Ok(Box::new(device.for_loop(request.period)))
+    }
+}
+
+/// The capabilities of a profile, with the largest force that the driver commands.
+fn limited(profile: Capabilities) -> Capabilities {
+    Capabilities {
+        max_force: profile.max_force.min(MOST_FORCE),
+        ..profile
     }
 }
 
@@ -170,5 +173,16 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_limit_of_the_driver_holds_where_it_is_the_lower_one() {
+        let profile = crate::scripted::small(rt_core::Freedom::Three);
+        let with = |max_force| Capabilities {
+            max_force,
+            ..profile
+        };
+        assert_eq!(limited(with(8.0)), with(MOST_FORCE));
+        assert_eq!(limited(with(2.0)), with(2.0));
     }
 }

@@ -189,3 +189,18 @@ pub enum FindError {
         ways: String,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_is_what_the_kernel_calls_so() {
+        for port in ["1-2", "1-2.4", "3-10.1:1.0"] {
+            assert!(is_port(port), "{port}");
+        }
+        for other in ["", "left", "12", "1.2", "-1", "1-a", "0001", "A1-2"] {
+            assert!(!is_port(other), "{other}");
+        }
+    }
+}

@@ -227,6 +227,32 @@ fn the_device_that_is_meant_is_greeted_and_named() {
     assert_eq!(name, Some(Name::new("arm")));
 }
 
+/// The device that answered the greeting is exchanged for another one before the first tick.
+#[test]
+fn a_device_that_is_not_the_one_that_was_greeted_gets_no_force() {
+    let socket = Arc::new(Mutex::new(Plugged::new(model("right"))));
+    let ends = ends_of(&socket, &Arc::new(()));
+    let name = Some(Name::new("left"));
+    let device = HidDevice::start(ends, Box::new(|| Err(NO_DEVICE)), profile(), 0, name);
+    let mut device = device.expect("a thread");
+    let mut now_ns = 0;
+    until(&mut device, &mut now_ns, |_, device| {
+        device.reports().host().ready()
+    });
+    for _ in 0..100 {
+        assert_eq!(device.read(now_ns), Err(DeviceError::Disconnected(19)));
+        let _ = device.write(now_ns, &push());
+        now_ns += MS;
+    }
+    assert!(!has_force(&socket));
+}
+
+/// A device that two hosts reach obeys one of them: it knows its host by the session.
+#[test]
+fn each_host_has_a_session_of_its_own() {
+    assert_ne!(session(), session());
+}
+
 /// Another device of the same kind is plugged into the socket of the lost one, and then the lost one again.
 #[test]
 fn a_device_that_comes_back_as_another_gets_no_force_until_it_is_itself_again() {

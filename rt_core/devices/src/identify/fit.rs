@@ -198,13 +198,13 @@ fn identify_axis(
     let whole = total(sums);
     let (_, remains) = whole.solve::<FREE>().ok_or(few)?;
     let held = whole.solve::<HELD>().ok_or(few)?.0;
-    let rms = |of: fn(&Sample) -> f64| {
+    let size = |of: fn(&Sample) -> f64| {
         let squares = samples.iter().map(of).filter(|value| value.is_finite());
-        (squares.map(|value| value * value).sum::<f64>() / samples.len() as f64).sqrt()
+        squares.map(|value| value * value).sum::<f64>().sqrt()
     };
     let stiffness = held[4] / held[0];
-    let pull = stiffness.abs() * rms(|sample| sample.offset);
-    if !pull.is_finite() || pull > HELD_FRACTION * rms(|sample| sample.force) {
+    let pull = stiffness.abs() * size(|sample| sample.offset);
+    if !pull.is_finite() || pull > HELD_FRACTION * size(|sample| sample.force) {
         return Err(IdentifyError::Held { axis, stiffness });
     }
     let residual = (remains / whole.rows).sqrt();
@@ -418,3 +418,6 @@ fn without_lines(rows: &mut [(f64, [f64; 6])]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

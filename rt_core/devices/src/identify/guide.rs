@@ -337,3 +337,6 @@ impl Guide {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -244,3 +244,21 @@ fn linker_problem() -> String {
         .to_string_lossy()
         .into_owned()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The linker has folders of its own, in which it would find another file of this name.
+    #[test]
+    fn a_name_without_a_folder_is_that_of_a_file_here() {
+        for (name, sought) in [("none.so", "./none.so"), ("a/none.so", "a/none.so")] {
+            match Library::load(Path::new(name)) {
+                Err(PluginError::Load { problem, .. }) => {
+                    assert!(problem.starts_with(&format!("{sought}: ")), "{problem}");
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+}

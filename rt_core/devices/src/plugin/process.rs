@@ -233,3 +233,44 @@ fn serve(file: &Path, address: &str) -> Result<(), Errno> {
         say(&encode_answer(code, &state))?;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::process::ExitStatusExt;
+
+    fn shell(text: &str) -> Process {
+        let child = Command::new("sh").args(["-c", text]).spawn();
+        Process {
+            child: Ending(child.expect("a shell")),
+            socket: None,
+        }
+    }
+
+    #[test]
+    fn a_process_that_is_lost_is_described() {
+        assert_eq!(
+            shell("exit 3").why(ENDED),
+            "ended its process (exit status: 3)"
+        );
+        assert_eq!(shell("exit 3").why(SILENT), "did not answer for 1 s");
+    }
+
+    #[test]
+    fn a_process_that_does_not_end_is_ended() {
+        let mut hangs = shell("exec sleep 600");
+        hangs.child.end(Duration::from_millis(20));
+        let status = hangs.child.0.try_wait().expect("ours");
+        assert_eq!(status.and_then(|status| status.signal()), Some(9));
+        // One that ends by itself in time is not.
+        let mut ends = shell("exit 4");
+        ends.child.end(Duration::from_secs(60));
+        let status = ends.child.0.try_wait().expect("ours");
+        assert_eq!(status.and_then(|status| status.code()), Some(4));
+        // Dropping ends it as well.
+        let dropped = shell("exec sleep 600");
+        let id = rustix::process::Pid::from_child(&dropped.child.0);
+        drop(dropped);
+        assert_eq!(rustix::process::test_kill_process(id), Err(Errno::SRCH));
+    }
+}

@@ -144,4 +144,20 @@ mod tests {
         };
         assert!(refused(&counts).contains("counts of its encoders"));
     }
+
+    #[test]
+    fn each_error_has_the_number_that_says_most() {
+        let counts = SerialError::Counts {
+            name: Name::new("arm"),
+        };
+        for (error, number) in [
+            (SerialError::Ended(5), 5),
+            (SerialError::Silent, 110),
+            (SerialError::Garbage, 110),
+            (SerialError::Deaf, 110),
+            (counts, 19),
+        ] {
+            assert_eq!(error.number(), number, "{error}");
+        }
+    }
 }

@@ -94,6 +94,9 @@ mod tests {
         std::fs::write(&path, "").expect("a temporary folder");
         let first = Hidraw::open(&path).expect("nobody has it");
         let second = first.try_clone().expect("a handle");
+        // A read without a report must not hold up the tick.
+        let flags = rustix::fs::fcntl_getfl(&first.file).expect("an open file");
+        assert!(flags.contains(rustix::fs::OFlags::NONBLOCK));
         for _ in 0..2 {
             let refused = Hidraw::open(&path).expect_err("it is open");
             assert_eq!(refused.raw_os_error(), Some(16), "{refused}");

@@ -280,4 +280,16 @@ mod tests {
         }
         assert_eq!(buffer, [3, 2, 0, 0]);
     }
+
+    #[test]
+    fn nothing_is_asked_for_and_nothing_is_the_answer() {
+        let (mut master, path) = pty();
+        let mut line = Stream::tty(&path, 115_200).expect("a line");
+        let flags = rustix::fs::fcntl_getfl(line.as_fd()).expect("an open file");
+        // A write to a full line must not wait in the system.
+        assert!(flags.contains(rustix::fs::OFlags::NONBLOCK));
+        master.write(&[1, 2, 3]).expect("open");
+        assert_eq!(line.read(&mut [], LONG), Ok(0));
+        assert_eq!(read_exactly(&mut line, 3), [1, 2, 3]);
+    }
 }

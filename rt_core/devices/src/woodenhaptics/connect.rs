@@ -227,4 +227,17 @@ mod tests {
             ("woodenhaptics", Some("woodenhaptics"))
         );
     }
+
+    #[test]
+    fn an_address_of_a_line_or_a_place_is_no_board() {
+        for text in [
+            "tty:/dev/pts/1",
+            "tcp:localhost:4000",
+            "/no/such/file",
+            "@999-9",
+        ] {
+            let address = Address::parse(text).expect("an address");
+            assert!(address.board().is_err(), "{text}");
+        }
+    }
 }

@@ -228,3 +228,21 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_shin_shorter_than_its_hinges_and_an_arm_in_line_with_its_shin_are_refused() {
+    let turn = libm::sincos(LEGS[0]);
+    let angle = 0.6_f64;
+    let from_knee = |local: Vec3| from_leg(&(knee(angle) + local), turn);
+    let beside = |x: f64| from_knee(Vec3::new(x, 0.05, 0.0));
+    assert!(shin(&beside(HINGES - 1e-6), &knee(angle), turn).is_none());
+    assert!(shin(&beside(HINGES + 1e-6), &knee(angle), turn).is_some());
+    // Along the arm the shin turns nothing.
+    let along = |away: f64| {
+        let (sine, cosine) = libm::sincos(angle + away);
+        from_knee(Vec3::new(cosine, 0.0, sine) * (SHIN + HINGES))
+    };
+    let angles = [angle, 0.5, 0.7];
+    assert!(Jacobian::at(&along(0.0), &angles).is_none());
+    assert!(Jacobian::at(&along(0.1), &angles).is_some());
+}

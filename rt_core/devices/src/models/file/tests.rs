@@ -132,6 +132,11 @@ fn each_mistake_is_reported_with_line_and_field() {
             "line 6: position_step: found 1, allowed: a number above 0 and up to 0.1".to_owned(),
         ),
         (
+            "position_step = 1e-5",
+            "position_step = 0",
+            "line 6: position_step: found 0, allowed: a number above 0 and up to 0.1".to_owned(),
+        ),
+        (
             "inertia = 1e-4\n",
             "",
             "line 13: rotation: missing field `inertia`".to_owned(),

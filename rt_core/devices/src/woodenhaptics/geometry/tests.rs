@@ -263,3 +263,27 @@ fn a_bad_parameter_is_named() {
         assert!(error.to_string().contains(field), "{error}");
     }
 }
+
+/// A pose is singular where three columns of the Jacobian are nearly in one plane, whatever their lengths.
+#[test]
+fn a_force_is_told_down_to_a_millionth_of_the_volume_of_a_singular_pose() {
+    let kinematics = default();
+    let volume = |angles: [f64; 3]| {
+        let [a, b, c] = kinematics.jacobian(angles);
+        a.dot(&b.cross(&c)) / (a.norm() * b.norm() * c.norm())
+    };
+    // Between these two poses the links come in line.
+    let pose = |bend: f64| [0.1, 0.4, bend];
+    let (mut from, mut to) = (-0.36_f64, -0.45_f64);
+    assert!(volume(pose(from)) * volume(pose(to)) < 0.0);
+    while volume(pose(from)).abs() > 1e-8 {
+        let middle = 0.5 * (from + to);
+        let same = volume(pose(middle)) * volume(pose(from)) > 0.0;
+        *(if same { &mut from } else { &mut to }) = middle;
+    }
+    for k in 0..40 {
+        let angles = pose(from + libm::exp2(-0.5 * f64::from(k)) * 1e-3);
+        let told = kinematics.force(angles, [100.0, 200.0, 300.0]).is_some();
+        assert_eq!(told, volume(angles).abs() > 1e-6, "{k} {}", volume(angles));
+    }
+}
