@@ -593,3 +593,19 @@ fn a_refusal_of_the_system_ends_a_run_only_where_the_grant_is_required() {
     let report = start(strict).expect("nothing is refused").join();
     assert_eq!(report.expect("nothing panics").ticks, 10);
 }
+
+/// A tick that the system holds up while it computes has old commands.
+#[test]
+fn a_tick_whose_computation_took_too_long_commands_nothing() {
+    let (tick, mut host, _log) = ends();
+    let (puppet, seen) = puppet(Trick::None);
+    let mut tick_loop = TickLoop::new(controller(1), vec![puppet], tick);
+    host.publish(0, &pushing(1, 0)).expect("the ring is empty");
+    for k in 0..300_u64 {
+        let took_ns = if k == 299 { 50_000_000 } else { 0 };
+        tick_loop.timed((k * 1_000_000).into(), || took_ns);
+    }
+    let wrenches = &lock(&seen).wrenches;
+    assert!(wrenches[298].force.x > 0.5);
+    assert_eq!(wrenches[299], Wrench::zero());
+}

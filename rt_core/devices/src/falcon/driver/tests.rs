@@ -493,3 +493,16 @@ fn the_end_tries_twice_to_send_no_torque() {
     let zero = Command::default().encode().to_vec();
     assert_eq!(*chip.0.lock().expect("ours"), [zero.clone(), zero]);
 }
+
+/// The rest of a packet whose beginning was lost comes before the answer.
+#[test]
+fn the_end_of_a_packet_is_no_answer() {
+    let (mut falcon, chip) = running();
+    let whole = report(0.0).encode().to_vec();
+    let rest = whole[10..].to_vec();
+    chip.end(|end| {
+        let coming = vec![(500_000, rest), (600_000, whole)];
+        end.answers.push_back(coming);
+    });
+    assert!(falcon.exchange(&push()).is_ok());
+}

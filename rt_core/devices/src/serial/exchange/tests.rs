@@ -65,6 +65,8 @@ struct World {
     gone: Option<i32>,
     /// Whether the device is gone as soon as its bytes were read.
     is_last: bool,
+    /// Whether the device goes while the host waits for its bytes.
+    goes: bool,
     decoder: Decoder,
 }
 
@@ -84,6 +86,7 @@ impl World {
             chunk: usize::MAX,
             gone: None,
             is_last: false,
+            goes: false,
             decoder: Decoder::new(),
         }
     }
@@ -152,6 +155,10 @@ impl Transport for Line {
         let mut world = self.0.lock().expect("one thread");
         if let Some(number) = world.gone {
             return Err(number);
+        }
+        if world.goes {
+            world.gone = Some(7);
+            return Err(7);
         }
         let until_ns = world.now_ns + wait.as_nanos() as u64;
         world.run(until_ns);
@@ -443,4 +450,14 @@ fn an_exchange_reads_a_bounded_number_of_times() {
     });
     let _ = driver.exchange(&push(1.0));
     assert_eq!(place.world(|world| left - world.bytes.len()), READS);
+}
+
+#[test]
+fn a_device_that_goes_while_it_is_waited_for_is_lost_at_once() {
+    let place = Place::new(model(b'a', 1000));
+    let mut driver = place.open().expect("a device");
+    driver.exchange(&push(1.0)).expect("a state");
+    place.world(|world| world.goes = true);
+    let lost = Err(DeviceError::Disconnected(7));
+    assert_eq!(driver.exchange(&push(1.0)), lost);
 }
