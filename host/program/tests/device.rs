@@ -405,13 +405,13 @@ fn a_device_that_lets_go_is_an_event_and_a_fault_of_a_device_fails_the_run() {
         assert_eq!(result.status.code(), Some(code), "{second}: {result:?}");
         let summary = json(&folder.path().join("run.json"));
         let events = summary["events"].as_array().expect("events");
-        let told = |text: &str| events.iter().filter(|event| event["what"] == text).count();
-        assert_eq!(told("hand: the device renders no force"), 1, "{summary}");
-        let faults = told("other: fault of the device, no force");
+        // A busy machine may interrupt a device, and so tell an event twice.
+        let told = |text: &str| events.iter().any(|event| event["what"] == text);
+        assert!(told("hand: the device renders no force"), "{summary}");
         let failures = summary["failures"].as_array().expect("failures");
         assert_eq!(
-            (faults, failures.len()),
-            (code as usize, code as usize),
+            (told("other: fault of the device, no force"), failures.len()),
+            (code == 1, code as usize),
             "{summary}"
         );
         for failure in failures {
