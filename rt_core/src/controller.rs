@@ -478,7 +478,8 @@ impl Forces {
         Self {
             on_proxies: [Wrench::zero(); MAX_DEVICES],
             by_body: [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES],
-            passed: [Passed::WHOLE; MAX_DEVICES],
+            // Zeros: other numbers would be copied from memory in each tick.
+            passed: [Passed::NONE; MAX_DEVICES],
         }
     }
 }

@@ -57,6 +57,11 @@ pub struct Passed {
 }
 
 impl Passed {
+    /// Nothing passes.
+    pub(crate) const NONE: Self = Self {
+        rendered: 0.0,
+        allowed: 0.0,
+    };
     /// The whole force passes.
     pub const WHOLE: Self = Self {
         rendered: 1.0,
