@@ -20,7 +20,7 @@ mod parting;
 
 use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
 use crate::held_back::HeldBackByBody;
-use crate::local_model::{LocalModel, ModelFault, PublishedModel};
+use crate::local_model::{Lead, LocalModel, ModelFault, PublishedModel};
 use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
 use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
@@ -400,8 +400,8 @@ impl Coupling {
     /// yet to come.
     fn stored_before(&self, devices: &[(Pose, Twist)]) -> Option<f64> {
         let has_energy = self.config.scheme == Scheme::Capped && self.to.handle_count > 0;
-        let still = [Vec6::zeros(); MAX_HANDLES];
-        has_energy.then(|| self.parts(devices, &still, &still).stored)
+        let (still, at_rest) = ([Lead::none(); MAX_HANDLES], [Vec6::zeros(); MAX_HANDLES]);
+        has_energy.then(|| self.parts(devices, &still, &at_rest).stored)
     }
 
     /// Makes `from` the model rendered so far, re-expressed at the references of the pending model. The reference

@@ -29,7 +29,7 @@ use crate::MAX_HANDLES;
 use crate::geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 
 pub use packed::{ModelHead, PackedModel, PublishedModel};
-pub use parts::Parts;
+pub use parts::{Lead, Parts};
 pub use pieces::PieceEnergy;
 pub use tear_limit::TearLimit;
 

@@ -6,7 +6,7 @@
 use nalgebra::UnitQuaternion;
 use proptest::prelude::*;
 use rt_core::coupling::{Coupling, CouplingConfig, HostState, Passed};
-use rt_core::local_model::ModelFault;
+use rt_core::local_model::{Lead, ModelFault};
 use rt_core::{
     HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, Pose, Scheme,
     Twist, Vec3, Vec6, Wrench,
@@ -316,7 +316,7 @@ proptest! {
             }
         }
         let at = |s: f64| hands(left * s, right * s, 0.1);
-        let still = [Vec6::zeros(); MAX_HANDLES];
+        let still = [Lead::none(); MAX_HANDLES];
         let parts = |s: f64| model.parts(&model.deviations(&at(s)), &still, AHEAD);
         let whole = model.wrenches(&model.deviations(&at(1.0)), AHEAD);
         let end = parts(1.0);

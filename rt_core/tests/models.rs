@@ -5,9 +5,9 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::coupling::{Coupling, CouplingConfig, HostState, Passed};
-use rt_core::local_model::{ModelFault, PackedModel, PublishedModel};
+use rt_core::local_model::{Lead, ModelFault, PackedModel, PublishedModel};
 use rt_core::{
-    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Vec6, Wrench,
+    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench,
 };
 
 const MS: u64 = 1_000_000;
@@ -248,7 +248,7 @@ fn a_contact_pushes_and_never_pulls() {
 
 #[test]
 fn a_contact_stores_the_part_of_its_energy_that_does_not_pull() {
-    let still = [Vec6::zeros(); MAX_HANDLES];
+    let still = [Lead::none(); MAX_HANDLES];
     // Force at the reference (N), the part of the energy that is stored, and whether the contact damps.
     for (force, part, damps) in [
         (Vec3::new(4.0, 3.0, 0.0), 1.0, true),

@@ -11,7 +11,7 @@
 use super::Coupling;
 use crate::MAX_HANDLES;
 use crate::geometry::{Pose, Twist, Vec6};
-use crate::local_model::{LocalModel, PieceEnergy};
+use crate::local_model::{Lead, LocalModel, PieceEnergy};
 use crate::passivity::Division;
 
 impl LocalModel {
@@ -65,10 +65,10 @@ impl Coupling {
     /// Energy that hands at rest could get back from each piece (J), blended as the whole model is.
     pub(super) fn stored_by_piece(&self, devices: &[(Pose, Twist)]) -> [f64; MAX_HANDLES] {
         if !self.is_torn() {
-            let still = [Vec6::zeros(); MAX_HANDLES];
+            let (still, at_rest) = ([Lead::none(); MAX_HANDLES], [Vec6::zeros(); MAX_HANDLES]);
             let mut stored = [0.0; MAX_HANDLES];
             let [only, ..] = &mut stored;
-            *only = self.parts(devices, &still, &still).stored;
+            *only = self.parts(devices, &still, &at_rest).stored;
             return stored;
         }
         let deviations = self.to.deviations(devices);

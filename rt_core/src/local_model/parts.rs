@@ -11,7 +11,7 @@ pub struct Parts {
     /// Wrench of the springs: the reference wrench without the weight, plus the drift, minus the stiffness times the
     /// displacement.
     pub elastic: [Vec6; MAX_HANDLES],
-    /// Wrench of the dampers: minus the damping times the velocity, and minus the stiffness times the lead.
+    /// Wrench of the dampers: minus the damping times the velocity, and the change of the springs' wrench by the lead.
     pub viscous: [Vec6; MAX_HANDLES],
     /// Energy that hands at rest could get back (J): the energy at the reference, minus the work of the springs since
     /// then.
@@ -42,37 +42,61 @@ impl Parts {
     }
 }
 
+/// How far a held force lags behind the motion of a handle. The force acts as a damper would that makes up for the lag.
+#[derive(Clone, Copy, Debug)]
+pub struct Lead {
+    /// The fraction of the handle's last step that the stiffness resists in advance: a displacement.
+    pub step: Vec6,
+    /// The time for which the drift acts in advance, by motion (s).
+    pub time: Vec6,
+}
+
+impl Lead {
+    /// No lag.
+    pub fn none() -> Self {
+        Self {
+            step: Vec6::zeros(),
+            time: Vec6::zeros(),
+        }
+    }
+}
+
 impl LocalModel {
     /// The extrapolated wrenches, split into the parts of springs and of dampers, where the drift has acted for `ahead`
-    /// (s). `lead` is a displacement of each handle that the stiffness resists as a damper would: a fraction of the
-    /// handle's last step.
+    /// (s).
     pub fn parts(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
-        lead: &[Vec6; MAX_HANDLES],
+        lead: &[Lead; MAX_HANDLES],
         ahead: f64,
     ) -> Parts {
         let mut parts = Parts::none();
         let n = usize::from(self.handle_count);
         let rows = self.stiffness.iter().zip(&self.damping);
         let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
-        let handles = self.handles.iter().zip(deviations);
+        let handles = self.handles.iter().zip(deviations.iter().zip(lead));
         let mut work = 0.0;
-        for (((stiffness, damping), (elastic, viscous)), (handle, own)) in
+        for (((stiffness, damping), (elastic, viscous)), (handle, (own, own_lead))) in
             rows.zip(outs).zip(handles).take(n)
         {
-            let begin = handle.unweighted() + handle.drift.stacked() * ahead;
+            let drift = handle.drift.stacked();
+            let begin = handle.unweighted() + drift * ahead;
+            *viscous = drift.component_mul(&own_lead.time);
             let mut fall = Vec6::zeros();
             let blocks = stiffness.iter().zip(damping);
             for ((k, b), (deviation, lead)) in blocks.zip(deviations.iter().zip(lead)).take(n) {
                 fall += k * deviation.displacement;
-                *viscous -= b * deviation.velocity + k * lead;
+                *viscous -= b * deviation.velocity + k * lead.step;
             }
             *elastic = begin - fall;
             // The force is linear along the displacement, so the mean force does the work.
             work += (begin - fall * 0.5).dot(&own.displacement);
         }
-        if let Some(beyond) = self.beyond_limit(deviations, lead) {
+        let mut steps = [Vec6::zeros(); MAX_HANDLES];
+        for (step, lead) in steps.iter_mut().zip(lead) {
+            *step = lead.step;
+        }
+        if let Some(beyond) = self.beyond_limit(deviations, &steps) {
             let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
             for ((elastic, viscous), (handle, own)) in outs.zip(self.handles().zip(deviations)) {
                 *elastic += handle.tear_slope * beyond.spring;
