@@ -19,6 +19,7 @@ mod parting;
 mod path;
 pub mod plan;
 pub mod recipe;
+pub(crate) mod records;
 pub mod rehearsal;
 mod renewal;
 mod solver;

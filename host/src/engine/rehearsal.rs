@@ -50,7 +50,7 @@ pub fn step_time_of(loaded: &LoadedScene, settled: Vec<Built>) -> Result<f64, Sc
     let watch = WallStopwatch::start();
     let mut times = StepTimes::new(build::steps_per_publication(scene));
     loop {
-        let due = pacer.due();
+        let due = pacer.begin(pacer.next_ns());
         record.tick += 1;
         record.time_ns = due.time_ns;
         let moved = Vec3::x() * (SPEED * due.time_ns as f64 * 1e-9);
@@ -60,7 +60,6 @@ pub fn step_time_of(loaded: &LoadedScene, settled: Vec<Built>) -> Result<f64, Sc
         }
         engine.follow(&record);
         threads.run(|| awake(|| engine.step(due, &watch, |_, _| {})));
-        pacer.done(due.time_ns);
         times.take(engine.stats());
         let (steps, time) = (engine.stats().steps, engine.stats().total_time());
         if steps >= STEPS || (steps >= 3 && time >= ENOUGH) {

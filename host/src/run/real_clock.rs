@@ -11,6 +11,7 @@ use super::taps::Taps;
 use super::{RunError, host_panicked, panics};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
+use crate::engine::records::Records;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::awake;
 use runner::link::{HostEnd, LogEnd};
@@ -96,6 +97,7 @@ pub(super) fn run(
             pacer,
             slow,
             taps,
+            period_ns: timing.period_ns,
         };
         // The counts before a panic belong to the summary.
         let ended = threads.run(|| panics::caught(|| running.steps(&host_over)));
@@ -151,6 +153,8 @@ struct Hosting {
     pacer: Pacer,
     slow: SlowWatch,
     taps: Taps,
+    /// The tick's period (ns).
+    period_ns: u64,
 }
 
 impl Hosting {
@@ -162,21 +166,27 @@ impl Hosting {
             pacer,
             slow,
             taps,
+            period_ns,
         } = self;
+        let mut records = Records::new(*period_ns);
         let watch = WallStopwatch::start();
         let start = Instant::now();
         while !over.is_requested() {
-            let due = pacer.due();
-            let early = Duration::from_nanos(due.time_ns).saturating_sub(start.elapsed());
+            let early = Duration::from_nanos(pacer.next_ns()).saturating_sub(start.elapsed());
             if !early.is_zero() {
                 std::thread::sleep(early.min(HOST_PAUSE));
                 continue;
             }
-            let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+            let now = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+            let now_ns = now();
             if let Some(until_ns) = engine.stall(now_ns) {
                 std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
             }
-            end.drain(|record| engine.follow(record));
+            let now_ns = now();
+            let due = pacer.begin(now_ns);
+            end.drain(|record| records.take(record));
+            let late_ns = now_ns.saturating_sub(due.time_ns);
+            records.see(late_ns, |record| engine.follow(record));
             awake(|| {
                 engine.step(due, &watch, |body, model| {
                     // The link counts a full ring.
@@ -185,7 +195,6 @@ impl Hosting {
             });
             slow.look(engine.stats());
             taps.after_step(due.time_ns, pacer.skipped(), engine.engine());
-            pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
         }
     }
 

@@ -1,8 +1,8 @@
 //! A run under virtual time: devices, hands, host and log on one clock, in one thread. The host's threads share the
 //! work of a step only.
 //!
-//! A host step starts when it is due and the host is free. The step sees the records of the ticks before it, and its
-//! model arrives after the scene's latency. Only the stopwatch, which measures the time of a stage, reads the
+//! A host step starts when it is due and the host is free. The step sees the records of the ticks before its due time,
+//! and its model arrives after the scene's latency. Only the stopwatch, which measures the time of a stage, reads the
 //! machine's clock. Its readings never enter the state: two runs give the same bytes under any load.
 
 use super::late::LateLink;
@@ -14,6 +14,7 @@ use super::timeline::{Host, Timeline};
 use crate::engine::Engine;
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
+use crate::engine::records::Records;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::{Threads, awake};
 use rt_core::Telemetry;
@@ -80,6 +81,7 @@ fn run_seen_until(
         pacer,
         slow,
         link: LateLink::new(host, bodies),
+        records: Records::new(timing.period_ns),
         latency_ns: timing.latency_ns,
         free_at: 0,
         watch: WallStopwatch::start(),
@@ -127,6 +129,7 @@ struct Paced {
     pacer: Pacer,
     slow: SlowWatch,
     link: LateLink,
+    records: Records,
     latency_ns: u64,
     /// The time until which the host is busy (ns).
     free_at: u64,
@@ -135,7 +138,7 @@ struct Paced {
 
 impl Paced {
     fn start_ns(&self) -> u64 {
-        self.pacer.due().time_ns.max(self.free_at)
+        self.pacer.next_ns().max(self.free_at)
     }
 
     fn into_side(self) -> HostSide {
@@ -155,13 +158,15 @@ impl Host for Paced {
     }
 
     fn step(&mut self) -> Result<(), Stopped> {
-        let (due, start) = (self.pacer.due(), self.start_ns());
+        let start = self.start_ns();
         if let Some(until_ns) = self.engine.stall(start) {
             self.free_at = until_ns;
             return Ok(());
         }
-        let (engine, link) = (&mut self.engine, &mut self.link);
-        link.drain(|record| engine.follow(record));
+        let due = self.pacer.begin(start);
+        let (engine, link, records) = (&mut self.engine, &mut self.link, &mut self.records);
+        link.drain(|record| records.take(record));
+        records.see(start - due.time_ns, |record| engine.follow(record));
         let arrival_ns = start + self.latency_ns;
         let watch = &self.watch;
         self.threads.run(|| {
@@ -177,7 +182,6 @@ impl Host for Paced {
         if due.publishes {
             self.free_at = arrival_ns;
         }
-        self.pacer.done(self.free_at.max(start));
         Ok(())
     }
 

@@ -81,7 +81,15 @@ impl BodyPlan {
         let tools = bodies::tools(scene, spec);
         let rigid =
             |tool: &&bodies::Tool| bodies::freedom(loaded, tool.first(spec)) == Freedom::Rigid;
-        let period = 1.0 / scene.host.publish_rate;
+        let host = &scene.host;
+        // A publication keeps the host busy, so the next comes with the first step after its latency.
+        let busy = (host.latency * host.step_rate - 1e-9).ceil() / host.step_rate;
+        let period = (1.0 / host.publish_rate).max(busy);
+        // The newest record of a hand is a tick old when a model is made of it. That tick matters where a model serves for a
+        // few ticks; models that serve for long are as good without it, and quieter.
+        let tick = 1.0 / scene.realtime.rate;
+        let serves = period + host.latency;
+        let horizon = serves + tick * (tick / serves).min(1.0);
         Self {
             name: spec.name.clone(),
             kind: built.kind,
@@ -93,7 +101,7 @@ impl BodyPlan {
             publishes_energy: publishes_energy(scene),
             step: 1.0 / scene.host.step_rate,
             period,
-            horizon: period + scene.host.latency,
+            horizon,
             tear: built.tear.as_ref().map(TearPlan::new),
             links: (scene.realtime.scheme == SchemeName::Proxy).then(|| links(loaded, spec)),
         }

@@ -113,8 +113,8 @@ impl Rival {
     /// Makes the steps that are due by the time of the tick, and renders.
     fn tick(&mut self, hands: &Hands, number: u64, time_ns: u64, watch: &WallStopwatch) {
         self.engine.follow(&hands.record(number, time_ns));
-        while self.pacer.due().time_ns <= time_ns {
-            let due = self.pacer.due();
+        while self.pacer.next_ns() <= time_ns {
+            let due = self.pacer.begin(self.pacer.next_ns());
             let [free, limited] = self.couplings.as_mut_slice() else {
                 return;
             };
@@ -123,7 +123,6 @@ impl Rival {
                 let _ = free.accept(&unlimited(model));
                 let _ = limited.accept(model);
             });
-            self.pacer.done(due.time_ns);
         }
         let poses = hands.at(time_ns as f64 * 1e-9);
         for (coupling, forces) in self.couplings.iter_mut().zip(&mut self.forces) {

@@ -139,7 +139,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Ro
     let mut before = Sums::default();
     let start = Instant::now();
     loop {
-        let due = pacer.due();
+        let due = pacer.begin(pacer.next_ns());
         if due.time_ns > end_ns {
             break;
         }
@@ -150,7 +150,6 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Ro
         let began = cpu_time();
         engine.step(due, &ThreadTime, |_, _| {});
         let total = cpu_time() - began;
-        pacer.done(due.time_ns);
         let after = Sums::of(engine.stats());
         steps.push(Step {
             fem: after.fem - before.fem,
