@@ -11,6 +11,7 @@ use super::path::HandlePath;
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
+use super::stiff::{Renderable, SeriesSprings, Stiffest};
 use super::stored::Stored;
 use super::tears::BodyTears;
 use super::virtual_coupling::{Link, VirtualCoupling};
@@ -59,6 +60,10 @@ pub struct HostBody {
     model: LocalModel,
     stored: Option<Stored>,
     coupling: Option<VirtualCoupling>,
+    /// What each device of the scene can render.
+    renderable: Vec<Renderable>,
+    /// Springs in series with the directions that the devices cannot render.
+    springs: Option<SeriesSprings>,
     /// How solvers of the body are made.
     recipe: Recipe,
     /// Cut-off of the handles' paths (Hz).
@@ -109,6 +114,9 @@ pub struct HostBodyParts {
     pub publishes_energy: bool,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
     pub coupling: Option<VirtualCoupling>,
+    /// What each device of the scene can render; empty where the devices render the body's local model whatever its
+    /// stiffness.
+    pub renderable: Vec<Renderable>,
     /// The tears of the body; `None` for a body that does not tear.
     pub tears: Option<BodyTears>,
 }
@@ -138,6 +146,8 @@ impl HostBody {
         Self {
             stored,
             coupling: parts.coupling,
+            springs: SeriesSprings::of(&parts.devices, &parts.renderable),
+            renderable: parts.renderable,
             name: parts.name,
             solved: parts.solved,
             targets: Vec::with_capacity(parts.paths.len()),
@@ -289,6 +299,7 @@ impl HostBody {
         }
         self.condense()?;
         self.limit();
+        let elapsed = time_ns.saturating_sub(self.model.time_ns) as f64 * 1e-9;
         self.model.sequence += 1;
         self.model.time_ns = time_ns;
         for (i, reference) in self
@@ -323,9 +334,17 @@ impl HostBody {
         if let Some(coupling) = &mut self.coupling {
             coupling.through(&self.model);
         }
+        if let Some(springs) = &mut self.springs {
+            springs.through(&self.model, elapsed);
+        }
         self.publishes = true;
         self.tally.condense = Some(watch.now_ns().saturating_sub(solved));
         Ok(())
+    }
+
+    /// The stiffest direction so far that the devices could not render.
+    pub fn stiffest(&self) -> Option<Stiffest> {
+        self.springs.as_ref().and_then(SeriesSprings::stiffest)
     }
 
     /// Reads ahead what a later step will need.
@@ -340,26 +359,31 @@ impl HostBody {
 
     /// The model that the present step publishes, if one is due.
     pub(super) fn published(&self) -> Option<&LocalModel> {
-        let model = match &self.coupling {
-            Some(coupling) => coupling.model(),
-            None => &self.model,
-        };
+        let coupled = self.coupling.as_ref().map(VirtualCoupling::model);
+        let softened = || self.springs.as_ref().and_then(SeriesSprings::model);
+        let model = coupled.or_else(softened).unwrap_or(&self.model);
         self.publishes.then_some(model)
     }
 
-    /// Sets the targets of the handles for the next step: the poses of the hands at `time_ns`. A handle moves no
+    /// Sets the targets of the handles for the next step: the poses of the hands at `time_ns`, or of the proxies where
+    /// springs lie between the hands and the body. A handle moves no
     /// faster than its hand plus [`CATCH_UP`], and turns no faster than its hand plus [`TURN_AFTER`]. Returns whether
     /// a handle stays behind its hand. After a stall a hand may be anywhere. If its handle went there at once, the
     /// model would show the impact and not the body.
     fn aim(&mut self, time_ns: u64) -> bool {
         let mut behind = false;
         self.targets.clear();
-        for (index, path) in self.paths.iter().enumerate() {
-            let pose = path.pose_at(time_ns);
-            let mut target = HandlePose {
-                position: pose.position,
-                rotation: pose.rotation,
-            };
+        let poses = self.paths.iter().map(|path| path.pose_at(time_ns));
+        self.targets.extend(poses.map(|pose| HandlePose {
+            position: pose.position,
+            rotation: pose.rotation,
+        }));
+        if let Some(springs) = &self.springs {
+            springs.aim(&mut self.targets, &self.model, |handle| {
+                self.body.handle_report(handle)
+            });
+        }
+        for (index, (path, target)) in self.paths.iter().zip(&mut self.targets).enumerate() {
             if let Some(report) = self.body.handle_report(index) {
                 let from = &report.pose;
                 let speed = path.velocity().norm() + CATCH_UP;
@@ -379,7 +403,6 @@ impl HostBody {
                     }
                 }
             }
-            self.targets.push(target);
         }
         behind
     }

@@ -151,6 +151,7 @@ fn body(
         horizon: plan.horizon,
         publishes_energy: plan.publishes_energy,
         coupling: plan.links.map(VirtualCoupling::new),
+        renderable: plan.renderable,
         tears,
     }))
 }

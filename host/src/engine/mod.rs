@@ -24,6 +24,7 @@ pub mod rehearsal;
 mod renewal;
 mod solver;
 pub mod stats;
+pub mod stiff;
 pub mod stored;
 pub mod tears;
 pub mod threads;

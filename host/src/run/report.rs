@@ -2,9 +2,10 @@
 
 use super::collect::Collected;
 use super::parts::{Parts, TickSide};
+use super::setup::HostSide;
 use super::summary::{
     DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary,
-    HostSummary, RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
+    HostSummary, RunSummary, SCHEMA, StiffSummary, TearSummary, TickSummary, TripSummary,
 };
 use super::{Clock, RunOptions, clock_name, held_back, instructions, setup, slow_host};
 use crate::bodies;
@@ -47,7 +48,7 @@ pub(super) fn summarize(
             .map(ToString::to_string)
             .collect(),
         tick: tick(scene, options.clock, parts, &couplings),
-        host: host_summary(parts, elapsed, size),
+        host: host_summary(scene, parts, elapsed, size),
         devices: devices(scene, parts),
         held_back: held_back(scene, parts),
         energy: energy(scene, side.controller.energy()),
@@ -299,7 +300,12 @@ fn refusals(scene: &Scene, couplings: &[CouplingCounters]) -> Vec<String> {
         .collect()
 }
 
-fn host_summary(parts: &Parts, elapsed: f64, (elements, vertices): (usize, usize)) -> HostSummary {
+fn host_summary(
+    scene: &Scene,
+    parts: &Parts,
+    elapsed: f64,
+    (elements, vertices): (usize, usize),
+) -> HostSummary {
     let fresh = EngineStats::new();
     let (stats, skipped_steps) = match &parts.host {
         Some(host) => (host.engine.stats(), host.pacer.skipped()),
@@ -328,7 +334,30 @@ fn host_summary(parts: &Parts, elapsed: f64, (elements, vertices): (usize, usize
         clipped: stats.clipped,
         worst_clip: stats.worst_clip,
         faults: stats.faults,
+        stiff: parts
+            .host
+            .iter()
+            .flat_map(|host| stiff(scene, host))
+            .collect(),
     }
+}
+
+/// The stiffest direction of each body that its devices could not render.
+fn stiff(scene: &Scene, host: &HostSide) -> Vec<StiffSummary> {
+    let bodies = host.engine.bodies().iter().zip(&scene.bodies);
+    let found = bodies.filter_map(|(body, spec)| {
+        let stiffest = body.stiffest()?;
+        let tool = bodies::tools(scene, spec).into_iter().nth(stiffest.handle);
+        Some(StiffSummary {
+            body: body.name().to_owned(),
+            handle: tool.map_or_else(|| stiffest.handle.to_string(), |tool| tool.name(spec)),
+            direction: stiffest.direction.into(),
+            turns: stiffest.turns,
+            stiffness: stiffest.ratio * stiffest.rendered,
+            rendered: stiffest.rendered,
+        })
+    });
+    found.collect()
 }
 
 pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected) -> PlotData {

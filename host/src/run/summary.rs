@@ -5,6 +5,7 @@ mod tears;
 
 use crate::machine::Machine;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::path::PathBuf;
 
 pub use tears::TearSummary;
@@ -184,6 +185,46 @@ pub struct HostSummary {
     pub worst_clip: f64,
     /// Steps or publications that failed.
     pub faults: u64,
+    /// The stiffest direction of each body that is stiffer along it than its devices can render.
+    pub stiff: Vec<StiffSummary>,
+}
+
+/// A direction of a body that its devices cannot render. Springs in series with it bound the stiffness; the body is
+/// rendered whole in all other directions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StiffSummary {
+    /// Name of the body.
+    pub body: String,
+    /// Name of the handle that moves most.
+    pub handle: String,
+    /// The direction of its motion, or the axis of its turn, in the axes of the scene, relative to its length.
+    pub direction: [f64; 3],
+    /// Whether the handle turns.
+    pub turns: bool,
+    /// The stiffness of the body (N/m, N m/rad).
+    pub stiffness: f64,
+    /// The stiffness that the devices render (N/m, N m/rad).
+    pub rendered: f64,
+}
+
+impl fmt::Display for StiffSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.direction;
+        let (motion, scale, unit) = if self.turns {
+            ("about", 1.0, "N m/rad")
+        } else {
+            ("along", 1e-3, "N/mm")
+        };
+        write!(
+            f,
+            "{}: handle {} is stiffer {motion} ({x:.2}, {y:.2}, {z:.2}) than its device can render: {:.3} {unit}, \
+             rendered as {:.3} {unit}",
+            self.body,
+            self.handle,
+            scale * self.stiffness,
+            scale * self.rendered
+        )
+    }
 }
 
 /// The summary of one device.

@@ -27,6 +27,7 @@ mod run_table;
 mod schemes;
 mod slow_host;
 mod solvers;
+mod stiff;
 mod summary;
 mod threads;
 mod tool;

@@ -90,6 +90,48 @@ pub struct Clip {
     pub fraction: f64,
 }
 
+/// The eigenvalues and eigenvectors of symmetric matrices of one size.
+#[derive(Clone, Debug)]
+pub struct Eigen {
+    work: Square,
+    vectors: Square,
+}
+
+impl Eigen {
+    /// A workspace for matrices of `size` rows.
+    pub fn new(size: usize) -> Self {
+        Self {
+            work: Square::zeros(size),
+            vectors: Square::zeros(size),
+        }
+    }
+
+    /// Diagonalizes a symmetric `matrix`.
+    pub fn solve(&mut self, matrix: &Square) {
+        self.work.copy_from(matrix);
+        jacobi(&mut self.work, &mut self.vectors);
+    }
+
+    /// Eigenvalue number `k` of the last matrix. The eigenvalues are in no order.
+    pub fn value(&self, k: usize) -> f64 {
+        self.work[(k, k)]
+    }
+
+    /// Eigenvector number `k` of the last matrix, of length one.
+    pub fn vector(&self, k: usize) -> &[f64] {
+        let size = self.vectors.size;
+        &self.vectors.data[k * size..(k + 1) * size]
+    }
+
+    /// Whether every eigenvalue of a symmetric `matrix` is below one. Takes a Cholesky factorization.
+    pub fn is_below_one(&mut self, matrix: &Square) -> bool {
+        for (work, entry) in self.work.data.iter_mut().zip(&matrix.data) {
+            *work = -entry;
+        }
+        is_positive(&mut self.work, 1.0)
+    }
+}
+
 /// Workspace of [`clip`](Clipper::clip), for one size of matrix.
 #[derive(Clone, Debug)]
 pub struct Clipper {

@@ -9,6 +9,7 @@ use crate::engine::beside::Beside;
 use crate::engine::change::{ChangeError, Edit, Hand, Made, Rebuild};
 use crate::engine::path::HandlePath;
 use crate::engine::stats::StepFault;
+use crate::engine::stiff::SeriesSprings;
 use crate::engine::stored::Stored;
 use crate::engine::virtual_coupling::{Link, VirtualCoupling};
 use physics::{Body, HandlePose};
@@ -131,6 +132,7 @@ impl HostBody {
         }
         self.model = model;
         self.devices = each(&hands, joining, &self.devices, |join| join.device);
+        self.springs = SeriesSprings::of(&self.devices, &self.renderable);
         if let Some(coupling) = &mut self.coupling {
             let links: Vec<Option<Link>> = coupling.links().iter().copied().map(Some).collect();
             let links = each(&hands, joining, &links, |join| join.link);

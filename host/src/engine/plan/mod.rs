@@ -9,6 +9,7 @@ mod stages;
 pub use stages::{Stage, in_words, stages};
 
 use super::choice::{Choice, choose};
+use super::stiff::Renderable;
 use super::virtual_coupling::Link;
 use crate::bodies::{self, Built, Kind, TearSpec};
 use crate::scene::LoadedScene;
@@ -44,6 +45,9 @@ pub struct BodyPlan {
     pub horizon: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
     pub links: Option<Vec<Link>>,
+    /// What each device of the scene can render of the body; empty under schemes that bound no stiffness.
+    #[serde(skip)]
+    pub renderable: Vec<Renderable>,
     /// Its tearing, if it tears.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tear: Option<TearPlan>,
@@ -104,6 +108,11 @@ impl BodyPlan {
             horizon,
             tear: built.tear.as_ref().map(TearPlan::new),
             links: (scene.realtime.scheme == SchemeName::Proxy).then(|| links(loaded, spec)),
+            renderable: if condenses(scene) && scene.realtime.scheme != SchemeName::Proxy {
+                renderable(loaded)
+            } else {
+                Vec::new()
+            },
         }
     }
 }
@@ -145,4 +154,36 @@ pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
         }
     });
     each.collect()
+}
+
+/// Change of the force by one count (N) that a hand at rest hardly feels: a hold that trembles at the edge of a count then
+/// ripples by 0.1 N.
+const CALM: f64 = 0.2;
+
+/// What each device of the scene can render of one body, in the units of the scene: the stiffness `2 f_c / delta`, or
+/// `2 b / T` in ticks of `T` where that is more ([`super::stiff`]). The bodies that a device holds share it. A device whose
+/// friction and damping are not known has no limit.
+pub fn renderable(loaded: &LoadedScene) -> Vec<Renderable> {
+    let scene = &loaded.scene;
+    let period = 1.0 / scene.realtime.rate;
+    let held = bodies::bodies_held(scene);
+    let most = |friction: f64, count: f64, damping: f64, share: f64| {
+        let most = (2.0 * friction / count).max(2.0 * damping / period) / share;
+        if most > 0.0 { most } else { f64::INFINITY }
+    };
+    let devices = scene.devices.iter().zip(&loaded.models).zip(held);
+    devices
+        .map(|((device, model), held)| {
+            let held = held.max(1) as f64;
+            let scale = device.motion_scale * device.motion_scale;
+            let whole = most(model.friction, model.position_step, model.damping, 1.0);
+            Renderable {
+                stiffness: whole / (held * scale),
+                turning: model.rotation.map_or(f64::INFINITY, |turning| {
+                    most(turning.friction, turning.step, turning.damping, held)
+                }),
+                calm: (CALM / (whole * model.position_step)).min(1.0),
+            }
+        })
+        .collect()
 }

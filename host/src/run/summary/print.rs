@@ -108,6 +108,9 @@ impl RunSummary {
         for solver in &h.solvers {
             writeln!(f, "  solver     {solver}")?;
         }
+        for stiff in &h.stiff {
+            writeln!(f, "  stiff      {stiff}")?;
+        }
         if h.unconverged_steps > 0 {
             writeln!(
                 f,
