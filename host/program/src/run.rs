@@ -271,6 +271,13 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let reserved = real.then(|| Reserved::new(core, &machine));
     let ending = Ending::begin(real)?;
     let panel = Panel::default();
+    #[cfg_attr(
+        not(feature = "view"),
+        expect(
+            unused_variables,
+            reason = "a display alone takes the terminal from the operator"
+        )
+    )]
     let keyboard = real.then(|| operator::begin(&panel)).transpose()?;
     drop(reserved);
     needs_real_clock(arguments)?;
