@@ -22,8 +22,8 @@
 //! Where `Kbar` is the stiffness `K` itself, the eigenvalues of `E K' E` are `r(l)`. Below the limit, `r(l) = l`: the device
 //! renders the body. Beyond it, `r` falls to a smaller number `c`, evenly up to `l = 1 + MARGIN`: a direction that the
 //! device cannot render is rendered so softly that a hand which trembles at the edge of a count hardly feels the count.
-//! `Kbar` is an envelope of the latest stiffnesses: it rises at once and falls within 0.1 s. Where the stiffness changes from model to model,
-//! springs that came and went with it would shake the hand more than the stiff body does.
+//! `Kbar` is an envelope of the latest stiffnesses: it rises at once and falls within 0.1 s. Where the stiffness changes
+//! from model to model, springs that came and went with it would shake the hand more than the stiff body does.
 //!
 //! The **handles** follow the massless proxies between springs and body, as in [`super::virtual_coupling`]. At the
 //! device's displacement `d` from the handle, the proxy's is `S^T d + R a`. A handle at the pose of the device would be
@@ -205,7 +205,7 @@ impl SeriesSprings {
             eigen: Eigen::new(size),
             of_model: Factors::new(root.len()),
             of_envelope: Factors::new(root.len()),
-            lower: Vec::with_capacity(size * (size + 1) / 2),
+            lower: Vec::with_capacity(size * size),
             difference: Square::zeros(size),
             stiffest: None,
             model: LocalModel::empty(),
@@ -216,9 +216,14 @@ impl SeriesSprings {
     }
 
     /// The model that the devices render through the springs, where springs act; `None` where the devices can render the
-    /// body itself. `elapsed` is the time since the last model (s).
+    /// body itself. `elapsed` is the time since the last model (s). A stiffness that is not finite ends the springs: the
+    /// tick refuses such a model, and the envelope must not keep the number.
     pub fn through(&mut self, model: &LocalModel, elapsed: f64) -> Option<&LocalModel> {
         self.scale(model);
+        if !self.scaled.as_slice().iter().all(|entry| entry.is_finite()) {
+            self.acts = false;
+            return None;
+        }
         if !self.acts {
             if self.eigen.is_below_one(&self.scaled) {
                 return None;

@@ -275,6 +275,20 @@ fn springs_fade_after_the_body_has_become_softer() {
 }
 
 #[test]
+fn a_stiffness_that_is_not_finite_is_passed_on_and_forgotten() {
+    let mut springs = SeriesSprings::of(&[0], &LIMITS).expect("a limit");
+    let stiff = along(Vec3::x(), 5.0);
+    let expected = *springs.through(&stiff, 0.0).expect("springs");
+    for wrong in [f64::NAN, f64::INFINITY] {
+        let mut broken = stiff;
+        broken.stiffness[0][0][(0, 0)] = wrong;
+        assert!(springs.through(&broken, 0.01).is_none());
+        assert!(springs.model().is_none());
+        assert_eq!(springs.through(&stiff, 0.01), Some(&expected));
+    }
+}
+
+#[test]
 fn devices_without_a_limit_have_no_springs() {
     assert!(SeriesSprings::of(&[3], &LIMITS).is_none());
     assert!(SeriesSprings::of(&[0], &[Renderable::ANY]).is_none());
