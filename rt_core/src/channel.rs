@@ -8,13 +8,15 @@
 //! waits where its handle rests.
 
 use crate::clutch::Clutch;
-use crate::device::DeviceState;
+use crate::device::{DeviceState, Freedom};
 use crate::device_frame::DeviceFrame;
 use crate::engage::Engagement;
-use crate::geometry::{Pose, Twist};
+use crate::geometry::{Pose, Twist, Vec6};
 use crate::held_back::HeldBackByDevice;
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
 use crate::safety::{Limiter, SafetyConfig};
+use crate::slip::{Asked, Slip};
+use nalgebra::UnitQuaternion;
 
 /// Factor by which an estimated velocity may exceed the largest velocity of a hand. The last stage limits the speed of
 /// the hand itself.
@@ -36,6 +38,7 @@ pub(crate) struct Channel {
     /// Time of that state (ns).
     seen_ns: Option<u64>,
     clutch: Clutch,
+    slip: Slip,
     /// The fraction of a force that the limits of the device let pass last.
     allowed: f64,
 }
@@ -51,6 +54,7 @@ impl Channel {
         Self {
             frame,
             clutch,
+            slip: Slip::none(),
             limiter,
             engagement: Engagement::new(safety.engage),
             held_back: HeldBackByDevice::default(),
@@ -85,13 +89,58 @@ impl Channel {
         true
     }
 
-    /// Pose and twist of the proxy in the scene.
+    /// Pose and twist of the proxy in the scene, without its slip.
     pub(crate) fn on_scene(&self) -> (Pose, Twist) {
         let (pose, mut twist) = self.frame.to_scene(&self.state);
         let fraction = self.clutch.fraction(&self.limiter);
         twist.linear *= fraction;
         twist.angular *= fraction;
         (pose, twist)
+    }
+
+    /// Slips the proxy as `asked`. Returns the displacement by which its slip would go back in the next tick (m, rad; axes of
+    /// the scene). The proxy of a device that renders no force stays.
+    pub(crate) fn slip(&mut self, asked: &Asked) -> Option<Vec6> {
+        if self.clutch.is_open() || self.limiter.is_apart() {
+            return None;
+        }
+        let (period, scale) = (self.limiter.period(), self.frame.motion_scale.abs());
+        // Only a turn needs to know how the proxy is oriented.
+        let rotation = if self.limiter.actuated().turns() {
+            let (mut pose, _) = self.on_scene();
+            self.slip.carry(&mut pose);
+            pose.rotation
+        } else {
+            UnitQuaternion::identity()
+        };
+        let by = match asked {
+            Asked::Nothing | Asked::Stay => return None,
+            Asked::Back => self.slip.way_back(&rotation, period, scale),
+            Asked::Away(by) => self.slip.bound(&self.rendered(by), period, scale),
+        };
+        self.slip.shift(&by, &rotation);
+        Some(self.slip.way_back(&rotation, period, scale))
+    }
+
+    /// The part of a displacement (m, rad; axes of the scene) along the motions whose force the device renders.
+    fn rendered(&self, by: &Vec6) -> Vec6 {
+        let mut by = *by;
+        let actuated = self.limiter.actuated();
+        if let Freedom::Along(axes) = actuated {
+            let along = self
+                .frame
+                .rendered_along(axes, &by.fixed_rows::<3>(0).into());
+            by.fixed_rows_mut::<3>(0).copy_from(&along);
+        }
+        if !actuated.turns() {
+            by.fixed_rows_mut::<3>(3).fill(0.0);
+        }
+        by
+    }
+
+    /// The slip of the proxy.
+    pub(crate) fn slipped(&self) -> &Slip {
+        &self.slip
     }
 
     /// Ratio of the force on the proxy to the force on its hand. The clutch is a transformer, so the power is the same

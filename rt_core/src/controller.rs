@@ -14,6 +14,7 @@ use crate::local_model::{ModelFault, PublishedModel};
 use crate::passivity::EnergyAccount;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
+use crate::slip::Asked;
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 #[expect(
     clippy::disallowed_types,
@@ -113,6 +114,8 @@ pub struct Controller {
     /// Number of models for bodies that do not exist.
     stray_models: u64,
     tick: u64,
+    /// Whether a proxy has slipped.
+    has_slips: bool,
 }
 
 impl Clone for Controller {
@@ -122,6 +125,7 @@ impl Clone for Controller {
             couplings: self.couplings.clone(),
             stray_models: self.stray_models,
             tick: self.tick,
+            has_slips: self.has_slips,
         }
     }
 
@@ -132,6 +136,7 @@ impl Clone for Controller {
             couplings,
             stray_models,
             tick,
+            has_slips,
         } = self;
         channels.clone_from(&source.channels);
         couplings.truncate(source.couplings.len());
@@ -147,6 +152,7 @@ impl Clone for Controller {
             let _ = couplings.push(from.clone());
         }
         (*stray_models, *tick) = (source.stray_models, source.tick);
+        *has_slips = source.has_slips;
     }
 }
 
@@ -187,6 +193,7 @@ impl Controller {
             couplings: heapless::Vec::new(),
             stray_models: 0,
             tick: 0,
+            has_slips: false,
         };
         // The lists have the capacities of those in the configuration.
         for device in &config.devices {
@@ -237,39 +244,73 @@ impl Controller {
         telemetry.body_count = self.couplings.len() as u8;
         telemetry.readings = *readings;
 
-        let mut proxies = [(Pose::identity(), Twist::zero()); MAX_DEVICES];
-        let fresh = self.read(time, readings, &mut proxies);
+        // Not an array, which would be filled for devices that do not exist.
+        let mut hands = Proxies::new();
+        let fresh = self.read(time, readings, &mut hands);
+        let slipped = self.has_slips.then(|| self.slipped(&hands, &mut telemetry));
+        let proxies = slipped.as_ref().unwrap_or(&hands);
         let mut forces = Forces::none();
-        self.couple(now_ns, &proxies, &mut forces, &mut telemetry);
-        let commands = self.limit(&proxies, fresh, &mut forces, &mut telemetry);
+        self.couple(now_ns, &hands, proxies, &mut forces, &mut telemetry);
+        let commands = self.limit(proxies, fresh, &mut forces, &mut telemetry);
         self.account(&forces, &mut telemetry);
         self.tick = self.tick.wrapping_add(1);
         (commands, telemetry)
     }
 
-    /// The first phase: finds where each proxy is. Returns which devices gave a state that is believed.
+    /// The first phase: finds where each hand leads its proxy. Returns which devices gave a state that is believed.
     fn read(
         &mut self,
         time: TickTime,
         readings: &[Reading; MAX_DEVICES],
-        proxies: &mut [(Pose, Twist); MAX_DEVICES],
+        hands: &mut Proxies,
     ) -> [bool; MAX_DEVICES] {
+        let mut couplings = self.couplings.iter();
+        if couplings.any(|coupling| coupling.asks_for_slips()) {
+            self.slip();
+        }
         let mut fresh = [false; MAX_DEVICES];
-        let each = self
-            .channels
-            .iter_mut()
-            .zip(readings)
-            .zip(proxies)
-            .zip(&mut fresh);
-        for (((channel, reading), proxy), fresh) in each {
+        let each = self.channels.iter_mut().zip(readings).zip(&mut fresh);
+        for ((channel, reading), fresh) in each {
             channel.limiter.begin(time.clock_ns());
             if let Ok(state) = reading {
                 *fresh = channel.follow(time.now_ns, state);
             }
-            *proxy = channel.on_scene();
+            // There are no more channels than places.
+            let _ = hands.push(channel.on_scene());
         }
         self.engage(fresh);
         fresh
+    }
+
+    /// Slips the proxies as the bodies asked in the last tick.
+    #[cold]
+    #[inline(never)]
+    fn slip(&mut self) {
+        for (channel, device) in self.channels.iter_mut().zip(0..MAX_DEVICES) {
+            let asked = self.couplings.iter().map(|coupling| coupling.asked(device));
+            let asked = asked.fold(Asked::Nothing, Asked::and);
+            if let Some(way_back) = channel.slip(&asked) {
+                for coupling in &mut self.couplings {
+                    coupling.slipped(device, &way_back);
+                }
+            }
+        }
+        let mut channels = self.channels.iter();
+        self.has_slips = channels.any(|channel| channel.slipped().is_some());
+    }
+
+    /// Where the proxies are that these `hands` lead, with their slips.
+    #[cold]
+    #[inline(never)]
+    fn slipped(&self, hands: &Proxies, telemetry: &mut Telemetry) -> Proxies {
+        let mut proxies = hands.clone();
+        let each = proxies.iter_mut().zip(&self.channels);
+        for (((pose, _), channel), record) in each.zip(&mut telemetry.devices) {
+            let slip = channel.slipped();
+            slip.carry(pose);
+            (record.slip, record.slip_angle) = slip.extent();
+        }
+        proxies
     }
 
     /// Tells each last stage whether its device may render force. A stop of one device stops all. Only the states of this
@@ -289,15 +330,14 @@ impl Controller {
     fn couple(
         &mut self,
         now_ns: u64,
-        proxies: &[(Pose, Twist); MAX_DEVICES],
+        hands: &[(Pose, Twist)],
+        proxies: &[(Pose, Twist)],
         forces: &mut Forces,
         telemetry: &mut Telemetry,
     ) {
-        // Devices that do not exist cost nothing.
-        let proxies = proxies.get(..self.channels.len()).unwrap_or(proxies);
         let bodies = self.couplings.iter_mut().zip(&mut forces.by_body);
         for ((coupling, by_device), record) in bodies.zip(&mut telemetry.bodies) {
-            let wrenches = coupling.tick(now_ns, proxies);
+            let wrenches = coupling.tick_slipped(now_ns, hands, proxies);
             for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
                 let device = usize::from(handle.device);
                 let sums = forces.on_proxies.get_mut(device).into_iter();
@@ -318,7 +358,7 @@ impl Controller {
     /// of the bodies, too.
     fn limit(
         &mut self,
-        proxies: &[(Pose, Twist); MAX_DEVICES],
+        proxies: &[(Pose, Twist)],
         fresh: [bool; MAX_DEVICES],
         forces: &mut Forces,
         telemetry: &mut Telemetry,
@@ -462,6 +502,9 @@ impl Controller {
         self.stray_models
     }
 }
+
+/// Poses and twists in the scene, by device.
+type Proxies = heapless::Vec<(Pose, Twist), MAX_DEVICES>;
 
 /// The wrenches of one tick.
 struct Forces {

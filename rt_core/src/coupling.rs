@@ -17,6 +17,7 @@
 mod capped;
 mod leaving;
 mod parting;
+mod slips;
 
 use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
 use crate::held_back::HeldBackByBody;
@@ -25,6 +26,7 @@ use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
 use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
 use leaving::Fade;
+use slips::Slips;
 
 /// Configuration of a coupling: how it blends and ages.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -175,6 +177,7 @@ pub struct Coupling {
     ahead: f64,
     /// Fraction of each handle's step that the stiffness resists as a damper would: translation and rotation.
     lead: [[f64; 2]; MAX_HANDLES],
+    slips: Slips,
 }
 
 impl Coupling {
@@ -200,6 +203,7 @@ impl Coupling {
             ticked_ns: None,
             ahead: 0.0,
             lead: [[0.0; 2]; MAX_HANDLES],
+            slips: Slips::none(),
         }
     }
 
@@ -250,10 +254,21 @@ impl Coupling {
     /// One tick: returns the wrench on each of the body's hands, in the model's order of handles. `devices` are the
     /// poses and twists of the proxies, by device index.
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
+        self.tick_slipped(now_ns, devices, devices)
+    }
+
+    /// As [`Self::tick`], where the `hands` would lead their proxies to other poses than those of `devices`: proxies have
+    /// slipped.
+    pub(crate) fn tick_slipped(
+        &mut self,
+        now_ns: u64,
+        hands: &[(Pose, Twist)],
+        devices: &[(Pose, Twist)],
+    ) -> [Wrench; MAX_HANDLES] {
         self.ticked_ns = Some(now_ns);
         self.fade_leaving();
         let steps = self.passivity.observe(
-            devices.iter().map(|(pose, _)| *pose),
+            hands.iter().map(|(pose, _)| *pose),
             self.to.handles().map(|handle| handle.device),
         );
         self.ahead = self.to.ahead(now_ns);

@@ -3,7 +3,7 @@
 //! Conventions: all quantities are in world axes; six-vectors and 6 x 6 matrices stack translation above rotation; a
 //! moment is about the origin of the moving handle.
 
-use nalgebra::UnitQuaternion;
+use nalgebra::{Quaternion, UnitQuaternion};
 
 /// A vector in three dimensions. The name of the variable tells the unit (m, m/s or N).
 pub type Vec3 = nalgebra::Vector3<f64>;
@@ -155,8 +155,14 @@ impl Wrench {
     }
 }
 
-fn stack(first: &Vec3, second: &Vec3) -> Vec6 {
+pub(crate) fn stack(first: &Vec3, second: &Vec3) -> Vec6 {
     Vec6::new(first.x, first.y, first.z, second.x, second.y, second.z)
+}
+
+/// The rotation by a small rotation vector (rad). The error is less than a tenth of the cube of its length.
+pub(crate) fn small_turn(turn: &Vec3) -> UnitQuaternion<f64> {
+    let half = turn * 0.5;
+    UnitQuaternion::new_normalize(Quaternion::from_parts(1.0, half))
 }
 
 /// `3 s^2 - 2 s^3`: a step from zero to one whose derivative is zero at both ends.

@@ -63,6 +63,7 @@ pub mod passivity;
 pub mod record;
 pub mod safety;
 pub mod scheme;
+mod slip;
 pub mod velocity;
 
 pub use controller::{Controller, ControllerConfig, Stage, TickTime, cycle, cycle_watched};

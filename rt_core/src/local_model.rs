@@ -176,7 +176,7 @@ pub struct Deviation {
 }
 
 impl Deviation {
-    fn zero() -> Self {
+    pub(crate) fn zero() -> Self {
         Self {
             displacement: Vec6::zeros(),
             velocity: Vec6::zeros(),
@@ -338,8 +338,7 @@ impl LocalModel {
                 *out += k * deviation.displacement + b * deviation.velocity;
             }
         }
-        let still = [Vec6::zeros(); MAX_HANDLES];
-        if let Some(beyond) = self.beyond_limit(deviations, &still) {
+        if let Some(beyond) = self.beyond_limit(deviations, &[]) {
             for (handle, out) in self.handles().zip(&mut response) {
                 *out -= handle.tear_slope * beyond.spring;
             }

@@ -82,6 +82,19 @@ impl Port {
         max_slew: f64::INFINITY,
     };
 
+    /// A place for a device: zeros, which cost a tick less than other numbers.
+    const BLANK: Self = Self {
+        damping: 0.0,
+        friction: 0.0,
+        turning_damping: 0.0,
+        turning_friction: 0.0,
+        most_damping: 0.0,
+        most_turning_damping: 0.0,
+        force_scale: 0.0,
+        count: 0.0,
+        max_slew: 0.0,
+    };
+
     pub(crate) fn most(&self) -> [f64; 2] {
         [self.most_damping, self.most_turning_damping]
     }
@@ -148,6 +161,15 @@ pub struct Withheld {
     pub force: f64,
     /// Spring force of the local model at that handle, without the weight (N).
     pub of: f64,
+}
+
+/// The energy that a piece stores, against the energy that its hands have paid for.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Balance {
+    /// Energy that the springs could spend in the last tick (J).
+    pub(crate) budget: f64,
+    /// Energy that the piece stores beyond the energy whose force the cap leaves whole (J); zero where the force is whole.
+    pub(crate) unpaid: f64,
 }
 
 impl Withheld {
@@ -349,6 +371,20 @@ impl Passivity {
             let [whole, ..] = &mut self.pieces;
             whole.credit += self.account.initial;
         }
+    }
+
+    /// Whether the hands had not paid for the energy of a piece in the last tick.
+    #[inline]
+    pub(crate) fn is_unpaid(&self) -> bool {
+        let pieces = self.pieces.iter().take(self.piece_count);
+        pieces.fold(false, |any, piece| any | (piece.balance.unpaid > 0.0))
+    }
+
+    /// What the cap found for a piece in the last tick.
+    pub(crate) fn balance(&self, piece: usize) -> Balance {
+        self.pieces
+            .get(piece)
+            .map_or(Balance::default(), |piece| piece.balance)
     }
 
     /// The heading of a device: its last translation along each axis.

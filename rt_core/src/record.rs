@@ -43,6 +43,10 @@ pub struct DeviceTelemetry {
     pub pose: Pose,
     /// Twist of the proxy (scene).
     pub twist: Twist,
+    /// Displacement by which the proxy has slipped against its hand (m, scene); part of its pose.
+    pub slip: Vec3,
+    /// Angle by which the proxy has slipped (rad).
+    pub slip_angle: f64,
     /// Wrench on the hand that the device was commanded, rotated into scene axes.
     pub wrench: Wrench,
     /// Buttons, one bit each.
@@ -104,6 +108,8 @@ impl Telemetry {
         let device = DeviceTelemetry {
             pose: Pose::at(Vec3::zeros()),
             twist: Twist::zero(),
+            slip: Vec3::zeros(),
+            slip_angle: 0.0,
             wrench: Wrench::zero(),
             buttons: 0,
             device_time_ns: 0,

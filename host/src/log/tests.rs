@@ -64,6 +64,8 @@ pub(super) fn telemetry(tick: u64) -> Telemetry {
     state.device_time_ns = tick;
     record.readings[0] = Ok(state);
     record.readings[1] = Err(DeviceError::Disconnected(-19));
+    record.devices[0].slip.z = 0.5 * x;
+    record.devices[0].slip_angle = 0.25 * x;
     let body = &mut record.bodies[0];
     body.sequence = tick / 16;
     body.epoch = 2;

@@ -45,6 +45,8 @@ uint8 DEVICE_FAULT=14
 geometry_msgs/Pose pose      # of the proxy
 geometry_msgs/Twist twist    # of the proxy
 geometry_msgs/Wrench wrench  # on the hand, as it left for the device
+geometry_msgs/Vector3 slip   # of the proxy against its hand; part of the pose
+float64 slip_angle           # of that slip (rad)
 uint64 device_time_ns        # the device's own clock
 uint32 buttons               # one bit each; the two highest are the operator's orders
 bool fresh                   # whether the device gave a good state this tick
@@ -169,6 +171,8 @@ fn encode_device(device: &DeviceTelemetry, out: &mut CdrWriter) {
     out.pose(&device.pose);
     out.twist(&device.twist);
     out.wrench(&device.wrench);
+    out.vector(&device.slip);
+    out.f64(device.slip_angle);
     out.u64(device.device_time_ns);
     out.u32(device.buttons);
     out.u8(u8::from(device.fresh));
@@ -212,6 +216,8 @@ fn decode_device(from: &mut CdrReader) -> Option<DeviceTelemetry> {
         pose: from.pose()?,
         twist: from.twist()?,
         wrench: from.wrench()?,
+        slip: from.vector()?,
+        slip_angle: from.f64()?,
         device_time_ns: from.u64()?,
         buttons: from.u32()?,
         fresh: from.u8()? != 0,

@@ -7,6 +7,7 @@ use super::device_totals::{DeviceSum, DeviceTotals, acting_limit, old_model};
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::samples::{Sample, Samples};
+use super::slips;
 use super::tears::TearEvents;
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
@@ -32,6 +33,8 @@ pub(super) struct Collector {
     body_names: Vec<String>,
     /// By device.
     sums: Vec<DeviceSum>,
+    slips: Vec<slips::Watch>,
+    /// By device, then by body.
     open: Vec<Option<(f64, &'static str)>>,
     /// By body.
     withheld: Vec<Watch>,
@@ -55,6 +58,7 @@ impl Collector {
             sums: devices
                 .map(|device| DeviceSum::new(device.motion_scale))
                 .collect(),
+            slips: vec![slips::Watch::default(); device_names.len()],
             open: vec![None; device_names.len() + body_names.len()],
             withheld: vec![Watch::default(); body_names.len()],
             spans: Vec::new(),
@@ -73,8 +77,19 @@ impl Collector {
         let time = telemetry.time_ns as f64 * 1e-9;
         self.ticks += 1;
         self.end = time;
-        for (device, sum) in telemetry.devices().zip(&mut self.sums) {
+        let sums = self.sums.iter_mut().zip(&mut self.slips);
+        let each = telemetry.devices().zip(sums).zip(&self.device_names);
+        for ((device, (sum, slip)), name) in each {
             sum.take(time, device);
+            if let Some(slip) = slip.take(time, device) {
+                push_span(
+                    &mut self.spans,
+                    slip.from,
+                    slip.to,
+                    name,
+                    &slip.description(),
+                );
+            }
         }
         let limited = telemetry
             .devices()
@@ -123,6 +138,17 @@ impl Collector {
         for (open, name) in self.open.iter().zip(names) {
             if let Some((from, description)) = *open {
                 push_span(&mut self.spans, from, self.end, name, description);
+            }
+        }
+        for (watch, name) in self.slips.iter().zip(&self.device_names) {
+            if let Some(slip) = watch.finish() {
+                push_span(
+                    &mut self.spans,
+                    slip.from,
+                    slip.to,
+                    name,
+                    &slip.description(),
+                );
             }
         }
         for (watch, name) in self.withheld.iter().zip(&self.body_names) {

@@ -183,6 +183,8 @@ fn columns(scene: &Scene) -> Columns {
         columns.vector(of, "angular_velocity", "rad_per_s");
         columns.vector(of, "force", "N");
         columns.vector(of, "moment", "Nm");
+        columns.vector(of, "slip", "m");
+        columns.add(of, "slip_rad");
         columns.add(of, "buttons");
         columns.add(of, "missed");
         for (_, name) in SAFETY {
@@ -215,6 +217,8 @@ fn write_device(line: &mut Line, device: &DeviceTelemetry) {
     line.numbers(device.twist.angular.iter().copied());
     line.numbers(device.wrench.force.iter().copied());
     line.numbers(device.wrench.moment.iter().copied());
+    line.numbers(device.slip.iter().copied());
+    line.number(device.slip_angle);
     line.whole(u64::from(device.buttons));
     line.flag(!device.fresh);
     for (state, _) in SAFETY {

@@ -18,6 +18,8 @@ pub(crate) struct DeviceTotals {
     pub work: f64,
     /// Largest distance from the first position (m).
     pub reach: f64,
+    /// Largest slip of the proxy against its hand (m).
+    pub slip: f64,
 }
 
 /// Sums up the telemetry of one device.
@@ -26,7 +28,7 @@ pub(crate) struct DeviceSum {
     /// Metres of the scene per metre of the device.
     scale: f64,
     totals: DeviceTotals,
-    /// Position and force at the last tick, and the first position.
+    /// Position without slips and force at the last tick, and the first position.
     last: Option<(Vec3, Vec3, Vec3)>,
 }
 
@@ -43,7 +45,9 @@ impl DeviceSum {
     /// Takes the telemetry of the tick at `time` (s).
     pub(crate) fn take(&mut self, time: f64, device: &DeviceTelemetry) {
         let totals = &mut self.totals;
-        let (position, force) = (device.pose.position, device.wrench.force);
+        // A slip moves the proxy, and not the hand.
+        let (position, force) = (device.pose.position - device.slip, device.wrench.force);
+        totals.slip = totals.slip.max(device.slip.norm());
         if force.norm() > totals.peak_force {
             totals.peak_force = force.norm();
             totals.peak_time = time;

@@ -22,6 +22,7 @@ pub mod replay;
 mod report;
 mod samples;
 pub mod setup;
+mod slips;
 pub mod slow_host;
 pub mod summary;
 mod taps;

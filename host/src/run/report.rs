@@ -121,6 +121,7 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
                 motor_work: device.probe().map(|probe| probe.motor_work),
                 port_work: device.probe().map(|probe| probe.on_hand),
                 reach: totals.reach,
+                slip: totals.slip,
                 limited_ticks: safety.limited,
                 not_a_number_ticks: safety.not_a_number,
                 slewed_ticks: safety.slewed,

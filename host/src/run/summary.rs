@@ -246,6 +246,9 @@ pub struct DeviceSummary {
     pub port_work: Option<f64>,
     /// Largest distance from its first position (m).
     pub reach: f64,
+    /// Largest slip of its proxy (m): the displacement against the hand by which a hold that was not paid for became the
+    /// true force of the body.
+    pub slip: f64,
     /// Ticks with the force limited.
     pub limited_ticks: u64,
     /// Ticks with a force that was not a number.

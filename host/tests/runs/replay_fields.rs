@@ -78,6 +78,8 @@ fn of_device<'a>(
         pose: Pose { position, rotation },
         twist: Twist { linear, angular },
         wrench: Wrench { force, moment },
+        slip,
+        slip_angle,
         buttons,
         device_time_ns,
         fresh,
@@ -93,9 +95,11 @@ fn of_device<'a>(
         ("angular", angular),
         ("force", force),
         ("torque", moment),
+        ("slip", slip),
     ] {
         vector(&format!("{part} {name}"), v, leaves);
     }
+    leaves.push((format!("{part} slip_angle"), Leaf::Number(slip_angle)));
     leaves.push((format!("{part} buttons"), Leaf::Small(buttons)));
     let time = Leaf::Count(device_time_ns);
     leaves.push((format!("{part} device_time_ns"), time));
@@ -192,8 +196,8 @@ fn a_difference_in_any_field_is_found_and_named() -> Outcome {
     assert!(replayed(&log)?.is_exact());
     let whole = log.rows[STRUCK].clone();
     let count = leaves(&mut log.rows[STRUCK]).len();
-    // Two devices of 7 + 6 + 6 numbers and 4 others, one body of 14: the fields of the message definition.
-    assert_eq!(count, 2 * (7 + 6 + 6 + 4) + 14);
+    // Two devices of 7 + 6 + 6 + 4 numbers and 4 others, one body of 14: the fields of the message definition.
+    assert_eq!(count, 2 * (7 + 6 + 6 + 4 + 4) + 14);
     for bit in [Bit::Last, Bit::Sign] {
         for index in 0..count {
             log.rows[STRUCK] = whole.clone();

@@ -102,6 +102,9 @@ impl Coupling {
         if self.is_torn() {
             let stored = self.stored_by_piece(devices);
             self.passivity.note_stored(stored.iter().sum());
+            if self.slips.matter() || self.passivity.is_unpaid() {
+                self.ask_for_slips(&parts.elastic, &stored, true);
+            }
             let Parts {
                 elastic, viscous, ..
             } = &mut parts;
@@ -112,6 +115,12 @@ impl Coupling {
                 parts.stored = f64::MAX;
             }
             self.passivity.note_stored(parts.stored);
+            if self.slips.matter() || self.passivity.is_unpaid() {
+                let mut stored = [0.0; MAX_HANDLES];
+                let [whole, ..] = &mut stored;
+                *whole = parts.stored;
+                self.ask_for_slips(&parts.elastic, &stored, false);
+            }
             self.passivity.cap(
                 self.to.handles().map(|handle| handle.device),
                 &motions,

@@ -92,11 +92,7 @@ impl LocalModel {
             // The force is linear along the displacement, so the mean force does the work.
             work += (begin - fall * 0.5).dot(&own.displacement);
         }
-        let mut steps = [Vec6::zeros(); MAX_HANDLES];
-        for (step, lead) in steps.iter_mut().zip(lead) {
-            *step = lead.step;
-        }
-        if let Some(beyond) = self.beyond_limit(deviations, &steps) {
+        if let Some(beyond) = self.beyond_limit(deviations, lead) {
             let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
             for ((elastic, viscous), (handle, own)) in outs.zip(self.handles().zip(deviations)) {
                 *elastic += handle.tear_slope * beyond.spring;
@@ -149,8 +145,7 @@ impl LocalModel {
             }
             *work = mean.dot(&own.displacement);
         }
-        let still = [Vec6::zeros(); MAX_HANDLES];
-        if let Some(beyond) = self.beyond_limit(deviations, &still) {
+        if let Some(beyond) = self.beyond_limit(deviations, &[]) {
             for ((handle, own), work) in self.handles().zip(deviations).zip(&mut works) {
                 *work += handle.tear_slope.dot(&own.displacement) * beyond.work;
             }

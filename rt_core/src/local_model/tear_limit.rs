@@ -26,7 +26,7 @@
 //! The certificate of the cap does not rely on these numbers. A model with a wrong limit gives a wrong force, and no
 //! energy that hands have not supplied.
 
-use super::{Deviation, LocalModel};
+use super::{Deviation, Lead, LocalModel};
 use crate::MAX_HANDLES;
 use crate::geometry::Vec6;
 
@@ -92,11 +92,11 @@ impl LocalModel {
     }
 
     /// What the limit adds, where the displacements or the displacements with the `lead` of each handle are beyond it;
-    /// `None` elsewhere, and without a limit.
+    /// `None` elsewhere, and without a limit. No `lead` at all stands for zeros.
     pub(super) fn beyond_limit(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
-        lead: &[Vec6; MAX_HANDLES],
+        lead: &[Lead],
     ) -> Option<Beyond> {
         let limit = &self.tear_limit;
         if !limit.is_some() {
@@ -104,7 +104,7 @@ impl LocalModel {
         }
         let along = self.along_slope(deviations.iter().map(|deviation| &deviation.displacement));
         let excess = limit.excess(along);
-        let further = limit.excess(along + self.along_slope(lead.iter()));
+        let further = limit.excess(along + self.along_slope(lead.iter().map(|lead| &lead.step)));
         (excess > 0.0 || further > 0.0).then(|| Beyond {
             spring: limit.area * excess,
             lead: limit.area * (further - excess),

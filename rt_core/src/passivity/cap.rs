@@ -30,6 +30,9 @@
 //! falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and credit vanish
 //! together with `V`, without a jump.
 //!
+//! **A force that stays reduced** becomes whole again by a slip of the proxies ([`crate::slip`]): `V` falls to
+//! `0.95 H / beta`, and `H` stays.
+//!
 //! **No jump of a hand at rest.** While no hand moves, `H`, `R` and `V` stay, except where a model changes or a body
 //! releases energy, so the factor `G / (beta V)` stays, too. Hands that move change it by `(1 / beta - 1) w . D / V`. Once a
 //! hand rests after a quick step, `D` decays, and the certificate lets the force back by a factor of at most
@@ -66,6 +69,10 @@ const TURNING_CREEP: f64 = 0.02;
 /// the force of another tick, while the hand speeds up: the backed fraction doubles, up to one. Where a slew limit
 /// bounds the fall of a force, the whole energy must be backed.
 const BACKED: f64 = 0.3;
+
+/// The part of the energy that hands have paid for which a slip of the proxies leaves stored. The force is whole from one
+/// on; the rest keeps a tremor of the hand from asking for the next slip.
+const PAID: f64 = 0.95;
 
 /// Time constant (s) with which unbacked credit is forgotten. Credit must not be forgotten at once: while models
 /// disagree, `V` passes through zero for some ticks, and the credit that paid for the spring would be lost.
@@ -139,7 +146,15 @@ impl Passivity {
         // Commands under way will be rendered, whatever this tick decides.
         let left = piece.credit - spared - holders.under_way;
         let budget = left.max(0.0);
-        let bowed = self.bowed_out(budget, stored, holders.ports());
+        let backed = self.backed(holders.ports());
+        let bowed = if budget < backed * stored {
+            piece.balance.unpaid = stored - PAID * budget / backed;
+            budget / (backed * stored)
+        } else {
+            piece.balance.unpaid = 0.0;
+            1.0
+        };
+        piece.balance.budget = budget;
         self.damp_missing(piece, stored - budget, holders.ports(), motions, viscous);
         // Handles that do not exist have no force.
         let elastic = holders.used(elastic);
@@ -157,9 +172,9 @@ impl Passivity {
         motions: &[Motion; MAX_HANDLES],
     ) -> Holders {
         let mut holders = Holders {
-            devices: [usize::MAX; MAX_HANDLES],
+            devices: [0; MAX_HANDLES],
             count: 0,
-            ports: [Port::UNKNOWN; MAX_HANDLES],
+            ports: [Port::BLANK; MAX_HANDLES],
             reaches: [[0.0; 2]; MAX_HANDLES],
             under_way: 0.0,
         };
@@ -170,6 +185,7 @@ impl Passivity {
             holders.count = holders.count.saturating_add(1);
             *holder = device;
             let known = self.config.ports.get(device).zip(self.hands.get(device));
+            *port = Port::UNKNOWN;
             if let Some((known, hand)) = known {
                 *port = *known;
                 *reach = hand.reach;
@@ -190,19 +206,12 @@ impl Passivity {
         piece.credit -= (piece.credit - spared - backed).max(0.0) * (self.config.period / FORGET);
     }
 
-    /// The fraction of the elastic wrenches that is left where the `budget` (J) falls below the part of the `stored`
-    /// energy (J) that must be backed.
-    fn bowed_out(&self, budget: f64, stored: f64, ports: &[Port]) -> f64 {
-        let slow = ports.iter().any(|port| port.max_slew.is_finite());
-        let backed = if slow {
+    /// The fraction of the stored energy that must be backed, lest the elastic wrenches be reduced.
+    fn backed(&self, ports: &[Port]) -> f64 {
+        if ports.iter().any(|port| port.max_slew.is_finite()) {
             1.0
         } else {
             (BACKED * (1.0 + self.config.delay as f64)).min(1.0)
-        };
-        if budget < backed * stored {
-            budget / (backed * stored)
-        } else {
-            1.0
         }
     }
 

@@ -15,7 +15,7 @@
 //! A piece that no hand of the former model holds begins with the allowance alone, for no hand has supplied its energy.
 //! Pieces that grow together, which no tear can cause, add their credits.
 
-use super::{Motion, Passivity};
+use super::{Balance, Motion, Passivity};
 use crate::MAX_HANDLES;
 use crate::geometry::Vec6;
 use crate::local_model::{HandleReference, LocalModel, PieceEnergy, pieces};
@@ -33,6 +33,8 @@ pub(super) struct PieceAccount {
     pub(super) spared: f64,
     /// Fraction of the devices' damping that takes out missing energy.
     pub(super) damped: f64,
+    /// What the cap found last.
+    pub(super) balance: Balance,
 }
 
 impl PieceAccount {

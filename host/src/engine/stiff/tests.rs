@@ -189,8 +189,12 @@ proptest! {
         prop_assert!((at_proxies - at_devices).abs() < 1e-8, "{at_proxies} {at_devices}");
         if let (Some(factor), true) = (after.cholesky(), body.tear_limit.area > 0.0) {
             let q = slope(&out);
-            let area = 1.0 / q.dot(&factor.solve(&q));
-            prop_assert!((out.tear_limit.area - area).abs() < 1e-6 * area, "{}", out.tear_limit.area);
+            let inverse = q.dot(&factor.solve(&q));
+            // A body that is much softer than the limits loses nearly all of its own term. Zero stands for none.
+            let area = out.tear_limit.area;
+            let stated = if area > 0.0 { 1.0 / area } else { 0.0 };
+            let rounding = 1e-9 * (1.0 / body.tear_limit.area + inverse);
+            prop_assert!((stated - inverse).abs() < rounding, "{stated} {inverse}");
         }
 
         // The handles go where the proxies are.

@@ -79,7 +79,7 @@ impl Gatherer {
                 reach: hand.reach,
                 ..DeviceTotals::default()
             };
-            let last = (device.pose.position, device.wrench.force);
+            let last = (device.pose.position - device.slip, device.wrench.force);
             sum.resume(totals, last, hand.start.into());
         }
         let _ = self.watch.take(last);

@@ -140,6 +140,8 @@ fn visit_device(
         pose: Pose { position, rotation },
         twist: Twist { linear, angular },
         wrench: Wrench { force, moment },
+        slip,
+        slip_angle,
         buttons,
         device_time_ns,
         fresh,
@@ -153,6 +155,8 @@ fn visit_device(
     vector(part, "angular", angular, put);
     vector(part, "force", force, put);
     vector(part, "torque", moment, put);
+    vector(part, "slip", slip, put);
+    put(part, "slip_angle", "", Value::Number(*slip_angle));
     put(part, "device_time_ns", "", Value::Count(*device_time_ns));
     put(part, "buttons", "", Value::Count(u64::from(*buttons)));
     put(part, "fresh", "", Value::Flag(*fresh));

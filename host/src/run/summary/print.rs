@@ -187,6 +187,9 @@ impl DeviceSummary {
             write!(f, " ({:+.1} at the port)", port_work * 1e3)?;
         }
         write!(f, ", reach {:.1} mm", self.reach * 1e3)?;
+        if self.slip > 0.0 {
+            write!(f, ", slipped by {:.2} mm", self.slip * 1e3)?;
+        }
         if self.limited_ticks > 0 {
             write!(f, ", force limited in {} ticks", self.limited_ticks)?;
         }
