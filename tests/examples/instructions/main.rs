@@ -155,24 +155,26 @@ fn print_table(counts: &[(Case, Count)]) {
     let names = Situation::ALL.map(|situation| format!(" {} |", situation.name()));
     println!("| scheme | handles |{}", names.concat());
     println!("|---|---|{}", "---|".repeat(names.len()));
-    for row in counts.chunks(Situation::ALL.len()) {
+    let same = |(a, _): &(Case, Count), (b, _): &(Case, Count)| {
+        (a.scheme, a.handles) == (b.scheme, b.handles)
+    };
+    for row in counts.chunk_by(same) {
         let Some((first, _)) = row.first() else {
             continue;
         };
-        let cells = row.iter().map(|(case, count)| {
-            format!(
-                " {} (+{}), {} |",
-                count.instructions,
-                count.copies,
-                nanoseconds(*case)
-            )
+        let cells = Situation::ALL.map(|situation| {
+            let mut each = row.iter();
+            let found = each.find(|(case, _)| case.situation == situation);
+            found.map_or(" |".to_owned(), |(case, count)| {
+                format!(
+                    " {} (+{}), {} |",
+                    count.instructions,
+                    count.copies,
+                    nanoseconds(*case)
+                )
+            })
         });
-        println!(
-            "| {} | {} |{}",
-            first.scheme,
-            first.handles,
-            cells.collect::<String>()
-        );
+        println!("| {} | {} |{}", first.scheme, first.handles, cells.concat());
     }
     println!();
 }
