@@ -11,7 +11,7 @@ use super::path::HandlePath;
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
-use super::stiff::{Renderable, SeriesSprings, Stiffest};
+use super::stiff::{Renderable, SeriesSprings, StiffDirection};
 use super::stored::Stored;
 use super::tears::BodyTears;
 use super::virtual_coupling::{Link, VirtualCoupling};
@@ -343,8 +343,14 @@ impl HostBody {
     }
 
     /// The stiffest direction so far that the devices could not render.
-    pub fn stiffest(&self) -> Option<Stiffest> {
+    pub fn stiffest(&self) -> Option<StiffDirection> {
         self.springs.as_ref().and_then(SeriesSprings::stiffest)
+    }
+
+    /// The directions of the last model that the devices cannot render, stiffest first.
+    pub fn stiff_directions(&self) -> Vec<StiffDirection> {
+        let springs = self.springs.iter();
+        springs.flat_map(SeriesSprings::directions).collect()
     }
 
     /// Reads ahead what a later step will need.
