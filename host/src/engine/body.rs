@@ -55,8 +55,8 @@ pub struct HostBody {
     /// Whether the present step publishes.
     publishes: bool,
     tally: Tally,
-    /// The largest age at which models must be good (s).
-    horizon: f64,
+    /// The time over which models foresee the response of the body (s).
+    response: f64,
     model: LocalModel,
     stored: Option<Stored>,
     coupling: Option<VirtualCoupling>,
@@ -110,6 +110,8 @@ pub struct HostBodyParts {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
+    /// The time over which models foresee the response of the body (s).
+    pub response: f64,
     /// Whether models say how much energy they store.
     pub publishes_energy: bool,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
@@ -165,7 +167,7 @@ impl HostBody {
             fault: None,
             publishes: false,
             tally: Tally::default(),
-            horizon: parts.horizon,
+            response: parts.response,
             model,
             recipe: parts.recipe,
             smoothing: parts.smoothing,
@@ -501,7 +503,7 @@ impl HostBody {
     }
 
     fn condense(&mut self) -> Result<(), StepFault> {
-        let Some(condensed) = self.solver.condense(&self.body, self.horizon)? else {
+        let Some(condensed) = self.solver.condense(&self.body, self.response)? else {
             return Ok(());
         };
         fill_blocks(&mut self.model, condensed);

@@ -184,8 +184,8 @@ fn a_plan_names_each_direction_that_the_device_cannot_render() -> Outcome {
     ] {
         let loaded = scene(body, model, "typical", 1)?;
         let built = bodies::build(&loaded, 0)?;
-        let horizon = BodyPlan::new(&loaded, 0, &built).horizon;
-        let condenser = bodies::condense::<Box<dyn Error>>(&loaded, 0, horizon)?;
+        let response = BodyPlan::new(&loaded, 0, &built).response;
+        let condenser = bodies::condense::<Box<dyn Error>>(&loaded, 0, response)?;
         let stiffness = &condenser.condensed().stiffness;
         let stiffness = Matrix3::from_fn(|i, j| stiffness[(i, j)]).symmetric_eigenvalues();
         let limit = renderable(&loaded)[0].stiffness;
