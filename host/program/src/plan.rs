@@ -6,9 +6,10 @@ use host::atomic_file::write_json;
 use host::bodies;
 use host::engine::build;
 use host::engine::plan::{BodyPlan, Stage, stages};
-use host::engine::rehearsal::step_time;
+use host::engine::rehearsal::Rehearsal;
 use host::run::slow_host::{StepTime, cores};
-use host::scene::{SceneError, connections};
+use host::run::summary::StiffSummary;
+use host::scene::connections;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -20,7 +21,7 @@ pub(super) struct PlanArguments {
     /// Write the plan as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Do not time a step, which takes long for a large mesh
+    /// Do not time steps. One step at rest is made nevertheless: it shows what the devices cannot render
     #[arg(long)]
     no_timing: bool,
 }
@@ -39,6 +40,8 @@ struct PlanJson<'a> {
     /// Mean time of a host step on this machine (s), with its share of the publications, as measured; `None` with
     /// `--no-timing`.
     step_time: Option<f64>,
+    /// The directions in which the bodies at rest are stiffer than their devices can render, by body, stiffest first.
+    stiff: &'a [StiffSummary],
     /// The data from which the engine is built, by body.
     bodies: &'a [BodyPlan],
 }
@@ -53,23 +56,22 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     connections::check(&loaded)?;
     let bar = progress_bar();
     // A scene that cannot run gets no plan. This check also reports faults of its meshes.
-    build::check(&loaded)?;
-    let plans = (0..loaded.scene.bodies.len()).map(|index| {
-        let built = bodies::build(&loaded, index)?;
-        Ok(BodyPlan::new(&loaded, index, &built))
-    });
-    let plans = plans.collect::<Result<Vec<_>, SceneError>>()?;
+    let settled = build::settled(&loaded)?;
+    let plans: Vec<_> = (settled.iter().enumerate())
+        .map(|(index, built)| BodyPlan::new(&loaded, index, built))
+        .collect();
     let stages = stages(&loaded.scene, &plans);
-    let step_time = if arguments.no_timing {
-        None
-    } else {
-        Some(step_time(&loaded)?)
-    };
+    let mut rehearsal = Rehearsal::new(&loaded, settled)?;
+    let stiff = rehearsal.stiff();
+    let step_time = (!arguments.no_timing).then(|| rehearsal.step_time());
     bar.finish_and_clear();
     outln!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };
         outln!("  {sign}  {:<10} {}", stage.name, stage.why);
+    }
+    for direction in &stiff {
+        outln!("  stiff      {direction}");
     }
     let time = step_time.map(|took| StepTime::new(&loaded.scene, took));
     if let Some(time) = time {
@@ -91,6 +93,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
             warnings,
             stages: &stages,
             step_time,
+            stiff: &stiff,
             bodies: &plans,
         };
         write_json(path, &json)?;

@@ -11,7 +11,7 @@ use super::path::HandlePath;
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
-use super::stiff::{Renderable, SeriesSprings, Stiffest};
+use super::stiff::{Renderable, SeriesSprings, StiffDirection};
 use super::stored::Stored;
 use super::tears::BodyTears;
 use super::virtual_coupling::{Link, VirtualCoupling};
@@ -55,8 +55,8 @@ pub struct HostBody {
     /// Whether the present step publishes.
     publishes: bool,
     tally: Tally,
-    /// The largest age at which models must be good (s).
-    horizon: f64,
+    /// The time over which models foresee the response of the body (s).
+    response: f64,
     model: LocalModel,
     stored: Option<Stored>,
     coupling: Option<VirtualCoupling>,
@@ -110,6 +110,8 @@ pub struct HostBodyParts {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
+    /// The time over which models foresee the response of the body (s).
+    pub response: f64,
     /// Whether models say how much energy they store.
     pub publishes_energy: bool,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
@@ -165,7 +167,7 @@ impl HostBody {
             fault: None,
             publishes: false,
             tally: Tally::default(),
-            horizon: parts.horizon,
+            response: parts.response,
             model,
             recipe: parts.recipe,
             smoothing: parts.smoothing,
@@ -343,8 +345,14 @@ impl HostBody {
     }
 
     /// The stiffest direction so far that the devices could not render.
-    pub fn stiffest(&self) -> Option<Stiffest> {
+    pub fn stiffest(&self) -> Option<StiffDirection> {
         self.springs.as_ref().and_then(SeriesSprings::stiffest)
+    }
+
+    /// The directions of the last model that the devices cannot render, stiffest first.
+    pub fn stiff_directions(&self) -> Vec<StiffDirection> {
+        let springs = self.springs.iter();
+        springs.flat_map(SeriesSprings::directions).collect()
     }
 
     /// Reads ahead what a later step will need.
@@ -495,7 +503,7 @@ impl HostBody {
     }
 
     fn condense(&mut self) -> Result<(), StepFault> {
-        let Some(condensed) = self.solver.condense(&self.body, self.horizon)? else {
+        let Some(condensed) = self.solver.condense(&self.body, self.response)? else {
             return Ok(());
         };
         fill_blocks(&mut self.model, condensed);

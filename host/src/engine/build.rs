@@ -149,6 +149,7 @@ fn body(
         step: plan.step,
         period: plan.period,
         horizon: plan.horizon,
+        response: plan.response,
         publishes_energy: plan.publishes_energy,
         coupling: plan.links.map(VirtualCoupling::new),
         renderable: plan.renderable,

@@ -143,8 +143,8 @@ pub(super) struct Made {
 /// A change as work beside the steps: edits of a copy of the body, and its new solver.
 pub(super) struct Rebuild {
     recipe: Recipe,
-    /// The largest age at which models must be good (s).
-    horizon: f64,
+    /// The time over which models foresee the response of the body (s).
+    response: f64,
     /// The copy and the edits, until the work begins.
     asked: Option<(Body, Vec<Edit>)>,
     /// The result; `None` before the work has ended.
@@ -153,10 +153,10 @@ pub(super) struct Rebuild {
 
 impl Rebuild {
     /// The work of `edits` on `body`, a copy.
-    pub(super) fn new(recipe: Recipe, horizon: f64, body: Body, edits: Vec<Edit>) -> Self {
+    pub(super) fn new(recipe: Recipe, response: f64, body: Body, edits: Vec<Edit>) -> Self {
         Self {
             recipe,
-            horizon,
+            response,
             asked: Some((body, edits)),
             made: None,
         }
@@ -179,14 +179,14 @@ impl Work for Box<Rebuild> {
 
     fn work(&mut self) {
         if let Some((body, edits)) = self.asked.take() {
-            self.made = Some(make(&self.recipe, self.horizon, body, edits));
+            self.made = Some(make(&self.recipe, self.response, body, edits));
         }
     }
 }
 
 fn make(
     recipe: &Recipe,
-    horizon: f64,
+    response: f64,
     mut body: Body,
     edits: Vec<Edit>,
 ) -> Result<Made, StepFault> {
@@ -237,7 +237,7 @@ fn make(
     let mut solver = recipe.make(&body)?;
     // The first shapes take as long as many steps. If they fail here, they fail again and are reported after the
     // change has landed.
-    let _ = solver.condense(&body, horizon);
+    let _ = solver.condense(&body, response);
     Ok(Made {
         body,
         map,

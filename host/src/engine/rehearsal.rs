@@ -1,12 +1,15 @@
-//! A rehearsal: some steps of a scene's bodies, timed, without devices and without a run. The hands move as fast as
-//! hands explore, so that the solvers have work to do.
+//! A rehearsal: some steps of a scene's bodies, without devices and without a run. The first step, at rest, shows which
+//! directions the devices cannot render. Further steps are timed; in them the hands move as fast as hands explore, so that
+//! the solvers have work to do.
 
 use super::Engine;
 use super::build::{self, How};
-use super::pacer::Pacer;
+use super::pacer::{Due, Pacer};
 use super::stats::{StepTimes, WallStopwatch};
 use super::threads::{Threads, awake};
 use crate::bodies::Built;
+use crate::run::summary::StiffSummary;
+use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
 use rt_core::{MAX_DEVICES, TickRecord, Vec3};
@@ -17,53 +20,92 @@ const ENOUGH: f64 = 1.0;
 /// Speed of the hands (m/s).
 const SPEED: f64 = 0.01;
 
-/// The mean time of a host step of the scene on this machine, with its share of the publications (s). The time depends
-/// on the machine; nothing else does.
-///
-/// # Errors
-/// As [`build::bodies`].
-pub fn step_time(loaded: &LoadedScene) -> Result<f64, SceneError> {
-    step_time_of(loaded, build::settled(loaded)?)
+/// The bodies of a scene with their solvers, and hands that have not moved.
+pub struct Rehearsal<'a> {
+    scene: &'a Scene,
+    engine: Engine,
+    threads: Threads,
+    /// The record of a tick at time zero.
+    record: TickRecord,
 }
 
-/// As [`step_time`], with the bodies of the scene, which are settled.
-///
-/// # Errors
-/// As [`build::bodies`].
-pub fn step_time_of(loaded: &LoadedScene, settled: Vec<Built>) -> Result<f64, SceneError> {
-    let scene = &loaded.scene;
-    let held = build::with_solvers(loaded, How::default(), settled)?;
-    Stage::Timing.begin();
-    let mut record = TickRecord::empty();
-    for body in &held {
-        for (device, pose) in body.hands() {
-            if let Some((proxy, _)) = record.proxies.get_mut(device) {
-                *proxy = pose;
+impl<'a> Rehearsal<'a> {
+    /// Prepares the `settled` bodies of a scene. Most of the time goes into the factor of each body.
+    ///
+    /// # Errors
+    /// As [`build::bodies`].
+    pub fn new(loaded: &'a LoadedScene, settled: Vec<Built>) -> Result<Self, SceneError> {
+        let scene = &loaded.scene;
+        let held = build::with_solvers(loaded, How::default(), settled)?;
+        let mut record = TickRecord::empty();
+        for body in &held {
+            for (device, pose) in body.hands() {
+                if let Some((proxy, _)) = record.proxies.get_mut(device) {
+                    *proxy = pose;
+                }
+                record.device_count = record.device_count.max(device as u8 + 1);
             }
-            record.device_count = record.device_count.max(device as u8 + 1);
+        }
+        Ok(Self {
+            scene,
+            engine: Engine::new(held).on(scene.host.threads),
+            threads: Threads::new(scene.host.threads),
+            record,
+        })
+    }
+
+    /// The directions that the devices cannot render of the first models, whose bodies are at rest: body by body, stiffest
+    /// first. It takes a step and a condensation.
+    pub fn stiff(&mut self) -> Vec<StiffSummary> {
+        self.engine.follow(&self.record);
+        let due = Due {
+            time_ns: 0,
+            publishes: true,
+        };
+        self.step(due, &WallStopwatch::start());
+        let mut found = Vec::new();
+        for (number, body) in self.engine.bodies().iter().enumerate() {
+            let directions = body.stiff_directions();
+            let each = directions.iter();
+            found.extend(each.map(|direction| StiffSummary::new(self.scene, number, direction)));
+        }
+        found
+    }
+
+    /// The mean time of a host step of the scene on this machine, with its share of the publications (s). The time depends
+    /// on the machine; nothing else does.
+    pub fn step_time(mut self) -> f64 {
+        Stage::Timing.begin();
+        let start = self.record.proxies;
+        let cycle = build::steps_per_publication(self.scene);
+        let mut pacer = Pacer::new(self.scene.host.step_rate, cycle);
+        let watch = WallStopwatch::start();
+        let mut times = StepTimes::new(cycle);
+        loop {
+            let due = pacer.begin(pacer.next_ns());
+            let record = &mut self.record;
+            record.tick += 1;
+            record.time_ns = due.time_ns;
+            let moved = Vec3::x() * (SPEED * due.time_ns as f64 * 1e-9);
+            for ((proxy, twist), (first, _)) in
+                record.proxies.iter_mut().zip(start).take(MAX_DEVICES)
+            {
+                proxy.position = first.position + moved;
+                twist.linear = Vec3::x() * SPEED;
+            }
+            self.engine.follow(&self.record);
+            self.step(due, &watch);
+            times.take(self.engine.stats());
+            let (steps, time) = (self.engine.stats().steps, self.engine.stats().total_time());
+            if steps >= STEPS || (steps >= 3 && time >= ENOUGH) {
+                return times.typical();
+            }
         }
     }
-    let start = record.proxies;
-    let threads = Threads::new(scene.host.threads);
-    let mut engine = Engine::new(held).on(scene.host.threads);
-    let mut pacer = Pacer::new(scene.host.step_rate, build::steps_per_publication(scene));
-    let watch = WallStopwatch::start();
-    let mut times = StepTimes::new(build::steps_per_publication(scene));
-    loop {
-        let due = pacer.begin(pacer.next_ns());
-        record.tick += 1;
-        record.time_ns = due.time_ns;
-        let moved = Vec3::x() * (SPEED * due.time_ns as f64 * 1e-9);
-        for ((proxy, twist), (first, _)) in record.proxies.iter_mut().zip(start).take(MAX_DEVICES) {
-            proxy.position = first.position + moved;
-            twist.linear = Vec3::x() * SPEED;
-        }
-        engine.follow(&record);
-        threads.run(|| awake(|| engine.step(due, &watch, |_, _| {})));
-        times.take(engine.stats());
-        let (steps, time) = (engine.stats().steps, engine.stats().total_time());
-        if steps >= STEPS || (steps >= 3 && time >= ENOUGH) {
-            return Ok(times.typical());
-        }
+
+    fn step(&mut self, due: Due, watch: &WallStopwatch) {
+        let engine = &mut self.engine;
+        self.threads
+            .run(|| awake(|| engine.step(due, watch, |_, _| {})));
     }
 }

@@ -64,9 +64,11 @@ impl Renderable {
 
 /// A direction of a body that is stiffer than its devices can render.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stiffest {
+pub struct StiffDirection {
     /// The handle that moves most in this direction.
     pub handle: usize,
+    /// The other handles that move at least half as far, each against the limit of its device: a bit for each.
+    pub others: u8,
     /// The direction of its motion: a unit vector in the axes of the scene.
     pub direction: Vec3,
     /// Whether the motion is a turn about the direction.
@@ -97,7 +99,7 @@ pub struct SeriesSprings {
     of_envelope: Factors,
     /// The Cholesky factor of `I + Q^T K Q`, by rows.
     lower: Vec<f64>,
-    stiffest: Option<Stiffest>,
+    stiffest: Option<StiffDirection>,
     model: LocalModel,
 }
 
@@ -246,8 +248,16 @@ impl SeriesSprings {
     }
 
     /// The stiffest direction of all models so far, where springs acted.
-    pub fn stiffest(&self) -> Option<Stiffest> {
+    pub fn stiffest(&self) -> Option<StiffDirection> {
         self.stiffest
+    }
+
+    /// The directions in which springs act in the last model, stiffest first.
+    pub fn directions(&self) -> Vec<StiffDirection> {
+        let each = 0..if self.acts { self.limited.len() } else { 0 };
+        let mut found: Vec<_> = each.filter_map(|k| self.direction(k)).collect();
+        found.sort_by(|one, other| other.ratio.total_cmp(&one.ratio));
+        found
     }
 
     /// Makes the `targets` of the handles, the poses of the devices in the scene, the poses of the proxies. `report` gives
@@ -338,11 +348,10 @@ impl SeriesSprings {
         self.of_envelope.clear();
         self.of_model.clear();
         for k in 0..self.limited.len() {
-            let value = self.eigen.value(k);
-            if value <= 1.0 {
+            let Some(rendered) = self.rendered(k) else {
                 continue;
-            }
-            let rendered = (1.0 - (value - 1.0) * (1.0 - self.calm) / MARGIN).max(self.calm);
+            };
+            let value = self.eigen.value(k);
             let spring = (1.0 / rendered - 1.0 / value).sqrt();
             let first = self.of_model.follow.len();
             for list in [
@@ -358,19 +367,24 @@ impl SeriesSprings {
                 self.of_envelope.follow[at] = root * along * spring * (rendered / value).sqrt();
                 self.of_envelope.stiff[at] = along / root * (value - rendered).sqrt();
             }
-            let found = self.direction(k, value, rendered);
-            if self
-                .stiffest
-                .is_none_or(|before| before.ratio < found.ratio)
-            {
-                self.stiffest = Some(found);
-            }
+            let stiffest = self.stiffest.map_or(0.0, |before| before.ratio);
+            self.stiffest = (self.direction(k))
+                .filter(|found| found.ratio > stiffest)
+                .or(self.stiffest);
         }
         !self.of_model.follow.is_empty()
     }
 
-    /// The direction of eigenvector `k`, whose stiffness and whose rendered stiffness are these multiples of the limit.
-    fn direction(&self, k: usize, value: f64, rendered: f64) -> Stiffest {
+    /// What is rendered of eigenvalue `k` of the envelope, as a multiple of the limit; `None` where it is rendered whole.
+    fn rendered(&self, k: usize) -> Option<f64> {
+        let beyond = self.eigen.value(k) - 1.0;
+        let falls = || 1.0 - beyond * (1.0 - self.calm) / MARGIN;
+        (beyond > 0.0).then(|| falls().max(self.calm))
+    }
+
+    /// The direction of eigenvector `k` of the envelope; `None` where it is rendered whole.
+    fn direction(&self, k: usize) -> Option<StiffDirection> {
+        let rendered = self.rendered(k)?;
         let mut motions = [[Vec3::zeros(); 2]; MAX_HANDLES];
         for (along, &slot) in self.eigen.vector(k).iter().zip(&self.limited) {
             motions[slot / 6][usize::from(slot % 6 > 2)][slot % 3] = *along;
@@ -383,13 +397,20 @@ impl SeriesSprings {
                 }
             }
         }
-        Stiffest {
+        let most = motions[handle][kind];
+        let moves = |pair: &[Vec3; 2]| pair.iter().any(|motion| motion.norm() > 0.5 * most.norm());
+        let others = motions.iter().enumerate();
+        let others = others.filter(|(other, pair)| *other != handle && moves(pair));
+        // Of the two signs, the one with which the direction is easier to read.
+        let sign = most[most.iamax()].signum();
+        Some(StiffDirection {
             handle,
-            direction: motions[handle][kind].normalize(),
+            others: others.fold(0, |bits, (other, _)| bits | 1 << other),
+            direction: most.normalize() * sign,
             turns: kind == 1,
-            ratio: value / rendered,
+            ratio: self.eigen.value(k) / rendered,
             rendered: rendered * self.root[6 * handle + 3 * kind].powi(-2),
-        }
+        })
     }
 
     /// Makes `of_model` of `Q`: with the Cholesky factor `L` of `I + Q^T K Q`, `W = Q L^-T` and `Y = K Q L^-T`.

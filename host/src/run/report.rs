@@ -345,18 +345,10 @@ fn host_summary(
 
 /// The stiffest direction of each body that its devices could not render.
 fn stiff(scene: &Scene, host: &HostSide) -> Vec<StiffSummary> {
-    let bodies = host.engine.bodies().iter().zip(&scene.bodies);
-    let found = bodies.filter_map(|(body, spec)| {
+    let bodies = host.engine.bodies().iter().enumerate();
+    let found = bodies.filter_map(|(number, body)| {
         let stiffest = body.stiffest()?;
-        let tool = bodies::tools(scene, spec).into_iter().nth(stiffest.handle);
-        Some(StiffSummary {
-            body: body.name().to_owned(),
-            handle: tool.map_or_else(|| stiffest.handle.to_string(), |tool| tool.name(spec)),
-            direction: stiffest.direction.into(),
-            turns: stiffest.turns,
-            stiffness: stiffest.ratio * stiffest.rendered,
-            rendered: stiffest.rendered,
-        })
+        Some(StiffSummary::new(scene, number, &stiffest))
     });
     found.collect()
 }

@@ -7,7 +7,7 @@ use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
 use crate::engine::pacer::Pacer;
-use crate::engine::rehearsal::step_time_of;
+use crate::engine::rehearsal::Rehearsal;
 use crate::engine::threads::Threads;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, Scene, SchemeName};
@@ -114,7 +114,7 @@ pub(crate) fn setup_with(
     let settled = build::settled(loaded)?;
     // Under the real clock, a warning must come before hands hold the devices.
     let slow = if how.real {
-        let took = step_time_of(loaded, settled.clone())?;
+        let took = Rehearsal::new(loaded, settled.clone())?.step_time();
         SlowWatch::rehearsed(scene, StepTime::new(scene, took))
     } else {
         SlowWatch::new(scene)

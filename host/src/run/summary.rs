@@ -3,7 +3,10 @@
 mod print;
 mod tears;
 
+use crate::bodies;
+use crate::engine::stiff::StiffDirection;
 use crate::machine::Machine;
+use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::PathBuf;
@@ -197,27 +200,58 @@ pub struct StiffSummary {
     pub body: String,
     /// Name of the handle that moves most.
     pub handle: String,
+    /// Names of the other handles that move at least half as far in the same motion.
+    pub others: Vec<String>,
     /// The direction of its motion, or the axis of its turn, in the axes of the scene, relative to its length.
     pub direction: [f64; 3],
     /// Whether the handle turns.
     pub turns: bool,
-    /// The stiffness of the body (N/m, N m/rad).
+    /// The stiffness of the body (N/m, N m/rad): of a motion whose length, over all handles, is one.
     pub stiffness: f64,
     /// The stiffness that the devices render (N/m, N m/rad).
     pub rendered: f64,
 }
 
+impl StiffSummary {
+    /// Names a direction of the scene's body `number`.
+    pub fn new(scene: &Scene, number: usize, found: &StiffDirection) -> Self {
+        let spec = &scene.bodies[number];
+        let tools = bodies::tools(scene, spec);
+        let name = |handle: usize| {
+            let tool = tools.get(handle);
+            tool.map_or_else(|| handle.to_string(), |tool| tool.name(spec))
+        };
+        let others = (0..u8::BITS as usize).filter(|other| found.others & (1 << other) != 0);
+        Self {
+            body: spec.name.clone(),
+            handle: name(found.handle),
+            others: others.map(name).collect(),
+            direction: found.direction.into(),
+            turns: found.turns,
+            stiffness: found.ratio * found.rendered,
+            rendered: found.rendered,
+        }
+    }
+}
+
 impl fmt::Display for StiffSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [x, y, z] = self.direction;
+        // A component that rounds to zero has no sign.
+        let [x, y, z] = self
+            .direction
+            .map(|part| (100.0 * part).round() / 100.0 + 0.0);
         let (motion, scale, unit) = if self.turns {
             ("about", 1.0, "N m/rad")
         } else {
             ("along", 1e-3, "N/mm")
         };
+        let with = match &*self.others.join(", ") {
+            "" => String::new(),
+            others => format!(" (with {others})"),
+        };
         write!(
             f,
-            "{}: handle {} is stiffer {motion} ({x:.2}, {y:.2}, {z:.2}) than its device can render: {:.3} {unit}, \
+            "{}: handle {}{with} is stiffer {motion} ({x:.2}, {y:.2}, {z:.2}) than its device can render: {:.3} {unit}, \
              rendered as {:.3} {unit}",
             self.body,
             self.handle,

@@ -75,8 +75,19 @@ sines = [{{ amplitude = [0.008, 0.004, 0], frequency = {FREQUENCY:?}, phase = 0.
     Ok((real / STIFFNESS, imaginary / (omega * STIFFNESS)))
 }
 
-/// The block alone, moved by an implicit step of a millisecond along the felt path, has 1.04 of its static stiffness at 4 Hz:
-/// the handle's inertia and the Rayleigh damping by mass. A stiffness damping of 1 ms adds its millisecond.
+/// What a hand feels of the block at 4 Hz: the block alone, moved along the felt path by implicit steps of a millisecond
+/// (and to 0.001 by steps of an eighth of a millisecond), with a stiffness damping of 1 ms and without.
+const DAMPED: (f64, f64) = (1.058, 1.25e-3);
+const UNDAMPED: (f64, f64) = (1.059, 0.12e-3);
+
+/// The stiffness is right within 2 %. The viscosity is right within a millisecond, half of which `capped` adds on purpose:
+/// it makes up for the half tick for which a device holds a force.
+fn judge(felt: (f64, f64), right: (f64, f64), rates: [f64; 3]) {
+    let (stiffness, viscosity) = (felt.0 / right.0, felt.1 - right.1);
+    assert!((stiffness - 1.0).abs() < 0.02, "{stiffness} {rates:?}");
+    assert!(viscosity.abs() < 1e-3, "{viscosity} s {rates:?}");
+}
+
 #[test]
 fn a_late_host_renders_the_stiffness_and_the_viscosity_of_the_body() -> Result<(), Box<dyn Error>> {
     for rates in [
@@ -90,25 +101,25 @@ fn a_late_host_renders_the_stiffness_and_the_viscosity_of_the_body() -> Result<(
         [1000.0, 250.0, 0.003],
         [250.0, 250.0, 0.004],
     ] {
-        let (stiffness, viscosity) = felt(1e-3, "linear", rates)?;
-        assert!((stiffness - 1.05).abs() < 0.02, "{stiffness} {rates:?}");
-        assert!((viscosity - 1.4e-3).abs() < 1e-3, "{viscosity} s {rates:?}");
+        judge(felt(1e-3, "linear", rates)?, DAMPED, rates);
     }
     Ok(())
 }
 
 #[test]
-fn a_quick_host_adds_no_viscosity() -> Result<(), Box<dyn Error>> {
+fn a_quick_host_renders_the_stiffness_and_adds_no_viscosity() -> Result<(), Box<dyn Error>> {
     for rates in [
-        // Before: 5.8 ms.
+        // Before: 1.023 and 1.4 ms, 1.030 and 1.3, 1.027 and 1.4. At these rates the hand's distance from the filtered path
+        // of its handle met the inertia of the body.
         [1000.0, 1000.0, 0.0],
         [500.0, 500.0, 0.0],
+        [1000.0, 1000.0, 0.001],
+        // Hosts that were right.
         [1000.0, 1000.0, 0.002],
         [250.0, 250.0, 0.004],
     ] {
-        let (stiffness, viscosity) = felt(0.0, "capped", rates)?;
-        assert!((stiffness - 1.03).abs() < 0.03, "{stiffness} {rates:?}");
-        assert!((viscosity - 0.4e-3).abs() < 1e-3, "{viscosity} s {rates:?}");
+        judge(felt(0.0, "capped", rates)?, UNDAMPED, rates);
+        judge(felt(1e-3, "linear", rates)?, DAMPED, rates);
     }
     Ok(())
 }

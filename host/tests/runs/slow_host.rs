@@ -1,6 +1,7 @@
 //! A host that is too slow for its scene is told early, and the telling changes no result.
 
-use host::engine::rehearsal::step_time;
+use host::engine::build;
+use host::engine::rehearsal::Rehearsal;
 use host::run::slow_host::StepTime;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
@@ -20,7 +21,8 @@ fn with(changes: &[(&str, &str)]) -> Result<LoadedScene, Box<dyn Error>> {
 #[test]
 fn a_rehearsal_times_a_step_of_the_scene() -> Result<(), Box<dyn Error>> {
     let scene = with(&[])?;
-    let time = StepTime::new(&scene.scene, step_time(&scene)?);
+    let took = Rehearsal::new(&scene, build::settled(&scene)?)?.step_time();
+    let time = StepTime::new(&scene.scene, took);
     assert!(time.took_ns > 0 && time.asked_ns == 4_000_000);
     Ok(())
 }

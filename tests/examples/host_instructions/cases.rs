@@ -1,15 +1,17 @@
-//! The counted calls: steps of the fast path, the work beside them, and the assembled step.
+//! The counted calls: steps of the fast path, the work beside them, the assembled step, and the springs of a publication.
 //!
 //! The number of iterations is fixed at the number that a tolerance of 1e-6 needs here, to within one. Counts then
 //! depend on the code only, and do not jump where rounding moves a residual below its tolerance. The remaining residual
 //! is checked against [`MOST_RESIDUAL`], so that every counted call solves its problem.
 
+use host::engine::stiff::{Renderable, SeriesSprings};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Border, Budget, Freedom, HandlePose, HandleSpec, Material, Precision,
     ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
+use rt_core::{LocalModel, Mat6};
 use std::error::Error;
 use std::hint::black_box;
 
@@ -31,13 +33,16 @@ const ASSEMBLED_ITERATIONS: usize = 42;
 /// Largest residual after the iterations, as a fraction of the forces: far above the residuals here.
 const MOST_RESIDUAL: f64 = 1e-5;
 
+/// Time from one model to the next (s).
+const PERIOD: f64 = 4e-3;
+
 type Failure = Box<dyn Error>;
 
 /// Prepares a call.
 type Prepare = fn() -> Result<Case, Failure>;
 
 /// Name and preparation of each case.
-pub(crate) const ALL: [(&str, Prepare); 13] = [
+pub(crate) const ALL: [(&str, Prepare); 21] = [
     ("step, solid, f64", || step::<f64>(solid(6, false)?)),
     ("step, solid, f32", || step::<f32>(solid(6, false)?)),
     ("step, quadratic solid, f64", || {
@@ -63,7 +68,19 @@ pub(crate) const ALL: [(&str, Prepare); 13] = [
     ("local model, solid, f64", local_model),
     ("factor, solid, f64", factor),
     ("assembled step, solid", assembled),
+    ("springs, 1 soft handle", || springs(1, SOFT)),
+    ("springs, 2 soft handles", || springs(2, SOFT)),
+    ("springs, 4 soft handles", || springs(4, SOFT)),
+    ("springs, 8 soft handles", || springs(8, SOFT)),
+    ("springs, 1 stiff handle", || springs(1, STIFF)),
+    ("springs, 2 stiff handles", || springs(2, STIFF)),
+    ("springs, 4 stiff handles", || springs(4, STIFF)),
+    ("springs, 8 stiff handles", || springs(8, STIFF)),
 ];
+
+/// Stiffness along the body as a multiple of what the devices render.
+const SOFT: f64 = 0.1;
+const STIFF: f64 = 20.0;
 
 /// Steps under laws of large strains, and the corotational steps on the same meshes.
 pub(crate) const LAWS: [(&str, &str); 4] = [
@@ -279,5 +296,41 @@ fn assembled() -> Result<Case, Failure> {
         let report = pulled.body.step(H, &pulled.poses)?;
         solved(report.relative_residual())?;
         Ok(report.iterations)
+    }))
+}
+
+/// The springs of a body with handles in a row, whose devices drive turns, too: the second model. Each handle has a stiffness
+/// of `along` times the limit along the row to either neighbour, and half the limit in every other motion. The elements of
+/// the case are its handles.
+fn springs(handles: u8, along: f64) -> Result<Case, Failure> {
+    let limit = Renderable {
+        stiffness: 2e3,
+        turning: 3.0,
+        calm: 0.5,
+    };
+    let devices: Vec<u8> = (0..handles).collect();
+    let mut springs = SeriesSprings::of(&devices, &vec![limit; devices.len()])
+        .ok_or("the devices have limits")?;
+    let mut model = LocalModel::empty();
+    model.handle_count = handles;
+    let (own, link) = (0.5 * limit.stiffness, along * limit.stiffness);
+    for (i, row) in model.stiffness.iter_mut().enumerate().take(devices.len()) {
+        for (j, block) in row.iter_mut().enumerate().take(devices.len()) {
+            if i == j {
+                let turn = 0.5 * limit.turning;
+                let motions = [own + 2.0 * link, own, own, turn, turn, turn];
+                *block = Mat6::from_diagonal(&motions.into());
+            } else if i.abs_diff(j) == 1 {
+                block[(0, 0)] = -link;
+            }
+        }
+    }
+    let acts = springs.through(&model, 0.0).is_some();
+    if acts != (along > 1.0) {
+        return Err("springs act where they need not, or do not act where they must".into());
+    }
+    Ok(Case::new(devices.len(), move || {
+        black_box(springs.through(&model, PERIOD));
+        Ok(0)
     }))
 }

@@ -92,3 +92,19 @@ fn a_plan_tells_the_time_of_a_step() {
     let time = json(&folder.path().join("plan.json"))["step_time"].as_f64();
     assert!(time.is_some_and(|time| time > 0.0));
 }
+
+#[test]
+fn a_plan_names_what_the_devices_cannot_render() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/banknote_shear.toml");
+    let output = palpate(
+        folder.path(),
+        &format!("plan {scene} --no-timing --json plan.json"),
+    );
+    let printed = text(&output.stdout);
+    let stiff = printed.matches("  stiff      note: handle ").count();
+    let plan = json(&folder.path().join("plan.json"));
+    assert_eq!(plan["stiff"].as_array().map(Vec::len), Some(stiff));
+    assert!(stiff > 0 && plan["stiff"][0]["turns"] == false, "{printed}");
+    assert!(!text(&palpate(folder.path(), "plan --no-timing").stdout).contains("  stiff "));
+}

@@ -56,7 +56,7 @@ impl HostBody {
             .beside
             .get_or_insert_with(|| Beside::new(recipe.is_real(), step));
         let copy = self.body.clone();
-        beside.begin(Box::new(Rebuild::new(recipe, self.horizon, copy, edits)));
+        beside.begin(Box::new(Rebuild::new(recipe, self.response, copy, edits)));
         self.joining = Some(joining);
         Ok(())
     }

@@ -43,6 +43,9 @@ pub struct BodyPlan {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
+    /// The time over which models foresee the response of the body to its hands (s): the horizon, or the memory of the
+    /// filter on the paths of the handles where that is longer.
+    pub response: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
     pub links: Option<Vec<Link>>,
     /// What each device of the scene can render of the body; empty under schemes that bound no stiffness.
@@ -94,6 +97,9 @@ impl BodyPlan {
         let tick = 1.0 / scene.realtime.rate;
         let serves = period + host.latency;
         let horizon = serves + tick * (tick / serves).min(1.0);
+        // A hand that shakes is beside the filtered path of its handle for as long as the filter remembers. The body answers
+        // this displacement as it answers a slow one. The stiffness of a shorter time would resist it by the inertia, too.
+        let memory = 1.0 / (2.0 * core::f64::consts::PI * host.smoothing);
         Self {
             name: spec.name.clone(),
             kind: built.kind,
@@ -106,6 +112,7 @@ impl BodyPlan {
             step: 1.0 / scene.host.step_rate,
             period,
             horizon,
+            response: horizon.max(memory),
             tear: built.tear.as_ref().map(TearPlan::new),
             links: (scene.realtime.scheme == SchemeName::Proxy).then(|| links(loaded, spec)),
             renderable: if condenses(scene) && scene.realtime.scheme != SchemeName::Proxy {
