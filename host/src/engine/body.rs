@@ -379,9 +379,7 @@ impl HostBody {
             rotation: pose.rotation,
         }));
         if let Some(springs) = &self.springs {
-            springs.aim(&mut self.targets, &self.model, |handle| {
-                self.body.handle_report(handle)
-            });
+            springs.aim(&mut self.targets, &self.model, self.model.ahead(time_ns));
         }
         for (index, (path, target)) in self.paths.iter().zip(&mut self.targets).enumerate() {
             if let Some(report) = self.body.handle_report(index) {
