@@ -25,6 +25,10 @@ use rt_core::{
 
 /// Speed of a handle in excess of its hand's speed while it catches up (m/s).
 const CATCH_UP: f64 = 0.5;
+/// Time for which a model places the handles behind springs, as a multiple of its horizon. The stiffness of a model holds the
+/// inertia of the body for its horizon. The wrench of a younger model holds the inertia of the last change of a handle's
+/// velocity, which is larger: handles that such a wrench places swing from model to model.
+const PLACES: f64 = 1.5;
 /// Angular velocity of a handle in excess of its hand's while it catches up (rad/s).
 const TURN_AFTER: f64 = 5.0;
 
@@ -64,6 +68,8 @@ pub struct HostBody {
     renderable: Vec<Renderable>,
     /// Springs in series with the directions that the devices cannot render.
     springs: Option<SeriesSprings>,
+    /// The model by which the springs place the handles, for [`PLACES`] of its horizon.
+    placing: LocalModel,
     /// How solvers of the body are made.
     recipe: Recipe,
     /// Cut-off of the handles' paths (Hz).
@@ -147,6 +153,7 @@ impl HostBody {
             stored,
             coupling: parts.coupling,
             springs: SeriesSprings::of(&parts.devices, &parts.renderable),
+            placing: model,
             renderable: parts.renderable,
             name: parts.name,
             solved: parts.solved,
@@ -335,7 +342,12 @@ impl HostBody {
             coupling.through(&self.model);
         }
         if let Some(springs) = &mut self.springs {
+            let acted = springs.model().is_some();
             springs.through(&self.model, elapsed);
+            let age = time_ns.saturating_sub(self.placing.time_ns) as f64 * 1e-9;
+            if !acted || age >= PLACES * self.horizon {
+                self.placing.copy_used_from(&self.model);
+            }
         }
         self.publishes = true;
         self.tally.condense = Some(watch.now_ns().saturating_sub(solved));
@@ -379,7 +391,11 @@ impl HostBody {
             rotation: pose.rotation,
         }));
         if let Some(springs) = &self.springs {
-            springs.aim(&mut self.targets, &self.model, self.model.ahead(time_ns));
+            springs.aim(
+                &mut self.targets,
+                &self.placing,
+                self.placing.ahead(time_ns),
+            );
         }
         for (index, (path, target)) in self.paths.iter().zip(&mut self.targets).enumerate() {
             if let Some(report) = self.body.handle_report(index) {

@@ -249,8 +249,8 @@ impl SeriesSprings {
         self.stiffest
     }
 
-    /// Makes the `targets` of the handles, the poses of the devices in the scene, the poses of the proxies, by the latest
-    /// `model` of the body, whose drift has acted for `ahead` (s): the proxies are where the tick renders them.
+    /// Makes the `targets` of the handles, the poses of the devices in the scene, the poses of the proxies, by a
+    /// `model` of the body, whose drift has acted for `ahead` (s).
     ///
     /// The wrench of the present step is no substitute for that of the model. It holds the inertia that the step itself sets
     /// in motion, which the stiffness of a model for many steps does not know: the handles would overshoot from step to step.

@@ -188,17 +188,27 @@ device = 'd'
 ";
 
 #[test]
-fn handles_do_not_swing_on_the_springs_where_steps_are_finer_than_publications() -> Outcome {
-    let mut loaded = scene(HEAVY, "falcon", "rigid", 1)?;
-    let scene = &mut loaded.scene;
-    (scene.host.step_rate, scene.host.publish_rate) = (1000.0, 40.0);
-    scene.host.latency = 0.004;
-    scene.devices[0].motion_scale = 4.0;
-    if let Some(hand) = &mut scene.devices[0].hand {
-        hand.waypoints = vec![[0.5, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, -0.003]];
+fn handles_do_not_swing_on_the_springs_of_hosts_of_any_rate() -> Outcome {
+    for (step_rate, publish_rate, latency, publications) in [
+        // One for each 25 ms of two seconds.
+        (1000.0, 40.0, 0.004, 79),
+        (1000.0, 1000.0, 0.0, 1999),
+        (250.0, 250.0, 0.004, 499),
+    ] {
+        let mut loaded = scene(HEAVY, "falcon", "rigid", 1)?;
+        let scene = &mut loaded.scene;
+        (scene.host.step_rate, scene.host.publish_rate) = (step_rate, publish_rate);
+        scene.host.latency = latency;
+        scene.devices[0].motion_scale = 4.0;
+        if let Some(hand) = &mut scene.devices[0].hand {
+            hand.waypoints = vec![[0.5, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, -0.003]];
+        }
+        let (summary, felt) = forces(&loaded, 2.0)?;
+        // A handle that swings stays behind its hand, and its body publishes nothing.
+        assert_eq!(summary.host.publications, publications);
+        // 2.5 times the friction.
+        let jump = jump(&felt[0]);
+        assert!(jump < 0.75, "{publish_rate} Hz: {jump} N");
     }
-    let (summary, _) = forces(&loaded, 2.0)?;
-    // A handle that swings stays behind its hand, and its body publishes nothing.
-    assert_eq!(summary.host.publications, 79);
     Ok(())
 }
