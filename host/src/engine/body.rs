@@ -27,8 +27,10 @@ use rt_core::{
 const CATCH_UP: f64 = 0.5;
 /// Time for which a model places the handles behind springs, as a multiple of its horizon. The stiffness of a model holds the
 /// inertia of the body for its horizon. The wrench of a younger model holds the inertia of the last change of a handle's
-/// velocity, which is larger: handles that such a wrench places swing from model to model.
-const PLACES: f64 = 1.5;
+/// velocity, which is larger: handles that such a wrench places swing from model to model. Over longer times than
+/// [`LONGEST_PLACED`] (s) inertia is small beside stiffness, and a body that is not linear would be placed by the past.
+const PLACES: f64 = 2.0;
+const LONGEST_PLACED: f64 = 0.015;
 /// Angular velocity of a handle in excess of its hand's while it catches up (rad/s).
 const TURN_AFTER: f64 = 5.0;
 
@@ -68,7 +70,7 @@ pub struct HostBody {
     renderable: Vec<Renderable>,
     /// Springs in series with the directions that the devices cannot render.
     springs: Option<SeriesSprings>,
-    /// The model by which the springs place the handles, for [`PLACES`] of its horizon.
+    /// The model by which the springs place the handles, for [`PLACES`] of its horizon at most.
     placing: LocalModel,
     /// How solvers of the body are made.
     recipe: Recipe,
@@ -345,7 +347,7 @@ impl HostBody {
             let acted = springs.model().is_some();
             springs.through(&self.model, elapsed);
             let age = time_ns.saturating_sub(self.placing.time_ns) as f64 * 1e-9;
-            if !acted || age >= PLACES * self.horizon {
+            if !acted || age >= (PLACES * self.horizon).min(LONGEST_PLACED) {
                 self.placing.copy_used_from(&self.model);
             }
         }
