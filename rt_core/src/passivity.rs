@@ -377,7 +377,7 @@ impl Passivity {
     #[inline]
     pub(crate) fn is_unpaid(&self) -> bool {
         let pieces = self.pieces.iter().take(self.piece_count);
-        pieces.fold(false, |any, piece| any | (piece.balance.unpaid > 0.0))
+        pieces.fold(0.0, |sum, piece| sum + piece.balance.unpaid) > 0.0
     }
 
     /// What the cap found for a piece in the last tick.

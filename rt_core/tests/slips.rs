@@ -155,6 +155,8 @@ fn between(home: Option<Pose>, there: Option<Pose>, part: f64) -> Option<Pose> {
     })
 }
 
+/// A reading of a hand at this place.
+#[expect(clippy::unnecessary_wraps, reason = "a hand may be away")]
 fn at(x: f64, y: f64, z: f64) -> Option<Pose> {
     Some(Pose::at(Vec3::new(x, y, z)))
 }
@@ -366,8 +368,8 @@ fn an_energy_that_no_motion_can_take_out_leads_to_no_force_at_rest_and_a_bounded
             forces.push(on_proxy(&telemetry, 0));
         }
         let ripple = forces[4000..]
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).norm());
+            .array_windows()
+            .map(|[before, after]| (after - before).norm());
         assert!(ripple.fold(0.0, f64::max) < 1e-6, "{claimed}");
     }
 }

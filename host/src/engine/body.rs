@@ -25,6 +25,12 @@ use rt_core::{
 
 /// Speed of a handle in excess of its hand's speed while it catches up (m/s).
 const CATCH_UP: f64 = 0.5;
+/// Time for which a model places the handles behind springs, as a multiple of its horizon. The stiffness of a model holds the
+/// inertia of the body for its horizon. The wrench of a younger model holds the inertia of the last change of a handle's
+/// velocity, which is larger: handles that such a wrench places swing from model to model. Over longer times than
+/// [`LONGEST_PLACED`] (s) inertia is small beside stiffness, and a body that is not linear would be placed by the past.
+const PLACES: f64 = 2.0;
+const LONGEST_PLACED: f64 = 0.015;
 /// Angular velocity of a handle in excess of its hand's while it catches up (rad/s).
 const TURN_AFTER: f64 = 5.0;
 
@@ -64,6 +70,8 @@ pub struct HostBody {
     renderable: Vec<Renderable>,
     /// Springs in series with the directions that the devices cannot render.
     springs: Option<SeriesSprings>,
+    /// The model by which the springs place the handles, for [`PLACES`] of its horizon at most.
+    placing: LocalModel,
     /// How solvers of the body are made.
     recipe: Recipe,
     /// Cut-off of the handles' paths (Hz).
@@ -149,6 +157,7 @@ impl HostBody {
             stored,
             coupling: parts.coupling,
             springs: SeriesSprings::of(&parts.devices, &parts.renderable),
+            placing: model,
             renderable: parts.renderable,
             name: parts.name,
             solved: parts.solved,
@@ -337,7 +346,12 @@ impl HostBody {
             coupling.through(&self.model);
         }
         if let Some(springs) = &mut self.springs {
+            let acted = springs.model().is_some();
             springs.through(&self.model, elapsed);
+            let age = time_ns.saturating_sub(self.placing.time_ns) as f64 * 1e-9;
+            if !acted || age >= (PLACES * self.model.horizon).min(LONGEST_PLACED) {
+                self.placing.copy_used_from(&self.model);
+            }
         }
         self.publishes = true;
         self.tally.condense = Some(watch.now_ns().saturating_sub(solved));
@@ -387,9 +401,11 @@ impl HostBody {
             rotation: pose.rotation,
         }));
         if let Some(springs) = &self.springs {
-            springs.aim(&mut self.targets, &self.model, |handle| {
-                self.body.handle_report(handle)
-            });
+            springs.aim(
+                &mut self.targets,
+                &self.placing,
+                self.placing.ahead(time_ns),
+            );
         }
         for (index, (path, target)) in self.paths.iter().zip(&mut self.targets).enumerate() {
             if let Some(report) = self.body.handle_report(index) {

@@ -24,7 +24,7 @@ impl Borne {
     ///
     /// # Errors
     /// [`SceneError`], naming the file, line and field, where a device cannot be mounted.
-    pub(super) fn new(loaded: &LoadedScene) -> Result<Self, SceneError> {
+    pub fn new(loaded: &LoadedScene) -> Result<Self, SceneError> {
         let each = loaded.models.iter().enumerate();
         let each = each.map(|(index, model)| {
             let Some(axes) = model.axes else {
@@ -42,7 +42,7 @@ impl Borne {
     }
 
     /// Leaves only what hands feel of a model's stiffness, damping and drift.
-    pub(super) fn blocks(&self, model: &mut LocalModel) {
+    pub fn blocks(&self, model: &mut LocalModel) {
         let handles = usize::from(model.handle_count);
         let LocalModel {
             handles: references,
@@ -67,7 +67,7 @@ impl Borne {
 
     /// Leaves only what its hand feels of the wrench on a handle, and only the displacements that its device allows of
     /// the slope of a tear limit.
-    pub(super) fn wrench(&self, reference: &mut HandleReference) {
+    pub fn wrench(&self, reference: &mut HandleReference) {
         if let Some(part) = self.of(reference.device) {
             reference.wrench.force = part * reference.wrench.force;
             let slope = part * reference.tear_slope.fixed_rows::<3>(0);
@@ -79,7 +79,7 @@ impl Borne {
     }
 
     /// Leaves only what its hand feels of the weight on a handle.
-    pub(super) fn weight(&self, reference: &mut HandleReference) {
+    pub fn weight(&self, reference: &mut HandleReference) {
         if let Some(part) = self.of(reference.device) {
             reference.weight = part * reference.weight;
         }

@@ -149,6 +149,11 @@ impl Failing {
         &self.engine
     }
 
+    /// The engine, to be changed.
+    pub(crate) fn engine_mut(&mut self) -> &mut Engine {
+        &mut self.engine
+    }
+
     /// As [`Engine::stats`].
     pub(crate) fn stats(&self) -> &EngineStats {
         self.engine.stats()

@@ -26,13 +26,12 @@
 //! from model to model, springs that came and went with it would shake the hand more than the stiff body does.
 //!
 //! The **handles** follow the massless proxies between springs and body, as in [`super::virtual_coupling`]. At the
-//! device's displacement `d` from the handle, the proxy's is `S^T d + R a`. A handle at the pose of the device would be
+//! device's displacement `d` from the handle of a model, the proxy's is `S^T d + R (a + p s)`, `s` after the model. A handle at the pose of the device would be
 //! strained by the tremor of the hand, which the springs are to take up: 0.1 mm loads a sheet of paper by 18 N.
 
-use super::body::reference_of;
 use nalgebra::UnitQuaternion;
+use physics::HandlePose;
 use physics::linear::dense::{Eigen, Square};
-use physics::{HandlePose, HandleReport};
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, Vec3, Vec6, Wrench};
 
 /// How far beyond the limit, as a fraction of it, the rendered stiffness has fallen to its final value.
@@ -260,26 +259,17 @@ impl SeriesSprings {
         found
     }
 
-    /// Makes the `targets` of the handles, the poses of the devices in the scene, the poses of the proxies. `report` gives
-    /// the last report on a handle of the body that `model` linearizes.
-    pub fn aim<'a>(
-        &self,
-        targets: &mut [HandlePose],
-        model: &LocalModel,
-        report: impl Fn(usize) -> Option<&'a HandleReport>,
-    ) {
+    /// Makes the `targets` of the handles, the poses of the devices in the scene, the poses of the proxies, by a
+    /// `model` of the body, whose drift has acted for `ahead` (s).
+    ///
+    /// The wrench of the present step is no substitute for that of the model. It holds the inertia that the step itself sets
+    /// in motion, which the stiffness of a model for many steps does not know: the handles would overshoot from step to step.
+    pub fn aim(&self, targets: &mut [HandlePose], model: &LocalModel, ahead: f64) {
         if !self.acts {
             return;
         }
         let rows = self.root.len();
-        let mut now = [HandleReference::zero(); MAX_HANDLES];
-        let numbered = now.iter_mut().zip(model.handles()).enumerate();
-        for (index, (now, handle)) in numbered {
-            let weight = handle.weight;
-            *now = report(index).map_or(*handle, |report| reference_of(handle.device, report));
-            now.weight = weight;
-        }
-        let now = &now[..rows / 6];
+        let now = &model.handles[..rows / 6];
         let [mut whole, mut elastic] = [[0.0; 6 * MAX_HANDLES]; 2];
         let places = whole.chunks_exact_mut(6).zip(elastic.chunks_exact_mut(6));
         let each = places.zip(&*targets).zip(now).enumerate();
@@ -289,7 +279,8 @@ impl SeriesSprings {
                 rotation: target.rotation,
             };
             place.copy_from_slice(target.displacement_from(&handle.pose).as_slice());
-            load.copy_from_slice(elastic_wrench(model, index, now).as_slice());
+            let elastic = elastic_wrench(model, index, now) + handle.drift.stacked() * ahead;
+            load.copy_from_slice(elastic.as_slice());
         }
         let mut followed = whole;
         self.of_envelope.pass_back(&mut followed[..rows]);

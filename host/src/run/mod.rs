@@ -15,6 +15,7 @@ mod log_observer;
 mod marks;
 pub mod observer;
 mod pace;
+pub mod paced;
 pub mod panics;
 mod parts;
 mod real_clock;

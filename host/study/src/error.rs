@@ -33,6 +33,9 @@ pub enum StudyError {
         /// Length of the runs (s).
         duration: f64,
     },
+    /// The text of a scene cannot be read as TOML.
+    #[error(transparent)]
+    Text(#[from] toml::de::Error),
     /// A sheet cannot be generated.
     #[error(transparent)]
     Sheet(#[from] SheetError),

@@ -239,3 +239,44 @@ fn a_body_that_its_device_can_render_is_not_told() -> Outcome {
     assert!(!summary.to_string().contains("  stiff"));
     Ok(())
 }
+
+/// A heavy block in a device that magnifies the motion. Its inertia from one step to the next is far above the stiffness
+/// of a model that serves for many steps.
+const HEAVY: &str = "
+damping = { mass = 1.0, stiffness = 0.01 }
+mesh.box = { size = [0.1, 0.1, 0.06], cells = [5, 5, 2] }
+material = { law = 'corotational', young = 3e5, poisson = 0.4, density = 1000 }
+[[body.support]]
+name = 's'
+group = 'bottom'
+[[body.handle]]
+name = 'h'
+box = [[-0.041, -0.031, 0.0299], [-0.009, 0.031, 0.0301]]
+device = 'd'
+";
+
+#[test]
+fn handles_do_not_swing_on_the_springs_of_hosts_of_any_rate() -> Outcome {
+    for (step_rate, publish_rate, latency, publications) in [
+        // One for each 25 ms of two seconds.
+        (1000.0, 40.0, 0.004, 79),
+        (1000.0, 1000.0, 0.0, 1999),
+        (250.0, 250.0, 0.004, 499),
+    ] {
+        let mut loaded = scene(HEAVY, "falcon", "rigid", 1)?;
+        let scene = &mut loaded.scene;
+        (scene.host.step_rate, scene.host.publish_rate) = (step_rate, publish_rate);
+        scene.host.latency = latency;
+        scene.devices[0].motion_scale = 4.0;
+        if let Some(hand) = &mut scene.devices[0].hand {
+            hand.waypoints = vec![[0.5, 0.0, 0.0, 0.0], [1.5, 0.0, 0.0, -0.003]];
+        }
+        let (summary, felt) = forces(&loaded, 2.0)?;
+        // A handle that swings stays behind its hand, and its body publishes nothing.
+        assert_eq!(summary.host.publications, publications);
+        // 2.5 times the friction.
+        let jump = jump(&felt[0]);
+        assert!(jump < 0.75, "{publish_rate} Hz: {jump} N");
+    }
+    Ok(())
+}

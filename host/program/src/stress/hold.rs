@@ -1,6 +1,6 @@
-//! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, without faults.
+//! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind.
 
-use super::scene::{log, picture};
+use super::scene::{log, picture, write_scene};
 use super::{CommandError, Common, Declared, Format, Shown, Written, load, scheme_of};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
@@ -8,11 +8,11 @@ use host::scene::spec::SchemeName;
 use sim::DeviceModel;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::stress::hold::draw::Kind;
 use study::stress::hold::summary::{row, worst};
 use study::stress::hold::verdict::{Failure, failures};
 use study::stress::hold::{CASES, CellResult, SCHEMES, Study, judge};
 use study::stress::jobs::{self, Cells, Header};
+use study::stress::specimen::{Cause, Kind};
 
 /// Arguments of `palpate stress hold`.
 #[derive(Clone, Debug, clap::Args)]
@@ -23,7 +23,7 @@ pub(super) struct HoldArguments {
     /// Number of cells: the fixed cases first, then random draws. Each cell is run under linear and capped
     #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
-    /// Run one cell again and print its outcome: --plot draws the cell, --log writes every tick, --scene writes its
+    /// Run one cell again and print its outcome: --plot draws the cell, --log writes every tick, --write writes its
     /// scene file
     #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
     cell: Option<u64>,
@@ -33,9 +33,9 @@ pub(super) struct HoldArguments {
     /// Write every tick of the cell (CSV)
     #[arg(long, value_name = "FILE", requires = "cell")]
     log: Option<PathBuf>,
-    /// Write the scene of the cell, as `palpate run` reads it (TOML)
+    /// Write the scene of the cell, which `palpate run` repeats (TOML)
     #[arg(long, value_name = "FILE", requires = "cell")]
-    scene: Option<PathBuf>,
+    write: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
 }
@@ -43,7 +43,7 @@ pub(super) struct HoldArguments {
 /// Default number of cells.
 const RUNS: u64 = 2000;
 /// Number of cells of a quick study: the cases, and each specimen on each device.
-const QUICK: u64 = 60;
+const QUICK: u64 = 84;
 /// Largest number of cells that are listed one by one.
 const MOST_PRINTED: usize = 12;
 
@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     }
     let declared = Declared::default()
         .file("--log", arguments.log.as_ref(), Format::Csv)
-        .file("--scene", arguments.scene.as_ref(), Format::Toml);
+        .file("--write", arguments.write.as_ref(), Format::Toml);
     let _held = common.declare(declared).check()?;
     let study = Study::new(common.cells.seed);
     if let Some(cell) = arguments.cell {
@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let default = if common.quick { QUICK } else { RUNS };
     let header = Header {
         study: "hold".to_owned(),
-        schema: 1,
+        schema: 2,
         seed: common.cells.seed,
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({ "cases": CASES.map(|(name, text, _)| (name, text)) }),
@@ -115,11 +115,40 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
             cell.draw.as_ref().is_some_and(|draw| draw.kind == kind)
         });
     }
-    outln!("\nBy device:\n");
+    outln!("\nBy number of hands:\n");
+    head("hands");
+    for hands in 1..=3 {
+        rows(&hands.to_string(), cells, |cell| {
+            let draw = cell.draw.as_ref();
+            draw.is_some_and(|draw| draw.hands.len() == hands)
+        });
+    }
+    outln!("\nBy the stiffest motion, as a multiple of what the devices render:\n");
+    head("multiple");
+    for (name, low, high) in [
+        ("up to 1", 0.0, 1.0),
+        ("1 to 10", 1.0, 10.0),
+        ("more", 10.0, f64::INFINITY),
+    ] {
+        rows(name, cells, |cell| {
+            let draw = cell.draw.as_ref();
+            draw.is_some_and(|draw| (low..high).contains(&draw.ratio))
+        });
+    }
+    outln!("\nBy what takes a part of the force away:\n");
+    head("cause");
+    for cause in Cause::ALL {
+        rows(cause.name(), cells, |cell| {
+            let draw = cell.draw.as_ref();
+            draw.is_some_and(|draw| draw.cause == cause)
+        });
+    }
+    outln!("\nBy device of the first hand:\n");
     head("device");
     for (name, _) in DeviceModel::spatial() {
         rows(name, cells, |cell| {
-            cell.draw.as_ref().is_some_and(|draw| draw.device == name)
+            let draw = cell.draw.as_ref();
+            draw.is_some_and(|draw| draw.hands[0].device == name)
         });
     }
     outln!("\nBy publication rate:\n");
@@ -140,9 +169,9 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
 fn print_failures(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Failure>)]) {
     outln!("\nCases and worst cells:\n");
     outln!(
-        "| cell | case or specimen | Hz | scheme | fails | hold error % | run error % | ripple N | capped % | net energy mJ |"
+        "| cell | case or specimen | Hz | scheme | fails | hold error % | leaves % | run error % | ripple N | in the hold | jump, in frictions | capped % | net energy mJ |"
     );
-    outln!("|{}", "---|".repeat(10));
+    outln!("|{}", "---|".repeat(13));
     let cases = cells.iter().filter(|(_, cell)| cell.case.is_some());
     let cases = cases.map(|(number, cell)| (*number, cell));
     let drawn = failing.iter().filter(|(_, cell, _)| cell.case.is_none());
@@ -150,17 +179,29 @@ fn print_failures(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResul
     for (number, cell) in cases.chain(drawn.take(MOST_PRINTED)) {
         let name = cell.draw.as_ref().map_or_else(
             || cell.case.clone().unwrap_or_default(),
-            |draw| format!("{}, {}", draw.kind.name(), draw.device),
+            |draw| {
+                let devices: Vec<_> = draw.hands.iter().map(|hand| &hand.device[..]).collect();
+                let cause = draw.cause.name();
+                format!(
+                    "{}, {}, {:.1}, {cause}",
+                    draw.kind.name(),
+                    devices.join(" + "),
+                    draw.ratio
+                )
+            },
         );
         for (scheme, outcome) in &cell.schemes {
             let names = failures(cell, scheme).into_iter().map(Failure::name);
             outln!(
-                "| {number} | {name} | {:.0} | {scheme} | {} | {:.1} | {:.1} | {:.3} | {:.1} | {:.2} |",
+                "| {number} | {name} | {:.0} | {scheme} | {} | {:.2} | {:.2} | {:.1} | {:.3} | {:.3} | {:.2} | {:.1} | {:.2} |",
                 cell.rate,
                 names.collect::<Vec<_>>().join(", "),
                 100.0 * outcome.force_errors.hold_error,
+                100.0 * outcome.force_errors.leaves,
                 100.0 * outcome.force_errors.run_error,
                 outcome.force_errors.worst_ripple,
+                outcome.stillness.ripple,
+                outcome.force_errors.jump,
                 100.0 * outcome.capped,
                 1e3 * outcome.net_energy,
             );
@@ -202,15 +243,19 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
     let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
     let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
     let scheme = known.map_or("", |(_, name)| name);
-    if let Some(path) = &arguments.scene {
-        write_atomically(path, study.scene(cell)?.source.text.as_bytes())?;
+    if let Some(path) = &arguments.write {
+        write_scene(path, &study.written(cell, wanted)?)?;
     }
     let traces = study.traces(cell, &[wanted])?;
     let draw = study.draw(cell);
     let title = match (&draw, CASES.get(cell as usize)) {
         (Some(draw), _) => {
             outln!("{draw:#?}");
-            format!("Cell {cell}: {}, {}", draw.kind.name(), draw.device)
+            format!(
+                "Cell {cell}: {}, {}",
+                draw.kind.name(),
+                draw.hands[0].device
+            )
         }
         (None, case) => format!("Cell {cell}: {}", case.map_or("", |(name, ..)| name)),
     };

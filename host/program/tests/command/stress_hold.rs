@@ -17,15 +17,12 @@ fn the_program_resumes_and_shows_one_cell_whole() {
         let text = String::from_utf8(output.stdout).expect("it prints UTF-8");
         (output.status.code(), text)
     };
-    // A block that passes; the shard contains only this cell of the first eight.
+    // Paper that passes; the shard contains only this cell of the first eight.
     let json = path("cells.jsonl");
     let one = ["stress", "hold", "--runs", "8", "--shard", "8/8"];
     let (code, first) = palpate(&one, &[("--json", &json)]);
     assert_eq!(code, Some(0), "{first}");
-    assert!(
-        first.contains("| corotational block | capped | 1 | 1 |"),
-        "{first}"
-    );
+    assert!(first.contains("| paper | capped | 1 | 1 |"), "{first}");
     let written = std::fs::read(&json).expect("it was written");
     assert_eq!(palpate(&one, &[("--json", &json)]), (code, first));
     assert_eq!(written, std::fs::read(&json).expect("it is there"));
@@ -33,7 +30,7 @@ fn the_program_resumes_and_shows_one_cell_whole() {
     let [plot, log, scene] = ["cell.svg", "cell.csv", "cell.toml"].map(path);
     let (code, shown) = palpate(
         &["stress", "hold", "--cell", "7", "--scheme", "linear"],
-        &[("--plot", &plot), ("--log", &log), ("--scene", &scene)],
+        &[("--plot", &plot), ("--log", &log), ("--write", &scene)],
     );
     assert_eq!(code, Some(0));
     assert!(shown.contains("linear: Outcome"), "{shown}");
@@ -41,7 +38,7 @@ fn the_program_resumes_and_shows_one_cell_whole() {
     assert!(svg.contains("own along this run"));
     // One line for each tick, and the head.
     let lines = std::fs::read_to_string(&log).expect("it was logged");
-    assert_eq!(lines.lines().count(), 4001);
+    assert_eq!(lines.lines().count(), 4501);
     // The drawn cell is a scene like any other, and has the same verdict.
     let (code, judged) = palpate(&["stress", "hold", scene.to_str().expect("a path")], &[]);
     assert_eq!(code, Some(0), "{judged}");

@@ -40,3 +40,43 @@ fn the_program_resumes_and_shows_one_world_whole() {
     let lines = std::fs::read_to_string(&log).expect("it was logged");
     assert_eq!(lines.lines().count(), 4501);
 }
+
+#[test]
+fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let written = folder.path().join("cell.toml");
+    let palpate = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        let output = command
+            .args(arguments)
+            .output()
+            .expect("the program starts");
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it prints UTF-8");
+        assert!(output.status.success(), "{}", text(output.stderr));
+        (text(output.stdout), text(output.stderr))
+    };
+    let file = written.to_str().expect("a path");
+    let world = ["stress", "scene", "--trouble", "stalls", "--cell", "1"];
+    let (shown, told) = palpate(&[&world[..], &["--write", file]].concat());
+    assert!(shown.contains("capped: Outcome"), "{shown}");
+    // The stalls are those of the option that is told.
+    assert!(
+        told.contains("cell.toml: not in the scene file: the host stalls"),
+        "{told}"
+    );
+    let stalls = told.lines().filter_map(|line| line.split_once("--fault "));
+    let stalls: Vec<_> = stalls.flat_map(|(_, stall)| ["--fault", stall]).collect();
+    palpate(&[&["run", file][..], &stalls].concat());
+    let two = [
+        "--runs",
+        "1",
+        "--schemes",
+        "capped",
+        "--rate",
+        "250",
+        "--trouble",
+        "nothing",
+    ];
+    let (table, _) = palpate(&[&["stress", "scene"], &two[..]].concat());
+    assert!(table.starts_with("drawn bodies: 1 worlds"), "{table}");
+}

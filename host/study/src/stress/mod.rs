@@ -14,5 +14,6 @@ pub mod hold;
 pub mod jobs;
 pub mod scene;
 pub mod seeds;
+pub mod specimen;
 pub mod tearing;
 pub mod wall;

@@ -9,17 +9,18 @@ use host::plot::write_picture;
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use study::stress::jobs::{self, Cells, Header};
 use study::stress::scene::draw::{Choice, Trouble};
 use study::stress::scene::measure::{Outcome, Trace};
+use study::stress::scene::written::Written as WrittenScene;
 use study::stress::scene::{SCHEMES, STEP_RATE, Study};
 
 /// Arguments of `palpate stress scene`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SceneArguments {
-    /// Scene file (TOML)
-    scene: PathBuf,
+    /// Scene file (TOML). Default: every world draws a body of its own
+    scene: Option<PathBuf>,
     /// Number of random worlds. Each world is run under every scheme
     #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
@@ -34,7 +35,8 @@ pub(super) struct SceneArguments {
     /// once. Default: each kind
     #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = trouble)]
     trouble: Vec<Trouble>,
-    /// Run one world again and print its outcome: --plot draws the run, --log writes every tick
+    /// Run one world again and print its outcome: --plot draws the run, --log writes every tick, --write writes its scene
+    /// file
     #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
     cell: Option<u64>,
     /// Scheme of that world's run. Default: capped
@@ -43,6 +45,9 @@ pub(super) struct SceneArguments {
     /// Write every tick of the run (CSV)
     #[arg(long, value_name = "FILE", requires = "cell")]
     log: Option<PathBuf>,
+    /// Write the scene of the world, which `palpate run` repeats but for the faults that it names (TOML)
+    #[arg(long, value_name = "FILE", requires = "cell")]
+    write: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
 }
@@ -88,13 +93,19 @@ impl SceneArguments {
 
     /// Everything but seed and number that determines a cell. A file of a study without --rate and --trouble has no
     /// such settings.
-    fn settings(&self, loaded: &LoadedScene, schemes: &[(SchemeName, &str)]) -> serde_json::Value {
-        let files = loaded.files.iter().map(|(name, bytes)| (name, bytes.len()));
+    fn settings(
+        &self,
+        loaded: Option<&LoadedScene>,
+        schemes: &[(SchemeName, &str)],
+    ) -> serde_json::Value {
         let mut settings = serde_json::json!({
-            "scene": loaded.source.text,
-            "files": files.collect::<Vec<_>>(),
             "schemes": schemes.iter().map(|(_, name)| name).collect::<Vec<_>>(),
         });
+        if let Some(loaded) = loaded {
+            let files = loaded.files.iter().map(|(name, bytes)| (name, bytes.len()));
+            settings["scene"] = loaded.source.text.clone().into();
+            settings["files"] = serde_json::json!(files.collect::<Vec<_>>());
+        }
         if !self.rate.is_empty() {
             settings["rates"] = serde_json::json!(self.rate);
         }
@@ -107,12 +118,20 @@ impl SceneArguments {
 
 pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
-    let loaded = super::load(Some(&arguments.scene))?;
-    let declared = Declared::default()
-        .scene(Some(&arguments.scene), &loaded)
-        .file("--log", arguments.log.as_ref(), Format::Csv);
+    let path = arguments.scene.as_deref();
+    let loaded = path.map(|path| super::load(Some(path))).transpose()?;
+    let mut declared = Declared::default();
+    if let Some(loaded) = &loaded {
+        declared = declared.scene(path, loaded);
+    }
+    let declared = declared
+        .file("--log", arguments.log.as_ref(), Format::Csv)
+        .file("--write", arguments.write.as_ref(), Format::Toml);
     let _held = common.declare(declared).check()?;
-    let name = loaded.scene.name.clone();
+    let name = loaded
+        .as_ref()
+        .map_or("drawn bodies", |loaded| &loaded.scene.name)
+        .to_owned();
     let schemes: Vec<_> = SCHEMES
         .into_iter()
         .filter(|(scheme, _)| arguments.schemes.is_empty() || arguments.schemes.contains(scheme))
@@ -120,12 +139,16 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let default = if common.quick { QUICK } else { RUNS };
     let header = Header {
         study: "scene".to_owned(),
-        schema: 3,
+        schema: 4,
         seed: common.cells.seed,
         cells: arguments.runs.unwrap_or(default),
-        settings: arguments.settings(&loaded, &schemes),
+        settings: arguments.settings(loaded.as_ref(), &schemes),
     };
-    let study = Study::among(loaded, common.cells.seed, arguments.choice())?;
+    let (seed, choice) = (common.cells.seed, arguments.choice());
+    let study = match loaded {
+        Some(loaded) => Study::among(loaded, seed, choice)?,
+        None => Study::drawn(seed, choice),
+    };
     if let Some(cell) = arguments.cell {
         return show_cell(arguments, &study, cell);
     }
@@ -159,6 +182,9 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
 /// Runs one world under one scheme and prints its outcome.
 fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(), CommandError> {
     let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
+    if let Some(path) = &arguments.write {
+        write_scene(path, &study.written(cell, wanted)?)?;
+    }
     let (draw, reference, runs) = study.traces(cell, &[wanted])?;
     let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
     let scheme = known.map_or("", |(_, name)| name);
@@ -188,6 +214,15 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
             write_atomically(path, log(run, &reference).as_bytes())
         });
         written.end()?;
+    }
+    Ok(())
+}
+
+/// Writes the scene of a cell, and tells what the scene cannot say.
+pub(super) fn write_scene(path: &Path, written: &WrittenScene) -> Result<(), CommandError> {
+    write_atomically(path, written.text.as_bytes())?;
+    for told in &written.told {
+        errln!("{}: not in the scene file: {told}", path.display());
     }
     Ok(())
 }

@@ -1,32 +1,29 @@
-//! Presses, holds, slow rubs and tremors without faults, on bodies of every kind: whether the rendered force is the
-//! force of the body.
+//! Presses, holds, slow rubs and tremors on bodies of every kind: whether the rendered force is the force of the body.
 //!
-//! The first cells are the scenes of files ([`CASES`]). The other cells are drawn from their numbers (`draw`) and
-//! written as scene files (`specimen`). Each cell runs under `capped`, under `linear`, and as the reference of
+//! The first cells are the scenes of files ([`CASES`]). The other cells are drawn from their numbers and written as scene
+//! files ([`super::specimen`]). Each cell runs under `capped`, under `linear`, and as the reference of
 //! `palpate stress scene`, with the physics inside the tick. Along each run, the body is moved once more by the same
-//! hand, with one step a tick. The force that the body then exerts is the force that the scheme should have rendered:
-//! see [`super::scene::force_errors`]. No fault occurs, so no scheme has a reason to withhold force.
-//! [`verdict`] states the limits.
+//! hands, with one step a tick. The force that the body then exerts is the force that the scheme should have rendered:
+//! see [`super::scene::force_errors`]. Where a body is stiffer than its devices along some directions, the reference and the
+//! moved body have springs in series with these directions, as the host has: see [`super::scene::rendered`]. In most cells
+//! no scheme has a reason to withhold force. In the others, a stall, a limit on the slew of the force or a fast press takes
+//! a part of it away for a while, and the hold that begins a second later is judged alone. [`verdict`] states the limits.
 
-pub mod draw;
-mod specimen;
 pub mod summary;
 pub mod verdict;
 
 use super::chance::Chance;
-use super::scene::draw::Draw as HostDraw;
+use super::scene::draw::{Draw as HostDraw, Span};
 use super::scene::measure::{Outcome, Stillness, Trace};
 use super::scene::world::World;
+use super::scene::written::Written;
 use super::scene::{reference, run};
+use super::specimen::{Cause, Draw};
 use crate::StudyError;
-use draw::{Draw, Kind, STIFFNESS, stiffest};
-use host::bodies;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use serde::{Deserialize, Serialize};
-use sim::DeviceModel;
-use specimen::Scale;
 use std::collections::BTreeMap;
 
 /// The schemes that are compared.
@@ -69,10 +66,6 @@ pub const CASES: [(&str, &str, f64); 6] = [
     ),
 ];
 
-/// The publication period at which the static stiffness is computed (s). It is so long that inertia is negligible, and
-/// still holds a membrane.
-const SLOW: f64 = 1.0;
-
 /// The result of one cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellResult {
@@ -82,9 +75,9 @@ pub struct CellResult {
     pub draw: Option<Draw>,
     /// Local models a second (Hz).
     pub rate: f64,
-    /// Change of the force by one count of the encoder (N), at rest or at the end of the runs: by the stiffness of the
-    /// body, and by its damping, where the velocity is that count divided by the time over which drivers estimate a
-    /// velocity.
+    /// Change of the force by one count of the encoder (N), at rest or at the end of the runs: by the stiffness that the
+    /// device renders, and by the damping, where the velocity is that count divided by the time over which drivers estimate
+    /// a velocity.
     pub count: f64,
     /// Stillness of the reference's hold.
     pub reference: Stillness,
@@ -148,18 +141,21 @@ impl Study {
             loaded.scene.host.publish_rate = rate;
             return Ok(loaded);
         };
-        let devices: BTreeMap<_, _> = DeviceModel::spatial().collect();
-        let model = &devices[draw.device.as_str()];
-        let name = format!("hold {cell} of seed {}", self.seed);
-        let scene = |scale| load(&specimen::scene(&name, &draw, scale, model));
-        let [along, most] = stiffness(&scene(Scale::TRIAL)?, draw.kind)?;
-        // A hand that trembles meets the other stiffnesses of the specimen, too.
-        let bound = STIFFNESS[1].min(stiffest(model));
-        let factor = (draw.stiffness / along).min(bound / most);
-        scene(Scale {
-            young: Scale::TRIAL.young * factor,
-            stiffness: along * factor,
-        })
+        draw.scene(&format!("hold {cell} of seed {}", self.seed))
+    }
+
+    /// The scene of a cell under `scheme` as a scene file, and what the file cannot say.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn written(&self, cell: u64, scheme: SchemeName) -> Result<Written, StudyError> {
+        Written::of(&self.world(cell)?, scheme)
+    }
+
+    fn world(self, cell: u64) -> Result<World, StudyError> {
+        let draw = self.draw(cell);
+        let stalls = draw.map_or_else(Vec::new, |draw| draw.stalls());
+        Ok(world(self.scene(cell)?, stalls))
     }
 
     /// The reference of a cell, and its run under each of `schemes`.
@@ -167,8 +163,7 @@ impl Study {
     /// # Errors
     /// [`StudyError`].
     pub fn traces(&self, cell: u64, schemes: &[SchemeName]) -> Result<Traces, StudyError> {
-        let loaded = self.scene(cell)?;
-        traces(loaded, schemes, Chance::new(self.seed, cell))
+        traces(self.world(cell)?, schemes, Chance::new(self.seed, cell))
     }
 
     /// Runs a cell under each of `schemes`.
@@ -187,6 +182,13 @@ impl Study {
 }
 
 impl CellResult {
+    /// Whether nothing takes a part of the force away on purpose.
+    pub fn is_undisturbed(&self) -> bool {
+        self.draw
+            .as_ref()
+            .is_none_or(|draw| draw.cause == Cause::Nothing)
+    }
+
     fn of(traces: Result<Traces, StudyError>, schemes: &[(SchemeName, &str)]) -> Self {
         let mut result = Self {
             case: None,
@@ -222,7 +224,7 @@ pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
         loaded.scene.host.publish_rate,
     );
     let found = traces(
-        loaded,
+        world(loaded, Vec::new()),
         &SCHEMES.map(|(scheme, _)| scheme),
         Chance::new(0, 0),
     )?;
@@ -233,65 +235,50 @@ pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
     })
 }
 
-/// The reference of a scene, and its run under each of `schemes`, at the rates and the latency of the scene, without
-/// faults.
-fn traces(
-    loaded: LoadedScene,
-    schemes: &[SchemeName],
-    chance: Chance,
-) -> Result<Traces, StudyError> {
+/// The world of a scene at the rates and the latency of the scene, without faults but `stalls` of the host.
+fn world(loaded: LoadedScene, stalls: Vec<Span>) -> World {
     let host = &loaded.scene.host;
-    let host = HostDraw::untroubled(host.publish_rate, host.latency);
-    let world = World {
+    let draw = HostDraw {
+        stalls,
+        ..HostDraw::untroubled(host.publish_rate, host.latency)
+    };
+    World {
         loaded,
         soft: None,
-        draw: host.clone(),
-    };
+        draw,
+    }
+}
+
+/// The reference of a world, and its run under each of `schemes`.
+fn traces(world: World, schemes: &[SchemeName], chance: Chance) -> Result<Traces, StudyError> {
     let reference = reference::run(&world)?;
-    let horizon = 1.0 / host.rate + host.latency;
     let mut rest = reference::Bodies::new(&world.loaded)?;
-    let mut count = one_count(&world, &mut rest, horizon)?;
+    let mut count = one_count(&world, &mut rest)?;
     let mut runs = Vec::new();
     for scheme in schemes {
         let mut run = run::run(&world, *scheme, chance)?;
         let mut bodies = reference::follow(&world, &mut run)?;
-        count = count.max(one_count(&world, &mut bodies, horizon)?);
+        count = count.max(one_count(&world, &mut bodies)?);
         runs.push(run);
     }
     Ok(Traces {
         reference,
         runs,
         count,
-        host,
+        host: world.draw,
     })
 }
 
-/// Change of the force by one count of an encoder (N) in the present state of `bodies`, for models with the horizon
-/// `horizon` (s). A damper counts only as far as the device can render it.
-fn one_count(
-    world: &World,
-    bodies: &mut reference::Bodies,
-    horizon: f64,
-) -> Result<f64, StudyError> {
+/// Change of the force by one count of an encoder (N) in the present state of `bodies`. A damper counts only as far as the
+/// device can render it.
+fn one_count(world: &World, bodies: &mut reference::Bodies) -> Result<f64, StudyError> {
     let period = world.period();
-    let each = world.loaded.models.iter();
-    let each = each.zip(bodies.stiffest(world, horizon)?);
-    let forces = each.map(|(model, [spring, damper])| {
-        let count = model.position_step;
+    let models = &world.loaded.models;
+    let most = |device: usize| {
+        let count = models[device].position_step;
         let delay = VelocityEstimator::for_encoder(period, count).delay();
-        let damper = damper.min(most_damping(model.mass, period, delay));
-        count * (spring + damper / VelocityEstimator::SPAN)
-    });
-    Ok(forces.fold(0.0, f64::max))
-}
-
-/// Static stiffness of a scene's specimen at its handle (N/m): along the direction of the hand's motion, and the
-/// largest over all directions.
-fn stiffness(loaded: &LoadedScene, kind: Kind) -> Result<[f64; 2], StudyError> {
-    let condenser = bodies::condense::<StudyError>(loaded, 0, SLOW)?;
-    let stiffness = &condenser.condensed().stiffness;
-    let direction = specimen::direction(kind);
-    let each = (0..9).map(|k| (k / 3, k % 3));
-    let along = each.map(|(r, c)| direction[r] * stiffness[(r, c)] * direction[c]);
-    Ok([along.sum(), reference::largest(stiffness, 0)])
+        most_damping(models[device].mass, period, delay)
+    };
+    let forces = bodies.counts(world, 1.0 / VelocityEstimator::SPAN, most)?;
+    Ok(forces.into_iter().fold(0.0, f64::max))
 }

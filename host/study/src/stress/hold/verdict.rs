@@ -3,12 +3,18 @@
 use super::CellResult;
 use crate::stress::scene::measure::{MOST_MOTION, Outcome};
 
-/// Largest error of the mean force of a hold, as a fraction of the body's force.
+/// Largest error of the mean force of a hold, as a fraction of the body's force. The same fraction limits the distance of
+/// the handles from their devices in soft directions, as a force.
 pub(crate) const HOLD: f64 = 0.01;
 /// Largest error of the force of a run (RMS), as a fraction of the peak of the body's force.
 pub const RUN: f64 = 0.05;
 /// Largest ripple beyond that of the reference (N, RMS).
 pub(crate) const RIPPLE: f64 = 0.05;
+/// Largest ripple in the hold (N, RMS).
+pub(crate) const HOLD_RIPPLE: f64 = 0.1;
+/// Largest change of the force from one tick to the next beyond that of the reference, as a multiple of the friction of the
+/// device.
+pub(crate) const JUMP: f64 = 2.5;
 /// Largest fraction of ticks in which the cap acts.
 pub(crate) const CAPPED: f64 = 1e-3;
 /// Largest net energy (J).
@@ -25,6 +31,10 @@ pub enum Failure {
     Run,
     /// Ripple.
     Ripple,
+    /// Ripple in the hold.
+    Unrest,
+    /// A jump of the force from one tick to the next.
+    Jump,
     /// The fraction of ticks in which the cap acts.
     Capped,
     /// Net energy.
@@ -37,10 +47,12 @@ pub enum Failure {
 
 impl Failure {
     /// All failures, in the order of the tables.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Hold,
         Self::Run,
         Self::Ripple,
+        Self::Unrest,
+        Self::Jump,
         Self::Capped,
         Self::Energy,
         Self::Worse,
@@ -53,6 +65,8 @@ impl Failure {
             Self::Hold => "hold",
             Self::Run => "run",
             Self::Ripple => "ripple",
+            Self::Unrest => "unrest",
+            Self::Jump => "jump",
             Self::Capped => "capped",
             Self::Energy => "energy",
             Self::Worse => "worse",
@@ -70,7 +84,7 @@ pub fn ratios(outcome: &Outcome, count: f64) -> [f64; 3] {
     let errors = &outcome.force_errors;
     let run = RUN.max(0.5 * count / errors.peak.max(f64::MIN_POSITIVE));
     [
-        errors.hold_error / HOLD,
+        errors.hold_error.max(errors.leaves) / HOLD,
         errors.run_error / run,
         errors.worst_ripple / RIPPLE.max(count),
     ]
@@ -97,13 +111,17 @@ pub fn failures(cell: &CellResult, scheme: &str) -> Vec<Failure> {
         found.iter().zip(linear).any(|(a, b)| *a > b + WORSE)
     });
     let [hold, run, ripple] = found.map(|ratio| ratio.is_nan() || ratio >= 1.0);
+    // Where something takes a part of the force away on purpose, the hold that follows counts alone.
+    let whole = cell.is_undisturbed();
     let all = [
         (Failure::Hold, hold),
-        (Failure::Run, run),
-        (Failure::Ripple, ripple),
-        (Failure::Capped, outcome.capped >= CAPPED),
+        (Failure::Run, run && whole),
+        (Failure::Ripple, ripple && whole),
+        (Failure::Unrest, outcome.stillness.ripple >= HOLD_RIPPLE),
+        (Failure::Jump, outcome.force_errors.jump >= JUMP && whole),
+        (Failure::Capped, outcome.capped >= CAPPED && whole),
         (Failure::Energy, outcome.net_energy >= NET_ENERGY),
-        (Failure::Worse, worse),
+        (Failure::Worse, worse && whole),
     ];
     let failed = all.into_iter().filter(|(_, fails)| *fails);
     failed.map(|(failure, _)| failure).collect()

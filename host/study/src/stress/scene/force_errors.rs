@@ -1,8 +1,13 @@
 //! The rendered force over a whole run, compared with the force that the body itself exerts at the same pose.
 //!
 //! The body's own force is that of a copy of the body, moved along the run (`reference::follow`). Whatever moved the
-//! hand there, the exact force is the copy's. Ripple is compared with the ripple of the reference, under the
+//! hand there, the exact force is the copy's. Ripple and jumps are compared with those of the reference, under the
 //! reference's hands: a copy that shakes with the hand would excuse the scheme that shakes the hand.
+//!
+//! A hold is exact if two things are. The force is that of the host's body at rest, with its handles where the host has them
+//! (`reference::rest`): at the poses of the devices as the controller shows them, after a slip, too. And a handle leaves the
+//! pose of its device only in directions that the device cannot render: the part of the distance in the other directions,
+//! times the stiffness there, is no force to speak of ([`super::rendered`]).
 
 use super::draw::{BEGIN, Draw};
 use super::measure::{DeviceTrace, LEAST_FORCE, Trace, band_rms, mean};
@@ -12,10 +17,14 @@ use serde::{Deserialize, Serialize};
 /// Length of the windows in which ripple is measured (s). A window begins every half length.
 const WINDOW: f64 = 0.5;
 
+/// Jumps are not related to a friction below this (N): a device may have none.
+const LEAST_FRICTION: f64 = 0.01;
+
 /// The errors of the rendered force, each that of the worst device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ForceErrors {
-    /// Error of the mean force of the last second, as a fraction of the mean of the body's own force.
+    /// Error of the mean force of the last second, as a fraction of the force that the host's body exerts at rest with its
+    /// handles where they are.
     pub hold_error: f64,
     /// Error of the force over the whole run (RMS), as a fraction of the largest of the body's own force.
     pub run_error: f64,
@@ -23,6 +32,12 @@ pub struct ForceErrors {
     pub peak: f64,
     /// Ripple from 20 to 400 Hz in the worst half second (N, RMS), beyond that of the reference at about the same time.
     pub worst_ripple: f64,
+    /// Largest change of the force from one tick to the next, beyond that of the reference at about the same time, a
+    /// factor of the friction of the device.
+    pub jump: f64,
+    /// In the last second, the mean distance of the handles from their devices in the directions that the devices render as
+    /// they are: the force of the body over that distance, as a fraction of the mean of the body's own force.
+    pub leaves: f64,
     /// Error of the mean moment of the last second (N m).
     pub hold_moment: f64,
     /// Error of the moment over the whole run (N m, RMS).
@@ -45,6 +60,8 @@ impl ForceErrors {
                 run_error: worst.run_error.max(found.run_error),
                 peak: worst.peak.max(found.peak),
                 worst_ripple: worst.worst_ripple.max(found.worst_ripple),
+                jump: worst.jump.max(found.jump),
+                leaves: worst.leaves.max(found.leaves),
                 hold_moment: worst.hold_moment.max(found.hold_moment),
                 run_moment: worst.run_moment.max(found.run_moment),
             };
@@ -78,33 +95,58 @@ impl ForceErrors {
         let peak = peak.fold(0.0, f64::max);
         let hold = run.hold()..device.own.len();
         let held = |of: &dyn Fn(usize) -> Vec3| mean(&hold.clone().map(of).collect::<Vec<_>>());
-        let own = held(&own).norm();
+        let rendered = held(&|tick| device.force[tick]);
+        let mut rest = device.rest;
+        if device
+            .limited
+            .iter()
+            .skip(hold.start)
+            .any(|limited| *limited)
+        {
+            rest *= (rendered.norm() / rest.norm().max(f64::MIN_POSITIVE)).min(1.0);
+        }
+        let own = rest.norm();
         Self {
-            hold_error: held(&force).norm() / own.max(LEAST_FORCE),
+            hold_error: (rendered - rest).norm() / own.max(LEAST_FORCE),
             run_error: rms(&force) / peak.max(LEAST_FORCE),
             peak,
-            worst_ripple: worst_ripple(run, device, expected),
+            worst_ripple: beyond(run, device, expected, |part| band_rms(part, run.period)),
+            jump: beyond(run, device, expected, largest_jump) / device.friction.max(LEAST_FRICTION),
+            leaves: device.leaves.norm() / own.max(LEAST_FORCE),
             hold_moment: held(&moment).norm(),
             run_moment: rms(&moment),
         }
     }
 }
 
-/// The largest ripple in a window beyond the reference's in that window or in a neighbouring one. Hands under a
+/// The largest `measure` in a window beyond the reference's in that window or in a neighbouring one. Hands under a
 /// slightly different force reach every place slightly earlier or later.
-fn worst_ripple(run: &Trace, device: &DeviceTrace, expected: &DeviceTrace) -> f64 {
+fn beyond(
+    run: &Trace,
+    device: &DeviceTrace,
+    expected: &DeviceTrace,
+    measure: impl Fn(&[Vec3]) -> f64,
+) -> f64 {
     let (length, hop) = (run.tick(WINDOW), run.tick(0.5 * WINDOW).max(1));
     let each = |device: &DeviceTrace| -> Vec<f64> {
         let from = device.force.get(run.tick(BEGIN)..).unwrap_or_default();
         let windows = from.windows(length.max(1)).step_by(hop);
-        windows.map(|part| band_rms(part, run.period)).collect()
+        windows.map(&measure).collect()
     };
-    let (ripples, expected) = (each(device), each(expected));
-    let beyond = ripples.iter().enumerate().map(|(at, ripple)| {
+    let (found, expected) = (each(device), each(expected));
+    let beyond = found.iter().enumerate().map(|(at, found)| {
         let about = expected.iter().take(at + 3).skip(at.saturating_sub(2));
-        ripple - about.copied().fold(0.0, f64::max)
+        found - about.copied().fold(0.0, f64::max)
     });
     beyond.fold(0.0, f64::max)
+}
+
+/// The largest change of a force from one tick to the next (N).
+fn largest_jump(forces: &[Vec3]) -> f64 {
+    let pairs = forces.windows(2);
+    pairs
+        .map(|pair| (pair[1] - pair[0]).norm())
+        .fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -130,6 +172,7 @@ mod tests {
                 moment: vec![Vec3::new(0.01, 0.0, 0.0); TICKS],
                 limited: vec![false; TICKS],
                 own: vec![own; TICKS],
+                rest: along(2.0),
                 ..DeviceTrace::default()
             }],
             out: vec![0.0; TICKS],

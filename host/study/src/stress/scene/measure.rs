@@ -3,7 +3,7 @@
 use super::draw::{BEGIN, Draw, Span};
 use super::force_errors::ForceErrors;
 use physics::Vec3;
-use rt_core::{Pose, Wrench};
+use rt_core::{Pose, Vec6, Wrench};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -18,7 +18,7 @@ const BAND: [f64; 2] = [20.0, 400.0];
 /// Errors are not related to forces below this (N), about as large as the friction of a device.
 pub(crate) const LEAST_FORCE: f64 = 0.1;
 /// Length of the hold at the end of a run (s).
-const HOLD: f64 = 1.0;
+pub(super) const HOLD: f64 = 1.0;
 
 /// One device in a run, one value for each tick.
 #[derive(Clone, Debug, Default)]
@@ -37,6 +37,14 @@ pub struct DeviceTrace {
     pub proxy: Vec<Pose>,
     /// The wrench that such a body exerts there, as the device would render it (axes of the device).
     pub own: Vec<Wrench>,
+    /// The force that the bodies of the host exert on the device with their handles at rest where they are in the hold (N,
+    /// axes of the device): see `reference::rest`.
+    pub rest: Vec3,
+    /// The Coulomb friction of the device (N).
+    pub friction: f64,
+    /// The mean distance of the handles from their devices in the hold, in the directions that the devices render as they
+    /// are, as a force of the body (N, axes of the device): see [`super::rendered`].
+    pub leaves: Vec3,
 }
 
 impl DeviceTrace {
@@ -44,6 +52,17 @@ impl DeviceTrace {
     pub fn main_direction(&self) -> Vec3 {
         main_direction(&self.force)
     }
+}
+
+/// Where a handle is in the hold, in the axes of the scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Apart {
+    /// The pose of the handle in the first tick of the hold; none before.
+    pub begin: Option<Pose>,
+    /// The mean displacement of the handle from that pose (m, rad).
+    pub moved: Vec6,
+    /// The mean displacement of the handle from the pose of its device (m, rad).
+    pub mean: Vec6,
 }
 
 /// A whole run.
@@ -59,6 +78,8 @@ pub struct Trace {
     pub account: Vec<[f64; 2]>,
     /// Ticks in which a cap withheld force.
     pub capped: u64,
+    /// Where each handle of each body is in the hold.
+    pub apart: Vec<Vec<Apart>>,
     /// From the softening of the body to the arrival of the first model of the softened body at the tick.
     pub unaware: Span,
 }

@@ -1,8 +1,9 @@
 //! A scene under hands, rates and faults: how each scheme performs.
 //!
 //! A cell is one world, drawn from its number (`draw`): the grips and the task of the hands, the rate and the latency
-//! of the host, and the trouble. Each scheme runs in that world, beside one reference with the same physics steps
-//! inside the tick (`reference`). The study measures (`measure`) whether the hands come to rest in the final hold, the
+//! of the host, and the trouble. The body, its devices and the directions of the hands are those of a scene file, or
+//! they are drawn, too ([`super::specimen`]). Each scheme runs in that world, beside one reference with the same physics
+//! steps inside the tick (`reference`). The study measures (`measure`) whether the hands come to rest in the final hold, the
 //! net energy, and the error of the forces.
 //!
 //! **Error.** The reference has hands of its own, with the same targets. Its force is the force that a body without
@@ -19,24 +20,29 @@ pub mod force_errors;
 mod hands;
 pub mod measure;
 pub(crate) mod reference;
+pub(super) mod rendered;
 pub(super) mod run;
 pub mod summary;
 mod troubled;
 pub(crate) mod world;
+pub mod written;
 
 use super::chance::Chance;
+use super::specimen::Draw as Specimen;
 use crate::StudyError;
 use draw::{Choice, Draw};
 use host::bodies;
+use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
-use host::scene::{LoadedScene, SceneError};
 use measure::{Outcome, Stillness, Trace};
 use nalgebra::Matrix3;
 use physics::Vec3;
 use physics::linear::dense::Square;
+use rendered::Rendered;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use world::World;
+use written::Written;
 
 /// The schemes, in the order of the tables.
 pub const SCHEMES: [(SchemeName, &str); 6] = [
@@ -53,11 +59,17 @@ pub const STEP_RATE: f64 = 1000.0;
 /// The publication period at which the stiffness between the devices is computed (s).
 const SLOW: f64 = 1.0 / 20.0;
 
-/// A scene that is prepared for its cells.
+/// The study of a scene, or of drawn bodies.
 pub struct Study {
-    loaded: LoadedScene,
+    /// The scene; without one, every cell has a scene of its own.
+    scene: Option<Prepared>,
     seed: u64,
     choice: Choice,
+}
+
+/// A scene that is prepared for its cells.
+struct Prepared {
+    loaded: LoadedScene,
     reaches: Vec<Vec3>,
     friction: Vec<f64>,
     stiffness: Square,
@@ -68,6 +80,8 @@ pub struct Study {
 pub struct CellResult {
     /// The draw.
     pub draw: Draw,
+    /// The drawn body with its devices, of a study without a scene file.
+    pub specimen: Option<Specimen>,
     /// Stillness of the reference's hold.
     pub reference: Stillness,
     /// Net energy of the reference (J).
@@ -91,49 +105,61 @@ impl Study {
     ///
     /// # Errors
     /// As [`Study::new`].
-    pub fn among(mut loaded: LoadedScene, seed: u64, choice: Choice) -> Result<Self, StudyError> {
-        host::engine::build::check(&loaded)?;
-        loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
-        loaded.scene.duration = draw::DURATION;
-        let (config, devices) = host::run::setup::controls(&loaded, seed)?;
-        let friction = loaded.models.iter().map(|model| model.friction).collect();
-        let stiffness = stiffness(&loaded)?;
-        let mut reaches = hands::reaches(&loaded);
-        let limits = config.devices.iter();
-        let limits: Vec<_> = limits.map(|device| device.safety.max_force).collect();
-        hands::within(&mut reaches, &stiffness, &limits);
-        // The spring of `thesis` gets the stiffness of the body, the best value for it.
-        let own = (0..3 * devices.len()).map(|k| {
-            let scale = config.devices[k / 3].frame.motion_scale;
-            stiffness[(k, k)] / (scale * scale)
-        });
-        loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);
+    pub fn among(loaded: LoadedScene, seed: u64, choice: Choice) -> Result<Self, StudyError> {
         Ok(Self {
-            loaded,
+            scene: Some(Prepared::new(loaded, seed)?),
             seed,
             choice,
-            reaches,
-            friction,
-            stiffness,
         })
     }
 
-    fn draw(&self, cell: u64) -> Draw {
-        Draw::among(&self.choice, self.seed, cell, self.reaches.len())
+    /// The study of `seed` on drawn bodies, with the rates and the troubles of `choice`.
+    pub fn drawn(seed: u64, choice: Choice) -> Self {
+        Self {
+            scene: None,
+            seed,
+            choice,
+        }
     }
 
-    fn world(&self, cell: u64) -> World {
+    fn specimen(&self, cell: u64) -> Option<Specimen> {
+        let drawn = self.scene.is_none();
+        drawn.then(|| Specimen::new(self.seed, cell))
+    }
+
+    fn draw(&self, cell: u64) -> Draw {
+        let specimen = self.specimen(cell);
+        let hands = specimen.map_or(0, |specimen| specimen.hands.len());
+        let devices = self
+            .scene
+            .as_ref()
+            .map_or(hands, |scene| scene.reaches.len());
+        Draw::among(&self.choice, self.seed, cell, devices)
+    }
+
+    fn world(&self, cell: u64) -> Result<World, StudyError> {
         let draw = self.draw(cell);
-        let mut loaded = self.loaded.clone();
-        loaded.scene.host.publish_rate = draw.rate;
+        let own;
+        let prepared = if let Some(prepared) = &self.scene {
+            prepared
+        } else {
+            let name = format!("scene {cell} of seed {}", self.seed);
+            let specimen = Specimen::new(self.seed, cell);
+            own = Prepared::new(specimen.scene(&name)?, self.seed)?;
+            &own
+        };
+        let mut loaded = prepared.loaded.clone();
+        // As in scene files, a publication comes after a whole number of steps.
+        let step_rate = loaded.scene.host.step_rate;
+        loaded.scene.host.publish_rate = step_rate / (step_rate / draw.rate).round();
         loaded.scene.host.latency = draw.latency;
         hands::give(
             &mut loaded,
             &draw,
             Chance::new(self.seed, cell).of("task"),
-            &self.reaches,
-            &self.stiffness,
-            &self.friction,
+            &prepared.reaches,
+            &prepared.stiffness,
+            &prepared.friction,
         );
         let soft = draw.softening.map(|softening| {
             let mut soft = loaded.clone();
@@ -149,7 +175,15 @@ impl Study {
             }
             soft
         });
-        World { loaded, soft, draw }
+        Ok(World { loaded, soft, draw })
+    }
+
+    /// The scene of a cell under `scheme` as a scene file, and what the file cannot say.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn written(&self, cell: u64, scheme: SchemeName) -> Result<Written, StudyError> {
+        Written::of(&self.world(cell)?, scheme)
     }
 
     /// The reference of a cell, and its run under each of `schemes`.
@@ -161,7 +195,7 @@ impl Study {
         cell: u64,
         schemes: &[SchemeName],
     ) -> Result<(Draw, Trace, Vec<Trace>), StudyError> {
-        let world = self.world(cell);
+        let world = self.world(cell)?;
         let reference = reference::run(&world)?;
         let chance = Chance::new(self.seed, cell);
         let runs = schemes.iter().map(|scheme| {
@@ -189,10 +223,12 @@ impl Study {
                     })
                     .collect(),
                 draw,
+                specimen: self.specimen(cell),
                 failed: None,
             },
             Err(error) => CellResult {
                 draw: self.draw(cell),
+                specimen: self.specimen(cell),
                 reference: Stillness::default(),
                 reference_net_energy: 0.0,
                 schemes: BTreeMap::new(),
@@ -202,35 +238,54 @@ impl Study {
     }
 }
 
-/// Stiffness between all devices of a scene at rest, three rows and columns for each device, in the axes, metres and
-/// newtons of the devices (N/m). It is zero along the axes along which a device does not move.
+impl Prepared {
+    fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StudyError> {
+        host::engine::build::check(&loaded)?;
+        loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
+        loaded.scene.duration = draw::DURATION;
+        let (config, devices) = host::run::setup::controls(&loaded, seed)?;
+        let friction = loaded.models.iter().map(|model| model.friction).collect();
+        let stiffness = stiffness(&loaded)?;
+        let mut reaches = hands::reaches(&loaded);
+        let limits = config.devices.iter();
+        let limits: Vec<_> = limits.map(|device| device.safety.max_force).collect();
+        hands::within(&mut reaches, &stiffness, &limits);
+        // The spring of `thesis` gets the stiffness of the body, the best value for it.
+        let own = (0..3 * devices.len()).map(|k| {
+            let scale = config.devices[k / 3].frame.motion_scale;
+            stiffness[(k, k)] / (scale * scale)
+        });
+        loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);
+        Ok(Self {
+            loaded,
+            reaches,
+            friction,
+            stiffness,
+        })
+    }
+}
+
+/// Stiffness between all devices of a scene at rest that the devices render, three rows and columns for each device, in the
+/// axes, metres and newtons of the devices (N/m). It is zero along the axes along which a device does not move.
 fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
-    let turns = (0..scene.devices.len()).map(|device| {
-        let mount = bodies::mount(loaded, device)?;
-        Ok(mount.rotation.to_rotation_matrix())
-    });
-    let turns = turns.collect::<Result<Vec<_>, SceneError>>()?;
+    let frames = world::frames(loaded)?;
     for (number, spec) in scene.bodies.iter().enumerate() {
-        let condenser = bodies::condense::<StudyError>(loaded, number, SLOW)?;
-        let condensed = condenser.condensed();
-        let tools = bodies::tools(scene, spec);
-        for (i, row) in tools.iter().enumerate() {
-            for (j, column) in tools.iter().enumerate() {
-                let (row, column) = (row.device, column.device);
-                let scale = |device: usize| scene.devices[device].motion_scale;
-                let scale = scale(row) * scale(column);
-                let block = Matrix3::from_fn(|r, c| condensed.stiffness[(6 * i + r, 6 * j + c)]);
-                let block = turns[row].matrix().transpose() * block * turns[column].matrix();
-                let moves = |device: usize, axis: usize| {
-                    let axes = loaded.models[device].axes;
-                    axes.is_none_or(|axes| axes.free()[axis])
-                };
+        let mut body = bodies::build(loaded, number)?.body;
+        let tools = bodies::tools(scene, spec).into_iter();
+        let devices: Vec<_> = tools.map(|tool| tool.device).collect();
+        let rendered = Rendered::new(loaded, &devices, &mut body, SLOW)?;
+        for (i, row) in devices.iter().copied().enumerate() {
+            for (j, column) in devices.iter().copied().enumerate() {
+                let scale = frames[row].motion_scale * frames[column].motion_scale;
+                let turn = |device: usize| frames[device].rotation.to_rotation_matrix();
+                let block: Matrix3<f64> = rendered.model().stiffness[i][j]
+                    .fixed_view::<3, 3>(0, 0)
+                    .into();
+                let block = turn(row).matrix().transpose() * block * turn(column).matrix();
                 for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                    if moves(row, r) && moves(column, c) {
-                        all[(3 * row + r, 3 * column + c)] += scale * block[(r, c)];
-                    }
+                    all[(3 * row + r, 3 * column + c)] += scale * block[(r, c)];
                 }
             }
         }
@@ -259,7 +314,13 @@ mod tests {
             assert!((found[(r, c)] - expected).abs() < 1e-9 * along, "{r} {c}");
         }
         let study = Study::new(loaded, 1).expect("it is sound");
-        let spring = study.loaded.scene.realtime.thesis_stiffness;
+        let spring = study
+            .scene
+            .expect("it has one")
+            .loaded
+            .scene
+            .realtime
+            .thesis_stiffness;
         assert!((spring / along - 1.0).abs() < 1e-9, "{spring} {along}");
     }
 }

@@ -4,40 +4,147 @@
 //! once. The reference has no local model, no encoder and no latency. The trouble of the world occurs here, too: the
 //! body softens; the device vanishes, and resumes at its last pose.
 //!
-//! [`follow`] moves the same bodies along the path of a run instead. It finds the wrenches that the body itself exerts
-//! at the poses of that run, whatever moved the hand there.
+//! A body that is stiffer than its device shakes a hand by itself, whatever the scheme. In such directions the reference
+//! renders what the device can render: the handles follow proxies behind springs ([`super::rendered`]), and the wrench is
+//! that of the body at the proxies.
+//!
+//! [`follow`] moves the same bodies, behind the same springs, along the path of a run instead. It finds the wrenches that
+//! the body itself exerts at the poses of that run, whatever moved the hand there.
 
 use super::draw::Softening;
-use super::measure::Trace;
+use super::measure::{Apart, Trace};
+use super::rendered::Rendered;
 use super::world::{World, exerted, handle, probe};
 use crate::StudyError;
 use host::bodies;
+use host::engine::plan::BodyPlan;
+use host::run::setup;
 use host::run::timeline::{Host, Timeline};
 use host::scene::LoadedScene;
-use nalgebra::Matrix3;
-use physics::linear::dense::Square;
-use physics::{Body, BodyMap, Condenser, HandlePose, Stepper, StepperOptions, Vec3};
+use nalgebra::{Matrix3, UnitQuaternion};
+use physics::{Body, BodyMap, HandlePose, Stepper, StepperOptions, Vec3};
 use rt_core::clutch::Clutch;
 use rt_core::safety::Limiter;
-use rt_core::{DeviceState, MAX_DEVICES, Wrench};
+use rt_core::{DeviceState, MAX_DEVICES, Mat6, Pose, Wrench};
 
-/// The bodies with their steppers.
-pub(in crate::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
+/// Steps in which a body comes to rest, and their length (s).
+const RESTS: usize = 40;
+const REST: f64 = 0.05;
+
+/// A body with its stepper and the springs of its devices.
+struct Held {
+    body: Body,
+    stepper: Stepper<f64>,
+    rendered: Rendered,
+    /// For each handle, the device that holds it.
+    devices: Vec<usize>,
+}
+
+/// The bodies of a scene.
+pub(in crate::stress) struct Bodies(Vec<Held>);
+
+/// The options of the steppers of a scene's bodies.
+fn options(loaded: &LoadedScene) -> StepperOptions {
+    let host = &loaded.scene.host;
+    StepperOptions {
+        tolerance: host.tolerance,
+        max_iterations: host.max_iterations,
+        ..StepperOptions::default()
+    }
+}
 
 impl Bodies {
     pub(in crate::stress) fn new(loaded: &LoadedScene) -> Result<Self, StudyError> {
-        let host = &loaded.scene.host;
-        let options = StepperOptions {
-            tolerance: host.tolerance,
-            max_iterations: host.max_iterations,
-            ..StepperOptions::default()
-        };
-        let each = (0..loaded.scene.bodies.len()).map(|index| {
-            let body = bodies::build_settled(loaded, index)?.body;
-            let stepper = Stepper::new(&body, options)?;
-            Ok((body, stepper))
+        let scene = &loaded.scene;
+        let options = options(loaded);
+        let each = scene.bodies.iter().enumerate().map(|(index, spec)| {
+            let built = bodies::build_settled(loaded, index)?;
+            let horizon = BodyPlan::new(loaded, index, &built).horizon;
+            let tools = bodies::tools(scene, spec).into_iter();
+            let devices: Vec<_> = tools.map(|tool| tool.device).collect();
+            let mut body = built.body;
+            Ok(Held {
+                stepper: Stepper::new(&body, options)?,
+                rendered: Rendered::new(loaded, &devices, &mut body, horizon)?,
+                body,
+                devices,
+            })
         });
         Ok(Self(each.collect::<Result<_, StudyError>>()?))
+    }
+
+    /// Takes a step of `step` (s), with each handle held by a device at the pose that `place` gives for it.
+    pub(in crate::stress) fn step(
+        &mut self,
+        step: f64,
+        place: impl Fn(usize) -> HandlePose,
+    ) -> Result<(), StudyError> {
+        for held in &mut self.0 {
+            let each = held.devices.iter();
+            let mut targets: Vec<_> = each.map(|device| place(*device)).collect();
+            held.rendered.aim(&mut targets, &mut held.body, step)?;
+            held.stepper
+                .step(&mut held.body, step, &targets, || false)?;
+        }
+        Ok(())
+    }
+
+    /// The wrenches of the bodies on the devices (axes of the scene), and the potential of their weight (J).
+    pub(in crate::stress) fn exerted(&self) -> ([Wrench; MAX_DEVICES], f64) {
+        let each = self.0.iter();
+        exerted(each.map(|held| (&held.body, &held.devices[..])))
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Body> {
+        self.0.iter().map(|held| &held.body)
+    }
+
+    /// The change of the force of each device (N, at the device) by one count of its encoder in the present state, of
+    /// what the devices render: by the stiffness, and by a velocity that gives `rate` (1/s) times the count.
+    pub(in crate::stress) fn counts(
+        &mut self,
+        world: &World,
+        rate: f64,
+        most_damping: impl Fn(usize) -> f64,
+    ) -> Result<Vec<f64>, StudyError> {
+        let frames = world.frames()?;
+        let models = &world.loaded.models;
+        let mut counts = vec![0.0; frames.len()];
+        for held in &mut self.0 {
+            held.rendered.renew(&mut held.body)?;
+            let model = held.rendered.model();
+            for (handle, &device) in held.devices.iter().enumerate() {
+                let (frame, axes) = (&frames[device], models[device].axes);
+                let largest = |block: &Mat6| {
+                    let mut block: Matrix3<f64> = block.fixed_view::<3, 3>(0, 0).into();
+                    if let Some(axes) = axes {
+                        // The mechanism bears the rest.
+                        let turn = frame.rotation.to_rotation_matrix();
+                        let part = Matrix3::from_diagonal(&axes.part(&Vec3::repeat(1.0)));
+                        block = part * turn.matrix().transpose() * block * turn.matrix() * part;
+                    }
+                    frame.motion_scale * frame.motion_scale * block.symmetric_eigenvalues().max()
+                };
+                let spring = largest(&model.stiffness[handle][handle]);
+                let damper = largest(&model.damping[handle][handle]).min(most_damping(device));
+                counts[device] += models[device].position_step * (spring + damper * rate);
+            }
+        }
+        Ok(counts)
+    }
+
+    /// The force on each device (N, axes of the scene) that would explain, in the directions that the devices render as
+    /// they are, where the handles of a run were: `apart` gives for each body and handle the displacement from its device.
+    fn leaves(&mut self, apart: &[Vec<Apart>]) -> Result<[Vec3; MAX_DEVICES], StudyError> {
+        let mut forces = [Vec3::zeros(); MAX_DEVICES];
+        for (held, apart) in self.0.iter_mut().zip(apart) {
+            held.rendered.renew(&mut held.body)?;
+            let apart: Vec<_> = apart.iter().map(|apart| apart.mean).collect();
+            for (force, device) in held.rendered.soft(&apart).iter().zip(&held.devices) {
+                forces[*device] += force;
+            }
+        }
+        Ok(forces)
     }
 }
 
@@ -45,25 +152,20 @@ impl Bodies {
 struct Copy<'a> {
     world: &'a World,
     bodies: Bodies,
-    /// For each body and handle, the device that holds it.
-    held: Vec<Vec<usize>>,
     /// The softening that is still to come.
     softening: Option<Softening>,
-    targets: Vec<HandlePose>,
 }
 
 impl<'a> Copy<'a> {
     fn new(world: &'a World) -> Result<Self, StudyError> {
         Ok(Self {
             bodies: Bodies::new(&world.loaded)?,
-            held: world.held(),
             softening: world.draw.softening,
-            targets: Vec::new(),
             world,
         })
     }
 
-    /// Takes the step of the tick, with each handle at the pose that `place` gives for its device.
+    /// Takes the step of the tick, with each handle held by a device at the pose that `place` gives for it.
     fn place(
         &mut self,
         now_ns: u64,
@@ -74,23 +176,15 @@ impl<'a> Copy<'a> {
         {
             self.softening = None;
             let mut others = Bodies::new(soft)?;
-            for ((other, _), (body, _)) in others.0.iter_mut().zip(&self.bodies.0) {
-                other.continue_from(body, &BodyMap::identity(body))?;
+            for (other, held) in others.0.iter_mut().zip(&self.bodies.0) {
+                other
+                    .body
+                    .continue_from(&held.body, &BodyMap::identity(&held.body))?;
+                other.rendered.renew(&mut other.body)?;
             }
             self.bodies = others;
         }
-        let step = self.world.period();
-        for ((body, stepper), held) in self.bodies.0.iter_mut().zip(&self.held) {
-            self.targets.clear();
-            self.targets
-                .extend(held.iter().map(|device| place(*device)));
-            stepper.step(body, step, &self.targets, || false)?;
-        }
-        Ok(())
-    }
-
-    fn all(&self) -> impl Iterator<Item = &Body> {
-        self.bodies.0.iter().map(|(body, _)| body)
+        self.bodies.step(self.world.period(), place)
     }
 }
 
@@ -109,52 +203,6 @@ impl Host for Copy<'_> {
     fn deliver(&mut self, _: u64) {}
 }
 
-impl Bodies {
-    /// The largest stiffness and damping that each device meets along its axes in the present state of the bodies of
-    /// `world`, in a model for the period `period` (s), in N/m and N s/m at the device.
-    pub(in crate::stress) fn stiffest(
-        &mut self,
-        world: &World,
-        period: f64,
-    ) -> Result<Vec<[f64; 2]>, StudyError> {
-        let held = world.held();
-        let frames = world.frames()?;
-        let models = &world.loaded.models;
-        let mut most = vec![[0.0; 2]; frames.len()];
-        for ((body, _), held) in self.0.iter_mut().zip(&held) {
-            body.assemble();
-            let mut condenser = Condenser::new(body)?;
-            let condensed = condenser.condense(body, period)?;
-            for (handle, device) in held.iter().enumerate() {
-                let (frame, axes) = (&frames[*device], models[*device].axes);
-                let scale = frame.motion_scale;
-                let found = [&condensed.stiffness, &condensed.damping];
-                for (most, matrix) in most[*device].iter_mut().zip(found) {
-                    let mut block = translational(matrix, handle);
-                    if let Some(axes) = axes {
-                        // The mechanism bears the rest.
-                        let turn = frame.rotation.to_rotation_matrix();
-                        let part = Matrix3::from_diagonal(&axes.part(&Vec3::repeat(1.0)));
-                        block = part * turn.matrix().transpose() * block * turn.matrix() * part;
-                    }
-                    *most += scale * scale * block.symmetric_eigenvalues().max();
-                }
-            }
-        }
-        Ok(most)
-    }
-}
-
-/// The largest eigenvalue of the translational block of `handle` in a condensed matrix.
-pub(in crate::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
-    translational(matrix, handle).symmetric_eigenvalues().max()
-}
-
-/// The translational block of `handle` in a condensed matrix.
-fn translational(matrix: &Square, handle: usize) -> Matrix3<f64> {
-    Matrix3::from_fn(|r, c| matrix[(6 * handle + r, 6 * handle + c)])
-}
-
 /// Moves the bodies along the path of `run`, and stores the wrenches that they exert. Returns the bodies at the end of
 /// the path.
 pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StudyError> {
@@ -171,7 +219,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
     timeline.drive(&mut copy, |copy, now_ns| {
         let tick = (now_ns / timeline.period_ns) as usize;
         copy.place(now_ns, |device| handle(&run.devices[device].proxy[tick]))?;
-        let (wrenches, _) = exerted(copy.all(), &copy.held);
+        let (wrenches, _) = copy.bodies.exerted();
         let specs = frames.iter().zip(&world.loaded.models);
         for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
             let Wrench { force, moment } = frame.to_device(&wrench);
@@ -184,14 +232,56 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         }
         Ok(())
     })?;
+    let leaves = copy.bodies.leaves(&run.apart)?;
+    for ((device, force), frame) in run.devices.iter_mut().zip(leaves).zip(&frames) {
+        let force = Wrench {
+            force,
+            ..Wrench::zero()
+        };
+        device.leaves = frame.to_device(&force).force;
+    }
     Ok(copy.bodies)
+}
+
+/// Lets the `bodies` of the host, as they are at the begin of the hold of `run`, come to rest with their handles where they
+/// are in the mean of the hold, and stores the forces that they then exert on the devices.
+///
+/// A body that has folded or wrinkled has several equilibria, and which of them it takes depends on its whole past. So the
+/// force of a hold is that of the host's body, in the equilibrium in which it is, found by another solver.
+pub(super) fn rest(world: &World, run: &mut Trace, bodies: Vec<Body>) -> Result<(), StudyError> {
+    let mut bodies = bodies;
+    for (body, apart) in bodies.iter_mut().zip(&run.apart) {
+        let places = apart.iter().map(|apart| {
+            let begin = apart.begin.unwrap_or_else(Pose::identity);
+            let [moved, turned] =
+                [0, 3].map(|first| Vec3::from(apart.moved.fixed_rows::<3>(first)));
+            HandlePose {
+                position: begin.position + moved,
+                rotation: UnitQuaternion::from_scaled_axis(turned) * begin.rotation,
+            }
+        });
+        let places: Vec<_> = places.collect();
+        let mut stepper = Stepper::<f64>::new(body, options(&world.loaded))?;
+        for _ in 0..RESTS {
+            stepper.step(body, REST, &places, || false)?;
+        }
+    }
+    let held = world.held();
+    let (wrenches, _) = exerted(bodies.iter().zip(held.iter().map(Vec::as_slice)));
+    let specs = world.frames()?.into_iter().zip(&world.loaded.models);
+    for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
+        device.rest = model.freedom().part(&frame.to_device(&wrench).force);
+    }
+    Ok(())
 }
 
 /// Runs the reference of the cell of `world`.
 pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut copy = Copy::new(world)?;
-    let stored = copy.all().map(Body::total_energy).sum();
-    let (config, mut devices, mut kept) = world.devices(stored)?;
+    let stored = copy.bodies.all().map(Body::total_energy).sum();
+    let (config, devices) = setup::controls(&world.loaded, world.loaded.scene.seed)?;
+    let mut devices = world.faulty(devices);
+    let mut kept = world.kept(stored)?;
     let mut limiters: Vec<_> = config
         .devices
         .iter()
@@ -219,7 +309,7 @@ pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
         copy.place(now, |device| {
             handle(&frames[device].to_scene(&left[device]).0)
         })?;
-        let (wrenches, weight) = kept.exerted_by(copy.all());
+        let (wrenches, weight) = copy.bodies.exerted();
 
         let each = devices.iter_mut().zip(&mut limiters).zip(&frames);
         for (index, ((device, limiter), frame)) in each.enumerate() {
@@ -250,7 +340,8 @@ mod tests {
         let text = PADDLE.replace("degrees = 90", "degrees = 180");
         let loaded = Scene::load_texts("paddle.toml", &text, &BTreeMap::new());
         let loaded = loaded.expect("the scene is sound");
-        let period = 0.01;
+        let built = bodies::build(&loaded, 0).expect("it is sound");
+        let period = BodyPlan::new(&loaded, 0, &built).horizon;
         let condenser = bodies::condense::<StudyError>(&loaded, 0, period).expect("it condenses");
         let stiffness = &condenser.condensed().stiffness;
         let world = World {
@@ -259,11 +350,17 @@ mod tests {
             loaded: loaded.clone(),
         };
         let axis = world.frames().expect("it is mounted")[0].rotation * Vec3::x();
-        let along = axis.dot(&(translational(stiffness, 0) * axis));
+        let block =
+            |handle: usize| Matrix3::from_fn(|r, c| stiffness[(6 * handle + r, 6 * handle + c)]);
+        let along = axis.dot(&(block(0) * axis));
         let mut bodies = Bodies::new(&loaded).expect("it is sound");
-        let found = bodies.stiffest(&world, period).expect("it condenses")[0][0];
+        let counts = bodies.counts(&world, 0.0, |_| 0.0);
+        let found = counts.expect("it condenses")[0] / loaded.models[0].position_step;
         // The body has settled under its weight, by little.
         assert!((found / along - 1.0).abs() < 0.1, "{found} {along}");
-        assert!(largest(stiffness, 0) > 1.2 * along, "both are alike");
+        assert!(
+            block(0).symmetric_eigenvalues().max() > 1.2 * along,
+            "both are alike"
+        );
     }
 }

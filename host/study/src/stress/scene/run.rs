@@ -1,28 +1,24 @@
-//! One run of a cell under one scheme. The physics steps at a fixed rate, and publishes at the drawn rate; its models
-//! are late or lost, and the host stalls. The controller runs at its tick, devices and hands between ticks.
+//! One run of a cell under one scheme: the set-up and the host of `palpate run`. Models are late or lost, the host stalls,
+//! and bodies soften as the cell says.
 //!
 //! The physics takes the same steps at every publication rate. The run therefore differs from the reference by the
 //! multirate scheme alone.
 
 use super::draw::Span;
-use super::measure::Trace;
-use super::troubled::{Lossy, Steady, Troubled};
+use super::measure::{HOLD, Trace};
+use super::reference::rest;
+use super::troubled::{Lossy, Troubled, stalls};
 use super::world::{World, probe};
 use crate::StudyError;
 use crate::stress::chance::Chance;
-use host::engine::Engine;
 use host::engine::body::HostBody;
-use host::engine::build::{self, How};
-use host::run::late::LateLink;
+use host::engine::faults::Faults;
+use host::run::paced::Paced;
+use host::run::setup::setup;
 use host::scene::spec::SchemeName;
 use nalgebra::UnitQuaternion;
 use rt_core::device_frame::DeviceFrame;
-use rt_core::{Controller, Pose, Vec3};
-use runner::link::{LinkConfig, link};
-use runner::tick_loop::TickLoop;
-
-/// Models a second (Hz) for which the rings have room. The tick empties the rings in every tick.
-const ROOM: f64 = 20.0;
+use rt_core::{Pose, Vec3};
 
 /// Time constant (s) of the filter for the error of the encoder.
 const SETTLE: f64 = 0.05;
@@ -70,40 +66,24 @@ pub(in crate::stress) fn run(
     scheme: SchemeName,
     chance: Chance,
 ) -> Result<Trace, StudyError> {
-    let mut world = world.clone();
-    let draw = world.draw.clone();
-    for loaded in [Some(&mut world.loaded), world.soft.as_mut()]
-        .into_iter()
-        .flatten()
-    {
-        let realtime = &mut loaded.scene.realtime;
-        realtime.scheme = scheme;
-        // A scene for a late host sets an age limit that accepts the usual latency.
-        let usual = 2.0 * (1.0 + draw.jitter) * (draw.latency + 1.0 / draw.rate);
-        realtime.age_limit = Some(realtime.age_limit().max(usual));
-    }
-    let world = &world;
-    let engine = Engine::new(build::bodies(&world.loaded, How::default())?);
-    let stored: f64 = engine
-        .bodies()
-        .iter()
-        .map(|body| body.body().total_energy())
-        .sum();
-    let (config, devices, mut kept) = world.devices(stored)?;
-    let (end, host_end, _) = link(&LinkConfig {
-        bodies: world.loaded.scene.bodies.len(),
-        handles: world.loaded.scene.devices.len(),
-        ..LinkConfig::new(world.loaded.scene.realtime.rate, ROOM)
+    let world = &world.under(scheme);
+    let (scene, draw) = (&world.loaded.scene, &world.draw);
+    let mut setup = setup(&world.loaded, scene.duration, scene.seed)?;
+    setup.faults = Faults::new(stalls(&draw.stalls));
+    setup.tick.devices = world.faulty(setup.tick.devices);
+    let bodies = setup.engine.bodies().iter();
+    let mut kept = world.kept(bodies.map(|body| body.body().total_energy()).sum())?;
+    let (mut tick, _, host) = Paced::of(setup, |link| {
+        Lossy::new(link, draw, chance, scene.bodies.len())
     });
-    let mut tick = TickLoop::new(Controller::new(&config), devices, end);
-    let late = LateLink::new(host_end, world.loaded.scene.bodies.len());
-    let host = Steady::new(engine, Lossy::new(late, world, chance));
     let mut host = Troubled::new(host, world);
     let period = world.period();
     let frames = world.frames()?;
     let mut shifted = vec![ShiftedPose::new(period); world.loaded.scene.devices.len()];
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();
+    let mut held = Vec::new();
+    let hold_ns = ((scene.duration - HOLD) * 1e9) as u64;
     world.timeline().drive(&mut host, |host, now| {
         let time = now as f64 * 1e-9;
         if let Some(at) = softens.filter(|at| time >= *at && host.awaits_model()) {
@@ -122,6 +102,13 @@ pub(in crate::stress) fn run(
             kept.keep_proxy(index, pose);
         }
         let bodies = host.engine().bodies().iter().map(HostBody::body);
+        if now >= hold_ns {
+            let bodies = bodies.clone();
+            if held.is_empty() {
+                held.extend(bodies.clone().cloned());
+            }
+            kept.keep_apart(bodies, |device| telemetry.devices[device].pose);
+        }
         let (wrenches, weight) = kept.exerted_by(bodies);
         let account = tick.controller.energy().fold([0.0; 2], |sum, account| {
             [sum[0] + account.available, sum[1] + account.stored]
@@ -131,8 +118,10 @@ pub(in crate::stress) fn run(
         Ok(())
     })?;
     let capped = tick.controller.energy().map(|account| account.capped).sum();
-    Ok(Trace {
+    let mut trace = Trace {
         unaware,
         ..kept.finish(capped)
-    })
+    };
+    rest(world, &mut trace, held)?;
+    Ok(trace)
 }

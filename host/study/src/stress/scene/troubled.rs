@@ -1,47 +1,49 @@
-//! The trouble of a run, around its link and its host.
+//! The trouble of a run, around the host of every run ([`Paced`]) and its link.
 
+use super::draw::{Draw, Span};
 use super::world::World;
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::Engine;
 use host::engine::build::{self, How};
-use host::engine::pacer::Due;
-use host::engine::stats::Stopwatch;
+use host::engine::faults::{FaultKind, HostFault};
 use host::run::late::LateLink;
+use host::run::paced::{HostLink, Paced};
 use host::run::timeline::Host;
 use rt_core::{LocalModel, TickRecord};
-
-/// A clock for a run under virtual time, which measures nothing.
-struct NoWatch;
-
-impl Stopwatch for NoWatch {
-    fn now_ns(&self) -> u64 {
-        0
-    }
-}
+use runner::link::HostEnd;
 
 /// A link that is late at random, and loses models and records.
-pub(super) struct Lossy<'a> {
+pub(super) struct Lossy {
     link: LateLink,
-    world: &'a World,
+    /// The largest random delay beyond the latency (ns), and the fractions of models and records that are lost.
+    jitter_ns: f64,
+    models_lost: f64,
+    records_lost: f64,
     chance: Chance,
     /// Number of records so far.
     records: u64,
+    /// By body, the numbers of the newest model that was sent and of the newest that arrived.
+    newest: Vec<[u64; 2]>,
 }
 
-impl<'a> Lossy<'a> {
-    pub(super) fn new(link: LateLink, world: &'a World, chance: Chance) -> Self {
+impl Lossy {
+    pub(super) fn new(link: LateLink, draw: &Draw, chance: Chance, bodies: usize) -> Self {
         Self {
             link,
-            world,
+            jitter_ns: draw.jitter * (draw.latency + 1.0 / draw.rate) * 1e9,
+            models_lost: draw.models_lost,
+            records_lost: draw.records_lost,
             chance,
             records: 0,
+            newest: vec![[0; 2]; bodies],
         }
     }
+}
 
-    /// Passes the records that are not lost to `see`.
+impl HostLink for Lossy {
     fn drain(&mut self, mut see: impl FnMut(&TickRecord)) {
-        let (lost, chance) = (self.world.draw.records_lost, self.chance);
+        let (lost, chance) = (self.records_lost, self.chance);
         let records = &mut self.records;
         self.link.drain(|record| {
             *records += 1;
@@ -51,95 +53,76 @@ impl<'a> Lossy<'a> {
         });
     }
 
-    /// Sends the model of publication `number`, of the state at `time_ns`, unless it is lost.
-    fn send(&mut self, time_ns: u64, number: u64, body: usize, model: &LocalModel) {
-        let (draw, chance) = (&self.world.draw, self.chance);
-        let late = draw.jitter * (draw.latency + 1.0 / draw.rate);
-        let delay = draw.latency + late * chance.of("late").unit(number);
-        if chance.of("model").unit(number) >= draw.models_lost {
-            self.link.send(time_ns + (delay * 1e9) as u64, body, model);
-        }
-    }
-}
-
-/// A host that steps at a fixed rate, independent of the rate at which it publishes.
-pub(super) struct Steady<'a> {
-    engine: Engine,
-    link: Lossy<'a>,
-    /// The number of the next step, and the number of the last publication that was due.
-    next: u64,
-    published: u64,
-}
-
-impl<'a> Steady<'a> {
-    pub(super) fn new(engine: Engine, link: Lossy<'a>) -> Self {
-        Self {
-            engine,
-            link,
-            next: 1,
-            published: 0,
+    fn send(&mut self, arrival_ns: u64, body: usize, model: &LocalModel) {
+        let (number, chance) = (model.sequence, self.chance);
+        self.newest[body][0] = number;
+        if chance.of("model").unit(number) >= self.models_lost {
+            let late = self.jitter_ns * chance.of("late").unit(number);
+            self.link.send(arrival_ns + late as u64, body, model);
         }
     }
 
-    /// The time at which the next step starts (ns).
-    fn time_ns(&self) -> u64 {
-        let rate = self.link.world.loaded.scene.host.step_rate;
-        (self.next as f64 * 1e9 / rate) as u64
+    fn deliver(&mut self, now_ns: u64) {
+        let newest = &mut self.newest;
+        self.link.deliver(now_ns, |body, model| {
+            newest[body][1] = newest[body][1].max(model.sequence);
+        });
     }
 
-    /// Moves the handles along the records that have arrived.
-    fn follow(&mut self) {
-        let engine = &mut self.engine;
-        self.link.drain(|record| engine.follow(record));
-    }
-
-    fn step(&mut self) {
-        let time_ns = self.time_ns();
-        self.next += 1;
-        self.follow();
-        let rate = self.link.world.draw.rate;
-        // A publication is due at the first step at or after each multiple of the period. A late host does not repeat
-        // publications that it missed.
-        let due = (time_ns as f64 * 1e-9 * rate * (1.0 + 1e-12)) as u64;
-        let publishes = due > self.published;
-        self.published = due;
-        let link = &mut self.link;
-        self.engine
-            .step(Due { time_ns, publishes }, &NoWatch, |body, model| {
-                link.send(time_ns, due, body, model);
-            });
+    fn into_end(self) -> HostEnd {
+        self.link.into_end()
     }
 }
 
-/// A host that stalls, and whose bodies soften. A stalled host takes no steps, and resumes at the present poses of the
-/// hands.
+/// The stalls of a host. A stall that begins during another one is a part of it.
+pub(super) fn stalls(spans: &[Span]) -> Vec<HostFault> {
+    let mut spans = spans.to_vec();
+    spans.sort_unstable_by(|a, b| a.at.total_cmp(&b.at));
+    let mut faults: Vec<HostFault> = Vec::new();
+    for Span { at, duration } in spans {
+        match faults.last_mut() {
+            Some(last) if at <= last.at + last.duration => {
+                last.duration = last.duration.max(at + duration - last.at);
+            }
+            _ => faults.push(HostFault {
+                kind: FaultKind::Stall,
+                at,
+                duration,
+            }),
+        }
+    }
+    faults
+}
+
+/// A host whose bodies soften.
 pub(super) struct Troubled<'a> {
-    host: Steady<'a>,
+    host: Paced<Lossy>,
     world: &'a World,
-    /// The time at which the bodies softened here (ns), and whether the tick has received a model of each softened
-    /// body.
-    softened: Option<u64>,
-    received: Vec<bool>,
+    /// By body, the number of the last model before the bodies softened here.
+    softened: Option<Vec<u64>>,
 }
 
 impl<'a> Troubled<'a> {
-    pub(super) fn new(host: Steady<'a>, world: &'a World) -> Self {
+    pub(super) fn new(host: Paced<Lossy>, world: &'a World) -> Self {
         Self {
             host,
             world,
             softened: None,
-            received: vec![false; world.loaded.scene.bodies.len()],
         }
     }
 
     /// The physics.
     pub(super) fn engine(&self) -> &Engine {
-        &self.host.engine
+        self.host.engine()
     }
 
     /// Whether the tick has yet to receive a model of a softened body.
     pub(super) fn awaits_model(&self) -> bool {
-        self.received.contains(&false)
+        let newest = &self.host.link().newest;
+        self.softened.as_ref().is_none_or(|before| {
+            let mut each = before.iter().zip(newest);
+            each.any(|(before, [_, arrived])| arrived <= before)
+        })
     }
 }
 
@@ -147,34 +130,38 @@ impl Host for Troubled<'_> {
     type Error = StudyError;
 
     fn next_ns(&self) -> Option<u64> {
-        Some(self.host.time_ns())
+        self.host.next_ns()
     }
 
     fn step(&mut self) -> Result<(), StudyError> {
-        let draw = &self.world.draw;
-        let time_ns = self.host.time_ns();
-        let time = time_ns as f64 * 1e-9;
-        if draw.stalls.iter().any(|stall| stall.holds(time)) {
-            self.host.next += 1;
-            return Ok(());
-        }
+        let time = self.next_ns().unwrap_or(0) as f64 * 1e-9;
         if let (None, Some(softening), Some(soft)) =
-            (self.softened, draw.softening, &self.world.soft)
+            (&self.softened, self.world.draw.softening, &self.world.soft)
             && time >= softening.at
         {
-            self.softened = Some(time_ns);
-            self.host.follow();
             let others = build::bodies(soft, How::default())?;
-            self.host.engine.exchange(others)?;
+            self.host.change(|engine| engine.exchange(others))?;
+            let newest = self.host.link().newest.iter();
+            self.softened = Some(newest.map(|[sent, _]| *sent).collect());
         }
-        self.host.step();
+        let Ok(()) = self.host.step();
         Ok(())
     }
 
     fn deliver(&mut self, now_ns: u64) {
-        let (softened, received) = (self.softened, &mut self.received);
-        self.host.link.link.deliver(now_ns, |body, model| {
-            received[body] |= softened.is_some_and(|at| model.time_ns >= at);
-        });
+        self.host.deliver(now_ns);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stalls_that_overlap_are_one() {
+        let span = |at, duration| Span { at, duration };
+        let found = stalls(&[span(2.0, 0.5), span(1.0, 0.5), span(1.25, 0.5)]);
+        let found: Vec<_> = found.iter().map(|f| (f.at, f.duration)).collect();
+        assert_eq!(found, [(1.0, 0.75), (2.0, 0.5)]);
     }
 }

@@ -2,15 +2,15 @@
 //! recording of each tick.
 
 use super::draw::Draw;
-use super::measure::{DeviceTrace, Trace};
+use super::measure::{Apart, DeviceTrace, HOLD, Trace};
 use host::bodies;
-use host::run::setup;
 use host::run::timeline::Timeline;
+use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, SceneError};
-use physics::{Body, HandlePose};
+use physics::{Body, HandlePose, Vec3};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyState;
-use rt_core::{ControllerConfig, MAX_DEVICES, Pose, Probe, Wrench};
+use rt_core::{MAX_DEVICES, Pose, Probe, Wrench};
 use runner::AnyDevice;
 use sim::{Fault, Faulty};
 
@@ -67,27 +67,11 @@ impl World {
 
     /// Where each device stands in the scene.
     pub(super) fn frames(&self) -> Result<Vec<DeviceFrame>, SceneError> {
-        let devices = self.loaded.scene.devices.iter().enumerate();
-        let frames = devices.map(|(index, device)| {
-            let mount = bodies::mount(&self.loaded, index)?;
-            Ok(DeviceFrame {
-                rotation: mount.rotation,
-                motion_scale: device.motion_scale,
-                ..DeviceFrame::at(mount.origin)
-            })
-        });
-        frames.collect()
+        frames(&self.loaded)
     }
 
-    /// The controller's configuration, the devices at rest, and the empty recording. `stored` is the energy that the
-    /// bodies store (J).
-    pub(super) fn devices(
-        &self,
-        stored: f64,
-    ) -> Result<(ControllerConfig, Vec<AnyDevice>, Kept), SceneError> {
-        let scene = &self.loaded.scene;
-        let (config, devices) = setup::controls(&self.loaded, scene.seed)?;
-        let ticks = self.timeline().ticks as usize;
+    /// `devices` with the fault of the draw.
+    pub(super) fn faulty(&self, devices: Vec<AnyDevice>) -> Vec<AnyDevice> {
         let devices = devices.into_iter().enumerate().map(|(index, device)| {
             let gone = self.draw.vanishing.filter(|gone| gone.device == index);
             let faults = gone.map(|gone| {
@@ -98,19 +82,60 @@ impl World {
             });
             Box::new(Faulty::new(device, faults.into_iter().collect())) as AnyDevice
         });
-        let devices: Vec<_> = devices.collect();
-        let kept = Kept {
+        devices.collect()
+    }
+
+    /// The empty recording of a run. `stored` is the energy that the bodies store (J).
+    pub(super) fn kept(&self, stored: f64) -> Result<Kept, SceneError> {
+        let ticks = self.timeline().ticks as usize;
+        let models = self.loaded.models.iter();
+        Ok(Kept {
             held: self.held(),
-            frames: config.devices.iter().map(|d| d.frame).collect(),
+            frames: self.frames()?,
             trace: Trace {
                 period: self.period(),
-                devices: devices.iter().map(|_| empty_trace(ticks)).collect(),
+                devices: models
+                    .map(|model| empty_trace(ticks, model.friction))
+                    .collect(),
+                apart: self
+                    .held()
+                    .iter()
+                    .map(|held| vec![Apart::default(); held.len()])
+                    .collect(),
                 ..Trace::default()
             },
             stored,
-        };
-        Ok((config, devices, kept))
+        })
     }
+
+    /// The world of a run under `scheme`.
+    pub(in crate::stress) fn under(&self, scheme: SchemeName) -> Self {
+        let mut world = self.clone();
+        let draw = &self.draw;
+        let soft = world.soft.as_mut();
+        for loaded in [Some(&mut world.loaded), soft].into_iter().flatten() {
+            let realtime = &mut loaded.scene.realtime;
+            realtime.scheme = scheme;
+            // A scene for a late host sets an age limit that accepts the usual latency.
+            let usual = 2.0 * (1.0 + draw.jitter) * (draw.latency + 1.0 / draw.rate);
+            realtime.age_limit = Some(realtime.age_limit().max(usual));
+        }
+        world
+    }
+}
+
+/// Where each device of a scene stands.
+pub(in crate::stress) fn frames(loaded: &LoadedScene) -> Result<Vec<DeviceFrame>, SceneError> {
+    let devices = loaded.scene.devices.iter().enumerate();
+    let frames = devices.map(|(index, device)| {
+        let mount = bodies::mount(loaded, index)?;
+        Ok(DeviceFrame {
+            rotation: mount.rotation,
+            motion_scale: device.motion_scale,
+            ..DeviceFrame::at(mount.origin)
+        })
+    });
+    frames.collect()
 }
 
 impl Kept {
@@ -120,7 +145,7 @@ impl Kept {
         &self,
         bodies: impl Iterator<Item = &'a Body>,
     ) -> ([Wrench; MAX_DEVICES], f64) {
-        exerted(bodies, &self.held)
+        exerted(bodies.zip(self.held.iter().map(Vec::as_slice)))
     }
 
     /// Records a tick: the state of each device's last stage, the wrenches of the bodies on the devices (axes of the
@@ -154,6 +179,29 @@ impl Kept {
         self.trace.devices[device].proxy.push(pose);
     }
 
+    /// Adds where the handles of `bodies` are in a tick of the hold, at the poses `shown` of the devices, to their mean.
+    pub(super) fn keep_apart<'a>(
+        &mut self,
+        bodies: impl Iterator<Item = &'a Body>,
+        shown: impl Fn(usize) -> Pose,
+    ) {
+        let share = self.trace.period / HOLD;
+        let each = bodies.zip(&self.held).zip(&mut self.trace.apart);
+        for ((body, held), apart) in each {
+            for (handle, (device, apart)) in held.iter().zip(apart).enumerate() {
+                if let Some(report) = body.handle_report(handle) {
+                    let pose = Pose {
+                        position: report.pose.position,
+                        rotation: report.pose.rotation,
+                    };
+                    let begin = *apart.begin.get_or_insert(pose);
+                    apart.moved += pose.displacement_from(&begin) * share;
+                    apart.mean += pose.displacement_from(&shown(*device)) * share;
+                }
+            }
+        }
+    }
+
     /// The whole record. `capped` is the number of ticks in which the cap acted.
     pub(super) fn finish(self, capped: u64) -> Trace {
         Trace {
@@ -163,15 +211,14 @@ impl Kept {
     }
 }
 
-/// The wrenches that `bodies` exert on the devices that `held` names for their handles (axes of the scene), and the
-/// potential of their weight (J).
-pub(super) fn exerted<'a>(
-    bodies: impl Iterator<Item = &'a Body>,
-    held: &[Vec<usize>],
+/// The wrenches that bodies exert on the devices that hold their handles (axes of the scene), and the potential of their
+/// weight (J). Each body comes with the devices of its handles.
+pub(super) fn exerted<'a, 'b>(
+    bodies: impl Iterator<Item = (&'a Body, &'b [usize])>,
 ) -> ([Wrench; MAX_DEVICES], f64) {
     let mut wrenches = [Wrench::zero(); MAX_DEVICES];
     let mut weight = 0.0;
-    for (body, held) in bodies.zip(held) {
+    for (body, held) in bodies {
         weight += body.load_potential();
         for (handle, device) in held.iter().enumerate() {
             if let Some(report) = body.handle_report(handle) {
@@ -190,8 +237,8 @@ pub(crate) fn probe(device: &AnyDevice) -> Probe {
     probe.expect("a scene under virtual time has simulated devices only")
 }
 
-/// A record without entries, with room for `ticks`.
-fn empty_trace(ticks: usize) -> DeviceTrace {
+/// A record without entries, with room for `ticks`, of a device with the friction `friction` (N).
+fn empty_trace(ticks: usize, friction: f64) -> DeviceTrace {
     DeviceTrace {
         force: Vec::with_capacity(ticks),
         moment: Vec::with_capacity(ticks),
@@ -200,6 +247,9 @@ fn empty_trace(ticks: usize) -> DeviceTrace {
         body: Vec::with_capacity(ticks),
         proxy: Vec::with_capacity(ticks),
         own: Vec::new(),
+        leaves: Vec3::zeros(),
+        rest: Vec3::zeros(),
+        friction,
     }
 }
 
