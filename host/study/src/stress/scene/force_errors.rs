@@ -7,7 +7,7 @@
 //! A hold is exact if two things are. The force is that of the host's body at rest, with its handles where the host has them
 //! (`reference::rest`): at the poses of the devices as the controller shows them, after a slip, too. And a handle leaves the
 //! pose of its device only in directions that the device cannot render: the part of the distance in the other directions,
-//! times the stiffness there, is no force to speak of ([`super::rendered`]).
+//! times the stiffness there, is no force to speak of (the module `rendered`).
 
 use super::draw::{BEGIN, Draw};
 use super::measure::{DeviceTrace, LEAST_FORCE, Trace, band_rms, mean};

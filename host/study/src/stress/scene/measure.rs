@@ -43,7 +43,7 @@ pub struct DeviceTrace {
     /// The Coulomb friction of the device (N).
     pub friction: f64,
     /// The mean distance of the handles from their devices in the hold, in the directions that the devices render as they
-    /// are, as a force of the body (N, axes of the device): see [`super::rendered`].
+    /// are, as a force of the body (N, axes of the device): see the module `rendered`.
     pub leaves: Vec3,
 }
 

@@ -5,7 +5,7 @@
 //! body softens; the device vanishes, and resumes at its last pose.
 //!
 //! A body that is stiffer than its device shakes a hand by itself, whatever the scheme. In such directions the reference
-//! renders what the device can render: the handles follow proxies behind springs ([`super::rendered`]), and the wrench is
+//! renders what the device can render: the handles follow proxies behind springs (the module `rendered`), and the wrench is
 //! that of the body at the proxies.
 //!
 //! [`follow`] moves the same bodies, behind the same springs, along the path of a run instead. It finds the wrenches that
