@@ -275,7 +275,8 @@ fn a_device_that_comes_back_as_another_gets_no_force_until_it_is_itself_again() 
             device.reports().host().ready()
         });
         for _ in 0..100 {
-            assert_eq!(device.read(now_ns), lost);
+            // No state is believed. Until the thread has opened the device, none has come.
+            assert!(device.read(now_ns).is_err());
             let _ = device.write(now_ns, &push());
             now_ns += MS;
         }
