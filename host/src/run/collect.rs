@@ -82,13 +82,7 @@ impl Collector {
         for ((device, (sum, slip)), name) in each {
             sum.take(time, device);
             if let Some(slip) = slip.take(time, device) {
-                push_span(
-                    &mut self.spans,
-                    slip.from,
-                    slip.to,
-                    name,
-                    &slip.description(),
-                );
+                push_slip(&mut self.spans, name, &slip);
             }
         }
         let limited = telemetry
@@ -142,13 +136,7 @@ impl Collector {
         }
         for (watch, name) in self.slips.iter().zip(&self.device_names) {
             if let Some(slip) = watch.finish() {
-                push_span(
-                    &mut self.spans,
-                    slip.from,
-                    slip.to,
-                    name,
-                    &slip.description(),
-                );
+                push_slip(&mut self.spans, name, &slip);
             }
         }
         for (watch, name) in self.withheld.iter().zip(&self.body_names) {
@@ -184,6 +172,10 @@ impl Observer for Collector {
 
 /// Most spans that are kept. Nobody reads more of them, and without a bound a flickering limit would fill the memory.
 const MAX_SPANS: usize = 1000;
+
+fn push_slip(spans: &mut Vec<Span>, name: &str, slip: &slips::Slip) {
+    push_span(spans, slip.from, slip.to, name, &slip.description());
+}
 
 fn push_withheld(spans: &mut Vec<Span>, name: &str, stretch: &Stretch) {
     push_span(

@@ -5,6 +5,8 @@ use rt_core::record::DeviceTelemetry;
 
 /// A slip that is never larger is not reported (m). A hand that holds a body wavers by as much.
 const NOTICED: f64 = 1e-4;
+/// The lever (m) by which turns compare with displacements, as in the tick.
+const LEVER: f64 = 0.05;
 
 /// The slip of one proxy, from its first tick to its last.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,7 +78,7 @@ impl Watch {
 }
 
 fn noticed(slip: Slip) -> Option<Slip> {
-    (slip.most > NOTICED || slip.angle > NOTICED / 0.05).then_some(slip)
+    (slip.most > NOTICED || slip.angle * LEVER > NOTICED).then_some(slip)
 }
 
 #[cfg(test)]

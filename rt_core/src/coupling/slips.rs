@@ -44,16 +44,13 @@ pub(super) struct Slips {
     any: bool,
 }
 
-/// A tick without slips pays for this question alone.
 impl Slips {
-    /// Whether a body may have to ask for slips, or to end what it asked.
+    /// Whether a body may have to ask for slips, or to end what it asked. A tick without slips pays for this question alone.
     #[inline]
     pub(super) fn matter(&self) -> bool {
         self.any || self.asks
     }
-}
 
-impl Slips {
     /// No slip.
     pub(super) fn none() -> Self {
         Self {
