@@ -48,12 +48,13 @@ fn rendered(l: f64) -> f64 {
     }
 }
 
-/// A symmetric positive matrix of numbers in the metric of the limits, times `most`.
+/// A symmetric positive matrix of numbers in the metric of the limits, times `most`. The identity bounds its condition by
+/// `100 SIZE^2` there: rounding grows with the condition of a matrix that is inverted.
 fn positive(numbers: &[f64], most: f64) -> Matrix {
     let half = Matrix::from_fn(|i, j| numbers[SIZE * j + i]);
     let scale = limits().map(|limit| if limit.is_finite() { limit.sqrt() } else { 1.0 });
     let metric = Matrix::from_diagonal(&scale);
-    metric * (half * half.transpose()) * metric * (most / SIZE as f64)
+    metric * (half * half.transpose() + Matrix::identity() * 0.01) * metric * (most / SIZE as f64)
 }
 
 fn blocks(matrix: &Matrix, write: &mut [[Mat6; MAX_HANDLES]; MAX_HANDLES]) {
