@@ -324,6 +324,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tolerance: 1e-3,
         max_iterations: 3,
         at_a_time: 1,
+        bound: 1e-2,
     };
     for sheet in [cloth()?, banknote()?] {
         println!("{}", sheet.name);

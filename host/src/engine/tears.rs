@@ -18,6 +18,7 @@ pub(super) const SHAPES: ShapeOptions = ShapeOptions {
     tolerance: 1e-3,
     max_iterations: 3,
     at_a_time: 1,
+    bound: 1e-2,
 };
 
 /// The tears of a body.

@@ -101,6 +101,11 @@ pub(crate) struct Reduction {
     pub(crate) arms: Vec<Vec3>,
     /// `Psi_f^T M Psi_f` over columns.
     inner: Square,
+    /// `Psi_f^T R / (1 + beta / t)` over columns, where `R` are the residuals `-A Psi` of the shapes on the free nodes; zero
+    /// for shapes that were computed by a factorization.
+    pub(crate) left: Square,
+    /// The order in which the columns were computed last.
+    pub(crate) turn: Vec<u64>,
     clipper: Clipper,
     scale: Vec<f64>,
     /// Velocities of the handles, by columns.
@@ -139,6 +144,8 @@ impl Reduction {
             pulls: vec![Vec3::zeros(); columns.len() * holder.len()],
             arms: vec![Vec3::zeros(); holder.len()],
             inner: Square::zeros(columns.len()),
+            left: Square::zeros(columns.len()),
+            turn: vec![0; columns.len()],
             clipper: Clipper::new(size),
             scale: (0..size)
                 .map(|slot| if slot % 6 < 3 { 1.0 } else { length })
@@ -260,6 +267,7 @@ impl Reduction {
         missed: &[Vec3],
     ) -> &Condensed {
         self.products(ratio);
+        self.mirror();
         self.publish(body);
         self.foresee(body, ratio, period, missed);
         &self.condensed
@@ -370,7 +378,7 @@ impl Reduction {
         for c in 0..count {
             for r in 0..count {
                 let at = (self.columns[r].slot(), self.columns[c].slot());
-                stiffness[at] = -ratio * self.inner[(r, c)];
+                stiffness[at] = -ratio * self.inner[(r, c)] - self.left[(r, c)];
                 mass[at] = self.inner[(r, c)];
             }
         }
@@ -391,6 +399,18 @@ impl Reduction {
                 for motion in &self.columns[own.clone()] {
                     let at = (motion.slot(), column.slot());
                     mass[at] += self.mass[row] * motion.at(arm).dot(&shape);
+                }
+            }
+        }
+    }
+
+    /// Takes the product of each two columns from the column that was computed last, which knew the other as it is now.
+    fn mirror(&mut self) {
+        let stiffness = &mut self.condensed.raw_stiffness;
+        for (c, column) in self.columns.iter().enumerate() {
+            for (r, row) in self.columns.iter().enumerate() {
+                if self.turn[c] > self.turn[r] {
+                    stiffness[(column.slot(), row.slot())] = stiffness[(row.slot(), column.slot())];
                 }
             }
         }
