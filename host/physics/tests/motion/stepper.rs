@@ -74,20 +74,30 @@ fn solid(law: SolidLaw, quadratic: bool, guided: bool) -> (Body, Vec<HandleSpec>
     (body, handles)
 }
 
-fn sheet() -> (Body, Vec<HandleSpec>) {
-    let mesh = grid(8, 4, 0.2, 0.1, Split::Right);
+/// A sheet of two squares side by side, `cells` along its length (m), with a handle at either end.
+fn held_sheet(
+    cells: u32,
+    length: f64,
+    freedom: Freedom,
+    material: Material,
+) -> (Body, Vec<HandleSpec>) {
+    let mesh = grid(cells, cells / 2, length, 0.5 * length, Split::Right);
     let handles = vec![
-        handle(&mesh, Freedom::Rigid, |x| x.x < 1e-9),
-        handle(&mesh, Freedom::Rigid, |x| x.x > 0.2 - 1e-9),
+        handle(&mesh, freedom, |x| x.x < 1e-9),
+        handle(&mesh, freedom, |x| x.x > length - 1e-9),
     ];
+    let body = Body::sheet(&mesh, &[material], config(), &handles).unwrap();
+    (body, handles)
+}
+
+fn sheet() -> (Body, Vec<HandleSpec>) {
     let rubber = Material {
         young: 1e6,
         poisson: 0.4,
         thickness: 0.001,
         density: 1000.0,
     };
-    let body = Body::sheet(&mesh, &[rubber], config(), &handles).unwrap();
-    (body, handles)
+    held_sheet(8, 0.2, Freedom::Rigid, rubber)
 }
 
 /// The last handle swings and turns.
@@ -324,19 +334,13 @@ fn shapes_updated_in_turn_have_a_small_error() {
 /// A sheet that is a thousand times as stiff along itself as across, with handles that do not turn: their models have no
 /// lever term, and an exact stiffness is positive.
 fn paper() -> (Body, Vec<HandleSpec>) {
-    let mesh = grid(12, 6, 0.12, 0.06, Split::Right);
-    let handles = vec![
-        handle(&mesh, Freedom::Translation, |x| x.x < 1e-9),
-        handle(&mesh, Freedom::Translation, |x| x.x > 0.12 - 1e-9),
-    ];
     let paper = Material {
         young: 3e9,
         poisson: 0.3,
         thickness: 1e-4,
         density: 900.0,
     };
-    let body = Body::sheet(&mesh, &[paper], config(), &handles).unwrap();
-    (body, handles)
+    held_sheet(12, 0.12, Freedom::Translation, paper)
 }
 
 /// Bends paper in steps of 1 ms, and returns the worst fraction of a model that clipping removed, the most shapes that a
