@@ -101,6 +101,8 @@ pub(crate) struct Reduction {
     pub(crate) arms: Vec<Vec3>,
     /// `Psi_f^T M Psi_f` over columns.
     inner: Square,
+    /// The residual `-A Psi` of the column computed last on the free nodes, by the rows of the shapes.
+    pub(crate) rest: Vec<f64>,
     /// `Psi_f^T R / (1 + beta / t)` over columns, where `R` are the residuals `-A Psi` of the shapes on the free nodes; zero
     /// for shapes that were computed by a factorization.
     pub(crate) left: Square,
@@ -144,6 +146,7 @@ impl Reduction {
             pulls: vec![Vec3::zeros(); columns.len() * holder.len()],
             arms: vec![Vec3::zeros(); holder.len()],
             inner: Square::zeros(columns.len()),
+            rest: Vec::new(),
             left: Square::zeros(columns.len()),
             turn: vec![0; columns.len()],
             clipper: Clipper::new(size),
@@ -181,6 +184,7 @@ impl Reduction {
         self.places.reserve(nodes);
         self.mass.reserve(nodes);
         self.shapes.reserve(3 * nodes * self.columns.len());
+        self.rest.reserve(3 * (self.places.free() + nodes));
     }
 
     /// Follows the edits of a body that tears: each new node takes the shapes of its twin, or those of the ends of the
@@ -460,6 +464,19 @@ impl Reduction {
         *stiffness_clip = self.clipper.clip(stiffness, &self.scale);
         *damping_clip = self.clipper.clip(damping, &self.scale);
     }
+}
+
+/// `sum a_i b_i`. Eight running sums make additions independent of each other.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_end), (b, b_end)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let mut sum = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..8 {
+            sum[lane] += a[lane] * b[lane];
+        }
+    }
+    let end: f64 = a_end.iter().zip(b_end).map(|(a, b)| a * b).sum();
+    sum.iter().sum::<f64>() + end
 }
 
 /// `sum m_i a_i . b_i`. Three running sums make additions independent of each other.

@@ -5,7 +5,7 @@
 //! little from one model to the next. The columns may be updated in turn, a few with each model. The others are then
 //! slightly older.
 
-use super::reduction::{Condensed, Reduction};
+use super::reduction::{Condensed, Reduction, dot};
 use crate::Vec3;
 use crate::body::Body;
 use crate::element::precision::Precision;
@@ -317,32 +317,31 @@ impl<T: Precision> Stepper<T> {
             places,
             pulls,
             holder,
+            rest,
             left,
             turn,
             ..
         } = &mut shapes.reduction;
         let shape = &mut all[3 * free * column..3 * free * (column + 1)];
+        rest.clear();
+        rest.resize(3 * free, 0.0);
         for place in self.taken_places() {
             let row = places.of(self.node[place] as usize);
             let u = to_vec(&self.u[place]);
+            let residual = to_vec(&self.residual[place]);
             if row < free {
                 shape[3 * row..3 * row + 3].copy_from_slice(u.as_slice());
+                if place < self.free {
+                    rest[3 * row..3 * row + 3].copy_from_slice(residual.as_slice());
+                }
             } else if row - free < holder.len() {
-                let force = -to_vec(&self.residual[place]) - u * (mass_factor * self.mass[place]);
+                let force = -residual - u * (mass_factor * self.mass[place]);
                 pulls[column * holder.len() + row - free] = force / stiffness_factor;
             }
         }
         turn[column] = 1 + turn.iter().copied().max().unwrap_or(0);
         for (r, shape) in all.chunks_exact(3 * free.max(1)).enumerate() {
-            let mut sum = 0.0;
-            for place in 0..self.free {
-                let row = places.of(self.node[place] as usize);
-                if let Some(u) = shape.get(3 * row..3 * row + 3) {
-                    let residual = to_vec(&self.residual[place]);
-                    sum += residual.dot(&Vec3::from_column_slice(u));
-                }
-            }
-            left[(r, column)] = sum / stiffness_factor;
+            left[(r, column)] = dot(shape, rest) / stiffness_factor;
         }
     }
 }
