@@ -427,8 +427,16 @@ fn check_driver(at: &str, device: &Device) -> Check {
     let known = drivers(Vec::new(), Path::new(""));
     let names = || known.names().collect::<Vec<_>>().join(", ");
     let found = device.connect.driver.as_str();
+    // The path or the name of a serial port.
+    let serial = ["/dev/", "COM"]
+        .iter()
+        .any(|start| found.starts_with(start));
+    let allowed = || match serial {
+        true => format!("{}; did you mean \"tty:{found}\"?", names()),
+        false => names(),
+    };
     let at = format!("{at}.connect");
-    require(known.driver(found).is_some(), &at, found, names())
+    require(known.driver(found).is_some(), &at, found, allowed())
 }
 
 /// A simulated device is in a hand, and needs no firmware. Any other device has neither a hand nor a wire of ours.

@@ -4,6 +4,7 @@ use super::consistency;
 use super::error::SceneError;
 use super::plausible::{self, Warning};
 use super::recording::{self, Sample};
+use super::silent;
 use super::source::Source;
 use super::spec::{MeshSource, ModelName, Scene};
 use meshio::MeshFileError;
@@ -179,6 +180,7 @@ pub(super) fn load(
     let models = profiles.iter().map(|file| file.model).collect::<Vec<_>>();
     let recordings = recordings(&mut reader, &scene)?;
     warnings.extend(plausible::check(&scene, &source, &models, &recordings)?);
+    warnings.extend(silent::check(&scene, &source, &models)?);
     let files = reader.files;
     Ok(LoadedScene {
         scene,

@@ -4,22 +4,26 @@
 //! out of its range while the file is read, `consistency` refuses values that contradict each other. Every
 //! [`SceneError`] is one line with the file, the line, the field, the value found and the allowed values.
 
+mod advice;
 mod check;
 pub mod connections;
 mod consistency;
 mod device_file;
 pub(crate) mod drivers;
 mod error;
+mod field;
 mod load;
 mod overrides;
 pub(crate) mod plausible;
 pub mod recording;
+mod silent;
 pub(crate) mod source;
 pub mod spec;
 
 pub use device_file::NamedDevice;
 pub use drivers::real_drivers;
 pub use error::{Place, SceneError};
+pub use field::{Field, FieldError};
 pub use load::{LoadedScene, MeshFile};
 pub use overrides::Override;
 pub use plausible::Warning;
