@@ -13,6 +13,7 @@ pub mod stability;
 pub mod stress;
 pub mod tearing;
 pub mod velocity;
+mod workers;
 
 pub use error::StudyError;
 pub use level::Level;
