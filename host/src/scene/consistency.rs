@@ -8,6 +8,7 @@ use super::spec::{
 };
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES, Vec3};
 use sim::TaskKind;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Largest number of cells of a generated mesh.
@@ -115,17 +116,13 @@ fn name(field: &str, name: &str) -> Check {
 
 /// Checks the names of a list's members: each can be printed, and no two are equal.
 fn names<'a>(list: &str, members: impl Iterator<Item = &'a String>) -> Check {
-    let mut seen: Vec<&str> = Vec::new();
+    let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
     for (index, member) in members.enumerate() {
         let field = format!("{list}[{index}].name");
         name(&field, member)?;
-        let first = seen
-            .iter()
-            .position(|other| other == member)
-            .unwrap_or(index);
+        let first = *seen.entry(member).or_insert(index);
         let allowed = format!("another name than that of {list}[{first}]");
         require(first == index, &field, format!("{member:?}"), allowed)?;
-        seen.push(member);
     }
     Ok(())
 }
@@ -472,7 +469,16 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
         let (field, time) = (format!("{at}.waypoints[{index}]"), row[0]);
         let found = format!("time {time:?}");
         match last {
-            None => require(time >= 0.0, &field, found, "a time not below 0")?,
+            None => {
+                require(time >= 0.0, &field, found, "a time not below 0")?;
+                require(
+                    row[1..] == [0.0; 3],
+                    &field,
+                    format!("{row:?}, where the path begins"),
+                    "zeros after the time of the first row, because the rows are relative to where the hand starts: \
+                     begin with the row [0, 0, 0, 0], and let this row come later",
+                )?;
+            }
             Some(last) => require(time > last, &field, found, format!("a time after {last:?}"))?,
         }
         last = Some(time);

@@ -11,7 +11,6 @@ use meshio::MeshFileError;
 use physics::mesh::Mesh;
 use sim::{DeviceFile, DeviceModel};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -348,7 +347,7 @@ fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 /// Reads a file of at most [`LARGEST`] bytes.
 fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?
+    devices::input::open(path)?
         .take(LARGEST + 1)
         .read_to_end(&mut bytes)?;
     if bytes.len() as u64 > LARGEST {

@@ -294,6 +294,17 @@ fn parts_that_share_vertices_are_named_with_their_number() {
          the group or the box of one of the two smaller"
     );
     assert_eq!(judged(&block(finger), &[]), "");
+    // Many supports give one warning, and their body is built once.
+    let tables = (0..1000).map(|n| format!("[[body.support]]\nname = 's{n}'\ngroup = 'bottom'\n"));
+    let many = block(&format!("{thumb}{}", tables.collect::<String>()));
+    assert_eq!(
+        judged(&many, &[]),
+        "x.toml:9: body[0].handle[0]: found 5 vertices in both handle \"thumb\" (25 vertices) and support \
+         \"table\", and some in 1000 other supports, usual: no shared vertices; the hand moves these vertices, and the \
+         support does not hold them: make the group or the box of one of the two smaller"
+    );
+    let loaded = Scene::load_texts("x.toml", &many, &BTreeMap::new()).unwrap();
+    assert_eq!(bodies::build(&loaded, 0).unwrap().body.epoch(), 1);
     // A support that slides may be a plane of symmetry: a handle may extend to it.
     let sliding = block(thumb).replace("group = 'bottom'", "group = 'bottom'\naxes = ['z']");
     assert_eq!(judged(&sliding, &[]), "");

@@ -423,6 +423,9 @@ box = [[0, 0, 0], [1, 1, 1]]
 [0.5, 0, 0, 0]
   -> [-0.5, 0, 0, 0]
   x.toml:47: device[1].hand.waypoints[0]: found time -0.5, allowed: a time not below 0
+[0.5, 0, 0, 0]
+  -> [0.5, 0.02, 0, 0]
+  x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0.02, 0.0, 0.0], where the path begins, allowed: zeros after the time of the first row, because the rows are relative to where the hand starts: begin with the row [0, 0, 0, 0], and let this row come later
 hand = {}
   -> hand = { grip = "tight" }
   x.toml:39: device[0].hand.grip: found "tight", allowed: `relaxed`, `typical`, `firm`, `rigid`
