@@ -117,7 +117,7 @@ impl fmt::Display for Place {
 impl From<Unexpected> for MeshFileError {
     fn from(error: Unexpected) -> Self {
         Self::Syntax {
-            place: Place::Line(error.line),
+            place: error.place,
             expected: error.expected,
             found: error.found,
         }

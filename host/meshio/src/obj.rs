@@ -147,7 +147,7 @@ impl Reader {
             *coordinate = fields.finite("a finite coordinate")?;
         }
         self.soup.positions.push(position);
-        self.vertex_lines.push(fields.line as u32);
+        self.vertex_lines.push(fields.at as u32);
         Ok(())
     }
 
@@ -185,7 +185,7 @@ impl Reader {
         if !rest.is_empty() && !rest.starts_with('#') {
             let count = 3 + rest.split_whitespace().count();
             return Err(MeshFileError::syntax(
-                Place::Line(fields.line),
+                Place::Line(fields.at),
                 "a triangle (export the mesh with triangulated faces)",
                 format!("a face of {count} vertices"),
             ));
@@ -195,7 +195,7 @@ impl Reader {
         if let Some(texture) = &mut self.texture {
             texture.corners.push(points);
         }
-        self.triangle_lines.push(fields.line as u32);
+        self.triangle_lines.push(fields.at as u32);
         for &group in self.current.iter().flatten() {
             if let Some(Group { members, .. }) = self.soup.groups.get_mut(group)
                 && members.last() != Some(&number)

@@ -186,7 +186,7 @@ fn wrong_data_is_refused_with_its_line() {
         (
             "$EndElementData",
             "",
-            "line 37: expected $EndElementData, found the end of the file",
+            "line 37: expected $EndElementData after 2 values, found the end of the file",
         ),
     ] {
         assert_eq!(wrong(from, to), expected, "{to:?}");

@@ -12,7 +12,7 @@ use physics::mesh::{Cells, TetMesh};
 
 /// The solid of all tetrahedra, all of one order.
 pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
-    let places = places(&sections.nodes)?;
+    let places = places(sections)?;
     let mut tetrahedra = sections.blocks.iter().filter(|block| block.kind.dim == 3);
     let cells = if tetrahedra.all(|block| block.kind.nodes == 4) {
         Cells::Linear(cells(sections, &places)?)
@@ -26,15 +26,15 @@ pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
     let positions = sections.nodes.iter().map(|node| node.position).collect();
     let soup = SolidSoup { positions, cells };
     let refused = |SolidFault { source, location }| {
-        let line = match location {
-            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
+        let at = match location {
+            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
             Location::Cell(cell) => of_dimension(&sections.blocks, 3)
                 .nth(cell as usize)
-                .map(|element| element.line),
+                .map(|element| element.at),
             Location::Mesh => None,
         };
         GmshError::Solid {
-            line: line.unwrap_or(sections.last_line),
+            place: at.map_or(sections.end(), |at| sections.place(at)),
             source,
         }
     };
@@ -50,7 +50,7 @@ fn cells<const N: usize>(sections: &Sections, places: &Places) -> Result<Vec<[u3
     of_dimension(&sections.blocks, 3)
         .map(|element| {
             // The numbers overflow only for a mesh that is refused for its size.
-            let nodes = nodes_of::<N>(element, places)?;
+            let nodes = nodes_of::<N>(element, sections, places)?;
             Ok(nodes.map(|node| node as u32))
         })
         .collect()

@@ -11,25 +11,25 @@ use physics::mesh::check::Location;
 
 /// The thread of all 2-node lines.
 pub(super) fn mesh(sections: &Sections) -> Result<LineMesh, GmshError> {
-    let places = places(&sections.nodes)?;
+    let places = places(sections)?;
     let lines = of_dimension(&sections.blocks, 1)
         .map(|element| {
             // Numbers run out only where the mesh is refused for its size.
-            let nodes = nodes_of::<2>(element, &places)?;
+            let nodes = nodes_of::<2>(element, sections, &places)?;
             Ok(nodes.map(|node| node as u32))
         })
         .collect::<Result<Vec<_>, GmshError>>()?;
     let positions = sections.nodes.iter().map(|node| node.position).collect();
     let refused = |ThreadFault { source, location }| {
-        let line = match location {
-            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
+        let at = match location {
+            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
             Location::Cell(cell) => of_dimension(&sections.blocks, 1)
                 .nth(cell as usize)
-                .map(|element| element.line),
+                .map(|element| element.at),
             Location::Mesh => None,
         };
         GmshError::Thread {
-            line: line.unwrap_or(sections.last_line),
+            place: at.map_or(sections.end(), |at| sections.place(at)),
             source,
         }
     };
