@@ -171,6 +171,18 @@ fn memory_is_bounded_by_the_length_of_the_file() {
     let nodes = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"].map(str::to_owned);
     let same = vec!["1 1 2 3 4".to_owned(); 100_000];
     files.push(("t.msh".to_owned(), dense_msh(&same, &nodes, 4, 0)));
+    // Flat triangles of as many different vertices as the file can hold.
+    let mut stl = vec![b' '; 80];
+    stl.extend(100_000_u32.to_le_bytes());
+    for triangle in 0..100_000_usize {
+        stl.extend([0; 12]);
+        for corner in 0..3 {
+            stl.extend(((3 * triangle + corner) as f32).to_le_bytes());
+            stl.extend([0; 8]);
+        }
+        stl.extend([0; 2]);
+    }
+    files.push(("t.stl".to_owned(), stl));
     // Version 2 of the format: elements of as many groups as there are names, each repeated.
     let names: Vec<_> = (1..=256).map(|k| format!("0 {k} \"a{k}\"\n")).collect();
     let names = names.concat();

@@ -3,7 +3,7 @@
 use meshio::read_mesh;
 use physics::mesh::{Group, Mesh, TetMesh};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The largest relative error of a volume or area. Coordinates have up to 16 digits, those of STL files 7.
 const TOLERANCE: f64 = 1e-6;
@@ -90,6 +90,42 @@ fn a_field_of_elements_has_the_values_of_its_writer() {
                 assert_eq!(fields, ["number"], "{name}");
                 assert_eq!(solid.cell_fields[0].values, expected, "{name}");
             }
+        }
+    }
+}
+
+#[test]
+fn arrays_that_hold_no_values_are_skipped() {
+    let table = String::from_utf8(file("holds.tsv")).unwrap();
+    let names = table.lines().filter_map(|line| line.split('\t').next());
+    let expected: Vec<f64> = (0..6).map(|cell| 1000.0 + f64::from(cell)).collect();
+    let mut count = 0;
+    for name in names.filter(|name| name.starts_with("vtk") && !name.contains("sheet")) {
+        let mesh = read_mesh(name, &file(name)).unwrap();
+        let fields: Vec<_> = mesh.fields().iter().map(|field| &field.name[..]).collect();
+        // Texts, bits and values that are not finite stand beside it.
+        assert_eq!(fields, ["young"], "{name}");
+        assert_eq!(mesh.fields()[0].values, expected, "{name}");
+        count += 1;
+    }
+    assert_eq!(count, 24);
+}
+
+#[test]
+fn a_file_is_read_by_its_beginning_whatever_its_name() {
+    let table = String::from_utf8(file("holds.tsv")).unwrap();
+    for name in table.lines().filter_map(|line| line.split('\t').next()) {
+        // OBJ files have no beginning of their own.
+        if Path::new(name).extension().is_some_and(|end| end == "obj") {
+            continue;
+        }
+        let expected = read_mesh(name, &file(name)).unwrap();
+        for other in ["x.obj", "x.msh", "x.vtk", "x.vtu", "x.stl", "x"] {
+            assert_eq!(
+                read_mesh(other, &file(name)).as_ref(),
+                Ok(&expected),
+                "{name} as {other}"
+            );
         }
     }
 }

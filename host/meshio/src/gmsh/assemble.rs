@@ -5,45 +5,34 @@ use super::groups::groups;
 use super::sections::Sections;
 use super::{GmshError, elements::Element, fields};
 use crate::file::Place;
-use crate::soup::UNUSED;
-use physics::mesh::check::{Location, check_distinct};
-use physics::mesh::{MeshError, TriMesh};
+use crate::soup::{Fault, Soup};
+use physics::mesh::TriMesh;
+use physics::mesh::check::Location;
 use std::collections::BTreeMap;
 
 /// Where each node tag stands in the list of nodes.
 pub(super) type Places = BTreeMap<u64, usize>;
 
 /// The sheet of all triangles.
-pub(super) fn sheet(sections: &Sections) -> Result<TriMesh, GmshError> {
+pub(super) fn sheet(sections: &Sections, merge: Option<f64>) -> Result<TriMesh, GmshError> {
     let places = places(sections)?;
-    let used = of_dimension(&sections.blocks, 2)
-        .map(|element| nodes_of(element, sections, &places))
-        .collect::<Result<Vec<_>, _>>()?;
-
-    // The vertex of each node.
-    let mut vertices = vec![UNUSED; sections.nodes.len()];
-    for &node in used.iter().flatten() {
-        vertices[node] = 0;
-    }
-    let mut positions = Vec::new();
-    for (vertex, node) in vertices.iter_mut().zip(&sections.nodes) {
-        if *vertex != UNUSED {
-            // The numbers overflow only for a mesh that is refused for its size below.
-            *vertex = positions.len() as u32;
-            positions.push(node.position);
-        }
-    }
-    let corners = used
-        .iter()
-        .map(|nodes| nodes.map(|node| vertices[node]))
-        .collect();
-
-    let refused = |source: MeshError| GmshError::Mesh {
-        place: place_of_fault(&source, sections, &vertices),
+    let triangles = of_dimension(&sections.blocks, 2)
+        .map(|element| {
+            // The numbers overflow only for a mesh that is refused for its size.
+            let nodes = nodes_of::<3>(element, sections, &places)?;
+            Ok(nodes.map(|node| node as u32))
+        })
+        .collect::<Result<Vec<_>, GmshError>>()?;
+    let soup = Soup {
+        positions: sections.nodes.iter().map(|node| node.position).collect(),
+        triangles,
+        groups: Vec::new(),
+    };
+    let refused = |Fault { source, location }| GmshError::Mesh {
+        place: place_of_fault(location, sections, 2),
         source,
     };
-    let mut mesh = TriMesh::new(positions, corners).map_err(refused)?;
-    check_distinct(&mesh.positions).map_err(refused)?;
+    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
     let groups = groups(sections, 0..=3);
     mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
     mesh.triangle_groups = groups.of_cells(2);
@@ -96,17 +85,12 @@ pub(super) fn place_of(
     })
 }
 
-/// The place of the faulty vertex or triangle.
-fn place_of_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> Place {
-    let at = match error.location() {
-        Location::Vertex(index) => {
-            let mut nodes = sections.nodes.iter().zip(vertices);
-            nodes
-                .find(|&(_, &vertex)| vertex == index)
-                .map(|(node, _)| node.at)
-        }
-        Location::Cell(index) => of_dimension(&sections.blocks, 2)
-            .nth(index as usize)
+/// The place of a faulty node, or of a faulty element among those of a dimension.
+pub(super) fn place_of_fault(location: Location, sections: &Sections, dim: u8) -> Place {
+    let at = match location {
+        Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
+        Location::Cell(cell) => of_dimension(&sections.blocks, dim)
+            .nth(cell as usize)
             .map(|element| element.at),
         Location::Mesh => None,
     };

@@ -30,7 +30,8 @@ const INTEGERS: &str =
 /// An element that is not a cell of the mesh.
 const NO_CELL: u32 = u32::MAX;
 
-/// Reads a section after its first line; `None` if the section has no name or several components.
+/// Reads a section after its first line; `None` if the section has no name, several components or values that
+/// are not finite.
 pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, GmshError> {
     let (head, name) = name(input)?;
     for _ in 0..count(input, "a number of real tags")?.1 {
@@ -83,7 +84,7 @@ pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, G
         }
         values.push(Value {
             element: element(input)?,
-            number: input.real("a finite value of an element")?,
+            number: input.number("a value of an element")?,
             at: start.at,
         });
         input.end()?;
@@ -92,6 +93,10 @@ pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, G
         expected: format!("{END} after {claimed} values"),
         ..error
     })?;
+    // Programs write other values where a value is not known.
+    if values.iter().any(|value| !value.number.is_finite()) {
+        return Ok(None);
+    }
     values.shrink_to_fit();
     Ok(Some(Data {
         name: name.to_owned(),

@@ -204,17 +204,25 @@ impl<'a> Input<'a> {
             return item.finite(expected);
         }
         let place = self.mark().place();
-        let (bytes, big_endian) = self.take(expected)?;
-        let number = if big_endian {
-            f64::from_be_bytes(bytes)
-        } else {
-            f64::from_le_bytes(bytes)
-        };
+        let number = self.number(expected)?;
         if number.is_finite() {
             Ok(number)
         } else {
             Err(unexpected(place, expected, number))
         }
+    }
+
+    /// As [`Self::real`], finite or not.
+    pub(super) fn number(&mut self, expected: &str) -> Result<f64, Unexpected> {
+        if let Self::Text { item, .. } = self {
+            return item.number(expected);
+        }
+        let (bytes, big_endian) = self.take(expected)?;
+        Ok(if big_endian {
+            f64::from_be_bytes(bytes)
+        } else {
+            f64::from_le_bytes(bytes)
+        })
     }
 
     /// The next number of the item, which is not used: a `double` in a binary file.

@@ -20,7 +20,7 @@
 //!   partitioned entity have their own physical groups. In version 2 each element has its own.
 //! - An `$ElementData` with one component becomes a field of the lines of a thread, the triangles of a
 //!   sheet or the cells of a solid. It has to name each of them once. Values of other elements are skipped, and so is an
-//!   `$ElementData` without a name or with more components.
+//!   `$ElementData` without a name, with more components or with values that are not finite.
 //!
 //! The file is hostile until checked. Every number is parsed, and every count is compared with the data that follow.
 //! Memory is allocated in proportion to the size of the text, never to a number in the text.
@@ -176,19 +176,19 @@ pub fn parse(text: &str) -> Result<TriMesh, GmshError> {
 /// # Errors
 /// As [`parse`]; [`GmshError::NotText`] if the bytes of a text file are not UTF-8.
 pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
-    assemble::sheet(&sections::read(bytes, Wanted::Sheet)?)
+    assemble::sheet(&sections::read(bytes, Wanted::Sheet)?, None)
 }
 
 /// As [`parse_bytes`], a solid if there is a tetrahedron in the file, a thread if there is nothing but lines and points,
-/// otherwise a sheet.
+/// otherwise a sheet. With a distance, vertices within it are merged.
 ///
 /// # Errors
 /// As [`parse_bytes`], except that tetrahedra are allowed.
-pub(crate) fn parse_mesh(bytes: &[u8]) -> Result<Mesh, GmshError> {
+pub(crate) fn parse_mesh(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, GmshError> {
     let sections = sections::read(bytes, Wanted::Any)?;
     Ok(match elements::highest_dimension(&sections)? {
-        3 => Mesh::Solid(solid::mesh(&sections)?),
-        1 => Mesh::Thread(thread::mesh(&sections)?),
-        _ => Mesh::Sheet(assemble::sheet(&sections)?),
+        3 => Mesh::Solid(solid::mesh(&sections, merge)?),
+        1 => Mesh::Thread(thread::mesh(&sections, merge)?),
+        _ => Mesh::Sheet(assemble::sheet(&sections, merge)?),
     })
 }

@@ -1,17 +1,16 @@
 //! Builds a solid from the sections of a file: converts Gmsh's order of nodes to VTK's, drops unused nodes, fills
 //! groups.
 
-use super::assemble::{Places, nodes_of, places};
+use super::assemble::{Places, nodes_of, place_of_fault, places};
 use super::elements::of_dimension;
 use super::groups::groups;
 use super::sections::Sections;
 use super::{GmshError, fields};
 use crate::soup_solid::{SolidFault, SolidSoup};
-use physics::mesh::check::Location;
 use physics::mesh::{Cells, TetMesh};
 
 /// The solid of all tetrahedra, all of one order.
-pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
+pub(super) fn mesh(sections: &Sections, merge: Option<f64>) -> Result<TetMesh, GmshError> {
     let places = places(sections)?;
     let mut tetrahedra = sections.blocks.iter().filter(|block| block.kind.dim == 3);
     let cells = if tetrahedra.all(|block| block.kind.nodes == 4) {
@@ -25,20 +24,11 @@ pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
     };
     let positions = sections.nodes.iter().map(|node| node.position).collect();
     let soup = SolidSoup { positions, cells };
-    let refused = |SolidFault { source, location }| {
-        let at = match location {
-            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
-            Location::Cell(cell) => of_dimension(&sections.blocks, 3)
-                .nth(cell as usize)
-                .map(|element| element.at),
-            Location::Mesh => None,
-        };
-        GmshError::Solid {
-            place: at.map_or(sections.end(), |at| sections.place(at)),
-            source,
-        }
+    let refused = |SolidFault { source, location }| GmshError::Solid {
+        place: place_of_fault(location, sections, 3),
+        source,
     };
-    let (mut mesh, vertices) = soup.into_mesh().map_err(refused)?;
+    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
     mesh.vertex_groups = groups(sections, 0..=2).of_vertices(&places, &vertices)?;
     mesh.cell_groups = groups(sections, 3..=3).of_cells(3);
     mesh.cell_fields = fields::per_cell(sections, 3)?;

@@ -1,16 +1,15 @@
 //! From a file's sections to a thread: unused nodes dropped, groups filled.
 
-use super::assemble::{nodes_of, places};
+use super::assemble::{nodes_of, place_of_fault, places};
 use super::elements::of_dimension;
 use super::groups::groups;
 use super::sections::Sections;
 use super::{GmshError, fields};
 use crate::soup_thread::{ThreadFault, ThreadSoup};
 use physics::mesh::LineMesh;
-use physics::mesh::check::Location;
 
 /// The thread of all 2-node lines.
-pub(super) fn mesh(sections: &Sections) -> Result<LineMesh, GmshError> {
+pub(super) fn mesh(sections: &Sections, merge: Option<f64>) -> Result<LineMesh, GmshError> {
     let places = places(sections)?;
     let lines = of_dimension(&sections.blocks, 1)
         .map(|element| {
@@ -20,21 +19,12 @@ pub(super) fn mesh(sections: &Sections) -> Result<LineMesh, GmshError> {
         })
         .collect::<Result<Vec<_>, GmshError>>()?;
     let positions = sections.nodes.iter().map(|node| node.position).collect();
-    let refused = |ThreadFault { source, location }| {
-        let at = match location {
-            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
-            Location::Cell(cell) => of_dimension(&sections.blocks, 1)
-                .nth(cell as usize)
-                .map(|element| element.at),
-            Location::Mesh => None,
-        };
-        GmshError::Thread {
-            place: at.map_or(sections.end(), |at| sections.place(at)),
-            source,
-        }
+    let refused = |ThreadFault { source, location }| GmshError::Thread {
+        place: place_of_fault(location, sections, 1),
+        source,
     };
     let soup = ThreadSoup { positions, lines };
-    let (mut mesh, vertices) = soup.into_mesh().map_err(refused)?;
+    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
     let groups = groups(sections, 0..=3);
     mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
     mesh.line_groups = groups.of_cells(1);
