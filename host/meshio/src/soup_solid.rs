@@ -1,7 +1,7 @@
 //! Builds a mesh from the tetrahedra of a file: reorients those of negative volume, drops unused vertices, and traces
 //! faults back to the file.
 
-use crate::soup::drop_unused;
+use crate::soup::compact;
 use physics::Vec3;
 use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
 use physics::mesh::check_solid::{SolidError, size};
@@ -23,8 +23,8 @@ pub(crate) struct SolidFault {
 
 impl SolidSoup {
     /// A mesh of these cells, without groups and fields, and the new number of each vertex of the file. The number of a
-    /// dropped vertex is [`UNUSED`](crate::soup::UNUSED).
-    pub(crate) fn into_mesh(self) -> Result<(TetMesh, Vec<u32>), SolidFault> {
+    /// dropped vertex is [`UNUSED`](crate::soup::UNUSED). With a distance, vertices within it are merged.
+    pub(crate) fn into_mesh(self, merge: Option<f64>) -> Result<(TetMesh, Vec<u32>), SolidFault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
             let entities = "vertices";
@@ -38,8 +38,8 @@ impl SolidSoup {
             mut cells,
         } = self;
         let numbers = match &mut cells {
-            Cells::Linear(cells) => drop_unused(&mut positions, cells),
-            Cells::Quadratic(cells) => drop_unused(&mut positions, cells),
+            Cells::Linear(cells) => compact(&mut positions, cells, merge),
+            Cells::Quadratic(cells) => compact(&mut positions, cells, merge),
         };
         turn_negative(&positions, &mut cells);
         let fault = |source: SolidError| {
