@@ -415,12 +415,7 @@ fn placed_once(
 ) -> Result<(), SceneError> {
     let supports = &loaded.scene.bodies[index].supports;
     // Turned places of one vertex differ by rounding.
-    let slack = 1e-9
-        * mesh
-            .positions()
-            .iter()
-            .map(|p| p.amax())
-            .fold(0.0, f64::max);
+    let slack = 1e-9 * mesh.positions().iter().map(Vec3::amax).fold(0.0, f64::max);
     // By vertex and axis: the support, counted from 1, and the displacement (m).
     let mut placed = vec![[(0, 0.0); 3]; mesh.positions().len()];
     for (number, (support, vertices)) in supports.iter().zip(all).enumerate() {

@@ -329,8 +329,7 @@ model = 'falcon'
         let head = match table {
             "" => "name = 'a'\n".to_owned(),
             "body.mesh" => "cells = [1, 1, 1] }\n".to_owned(),
-            "body" | "device" => format!("[[{table}]]\n"),
-            "body.support" | "body.load" => format!("[[{table}]]\n"),
+            "body" | "device" | "body.support" | "body.load" => format!("[[{table}]]\n"),
             _ => format!("[{table}]\n"),
         };
         assert!(SCENE.contains(&head), "{head}");

@@ -428,10 +428,8 @@ fn check_driver(at: &str, device: &Device) -> Check {
     let serial = ["/dev/", "COM"]
         .iter()
         .any(|start| found.starts_with(start));
-    let allowed = || match serial {
-        true => format!("{}; did you mean \"tty:{found}\"?", names()),
-        false => names(),
-    };
+    let meant = format!("; did you mean \"tty:{found}\"?");
+    let allowed = || names() + if serial { &meant } else { "" };
     let at = format!("{at}.connect");
     require(known.driver(found).is_some(), &at, found, allowed())
 }

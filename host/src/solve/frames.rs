@@ -203,8 +203,12 @@ mod tests {
                     snapshot: Snapshot::default(),
                 };
                 frames.keep(&frame).expect("a frame");
-                lines +=
-                    &format!("<DataSet timestep=\"0.5\" part=\"0\" file=\"{file}_0007.vtu\"/>\n");
+                let line = [
+                    "<DataSet timestep=\"0.5\" part=\"0\" file=\"",
+                    file,
+                    "_0007.vtu\"/>\n",
+                ];
+                lines.extend(line);
                 assert_eq!(list(), format!("{HEAD}{lines}{TAIL}"));
                 assert!(folder.path().join(format!("{file}_0007.vtu")).is_file());
             }

@@ -7,6 +7,7 @@ use crate::StudyError;
 use crate::compare::{Ran, run};
 use crate::stress::jobs::{self, Cells, Header, JobError, Options, Progress};
 use host::scene::{Field, LoadedScene, Override, SceneError};
+use physics::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// Version of the lines of a sweep.
@@ -180,7 +181,7 @@ fn swept(values: Vec<String>, loaded: &LoadedScene) -> Swept {
 fn measured(values: Vec<String>, loaded: &LoadedScene, ran: &Ran) -> Swept {
     let record = &ran.record;
     let forces: Vec<Vec<f64>> = (record.devices.iter())
-        .map(|device| device.force.iter().map(|force| force.norm()).collect())
+        .map(|device| device.force.iter().map(Vec3::norm).collect())
         .collect();
     let at = |force: &[f64]| (0..force.len()).max_by(|a, b| force[*a].total_cmp(&force[*b]));
     let devices = loaded.scene.devices.iter().zip(&forces);

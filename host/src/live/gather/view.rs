@@ -1,6 +1,6 @@
 //! A tick as a gatherer takes it, from a run or from a log.
 
-use crate::log::TickRow;
+use crate::log::{LoggedReading, TickRow};
 use crate::run::device_totals::place;
 use rt_core::controller::Reading;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
@@ -60,7 +60,7 @@ impl<'a> From<&'a TickRow> for TickView<'a> {
             devices: &row.devices,
             places: places(
                 &row.devices,
-                row.readings.iter().map(|logged| logged.reading()),
+                row.readings.iter().map(LoggedReading::reading),
             ),
             bodies: &row.bodies,
         }
