@@ -116,8 +116,9 @@ pub struct Row {
     /// tolerance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open: Option<f64>,
-    /// Where (as `at`) the body snapped to another balance in this step of a static solve, if it did: with the loads of
-    /// before, the body does not return to where it was.
+    /// Fraction of the displacements and loads (of the weight, less one, in the stage `weight`) at which the body snapped to
+    /// another balance in this step of a static solve, if it did: with the loads of before, the body does not return to
+    /// where it was.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub snapped: Option<f64>,
     /// Elastic energy (J).
