@@ -94,7 +94,7 @@ fn linear_tetrahedra_of_a_material_that_keeps_its_volume_are_warned_of() {
     // The ratio of a region counts, too.
     let text = solid(
         "",
-        "0.3 }\n[[body.region]]\nname = 'soft'\nbox = [[-1, -1, -1], [1, 1, 1]]\npoisson = 0.49\n#",
+        "0.3 }\n[[body.region]]\nbox = [[-1, -1, -1], [1, 1, 1]]\npoisson = 0.49\n#",
     );
     assert!(text.contains("a Poisson's ratio of 0.49"), "{text}");
 }
