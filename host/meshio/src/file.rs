@@ -4,7 +4,7 @@
 //! The format follows from how the file begins and, where that says nothing, from the end of the file's name. All formats are held to the same: every number is checked, every count compared with what
 //! follows, memory taken in proportion to the file and never to a number in it. Vertices that no line,
 //! triangle or cell of the mesh uses are dropped; what [`LineMesh::validate`], [`TriMesh::validate`] or
-//! [`TetMesh::validate`] refuses, and two vertices at one place, is an error. Tetrahedra whose corners are counted the other way round are turned around.
+//! [`TetMesh::validate`] refuses, two vertices at one place, and a vertex on an edge of other vertices, is an error. Tetrahedra whose corners are counted the other way round are turned around.
 //!
 //! [`LineMesh::validate`]: physics::mesh::LineMesh::validate
 //! [`TetMesh::validate`]: physics::mesh::TetMesh::validate

@@ -3,6 +3,7 @@
 use crate::merge;
 use physics::Vec3;
 use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
+use physics::mesh::check_hanging::check_hanging;
 use physics::mesh::{Group, MeshError, TriMesh};
 
 /// The number of a vertex that no triangle or cell uses.
@@ -55,6 +56,7 @@ impl Soup {
         };
         let mut mesh = TriMesh::new(positions, triangles).map_err(fault)?;
         check_distinct(&mesh.positions).map_err(fault)?;
+        check_hanging(&mesh).map_err(fault)?;
         mesh.vertex_groups = groups
             .iter()
             .map(|group| Group {

@@ -4,6 +4,7 @@
 use crate::soup::compact;
 use physics::Vec3;
 use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
+use physics::mesh::check_hanging::check_hanging_solid;
 use physics::mesh::check_solid::{SolidError, size};
 use physics::mesh::{Cells, MeshError, TetMesh};
 
@@ -54,6 +55,7 @@ impl SolidSoup {
         };
         let mesh = TetMesh::new(positions, cells).map_err(fault)?;
         check_distinct(&mesh.positions).map_err(|error| fault(error.into()))?;
+        check_hanging_solid(&mesh).map_err(|error| fault(error.into()))?;
         Ok((mesh, numbers))
     }
 }

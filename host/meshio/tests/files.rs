@@ -195,7 +195,7 @@ fn corners_of_an_stl_file_at_one_place_are_one_vertex() -> Outcome {
 #[test]
 fn vertices_within_the_distance_are_merged_on_request() -> Outcome {
     let doubled =
-        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0.0003 0 0\nv 1 1.0004 0\nv 0 1 0\nf 1 2 3\nf 4 5 6\n";
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 0 0.0003\nv 1 1 0.0004\nv 0 1 0\nf 1 2 3\nf 4 5 6\n";
     let merged = |distance: f64| {
         let choices = meshio::Choices {
             merge: Some(distance),
@@ -392,7 +392,7 @@ fn wrong_obj_files_are_refused_with_their_line() {
         ),
         (
             with("v 7 7 7\nv 0 0 1\nv -0 -0 0\nf 1 2 3\nf 5 6 2"),
-            "line 6: vertices 0 and 4 lie at one place, where the mesh is not connected; merge the two vertices (a slit needs a gap)",
+            "line 6: vertices 0 and 4 lie at one place, where the mesh is not connected; merge the two vertices, as mesh.merge of a scene does (a slit needs a gap)",
         ),
         (
             "vertex 1 2 3".to_owned(),
@@ -655,4 +655,46 @@ fn an_invalid_mesh_is_distinguished_from_invalid_text() {
             ..
         })
     ));
+}
+
+#[test]
+fn a_vertex_on_an_edge_is_named_with_both() -> Outcome {
+    // A large triangle beside two small ones, which divide its longest side.
+    let sheet = |middle: &str| {
+        format!("v 0 0 0\nv 2 0 0\nv 0 -1 0\nv {middle}\nv 0 1 0\nf 1 3 2\nf 1 4 5\nf 4 2 5\n")
+    };
+    assert_eq!(
+        error("x.obj", sheet("1 0 0").as_bytes()),
+        "line 4: vertex 3 lies on edge 0-1, where the mesh is not connected; divide the edge at the vertex, or mesh \
+         again (a slit needs a gap)"
+    );
+    assert_eq!(error("x.obj", sheet("1 1e-5 0").as_bytes()), "no error");
+    // Divided there, the mesh is connected.
+    let divided = sheet("1 0 0").replace("f 1 3 2\n", "f 1 3 4\nf 4 3 2\n");
+    assert_eq!(read("x.obj", divided.as_bytes())?.triangles.len(), 4);
+
+    // The same for tetrahedra: one on the large triangle's side, two on the other.
+    let solid = |cells: &str| {
+        let count = cells.lines().count();
+        format!(
+            "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 6 float\n0 0 0 2 0 0 0 -1 0\n\
+             1 0 0 0 1 0 0 0 1\nCELLS {count} {}\n{cells}\nCELL_TYPES {count}\n{}",
+            5 * count,
+            "10\n".repeat(count)
+        )
+    };
+    let fault = |cells: &str| {
+        let read = meshio::read_mesh("x.vtk", solid(cells).as_bytes());
+        read.map_or_else(|error| error.to_string(), |_| "no error".to_owned())
+    };
+    let found = fault("4 0 2 1 5\n4 0 3 4 5\n4 3 1 4 5");
+    assert!(
+        found.contains("vertex 3 lies on edge 0-1, where"),
+        "{found}"
+    );
+    assert_eq!(
+        fault("4 0 2 3 5\n4 3 2 1 5\n4 0 3 4 5\n4 3 1 4 5"),
+        "no error"
+    );
+    Ok(())
 }

@@ -23,6 +23,7 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
         warnings.extend(material::warnings(loaded, index, &mesh));
         warnings.extend(held_twice(loaded, index, &mesh));
         warnings.extend(tear::coarse(loaded, index, &mesh));
+        warnings.extend(material::locks(loaded, index, &mesh));
         boxes.push(Bounds::of(mesh.positions()));
     }
     for second in 0..boxes.len() {

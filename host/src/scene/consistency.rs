@@ -150,6 +150,12 @@ fn check_body(at: &str, body: &Body) -> Check {
         "`file` with an OBJ file, whose texture coordinates are the pattern",
     )?;
     require(
+        body.mesh.merge.is_none() || matches!(body.mesh.source, MeshSource::File(_)),
+        &format!("{at}.mesh.merge"),
+        "a distance for a mesh that is built in",
+        "`file`: a built-in mesh has no doubled vertices",
+    )?;
+    require(
         body.mesh.scale.is_none() || matches!(body.mesh.source, MeshSource::File(_)),
         &format!("{at}.mesh.scale"),
         "a scale for a mesh that is built in",

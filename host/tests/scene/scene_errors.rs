@@ -263,7 +263,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.cube = 3
-  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `scale`, `order`, `flat_pattern`
+  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `scale`, `merge`, `order`, `flat_pattern`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = 3
   x.toml:14: body[0].mesh.sheet: found 3, allowed: a table

@@ -595,7 +595,7 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
         ),
         (
             base.replace("density = 1", "density = 1, fields = { young = \"E\" }"),
-            "x.toml:6: body[0].material.fields.young: found \"E\", allowed: nothing (the mesh has no values by element)",
+            "x.toml:6: body[0].material.fields.young: found \"E\", allowed: nothing (the mesh has no values by element that are finite numbers)",
         ),
         (
             format!("{sheet}[[body.load]]\nname = \"l\"\ngroup = \"left\"\ntraction = [1, 0, 0]\n"),

@@ -113,7 +113,7 @@ fn a_bad_mesh_is_refused_in_one_line_before_anything_is_written() -> Outcome {
         (
             "twins.obj",
             obj("v 0 0 0\nv 1 1 1\nf 1 2 3\nf 4 5 2"),
-            "line 4: vertices 0 and 3 lie at one place, where the mesh is not connected; merge the two vertices (a slit needs a gap)",
+            "line 4: vertices 0 and 3 lie at one place, where the mesh is not connected; merge the two vertices, as mesh.merge of a scene does (a slit needs a gap)",
         ),
         (
             "empty.obj",
