@@ -320,6 +320,8 @@ fn the_work_while_the_force_comes_in_is_that_on_the_device() -> Result<(), Box<d
         // The device rests 5 mm above the top of the block, and the hand holds it there.
         let device = format!("mounting.origin = [0, 0, 0.035]\nengage.arm = 'command'\n{further}");
         let text = SCENE.replace("DEVICE", &device).replace("HAND", "");
+        // The weight of the block is the force that comes in.
+        let text = text.replace("gravity = [0, 0, 0]\n", "");
         let hand = "waypoints = [[0, 0, 0, 0], [0.3, 0, 0, -0.004], [0.6, 0, 0, -0.012]]\n";
         let loaded = Scene::load_texts("block.toml", &text.replace(hand, ""), &BTreeMap::new())?;
         let (summary, _) = logged(&loaded, &[(Order::Arm, 0.05)])?;
