@@ -4,7 +4,7 @@ use super::fault::fault;
 use super::outputs::{Declared, Format};
 use super::stress::scheme_of;
 use super::written::Written;
-use super::{CommandError, SceneArgument, load, progress_bar};
+use super::{CommandError, SceneArgument, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::engine::faults::HostFault;
 use host::plot::{self, Panel, Role, Series, write_picture};
@@ -13,6 +13,7 @@ use std::num::NonZero;
 use std::path::PathBuf;
 use study::compare::{Comparison, ForceError, Measures, Record, Run, Settings, compare, csv};
 use study::stress::scene::SCHEMES;
+use study::sweep::thin;
 
 /// Arguments of `palpate compare`.
 #[derive(Clone, Debug, clap::Args)]
@@ -82,7 +83,7 @@ fn rate(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
     let scene = arguments.scene.scene.as_deref();
-    let loaded = load(scene)?;
+    let loaded = arguments.scene.load()?;
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--json", arguments.json.as_ref(), Format::Json)
@@ -242,7 +243,7 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
     };
     let line = |name: &str, role, from: f64, values: &[f64]| Series {
         name: name.to_owned(),
-        points: thin(first.record.period, values)
+        points: thin(first.record.period, values, POINTS)
             .into_iter()
             .filter(|(time, _)| *time >= from)
             .collect(),
@@ -286,39 +287,4 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
         panels.push(panel("force error", errors));
     }
     panels
-}
-
-/// The smallest and the largest of the values of several ticks, in their order in time: no peak is lost.
-fn thin(period: f64, values: &[f64]) -> Vec<(f64, f64)> {
-    let every = (2 * values.len()).div_ceil(POINTS).max(1);
-    let mut points = Vec::new();
-    for (number, chunk) in values.chunks(every).enumerate() {
-        let each = || chunk.iter().enumerate();
-        let low = each().min_by(|a, b| a.1.total_cmp(b.1));
-        let high = each().max_by(|a, b| a.1.total_cmp(b.1));
-        let mut both: Vec<_> = [low, high].into_iter().flatten().collect();
-        both.sort_unstable_by_key(|(at, _)| *at);
-        both.dedup_by_key(|(at, _)| *at);
-        let place = |(at, value): (usize, &f64)| ((number * every + at) as f64 * period, *value);
-        points.extend(both.into_iter().map(place));
-    }
-    points
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn thin_lines_keep_peaks_and_order() {
-        let mut values: Vec<f64> = (0..10_000).map(|k| (f64::from(k) * 0.01).sin()).collect();
-        values[1234] = 7.0;
-        values[5678] = -7.0;
-        let points = thin(0.5, &values);
-        assert!(points.len() <= POINTS + 2, "{}", points.len());
-        assert!(points.contains(&(617.0, 7.0)) && points.contains(&(2839.0, -7.0)));
-        assert!(points.is_sorted_by(|a, b| a.0 < b.0));
-        assert_eq!(thin(0.5, &[1.0, 2.0]), [(0.0, 1.0), (0.5, 2.0)]);
-        assert_eq!(thin(0.5, &[]), []);
-    }
 }

@@ -23,9 +23,11 @@ mod plan;
 mod progress;
 mod replay;
 mod run;
+mod sets;
 mod signals;
 mod solve;
 mod stress;
+mod sweep;
 #[cfg(feature = "view")]
 mod view;
 #[cfg(feature = "view")]
@@ -33,8 +35,9 @@ mod watch;
 mod written;
 
 use clap::{Parser, Subcommand};
-use host::scene::{LoadedScene, Scene, SceneError};
+use host::scene::{LoadedScene, SceneError};
 use progress::ProgressBar;
+use sets::{Sets, Values};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -63,6 +66,8 @@ Examples:
   palpate view run.mcap                        play a log back in the terminal
   palpate solve my_scene.toml --vtu out        find equilibrium without devices, as files for ParaView
   palpate compare my_scene.toml                compare the force schemes on your own scene
+  palpate sweep my_scene.toml --set body[0].material.young=1e5,2e5,4e5
+                                               run a scene for each value of a field
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
   palpate device list                          print which devices are connected, and how a scene names them
   palpate bench speed --quick                  measure run time against error, and compare with other programs
@@ -78,6 +83,8 @@ enum Command {
     Solve(solve::SolveArguments),
     /// Run a scene under several force schemes and compare forces, energy and delays with a run without delays
     Compare(compare::CompareArguments),
+    /// Run a scene with several values of its fields, side by side in one table and one figure
+    Sweep(sweep::SweepArguments),
     /// Write the mesh of a scene's body, with its groups and materials, for Gmsh or ParaView
     Mesh(mesh::MeshArguments),
     /// List, probe and emulate devices
@@ -100,6 +107,18 @@ enum CommandError {
     Scene(#[from] SceneError),
     #[error("with {given}: {source}")]
     Override { given: String, source: SceneError },
+    #[error(
+        "with {given}: found {count} values, allowed: one; `palpate sweep` makes a run for each of several values"
+    )]
+    ManyValues { given: String, count: usize },
+    #[error("{argument}: found a time of {found} s, allowed: before the end of the run at {end} s")]
+    AfterTheEnd {
+        argument: &'static str,
+        found: f64,
+        end: f64,
+    },
+    #[error(transparent)]
+    Sweep(#[from] study::sweep::SweepError),
     #[error(
         "with {given}: found the device {found:?}, allowed: the devices of the scene: {allowed}"
     )]
@@ -176,6 +195,9 @@ impl CommandError {
             Self::Scene(_)
             | Self::Override { .. }
             | Self::NoSuchDevice { .. }
+            | Self::ManyValues { .. }
+            | Self::AfterTheEnd { .. }
+            | Self::Sweep(_)
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
             | Self::Run(host::run::RunError::Scene(_) | host::run::RunError::FrameRate(_))
@@ -230,6 +252,7 @@ fn execute(command: Option<Command>) -> u8 {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Device(arguments) => device::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
@@ -246,13 +269,9 @@ fn execute(command: Option<Command>) -> u8 {
     }
 }
 
-/// The scene at `path`, or the built-in one. Prints what is possible in the scene, but unlikely.
-fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
-    let loaded = path.map_or_else(Scene::embedded_default, Scene::load)?;
-    for warning in host::bodies::warnings(&loaded) {
-        errln!("warning: {warning}");
-    }
-    Ok(loaded)
+/// The scene at `path`, or the built-in one, with the values of `sets`. Prints what is possible in the scene, but unlikely.
+fn load(path: Option<&Path>, sets: &Sets) -> Result<LoadedScene, CommandError> {
+    sets::load_with(path, sets.given()?, |_| Ok(()))
 }
 
 /// A scene file as an argument.
@@ -260,6 +279,15 @@ fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
 struct SceneArgument {
     /// Scene file (TOML). Default: the built-in scene
     scene: Option<PathBuf>,
+    #[command(flatten)]
+    values: Values,
+}
+
+impl SceneArgument {
+    /// The scene with the values of the arguments. Prints what is possible in the scene, but unlikely.
+    fn load(&self) -> Result<LoadedScene, CommandError> {
+        self.values.load(self.scene.as_deref(), Vec::new())
+    }
 }
 
 /// The commit from which this program was built, as `build.rs` found it.

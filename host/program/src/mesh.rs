@@ -1,6 +1,7 @@
 //! `palpate mesh`: writes the mesh of a scene's body to a file for other programs.
 
 use super::outputs::{self, Declared};
+use super::sets::Sets;
 use super::{CommandError, load};
 use host::atomic_file::write_atomically;
 use host::bodies::{self, Built};
@@ -20,11 +21,13 @@ pub(super) struct MeshArguments {
     /// Name of the body. Default: the first body
     #[arg(long, value_name = "NAME")]
     body: Option<String>,
+    #[command(flatten)]
+    sets: Sets,
 }
 
 pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
     let format = Format::of(&arguments.file)?;
-    let loaded = load(Some(&arguments.scene))?;
+    let loaded = load(Some(&arguments.scene), &arguments.sets)?;
     let names = || loaded.scene.bodies.iter().map(|body| &body.name);
     let index = match &arguments.body {
         None => 0,

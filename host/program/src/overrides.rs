@@ -1,8 +1,7 @@
 //! The arguments of `palpate run` that replace values of the scene.
 
-use super::{CommandError, load};
-use host::scene::{LoadedScene, Override, Scene};
-use std::path::Path;
+use super::{CommandError, SceneArgument};
+use host::scene::{LoadedScene, Override};
 
 /// Values that replace values of the scene. The log holds the scene with the replaced values.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -44,27 +43,10 @@ pub(super) struct Overrides {
         allow_negative_numbers = true
     )]
     latency: Option<f64>,
-    /// Connection of a device: `left=sim` simulates the device `left` (its hand is the scene's, or holds still), and
-    /// `left=hid:1209:c0de` opens a real device. May be given several times. Default: `connect` of the device in the
-    /// scene
-    #[arg(long = "device", value_name = "NAME=CONNECT", value_parser = named_connection, conflicts_with = "replay")]
-    devices: Vec<(String, String)>,
     /// Arm the devices at the start, for a run that nobody attends. Default: `engage.arm` of each device in the scene; a
     /// real device waits to be armed
     #[arg(long, conflicts_with = "replay")]
     armed: bool,
-}
-
-/// Parses `NAME=CONNECT`.
-fn named_connection(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, to)) if !name.is_empty() && !to.is_empty() => {
-            Ok((name.to_owned(), to.to_owned()))
-        }
-        _ => Err(format!(
-            "found {text}, allowed: the name of a device and its connection, such as left=sim"
-        )),
-    }
 }
 
 impl Overrides {
@@ -92,54 +74,14 @@ impl Overrides {
                 let field = Override::number(table, name, value);
                 Some((format!("{flag} {value}"), field))
             });
-        let devices = self.devices.iter().map(|(name, to)| {
-            let flag = format!("--device {name}={to}");
-            (flag, Override::connection(name, to))
-        });
         let armed = self
             .armed
             .then(|| ("--armed".to_owned(), Override::armed()));
-        scheme.chain(numbers).chain(devices).chain(armed).collect()
+        scheme.chain(numbers).chain(armed).collect()
     }
 
-    /// Checks that every device whose connection is given exists.
-    fn check_devices(&self, scene: &LoadedScene) -> Result<(), CommandError> {
-        let known = &scene.scene.devices;
-        let missing = self
-            .devices
-            .iter()
-            .find(|(name, _)| known.iter().all(|device| device.name != *name));
-        match missing {
-            None => Ok(()),
-            Some((name, to)) => Err(CommandError::NoSuchDevice {
-                given: format!("--device {name}={to}"),
-                found: name.clone(),
-                allowed: known
-                    .iter()
-                    .map(|device| format!("{:?}", device.name))
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            }),
-        }
-    }
-
-    /// The scene at `path`, or the built-in one, with these values. Prints what is possible in the scene, but unlikely.
-    pub(super) fn load(&self, path: Option<&Path>) -> Result<LoadedScene, CommandError> {
-        let (flags, fields): (Vec<_>, Vec<_>) = self.given().into_iter().unzip();
-        if fields.is_empty() {
-            return Ok(load(path)?);
-        }
-        let original = path.map_or_else(Scene::embedded_default, Scene::load)?;
-        self.check_devices(&original)?;
-        let loaded = original
-            .overridden(&fields)
-            .map_err(|source| CommandError::Override {
-                given: flags.join(" "),
-                source,
-            })?;
-        for warning in host::bodies::warnings(&loaded) {
-            errln!("warning: {warning}");
-        }
-        Ok(loaded)
+    /// The scene of the argument with these values. Prints what is possible in the scene, but unlikely.
+    pub(super) fn load(&self, scene: &SceneArgument) -> Result<LoadedScene, CommandError> {
+        scene.values.load(scene.scene.as_deref(), self.given())
     }
 }

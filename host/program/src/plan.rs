@@ -1,7 +1,7 @@
 //! `palpate plan`: prints the stages that a scene needs, and why.
 
 use super::outputs::{Declared, Format};
-use super::{CommandError, SceneArgument, load, progress_bar};
+use super::{CommandError, SceneArgument, progress_bar};
 use host::atomic_file::write_json;
 use host::bodies;
 use host::engine::build;
@@ -48,7 +48,7 @@ struct PlanJson<'a> {
 
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let scene = arguments.scene.scene.as_deref();
-    let loaded = load(scene)?;
+    let loaded = arguments.scene.load()?;
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--json", arguments.json.as_ref(), Format::Json)

@@ -1,6 +1,7 @@
 //! `palpate run --replay`: runs the ticks of a log again and compares them bit for bit.
 
 use super::outputs::{Declared, Format};
+use super::sets::Sets;
 use super::written::Written;
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::write_json;
@@ -36,7 +37,7 @@ pub(super) fn run(
     };
     let mut log = open(path).map_err(refused)?;
     let loaded = match scene {
-        Some(_) => load(scene)?,
+        Some(_) => load(scene, &Sets::default())?,
         None => scene_of(&mut log, &path.display().to_string()).map_err(|e| refused(e.into()))?,
     };
     let declared = Declared::default().input("the log", Some(path));

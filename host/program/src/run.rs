@@ -100,7 +100,9 @@ pub(super) struct RunArguments {
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot", "histogram"]
+        conflicts_with_all = [
+            "clock", "duration", "seed", "instructions", "log", "plot", "histogram", "sets", "devices",
+        ]
     )]
     replay: Option<PathBuf>,
     /// Print lines on stderr with the number of ticks done and the number of ticks in the log
@@ -238,6 +240,21 @@ fn needed_calls(scene: &Scene) -> CallPolicy {
     }
 }
 
+/// Refuses faults and orders that would come after the end of the run, without effect.
+fn before_the_end(arguments: &RunArguments, scene: &Scene) -> Result<(), CommandError> {
+    let end = arguments.duration.unwrap_or(scene.duration);
+    let faults = arguments.fault.iter().map(|fault| ("--fault", fault.at));
+    let orders = arguments.order.iter().map(|order| ("--order", order.at));
+    match faults.chain(orders).find(|(_, at)| *at >= end) {
+        None => Ok(()),
+        Some((argument, found)) => Err(CommandError::AfterTheEnd {
+            argument,
+            found,
+            end,
+        }),
+    }
+}
+
 /// Refuses what is about the tick's own thread where there is none.
 fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
     let given = [
@@ -290,7 +307,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if arguments.view.pace.is_some() && real {
         return Err(CommandError::PaceNeedsVirtualClock);
     }
-    let loaded = arguments.overrides.load(scene)?;
+    let loaded = arguments.overrides.load(&arguments.scene)?;
     let frames = arguments.vtu.as_ref().map(|folder| FrameOptions {
         folder: folder.clone(),
         rate: arguments
@@ -303,6 +320,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if let Some(rate) = arguments.log_frames {
         host::run::log_frames::check_rate(rate, &loaded.scene).map_err(RunError::from)?;
     }
+    before_the_end(arguments, &loaded.scene)?;
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)

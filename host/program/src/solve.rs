@@ -1,6 +1,7 @@
 //! `palpate solve`: solves a scene without devices for equilibrium or motion.
 
 use super::outputs::{Declared, Format};
+use super::sets::Sets;
 use super::written::Written;
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
@@ -37,10 +38,12 @@ pub(super) struct SolveArguments {
     /// Write the solution as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    #[command(flatten)]
+    sets: Sets,
 }
 
 pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
-    let loaded = load(Some(&arguments.scene))?;
+    let loaded = load(Some(&arguments.scene), &arguments.sets)?;
     if arguments.force_displacement.is_some() && !has_load_curves(&loaded.scene) {
         return Err(CommandError::NothingDisplaced);
     }

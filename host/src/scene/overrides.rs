@@ -1,16 +1,17 @@
-//! Overrides: values that replace values of a scene for one run, such as another rate of the tick, or a simulated device
-//! in place of a real one.
+//! Overrides: values that replace values of a scene for one run, such as another rate of the tick, another toughness, or a
+//! simulated device in place of a real one.
 //!
 //! An override edits the text of the scene, and the edited text is read and checked like any other scene. The log of the
 //! run holds the edited text, so that a replay of the log needs no overrides. Comments and order of the text stay.
 
+use super::field::{Field, NoPlace, set, tables};
 use super::load::load;
 use super::spec::{EMULATED, SIMULATED};
 use super::{LoadedScene, SceneError};
 use devices::Connection;
 use std::io;
 use std::path::Path;
-use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
+use toml_edit::{DocumentMut, InlineTable, Item, TableLike, Value};
 
 /// A value that replaces the value of one field of a scene.
 #[derive(Clone, Debug)]
@@ -18,12 +19,8 @@ pub struct Override(Change);
 
 #[derive(Clone, Debug)]
 enum Change {
-    /// The value of a field of a table.
-    Field {
-        table: &'static str,
-        name: &'static str,
-        value: Value,
-    },
+    /// The value of a field.
+    Field { field: Field, value: Value },
     /// The connection of a device.
     Connection { device: String, to: Connection },
     /// Every device is armed at the start.
@@ -39,13 +36,20 @@ impl Override {
         } else {
             Value::from(value)
         };
-        Self(Change::Field { table, name, value })
+        let field = Field::of(table, name);
+        Self(Change::Field { field, value })
     }
 
     /// A word for the field `name` of the table `[table]`.
     pub fn word(table: &'static str, name: &'static str, value: &str) -> Self {
-        let value = Value::from(value);
-        Self(Change::Field { table, name, value })
+        let (field, value) = (Field::of(table, name), Value::from(value));
+        Self(Change::Field { field, value })
+    }
+
+    /// Any value for any field: TOML, such as `450`, `true` or `[0, 0, -9.81]`, or else a word, such as `hold`.
+    pub fn value(field: Field, text: &str) -> Self {
+        let value = (text.parse::<Value>()).unwrap_or_else(|_| Value::from(text));
+        Self(Change::Field { field, value })
     }
 
     /// Another connection for the device of that name, such as `sim` for a simulated device. The simulated device keeps
@@ -63,16 +67,11 @@ impl Override {
     }
 
     /// Writes the value into the text of a scene. A field or a table that the text lacks is added.
-    fn write(&self, document: &mut DocumentMut) {
+    fn write(&self, document: &mut DocumentMut) -> Result<(), (&Field, NoPlace)> {
         match &self.0 {
-            Change::Field { table, name, value } => {
-                let table = document
-                    .entry(table)
-                    .or_insert_with(|| Item::Table(Table::new()));
-                // The scene was read before: this is a table.
-                if let Some(table) = table.as_table_like_mut() {
-                    set(table, name, value.clone());
-                }
+            Change::Field { field, value } => {
+                let written = field.write(document, value.clone());
+                return written.map_err(|no_place| (field, no_place));
             }
             Change::Armed => {
                 let devices = document.get_mut("device").map(tables).unwrap_or_default();
@@ -89,18 +88,7 @@ impl Override {
                 }
             }
         }
-    }
-}
-
-/// The tables of a list of tables, in either of the two forms of TOML.
-fn tables(list: &mut Item) -> Vec<&mut dyn TableLike> {
-    match list {
-        Item::ArrayOfTables(list) => list.iter_mut().map(|table| table as _).collect(),
-        Item::Value(Value::Array(list)) => {
-            let each = list.iter_mut().filter_map(Value::as_inline_table_mut);
-            each.map(|table| table as _).collect()
-        }
-        _ => Vec::new(),
+        Ok(())
     }
 }
 
@@ -132,21 +120,6 @@ fn arm(device: &mut dyn TableLike) {
     }
 }
 
-/// Sets a field of a table.
-fn set(table: &mut dyn TableLike, name: &str, value: Value) {
-    match table.get_mut(name).and_then(Item::as_value_mut) {
-        Some(old) => {
-            // The comment behind the value stays.
-            let decor = old.decor().clone();
-            *old = value;
-            *old.decor_mut() = decor;
-        }
-        None => {
-            table.insert(name, Item::Value(value));
-        }
-    }
-}
-
 impl LoadedScene {
     /// The scene with `overrides`. The files that the scene names are not read again.
     ///
@@ -167,7 +140,10 @@ impl LoadedScene {
         // The scene was read before: its text is TOML.
         let mut document: DocumentMut = self.source.text.parse().unwrap_or_default();
         for one in overrides {
-            one.write(&mut document);
+            let written = one.write(&mut document);
+            written.map_err(|(field, NoPlace { found, allowed })| {
+                self.source.error(&field.to_string(), found, allowed)
+            })?;
         }
         let source = self.source.edited(document.to_string());
         let folder = Path::new(&self.source.name).parent();
@@ -254,6 +230,75 @@ material = { young = 1e3, poisson = 0.3, density = 1000 }
             schemes.starts_with("a.toml:2: loop.scheme: found \"held\", allowed: "),
             "{schemes}"
         );
+    }
+
+    #[test]
+    fn any_field_is_set_by_its_name() {
+        let scene = load(&format!(
+            "name = \"a\"\ngravity = [0, 0, -1]\n{BODY}[[body]]\nname = \"c\"\nmesh.box = {{ size = [0.1, 0.1, 0.1], \
+             cells = [1, 1, 1] }}\nmaterial = {{ young = 1e3, poisson = 0.3, density = 1000 }} # soft\n"
+        ));
+        let set = |text: &str| {
+            let (field, value) = text.split_once('=').expect("a value");
+            let field = field.parse().expect("a field");
+            scene.overridden(&[Override::value(field, value)])
+        };
+        let young = |scene: &LoadedScene, body: usize| scene.scene.bodies[body].material.young;
+        for (text, body) in [
+            ("body[0].material.young=250", 0),
+            ("body[1].material.young=2.5e2", 1),
+            ("body[c].material.young=250.0", 1),
+        ] {
+            let after = set(text).expect("a scene");
+            assert_eq!(young(&after, body), 250.0, "{text}");
+            assert_eq!(young(&after, 1 - body), 1e3, "{text}");
+            assert!(after.source.text.contains("# soft"));
+        }
+        let after = set("gravity[2]=-2.5").expect("a scene");
+        assert_eq!(after.scene.gravity, [0.0, 0.0, -2.5]);
+        let after = set("gravity=[0, -9.81, 0]").expect("a scene");
+        assert_eq!(after.scene.gravity, [0.0, -9.81, 0.0]);
+        let after = set("loop.scheme=hold").expect("a scene");
+        assert_eq!(
+            after.scene.realtime.scheme,
+            crate::scene::spec::SchemeName::Hold
+        );
+        let after = set("body[0].damping.mass=2").expect("a scene");
+        assert_eq!(after.scene.bodies[0].damping.mass, 2.0);
+
+        for (text, said) in [
+            (
+                "body[2].material.young=1",
+                "body[2].material.young: found body[2], allowed: 0, 1, b, c",
+            ),
+            (
+                "device[left].model=falcon",
+                "found device[left], allowed: a list",
+            ),
+            (
+                "body.material.young=1",
+                "found a list as `body`, allowed: a table",
+            ),
+            (
+                "body[0].material.young=-1",
+                "body[0].material.young: found -1, allowed: ",
+            ),
+            (
+                "body[0].material.yuong=1",
+                "body[0].material.yuong: unknown field",
+            ),
+            ("body[0].material.young=soft", "found \"soft\""),
+        ] {
+            let error = set(text).expect_err(text).to_string();
+            assert!(error.starts_with("a.toml:"), "{error}");
+            assert!(error.contains(said), "{error}");
+        }
+        for text in [
+            "", ".", "body[", "body[].a", "body[0]a", "a..b", "a b", "[0]", "a.",
+        ] {
+            let error = text.parse::<Field>().expect_err(text).to_string();
+            assert!(error.contains("allowed: a field of the scene"), "{error}");
+        }
     }
 
     /// What only the mesh tells is found after the scene was read.

@@ -11,6 +11,7 @@ pub mod probe;
 pub mod speed;
 pub mod stability;
 pub mod stress;
+pub mod sweep;
 pub mod tearing;
 pub mod velocity;
 

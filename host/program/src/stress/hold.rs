@@ -1,7 +1,7 @@
 //! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind.
 
 use super::scene::{log, picture, write_scene};
-use super::{CommandError, Common, Declared, Format, Shown, Written, load, scheme_of};
+use super::{CommandError, Common, Declared, Format, Shown, Values, Written, scheme_of};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
 use host::scene::spec::SchemeName;
@@ -20,6 +20,8 @@ pub(super) struct HoldArguments {
     /// Judge this scene file (TOML) with its own hands, instead of the cells of the study
     #[arg(conflicts_with_all = ["runs", "cell", "quick", "seed", "shard", "json", "plot"])]
     file: Option<PathBuf>,
+    #[command(flatten)]
+    values: Values,
     /// Number of cells: the fixed cases first, then random draws. Each cell is run under linear and capped
     #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
@@ -54,7 +56,7 @@ fn scheme(text: &str) -> Result<SchemeName, String> {
 pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     if let Some(path) = &arguments.file {
-        let cell = judge(load(Some(path))?)?;
+        let cell = judge(arguments.values.load(Some(path), Vec::new())?)?;
         return finish(&BTreeMap::from([(0, cell)]));
     }
     let declared = Declared::default()

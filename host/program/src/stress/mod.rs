@@ -12,8 +12,9 @@ mod wall;
 
 use super::outputs::{Declared, Format};
 use super::written::Written;
-use super::{CommandError, load, progress_bar};
+use super::{CommandError, progress_bar};
 use crate::progress::ProgressBar;
+use crate::sets::Values;
 use host::scene::NamedDevice;
 use host::scene::spec::SchemeName;
 use std::cell::Cell;
@@ -146,21 +147,21 @@ fn cells(text: &str) -> Result<u64, String> {
 }
 
 /// The progress of the cells, on a bar of a thousand parts.
-struct Shown {
+pub(super) struct Shown {
     bar: ProgressBar,
     /// Whether the person has been told that the file of results cannot be written.
     warned: Cell<bool>,
 }
 
 impl Shown {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             bar: progress_bar(),
             warned: Cell::new(false),
         }
     }
 
-    fn show(&self, at: &Progress<'_>) {
+    pub(super) fn show(&self, at: &Progress<'_>) {
         self.bar.set_position(1000 * at.done / at.of.max(1));
         if let Some(error) = at.unwritten
             && !self.warned.replace(true)
@@ -172,7 +173,10 @@ impl Shown {
     }
 
     /// Ends the display of a run with the result `cells`.
-    fn end<R>(&self, cells: Result<Cells<R>, JobError>) -> Result<Cells<R>, CommandError> {
+    pub(super) fn end<R>(
+        &self,
+        cells: Result<Cells<R>, JobError>,
+    ) -> Result<Cells<R>, CommandError> {
         self.bar.finish_and_clear();
         Ok(cells?)
     }

@@ -1,4 +1,5 @@
-//! `palpate run --scheme, --rate, --step-rate, --publish-rate, --latency`: values in place of those of the scene.
+//! `palpate run --scheme, --rate, --step-rate, --publish-rate, --latency`, `--set` of every command and `palpate sweep`:
+//! values in place of those of the scene.
 
 use std::error::Error;
 use std::fs;
@@ -119,5 +120,102 @@ fn a_value_that_the_scene_may_not_have_is_refused() -> Outcome {
     let (code, text) = said(&palpate(folder.path(), "run --replay x.mcap --rate 500")?);
     assert_eq!(code, Some(2), "{text}");
     assert!(text.contains("cannot be used with"), "{text}");
+    Ok(())
+}
+
+/// Every command that reads a scene sets fields, and names what it cannot set.
+#[test]
+fn each_command_sets_any_field_of_the_scene() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    fs::write(folder.path().join("s.toml"), SCENE)?;
+    for command in [
+        "run s.toml --duration 0.05",
+        "plan s.toml --no-timing",
+        "compare s.toml --duration 0.05",
+        "solve s.toml",
+        "mesh s.toml out.vtu",
+        "stress hold s.toml",
+        "stress scene s.toml --cell 0",
+        "sweep s.toml",
+    ] {
+        for (set, expected) in [
+            (
+                "body[sheet].material.young=-1",
+                "with --set body[sheet].material.young=-1: s.toml:7: body[0].material.young: found -1, allowed: ",
+            ),
+            (
+                "device[middle].model=falcon",
+                "with --set device[middle].model=falcon: s.toml:12: device[middle].model: found device[middle], \
+                 allowed: 0, 1, left, right",
+            ),
+        ] {
+            let found = palpate(folder.path(), &format!("{command} --set {set}"))?;
+            let (code, text) = said(&found);
+            assert_eq!(code, Some(2), "{command}: {text}");
+            assert!(text.starts_with(expected), "{command}: {text}");
+        }
+    }
+    let described = |set: &str| -> Result<String, Box<dyn Error>> {
+        let found = palpate(folder.path(), &format!("mesh s.toml out.vtu{set}"))?;
+        assert_eq!(found.status.code(), Some(0), "{}", said(&found).1);
+        Ok(String::from_utf8_lossy(&found.stdout).into_owned())
+    };
+    let (before, after) = (
+        described("")?,
+        described(" --set body[0].material.young=4e5")?,
+    );
+    assert_ne!(before, after);
+    let many = palpate(folder.path(), "run s.toml --set loop.rate=500,1000")?;
+    let (code, text) = said(&many);
+    assert_eq!(code, Some(2));
+    assert!(
+        text.contains("found 2 values, allowed: one; `palpate sweep`"),
+        "{text}"
+    );
+    Ok(())
+}
+
+/// A run of a sweep is the run of the scene with its values, and a sweep that is begun again does not repeat it.
+#[test]
+fn a_sweep_is_one_run_for_each_value_and_goes_on_where_it_stopped() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("s.toml"), SCENE)?;
+    let line = "sweep s.toml --duration 0.3 --set body[0].material.young=2e5,4e5 --set loop.scheme=hold,capped \
+                --json s.jsonl --plot s.svg --threads 2";
+    let whole = palpate(folder.path(), line)?;
+    assert_eq!(whole.status.code(), Some(0), "{}", said(&whole).1);
+    let table = String::from_utf8_lossy(&whole.stdout).into_owned();
+    let lines = fs::read_to_string(at("s.jsonl"))?;
+    assert_eq!(lines.lines().count(), 5, "{lines}");
+    let picture = fs::read_to_string(at("s.svg"))?;
+    assert!(picture.contains("young 4e5, scheme hold"), "{table}");
+
+    // The peak of the third run is that of the scene with these values.
+    let peak =
+        "run s.toml --duration 0.3 --set body[0].material.young=4e5 --scheme hold --json one.json";
+    assert_eq!(palpate(folder.path(), peak)?.status.code(), Some(0));
+    let one: serde_json::Value = serde_json::from_slice(&fs::read(at("one.json"))?)?;
+    let force = one["devices"][0]["peak_force"].as_f64().ok_or("no peak")?;
+    let row = table
+        .lines()
+        .find(|row| row.starts_with("| 4e5 | hold |"))
+        .ok_or("no row")?;
+    assert!(
+        row.starts_with(&format!("| 4e5 | hold | {force:.3} (")),
+        "{row}"
+    );
+
+    // The run was killed after its second run: the line of the third is cut.
+    let kept: Vec<&str> = lines.lines().take(3).collect();
+    fs::write(
+        at("s.jsonl"),
+        format!("{}\n{{\"cell\": 2, \"val", kept.join("\n")),
+    )?;
+    let again = palpate(folder.path(), line)?;
+    assert_eq!(again.status.code(), Some(0), "{}", said(&again).1);
+    assert_eq!(String::from_utf8_lossy(&again.stdout), table);
+    let after = fs::read_to_string(at("s.jsonl"))?;
+    assert!(after.starts_with(&kept.join("\n")), "{after}");
     Ok(())
 }

@@ -27,6 +27,7 @@ use host::engine::faults::{Faults, HostFault};
 use host::run::{setup, virtual_clock};
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
+use physics::TearReport;
 use record::Recorder;
 use serde::Serialize;
 use std::num::NonZero;
@@ -117,7 +118,7 @@ pub struct Run {
 /// The result of one run.
 enum Done {
     Reference(Result<Record, StudyError>),
-    Run(Result<(Record, Vec<String>), StudyError>),
+    Run(Result<Ran, StudyError>),
 }
 
 /// Runs `loaded` under each scheme and each publication rate. `progress` receives the fraction done, from any thread.
@@ -180,7 +181,10 @@ pub fn compare(
     let expected = reference_record.as_ref();
     let from = settings.from.unwrap_or_else(|| faded_in(&loaded, &runs));
     let mut outcomes = Vec::new();
-    for ((scheme, loaded), (record, failures)) in runs.iter().zip(records) {
+    for ((scheme, loaded), ran) in runs.iter().zip(records) {
+        let Ran {
+            record, failures, ..
+        } = ran;
         outcomes.push(Run {
             scheme,
             publish_rate: loaded.scene.host.publish_rate,
@@ -257,12 +261,22 @@ fn runs(
     Ok(runs)
 }
 
-/// Runs a scene in virtual time. Returns its record and its failures. `add` receives thousandths of the run.
-fn run(
+/// A run in virtual time.
+pub(crate) struct Ran {
+    /// The run, tick by tick.
+    pub(crate) record: Record,
+    /// The tears of each body at the end.
+    pub(crate) tears: Vec<TearReport>,
+    /// Failures of the host, such as a panic.
+    pub(crate) failures: Vec<String>,
+}
+
+/// Runs a scene in virtual time. `add` receives thousandths of the run.
+pub(crate) fn run(
     loaded: &LoadedScene,
     faults: &[HostFault],
     add: &impl Fn(u64),
-) -> Result<(Record, Vec<String>), StudyError> {
+) -> Result<Ran, StudyError> {
     let scene = &loaded.scene;
     let mut prepared = setup::setup(loaded, scene.duration, scene.seed)?;
     prepared.faults = Faults::new(faults.to_vec());
@@ -287,7 +301,11 @@ fn run(
     if let Some(fault) = &running.host.engine.stats().first_fault {
         failures.push(format!("host steps failed; the first failure: {fault}"));
     }
-    Ok((recorder.finish(&running.tick), failures))
+    Ok(Ran {
+        record: recorder.finish(&running.tick),
+        tears: running.host.engine.stats().tears.clone(),
+        failures,
+    })
 }
 
 /// The results of `work` on each of `jobs`, in their order, computed by `threads` threads.

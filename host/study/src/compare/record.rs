@@ -44,6 +44,8 @@ pub struct BodyRecord {
     pub capped: u64,
     /// Ticks in which the force faded, or was the safe hold, because the model was too old.
     pub faded: u64,
+    /// The ticks at whose end the first and the latest edge of a tear had opened; none before a tear.
+    pub torn: Option<[usize; 2]>,
     /// Age of the local model in use (s): median and largest; none without a model.
     pub model_age: Option<[f64; 2]>,
 }
@@ -83,6 +85,8 @@ pub(super) struct Recorder {
     stored: f64,
     /// The potential of the weight of the bodies (J); that of the last tick before a panic of the host.
     weight: f64,
+    /// The number of edges that tears of each body have opened.
+    opened: Vec<u64>,
     record: Record,
 }
 
@@ -92,6 +96,7 @@ impl Recorder {
         Self {
             stored: all(bodies).map(Body::total_energy).sum(),
             weight: 0.0,
+            opened: vec![0; bodies.len()],
             record: Record {
                 period: prepared.timing.period_ns as f64 * 1e-9,
                 devices: vec![DeviceRecord::default(); prepared.tick.devices.len()],
@@ -105,6 +110,14 @@ impl Recorder {
     pub(super) fn take(&mut self, tick: &TickLoop, telemetry: &Telemetry, engine: Option<&Engine>) {
         if let Some(engine) = engine {
             self.weight = all(engine.bodies()).map(Body::load_potential).sum();
+            let tick = self.record.out.len();
+            let each = self.record.bodies.iter_mut().zip(&mut self.opened);
+            for ((record, opened), report) in each.zip(&engine.stats().tears) {
+                if report.opened > *opened {
+                    *opened = report.opened;
+                    record.torn = Some([record.torn.map_or(tick, |[first, _]| first), tick]);
+                }
+            }
         }
         let mut on_hands = 0.0;
         let devices = self.record.devices.iter_mut().zip(&tick.devices);

@@ -3,7 +3,7 @@
 pub(super) mod picture;
 mod table;
 
-use super::{CommandError, Common, Declared, Format, Shown, Written, scheme_of};
+use super::{CommandError, Common, Declared, Format, Shown, Values, Written, scheme_of};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
 use host::scene::LoadedScene;
@@ -21,6 +21,8 @@ use study::stress::scene::{SCHEMES, STEP_RATE, Study};
 pub(super) struct SceneArguments {
     /// Scene file (TOML). Default: every world draws a body of its own
     scene: Option<PathBuf>,
+    #[command(flatten)]
+    values: Values,
     /// Number of random worlds. Each world is run under every scheme
     #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
@@ -119,7 +121,9 @@ impl SceneArguments {
 pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     let path = arguments.scene.as_deref();
-    let loaded = path.map(|path| super::load(Some(path))).transpose()?;
+    let loaded = path
+        .map(|path| arguments.values.load(Some(path), Vec::new()))
+        .transpose()?;
     let mut declared = Declared::default();
     if let Some(loaded) = &loaded {
         declared = declared.scene(path, loaded);

@@ -1,0 +1,285 @@
+//! One scene with several values of some of its fields: a run in virtual time for each combination of the values.
+//!
+//! Each run is that of `palpate run` in virtual time, tick for tick. The runs are cells of a study ([`jobs`]): they are
+//! divided among the cores, and a sweep that was interrupted goes on where it stopped.
+
+use crate::StudyError;
+use crate::compare::{Ran, run};
+use crate::stress::jobs::{self, Cells, Header, JobError, Options, Progress};
+use host::scene::{Field, LoadedScene, Override, SceneError};
+use physics::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// Version of the lines of a sweep.
+const SCHEMA: u32 = 1;
+/// Largest number of points of a force over time.
+const POINTS: usize = 640;
+
+/// A field of the scene and its values, as the user writes them.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// The field.
+    pub field: Field,
+    /// Its values: TOML, or else words.
+    pub values: Vec<String>,
+}
+
+/// A scene for each combination of values.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    fields: Vec<String>,
+    /// The values of the fields and the scene with these values, the last field changing first.
+    cells: Vec<(Vec<String>, LoadedScene)>,
+    /// The text of the scene without the values, on which all results depend.
+    text: String,
+}
+
+/// The result of a run.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Swept {
+    /// The values of the fields.
+    pub values: Vec<String>,
+    /// The devices, in the scene's order.
+    pub devices: Vec<SweptDevice>,
+    /// The bodies that tore.
+    pub tears: Vec<SweptTear>,
+    /// The largest energy that the hands received beyond the energy stored at the start (J).
+    pub net_energy: f64,
+    /// Failures of the host, such as a panic.
+    pub failures: Vec<String>,
+}
+
+/// A device in a run.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SweptDevice {
+    /// Its name.
+    pub name: String,
+    /// The largest force of its motors (N).
+    pub peak: f64,
+    /// The time of the largest force (s).
+    pub peak_time: f64,
+    /// The norm of its force over time (s, N); peaks are kept.
+    pub force: Vec<(f64, f64)>,
+}
+
+/// The tears of a body in a run.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SweptTear {
+    /// Name of the body.
+    pub body: String,
+    /// Times of the first and of the last edge that opened (s).
+    pub between: [f64; 2],
+    /// The force of the strongest device at the first edge (N).
+    pub start: f64,
+    /// The largest force of that device from the first to the last edge (N).
+    pub peak: f64,
+    /// The mean force of that device from the first to the last edge (N).
+    pub plateau: f64,
+    /// The torn area (m^2).
+    pub area: f64,
+    /// The energy that the torn area takes (J).
+    pub energy: f64,
+}
+
+/// Why a combination of values cannot be run.
+#[derive(Debug, thiserror::Error)]
+#[error("with {given}: {source}")]
+pub struct SweepError {
+    /// The values, as the user writes them.
+    pub given: String,
+    /// The fault of the scene.
+    #[source]
+    pub source: SceneError,
+}
+
+impl Sweep {
+    /// The combinations of the values of `axes` in `loaded`. Every scene is checked before the first run.
+    ///
+    /// # Errors
+    /// [`SweepError`] for the first combination that the scene refuses.
+    pub fn new(loaded: &LoadedScene, axes: &[Axis]) -> Result<Self, SweepError> {
+        let mut choices: Vec<Vec<&str>> = vec![Vec::new()];
+        for axis in axes {
+            let longer = choices.iter().flat_map(|chosen| {
+                let with = |value| [chosen.as_slice(), &[value]].concat();
+                axis.values.iter().map(move |value| with(value.as_str()))
+            });
+            choices = longer.collect();
+        }
+        let cells = choices.into_iter().map(|chosen| {
+            let pairs = || axes.iter().zip(&chosen);
+            let overrides = pairs().map(|(axis, value)| Override::value(axis.field.clone(), value));
+            let scene = loaded.overridden(&overrides.collect::<Vec<_>>());
+            let scene = scene.map_err(|source| SweepError {
+                given: (pairs().map(|(axis, value)| format!("--set {}={value}", axis.field)))
+                    .collect::<Vec<_>>()
+                    .join(" "),
+                source,
+            })?;
+            Ok((chosen.into_iter().map(str::to_owned).collect(), scene))
+        });
+        Ok(Self {
+            fields: axes.iter().map(|axis| axis.field.to_string()).collect(),
+            cells: cells.collect::<Result<_, _>>()?,
+            text: loaded.source.text.clone(),
+        })
+    }
+
+    /// The fields, in the order of [`Swept::values`].
+    pub fn fields(&self) -> &[String] {
+        &self.fields
+    }
+
+    /// Makes the runs that `options` ask for and that their file lacks.
+    ///
+    /// # Errors
+    /// [`JobError`]; [`StudyError`] where a run cannot begin is a failure of its cell.
+    pub fn run(
+        &self,
+        seed: Option<u64>,
+        duration: Option<f64>,
+        options: &Options,
+        progress: impl FnMut(&Progress<'_>),
+    ) -> Result<Cells<Swept>, JobError> {
+        let values: Vec<_> = self.cells.iter().map(|(values, _)| values).collect();
+        let header = Header {
+            study: "sweep".to_owned(),
+            schema: SCHEMA,
+            seed: seed.unwrap_or(self.cells.first().map_or(0, |(_, cell)| cell.scene.seed)),
+            cells: self.cells.len() as u64,
+            settings: serde_json::json!({
+                "scene": self.text,
+                "fields": self.fields,
+                "values": values,
+                "duration": duration,
+            }),
+        };
+        let work = |cell: u64| {
+            let (values, loaded) = &self.cells[cell as usize];
+            let mut loaded = loaded.clone();
+            loaded.scene.seed = seed.unwrap_or(loaded.scene.seed);
+            loaded.scene.duration = duration.unwrap_or(loaded.scene.duration);
+            swept(values.clone(), &loaded)
+        };
+        jobs::run(&header, options, work, progress)
+    }
+}
+
+fn swept(values: Vec<String>, loaded: &LoadedScene) -> Swept {
+    match run(loaded, &[], &|_| ()) {
+        Ok(ran) => measured(values, loaded, &ran),
+        Err(error) => Swept {
+            values,
+            devices: Vec::new(),
+            tears: Vec::new(),
+            net_energy: 0.0,
+            failures: vec![StudyError::to_string(&error)],
+        },
+    }
+}
+
+fn measured(values: Vec<String>, loaded: &LoadedScene, ran: &Ran) -> Swept {
+    let record = &ran.record;
+    let forces: Vec<Vec<f64>> = (record.devices.iter())
+        .map(|device| device.force.iter().map(Vec3::norm).collect())
+        .collect();
+    let at = |force: &[f64]| (0..force.len()).max_by(|a, b| force[*a].total_cmp(&force[*b]));
+    let devices = loaded.scene.devices.iter().zip(&forces);
+    let devices = devices.map(|(device, force)| {
+        let peak = at(force).unwrap_or(0);
+        SweptDevice {
+            name: device.name.clone(),
+            peak: force.get(peak).copied().unwrap_or(0.0),
+            peak_time: peak as f64 * record.period,
+            force: thin(record.period, force, POINTS),
+        }
+    });
+    let bodies = loaded.scene.bodies.iter().zip(&record.bodies);
+    let tears = bodies
+        .zip(&ran.tears)
+        .filter_map(|((body, record_of), report)| {
+            let [first, last] = record_of.torn?;
+            let peak = |force: &&Vec<f64>| force.iter().copied().fold(0.0, f64::max);
+            let strongest = forces.iter().max_by(|a, b| peak(a).total_cmp(&peak(b)))?;
+            let during = strongest.get(first..=last)?;
+            Some(SweptTear {
+                body: body.name.clone(),
+                between: [first, last].map(|tick| tick as f64 * record.period),
+                start: during[0],
+                peak: during.iter().copied().fold(0.0, f64::max),
+                plateau: during.iter().sum::<f64>() / during.len() as f64,
+                area: report.area,
+                energy: report.due,
+            })
+        });
+    Swept {
+        values,
+        devices: devices.collect(),
+        tears: tears.collect(),
+        net_energy: record.out.iter().copied().fold(0.0, f64::max),
+        failures: ran.failures.clone(),
+    }
+}
+
+/// The smallest and the largest of the values of several ticks of `period` (s), in their order in time: no peak is lost. At
+/// most about `points` points.
+pub fn thin(period: f64, values: &[f64], points: usize) -> Vec<(f64, f64)> {
+    let every = (2 * values.len()).div_ceil(points).max(1);
+    let mut kept = Vec::new();
+    for (number, chunk) in values.chunks(every).enumerate() {
+        let each = || chunk.iter().enumerate();
+        let low = each().min_by(|a, b| a.1.total_cmp(b.1));
+        let high = each().max_by(|a, b| a.1.total_cmp(b.1));
+        let mut both: Vec<_> = [low, high].into_iter().flatten().collect();
+        both.sort_unstable_by_key(|(at, _)| *at);
+        both.dedup_by_key(|(at, _)| *at);
+        let place = |(at, value): (usize, &f64)| ((number * every + at) as f64 * period, *value);
+        kept.extend(both.into_iter().map(place));
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thin_lines_keep_peaks_and_order() {
+        let mut values: Vec<f64> = (0..10_000).map(|k| (f64::from(k) * 0.01).sin()).collect();
+        values[1234] = 7.0;
+        values[5678] = -7.0;
+        let points = thin(0.5, &values, 320);
+        assert!(points.len() <= 322, "{}", points.len());
+        assert!(points.contains(&(617.0, 7.0)) && points.contains(&(2839.0, -7.0)));
+        assert!(points.is_sorted_by(|a, b| a.0 < b.0));
+        assert_eq!(thin(0.5, &[1.0, 2.0], 320), [(0.0, 1.0), (0.5, 2.0)]);
+        assert_eq!(thin(0.5, &[], 320), []);
+    }
+
+    #[test]
+    fn each_combination_has_its_scene_and_an_impossible_one_is_refused_before_the_first_run() {
+        let loaded = host::scene::Scene::embedded_default().expect("the built-in scene");
+        let axis = |field: &str, values: &[&str]| Axis {
+            field: field.parse().expect("a field"),
+            values: values.iter().map(|value| (*value).to_owned()).collect(),
+        };
+        let axes = [
+            axis("body[0].material.young", &["1e5", "2e5", "3e5"]),
+            axis("loop.scheme", &["hold", "capped"]),
+        ];
+        let sweep = Sweep::new(&loaded, &axes).expect("six scenes");
+        let found: Vec<_> = (sweep.cells.iter())
+            .map(|(values, cell)| (values.join(" "), cell.scene.bodies[0].material.young))
+            .collect();
+        assert_eq!(found.len(), 6);
+        assert_eq!(found[1], ("1e5 capped".to_owned(), 1e5));
+        assert_eq!(found[4], ("3e5 hold".to_owned(), 3e5));
+        let axes = [axis("body[0].material.young", &["1e5", "-2"])];
+        let said = Sweep::new(&loaded, &axes).expect_err("refused").to_string();
+        assert!(
+            said.starts_with("with --set body[0].material.young=-2: "),
+            "{said}"
+        );
+        assert!(said.contains("found -2"), "{said}");
+    }
+}
