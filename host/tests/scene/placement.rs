@@ -180,7 +180,7 @@ fn a_placement_without_a_meaning_is_refused() {
         ),
         (
             "mesh.file = 'patch.obj'\nrotation = [0, 0, 90]",
-            "p.toml:6: body[0].rotation: found [0, 0, 90], allowed: a table",
+            "p.toml:6: body[0].rotation: found [0, 0, 90], allowed: a table, such as rotation = { axis = [0, 0, 1], degrees = 90 }",
         ),
         (
             "mesh.file = 'patch.obj'\nrotation = { axis = [0, 0, 1] }",
@@ -210,7 +210,7 @@ fn a_placement_without_a_meaning_is_refused() {
         ),
         (
             "mesh.file = 'patch.obj'\nposition = [0, 0]",
-            "p.toml:6: body[0].position: found [0, 0], allowed: a list of 3",
+            "p.toml:6: body[0].position: found [0, 0], allowed: a list of 3, such as position = [0, 0, 0.1]",
         ),
     ];
     for (body, expected) in cases {

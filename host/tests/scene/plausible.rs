@@ -34,7 +34,7 @@ const ORGAN: &str = "v 0 0 0\nv 0.08 0 0\nv 0.08 0.04 0\nv 0 0.04 0\nf 1 2 3\nf 
 /// The same in millimetres.
 const IN_MILLIMETRES: &str = "v 0 0 0\nv 80 0 0\nv 80 40 0\nv 0 40 0\nf 1 2 3\nf 1 3 4\n";
 
-/// The error of a scene, or else its warnings, one a line.
+/// The error of a scene, or else its warnings, one a line. Scenes of these tests may leave a device without a handle.
 fn judged(text: &str, files: &[(&str, &str)]) -> String {
     let mut all = BTreeMap::from([
         ("organ.obj".to_owned(), ORGAN.as_bytes().to_vec()),
@@ -51,7 +51,8 @@ fn judged(text: &str, files: &[(&str, &str)]) -> String {
             return format!("error {error}");
         }
     }
-    let warnings = bodies::warnings(&loaded);
+    let mut warnings = bodies::warnings(&loaded);
+    warnings.retain(|warning| !warning.found.starts_with("no handle of the device"));
     let lines: Vec<_> = warnings.iter().map(ToString::to_string).collect();
     lines.join("\n")
 }

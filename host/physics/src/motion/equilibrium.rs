@@ -75,6 +75,8 @@ pub struct Equilibrium {
     last: Vec<Vec3>,
     /// The goals of the held nodes, handle by handle (m).
     held: Vec<Vec3>,
+    /// The poses of the handles at the end of a search.
+    poses: Vec<HandlePose>,
     /// The external forces at the beginning and at the end of a solve (N). Both are empty while the forces are constant.
     loads: [Vec<Vec3>; 2],
     /// The report of the last search, so far as it came.
@@ -94,6 +96,7 @@ impl Equilibrium {
             newton: Newton::new(body, options.newton)?,
             last: body.state.x.clone(),
             held: Vec::with_capacity(body.constraints.held_nodes().count()),
+            poses: Vec::with_capacity(body.constraints.handles.len()),
             loads: [Vec::new(), Vec::new()],
             report: EquilibriumReport::default(),
         })
@@ -134,14 +137,15 @@ impl Equilibrium {
         if reached > 0.0 {
             let handles = body.constraints.handles.iter().zip(targets);
             let poses = handles.map(|(handle, to)| between(&handle.report.pose, to, reached));
-            let poses: Vec<_> = poses.collect();
+            self.poses.clear();
+            self.poses.extend(poses);
             if result.is_err() {
                 body.assemble_with(Tangent::Exact);
             }
             body.state.v.fill(Vec3::zeros());
             // At zero velocity, the reports contain no damping and no inertia.
             self.last.fill(Vec3::zeros());
-            body.report_stage(f64::INFINITY, &poses, &self.last);
+            body.report_stage(f64::INFINITY, &self.poses, &self.last);
         }
         body.state.motions += 1;
         result.map(|()| self.report)

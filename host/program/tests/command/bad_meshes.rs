@@ -10,7 +10,7 @@ type Outcome = Result<(), Box<dyn Error>>;
 
 /// A scene of one body; its mesh file is named in line 7.
 const SCENE: &str = r#"name = "bad"
-duration = 0.01
+duration = 0.02
 host = { step_rate = 250.0, publish_rate = 125.0 }
 
 [[body]]

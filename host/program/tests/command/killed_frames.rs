@@ -53,7 +53,7 @@ fn a_killed_run_has_listed_its_frames_and_the_next_run_clears_up() -> Result<(),
             .stderr(Stdio::null());
         command
     };
-    let mut child = run("100000").spawn()?;
+    let mut child = run("80000").spawn()?;
     while !out.is_dir() || names(&out, ".vtu")?.len() < FRAMES {
         assert!(child.try_wait()?.is_none(), "the run ended");
         std::thread::sleep(std::time::Duration::from_millis(2));
