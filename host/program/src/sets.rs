@@ -7,8 +7,8 @@ use std::path::Path;
 /// Fields of the scene that a command replaces.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(super) struct Sets {
-    /// Replace a field of the scene: body[0].tear.toughness=450 or device[left].model=falcon, where [0] is the first table
-    /// of a list and [left] the table of that name. Units are those of the scene. May be given several times
+    /// Replace a field of the scene: `body[0].tear.toughness=450` or `device[left].model=falcon`, where `[0]` is the first
+    /// table of a list and `[left]` the table of that name. Units are those of the scene. May be given several times
     #[arg(long = "set", value_name = "FIELD=VALUE", value_parser = assignment)]
     sets: Vec<Assignment>,
 }

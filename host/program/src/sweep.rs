@@ -17,7 +17,7 @@ use study::sweep::{Axis, Sweep, Swept};
 pub(super) struct SweepArguments {
     /// Scene file (TOML). Default: the built-in scene
     scene: Option<PathBuf>,
-    /// A field of the scene and its values: body[0].tear.toughness=300,450,600 or loop.scheme=hold,capped. Given several
+    /// A field of the scene and its values: `body[0].tear.toughness=300,450,600` or `loop.scheme=hold,capped`. Given several
     /// times, every combination of the values is run
     #[arg(long = "set", value_name = "FIELD=VALUES", value_parser = assignment, required = true)]
     sets: Vec<Assignment>,

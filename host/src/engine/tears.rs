@@ -9,11 +9,13 @@ use physics::tear::{TearLaw, TearMaterial};
 use physics::topology::{Pieces, Reserve};
 use physics::{ShapeOptions, Starts, TearOptions, Tearing, TearingError};
 
-/// How the shapes of a body that tears are kept current: one shape with each local model, in a few iterations.
+/// How the shapes of a body that tears are kept current: one shape with each local model, in a few iterations, and all of them
+/// where that leaves too much.
 ///
 /// An edit changes all shapes a little. To renew them all to the usual tolerance takes 24 to 38 iterations a model for the
-/// cloth of `tear_cloth`; these options take one or two. In a period of 4 ms the force of the hands, 4 N, then errs by
-/// 0.0003 N (median) and 0.015 N (99th percentile), and the stiffness by 2 % (median).
+/// cloth of `tear_cloth`; these options take two or three. In a period of 4 ms the force of the hands, 4 N, then errs by
+/// 0.00004 N (median) and 0.016 N (99th percentile; `cargo bench -p palpate-physics --bench motion_tear`). With a bound of 0.1
+/// the models of `banknote_shear` fail: paper is a thousand times as stiff along itself as across.
 pub(super) const SHAPES: ShapeOptions = ShapeOptions {
     tolerance: 1e-3,
     max_iterations: 3,
