@@ -45,23 +45,103 @@ fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     let target = target(path);
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
-        Ok(there) if !there.is_file() => {
-            return fs::OpenOptions::new()
-                .write(true)
-                .open(path)?
-                .write_all(content);
-        }
+        Ok(there) if !there.is_file() => return open_stream(path)?.write_all(content),
         _ => {}
     }
-    let folder = folder_of(&target);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".palpate-").suffix(".tmp");
-    ordinary_permissions(&mut builder);
-    let mut file = builder.tempfile_in(folder)?;
+    let mut file = temporary_file(folder_of(&target))?;
     file.write_all(content)?;
+    if let Ok(there) = fs::metadata(&target) {
+        // Who may read and write the file stays as its owner set it.
+        file.as_file().set_permissions(there.permissions())?;
+    }
     file.as_file().sync_all()?;
     file.persist(&target).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// Opens a device or a pipe to be written from beginning to end. It does not wait for the reader of a pipe.
+///
+/// # Errors
+/// The error of the system; for a pipe without a reader and for a socket, a sentence that says what to do.
+#[cfg(unix)]
+pub fn open_stream(path: &Path) -> io::Result<fs::File> {
+    use rustix::fs::{OFlags, fcntl_setfl};
+    use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+    let refuse = |problem: &str| Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
+    let kind = fs::metadata(path)?.file_type();
+    if kind.is_socket() {
+        return refuse("this is a socket; give a file");
+    }
+    let mut options = fs::OpenOptions::new();
+    options
+        .write(true)
+        .custom_flags(OFlags::NONBLOCK.bits() as i32);
+    match options.open(path) {
+        Ok(file) => {
+            fcntl_setfl(&file, OFlags::empty())?;
+            Ok(file)
+        }
+        Err(error)
+            if kind.is_fifo()
+                && error.raw_os_error() == Some(rustix::io::Errno::NXIO.raw_os_error()) =>
+        {
+            refuse("nobody reads this pipe; start its reader first, or give a file")
+        }
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(not(unix))]
+pub fn open_stream(path: &Path) -> io::Result<fs::File> {
+    fs::OpenOptions::new().write(true).open(path)
+}
+
+/// What the name of a temporary file begins and ends with.
+const TEMPORARY: [&str; 2] = [".palpate-", ".tmp"];
+/// What the name of a lock file begins and ends with.
+pub const LOCK: [&str; 2] = [".", ".palpate-lock"];
+
+/// A temporary file that is locked, so that [`sweep`] leaves it alone.
+fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    loop {
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(TEMPORARY[0]).suffix(TEMPORARY[1]);
+        ordinary_permissions(&mut builder);
+        let file = builder.tempfile_in(folder)?;
+        // Some network file systems have no locks.
+        let _ = file.as_file().lock();
+        // Another program may have swept the file away before it was locked.
+        if file.path().exists() {
+            return Ok(file);
+        }
+    }
+}
+
+/// Removes the temporary files and the lock files that killed programs have left in a folder: those that no program
+/// holds. The folder may be missing.
+pub fn sweep(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let is_ours = name.to_str().is_some_and(|name| {
+            [TEMPORARY, LOCK].iter().any(|[begin, end]| {
+                name.starts_with(begin)
+                    && name.ends_with(end)
+                    && name.len() > begin.len() + end.len()
+            })
+        });
+        if !is_ours || !entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            continue;
+        }
+        // The lock is held until the file is removed. A file that stays does no harm.
+        if let Ok(file) = fs::OpenOptions::new().write(true).open(entry.path())
+            && file.try_lock().is_ok()
+        {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// A standard stream.
@@ -160,6 +240,74 @@ mod tests {
         fs::write(folder.path().join("plain"), b"").expect("plain");
         write_atomically(&folder.path().join("atomic"), b"").expect("atomic");
         assert_eq!(mode("plain"), mode("atomic"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_replaced_file_keeps_its_permissions() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("private.json");
+        for mode in [0o600, 0o640, 0o664] {
+            fs::write(&path, b"old").expect("the file");
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).expect("a mode");
+            write_atomically(&path, b"new").expect("replaced");
+            let there = fs::metadata(&path).expect("the file");
+            assert_eq!(there.permissions().mode() & 0o7777, mode);
+            assert_eq!(fs::read(&path).expect("the file"), b"new");
+        }
+    }
+
+    /// Opening the pipe, or writing to the socket, would wait for ever or fail after the work.
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_needs_a_reader_and_a_socket_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (pipe, socket) = (folder.path().join("pipe"), folder.path().join("socket"));
+        let mode = rustix::fs::Mode::from_raw_mode(0o600);
+        let kind = rustix::fs::FileType::Fifo;
+        rustix::fs::mknodat(rustix::fs::CWD, &pipe, kind, mode, 0).expect("a pipe");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).expect("a socket");
+        let said = |path: &Path| {
+            write_atomically(path, b"text")
+                .expect_err("no file")
+                .to_string()
+        };
+        assert!(
+            said(&pipe).ends_with("nobody reads this pipe; start its reader first, or give a file")
+        );
+        assert!(said(&socket).ends_with("this is a socket; give a file"));
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read(pipe).expect("the text")
+        });
+        while write_atomically(&pipe, b"text").is_err() {
+            std::thread::yield_now();
+        }
+        assert_eq!(reader.join().expect("no panic"), b"text");
+    }
+
+    #[test]
+    fn what_a_killed_program_left_is_swept_away_and_what_is_held_stays() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let held = temporary_file(folder.path()).expect("a file");
+        for left in [".palpate-Xy12.tmp", ".plot.svg.palpate-lock"] {
+            fs::write(folder.path().join(left), b"").expect("left");
+        }
+        for other in [".palpate-.tmp", "palpate-a.tmp", ".other.tmp", "plot.svg"] {
+            fs::write(folder.path().join(other), b"").expect("another file");
+        }
+        sweep(folder.path());
+        let entries = fs::read_dir(&folder).expect("the folder").flatten();
+        let mut names: Vec<_> = entries.map(|entry| entry.file_name()).collect();
+        names.sort();
+        let held = held.path().file_name().expect("a name").to_owned();
+        let mut expected: Vec<_> = [".palpate-.tmp", "palpate-a.tmp", ".other.tmp", "plot.svg"]
+            .map(Into::into)
+            .to_vec();
+        expected.push(held);
+        expected.sort();
+        assert_eq!(names, expected);
     }
 
     #[cfg(unix)]

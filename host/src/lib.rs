@@ -23,3 +23,5 @@ pub mod scene;
 pub mod solve;
 pub mod stage;
 pub mod table;
+
+pub use devices::input;

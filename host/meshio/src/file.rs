@@ -1,18 +1,17 @@
 //! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of thread, sheet and solid
 //! it is ([`read_mesh`]).
 //!
-//! The format follows from the end of the file's name and, where that says nothing, from how the file
-//! begins. All formats are held to the same: every number is checked, every count compared with what
+//! The format follows from how the file begins and, where that says nothing, from the end of the file's name. All formats are held to the same: every number is checked, every count compared with what
 //! follows, memory taken in proportion to the file and never to a number in it. Vertices that no line,
 //! triangle or cell of the mesh uses are dropped; what [`LineMesh::validate`], [`TriMesh::validate`] or
-//! [`TetMesh::validate`] refuses, and two vertices at one place, is an error. Tetrahedra whose corners are counted the other way round are turned around.
+//! [`TetMesh::validate`] refuses, two vertices at one place, and a vertex on an edge of other vertices, is an error. Tetrahedra whose corners are counted the other way round are turned around.
 //!
 //! [`LineMesh::validate`]: physics::mesh::LineMesh::validate
 //! [`TetMesh::validate`]: physics::mesh::TetMesh::validate
 
 use crate::gmsh::{self, GmshError};
 use crate::lines::Unexpected;
-use crate::{obj, vtk_legacy, vtk_xml};
+use crate::{obj, stl, vtk_legacy, vtk_xml};
 use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
 use std::fmt;
 use thiserror::Error;
@@ -34,9 +33,9 @@ pub(crate) enum Wanted {
 /// The reason why a file holds no valid mesh. Every message is one line of text.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum MeshFileError {
-    /// Neither the name nor the beginning of the file identifies a format.
+    /// Neither the beginning nor the name of the file identifies a format.
     #[error(
-        "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and {found}"
+        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and {found}"
     )]
     Format {
         /// The beginning of the file.
@@ -117,7 +116,7 @@ impl fmt::Display for Place {
 impl From<Unexpected> for MeshFileError {
     fn from(error: Unexpected) -> Self {
         Self::Syntax {
-            place: Place::Line(error.line),
+            place: error.place,
             expected: error.expected,
             found: error.found,
         }
@@ -163,6 +162,7 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     Ok(match Format::of(name, bytes)? {
         Format::Obj => obj::parse(bytes)?,
         Format::Gmsh => gmsh::parse_bytes(bytes)?,
+        Format::Stl => stl::parse(bytes)?,
         Format::VtkLegacy => vtk_legacy::parse(bytes)?,
         Format::VtkXml => vtk_xml::parse(bytes)?,
     })
@@ -178,11 +178,38 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
 /// # Errors
 /// The first [`MeshFileError`] found.
 pub fn read_mesh(name: &str, bytes: &[u8]) -> Result<Mesh, MeshFileError> {
-    Ok(match Format::of(name, bytes)? {
-        Format::Obj => Mesh::Sheet(obj::parse(bytes)?),
-        Format::Gmsh => gmsh::parse_mesh(bytes)?,
-        Format::VtkLegacy => vtk_legacy::parse_mesh(bytes)?,
-        Format::VtkXml => vtk_xml::parse_mesh(bytes)?,
+    read_mesh_as(name, bytes, Choices::default())
+}
+
+/// What a caller chooses for a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Choices {
+    /// The distance within which vertices are merged, in the unit of the file's coordinates. Without it, two vertices at one
+    /// place are an error.
+    pub merge: Option<f64>,
+    /// The unit of the texture coordinates (m), if they are the flat pattern of a sheet.
+    pub texture_unit: Option<f64>,
+}
+
+/// As [`read_mesh`], or [`read_with_pattern`] where the choices say so.
+///
+/// # Errors
+/// As [`read_mesh`] and [`read_with_pattern`].
+pub fn read_mesh_as(name: &str, bytes: &[u8], choices: Choices) -> Result<Mesh, MeshFileError> {
+    let Choices {
+        merge,
+        texture_unit,
+    } = choices;
+    Ok(match (Format::of(name, bytes)?, texture_unit) {
+        (Format::Obj, None) => Mesh::Sheet(obj::parse_merged(bytes, merge)?),
+        (Format::Obj, Some(unit)) => {
+            Mesh::Sheet(obj::parse_merged_with_pattern(bytes, unit, merge)?)
+        }
+        (_, Some(_)) => return Err(MeshFileError::NoTexture),
+        (Format::Gmsh, None) => gmsh::parse_mesh(bytes, merge)?,
+        (Format::Stl, None) => Mesh::Sheet(stl::read(bytes, merge)?),
+        (Format::VtkLegacy, None) => vtk_legacy::parse_mesh(bytes, merge)?,
+        (Format::VtkXml, None) => vtk_xml::parse_mesh(bytes, merge)?,
     })
 }
 
@@ -197,52 +224,60 @@ pub fn read_with_pattern(
     bytes: &[u8],
     texture_unit: f64,
 ) -> Result<TriMesh, MeshFileError> {
-    match Format::of(name, bytes)? {
-        Format::Obj => obj::parse_with_pattern(bytes, texture_unit),
-        Format::Gmsh | Format::VtkLegacy | Format::VtkXml => Err(MeshFileError::NoTexture),
-    }
+    let choices = Choices {
+        merge: None,
+        texture_unit: Some(texture_unit),
+    };
+    into_sheet(read_mesh_as(name, bytes, choices)?)
 }
 
+#[derive(Clone, Copy)]
 enum Format {
     Obj,
     Gmsh,
+    Stl,
     VtkLegacy,
     VtkXml,
 }
 
 impl Format {
     fn of(name: &str, bytes: &[u8]) -> Result<Self, MeshFileError> {
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+        let start = text.trim_ascii_start();
+        let beginnings: [(&[u8], Self); 6] = [
+            (b"$MeshFormat", Self::Gmsh),
+            (b"$NOD", Self::Gmsh),
+            (b"# vtk DataFile", Self::VtkLegacy),
+            (b"<?xml", Self::VtkXml),
+            (b"<!--", Self::VtkXml),
+            (b"<VTKFile", Self::VtkXml),
+        ];
+        let known = beginnings.iter().find(|(word, _)| start.starts_with(word));
+        if let Some((_, format)) = known {
+            return Ok(*format);
+        }
+        if stl::is_stl(bytes) {
+            return Ok(Self::Stl);
+        }
         let extension = name
             .rsplit_once('.')
             .map(|(_, end)| end.to_ascii_lowercase());
         match extension.as_deref() {
-            Some("obj") => Ok(Self::Obj),
-            Some("msh") => Ok(Self::Gmsh),
-            Some("vtk") => Ok(Self::VtkLegacy),
-            Some("vtu" | "vtp") => Ok(Self::VtkXml),
-            _ => Self::by_beginning(bytes),
+            Some("obj") => return Ok(Self::Obj),
+            Some("msh") => return Ok(Self::Gmsh),
+            Some("stl") => return Ok(Self::Stl),
+            Some("vtk") => return Ok(Self::VtkLegacy),
+            Some("vtu" | "vtp") => return Ok(Self::VtkXml),
+            _ => {}
         }
-    }
-
-    fn by_beginning(bytes: &[u8]) -> Result<Self, MeshFileError> {
-        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-        let start = text.trim_ascii_start();
-        if start.starts_with(b"$MeshFormat") {
-            Ok(Self::Gmsh)
-        } else if start.starts_with(b"# vtk DataFile") {
-            Ok(Self::VtkLegacy)
-        } else if start.starts_with(b"<?xml") || start.starts_with(b"<VTKFile") {
-            Ok(Self::VtkXml)
+        let found = if start.is_empty() {
+            "an empty file".to_owned()
         } else {
-            let found = if start.is_empty() {
-                "an empty file".to_owned()
-            } else {
-                format!(
-                    "a file that begins with {}",
-                    crate::text::quoted_bytes(start)
-                )
-            };
-            Err(MeshFileError::Format { found })
-        }
+            format!(
+                "a file that begins with {}",
+                crate::text::quoted_bytes(start)
+            )
+        };
+        Err(MeshFileError::Format { found })
     }
 }

@@ -1,7 +1,7 @@
 //! Mesh files: reads meshes from the bytes of a file, and writes meshes as the text of a file.
 //!
-//! [`read`] and [`read_mesh`] take the bytes of a file in any of the formats [`gmsh`], [`obj`], [`vtk_legacy`]
-//! and [`vtk_xml`]. What they read ends in [`LineMesh::new`](physics::mesh::LineMesh::new),
+//! [`read`] and [`read_mesh`] take the bytes of a file in any of the formats [`gmsh`], [`obj`], [`stl`],
+//! [`vtk_legacy`] and [`vtk_xml`]. What they read ends in [`LineMesh::new`](physics::mesh::LineMesh::new),
 //! [`TriMesh::new`](physics::mesh::TriMesh::new) or [`TetMesh::new`](physics::mesh::TetMesh::new), so what holds for one
 //! mesh holds for all. A mesh goes back
 //! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
@@ -27,10 +27,12 @@
 pub mod file;
 pub mod gmsh;
 mod lines;
+mod merge;
 pub mod obj;
 mod soup;
 mod soup_solid;
 mod soup_thread;
+pub mod stl;
 mod text;
 mod vtk_array;
 mod vtk_cells;
@@ -41,4 +43,4 @@ pub mod write_gmsh;
 pub mod write_vtk;
 pub mod write_vtu;
 
-pub use file::{MeshFileError, Place, read, read_mesh, read_with_pattern};
+pub use file::{Choices, MeshFileError, Place, read, read_mesh, read_mesh_as, read_with_pattern};

@@ -1,13 +1,14 @@
-//! A text as lines of fields, with errors that name the line.
+//! A text as lines of fields, with errors that name the place.
 
+use crate::file::Place;
 use crate::text::quoted;
 use std::str::FromStr;
 
 /// A line does not hold the expected text.
 #[derive(Debug)]
 pub(crate) struct Unexpected {
-    /// The line's number, from one.
-    pub(crate) line: usize,
+    /// Where.
+    pub(crate) place: Place,
     pub(crate) expected: String,
     pub(crate) found: String,
 }
@@ -22,8 +23,9 @@ pub(crate) struct Lines<'a> {
 /// The rest of one line.
 #[derive(Clone, Copy)]
 pub(crate) struct Fields<'a> {
-    /// The line's number, from one.
-    pub(crate) line: usize,
+    /// The line's number, from one; in a file that is not text, the byte where the line begins, from zero.
+    pub(crate) at: usize,
+    is_byte: bool,
     rest: &'a str,
 }
 
@@ -47,7 +49,8 @@ impl<'a> Lines<'a> {
             let rest = text.trim();
             if !rest.is_empty() {
                 return Some(Fields {
-                    line: self.last.max(1),
+                    at: self.last.max(1),
+                    is_byte: false,
                     rest,
                 });
             }
@@ -58,24 +61,32 @@ impl<'a> Lines<'a> {
     /// The next line that is not blank. Without one, the error names `expected`.
     pub(crate) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, Unexpected> {
         self.next().ok_or_else(|| Unexpected {
-            line: self.last.max(1),
+            place: Place::Line(self.last.max(1)),
             expected: expected.to_owned(),
             found: "the end of the file".to_owned(),
         })
     }
-
-    /// Checks that the next line is `marker` alone.
-    pub(crate) fn marker(&mut self, marker: &str) -> Result<(), Unexpected> {
-        let fields = self.expect(marker)?;
-        if fields.rest == marker {
-            Ok(())
-        } else {
-            Err(fields.unexpected(marker))
-        }
-    }
 }
 
 impl<'a> Fields<'a> {
+    /// The text of a line that begins at a byte of a file that is not text.
+    pub(crate) fn at_byte(at: usize, text: &'a str) -> Self {
+        Self {
+            at,
+            is_byte: true,
+            rest: text.trim(),
+        }
+    }
+
+    /// The place of the line.
+    pub(crate) fn place(&self) -> Place {
+        if self.is_byte {
+            Place::Byte(self.at)
+        } else {
+            Place::Line(self.at)
+        }
+    }
+
     /// The rest of the line, without blanks at either end.
     pub(crate) fn rest(&self) -> &'a str {
         self.rest
@@ -89,7 +100,7 @@ impl<'a> Fields<'a> {
             quoted(self.rest)
         };
         Unexpected {
-            line: self.line,
+            place: self.place(),
             expected: expected.to_owned(),
             found,
         }

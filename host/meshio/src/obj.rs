@@ -12,8 +12,9 @@
 //! - `vt` gives a point of the plane of the texture, and the second number of a corner of a face names one. If the caller
 //!   asks for it, these points are the flat pattern of the mesh, as programs for garments write it. A vertex on a seam has
 //!   several of them. Otherwise they are skipped.
-//! - Normals, lines, points and materials are skipped. Curved surfaces are an
-//!   error.
+//! - Normals, lines, points and materials are skipped, and so is what ARCSim adds to its sheets (velocities, labels,
+//!   edges with their angles). Curved surfaces are an error.
+//! - A backslash at the end of a line continues the statement on the next line.
 
 use crate::file::{MAX_GROUPS, MeshFileError, Place};
 use crate::lines::{Fields, Lines};
@@ -22,6 +23,7 @@ use crate::text::line_of;
 use physics::Vec3;
 use physics::mesh::check::Location;
 use physics::mesh::{FlatPattern, Group, TriMesh};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// Largest number of names after one `g`. This limit bounds the memory for groups by the memory for triangles.
@@ -43,6 +45,12 @@ const PASSED_OVER: [&str; 14] = [
     "shadow_obj",
     "trace_obj",
     "usemap",
+];
+
+/// What ARCSim adds, after the word of a statement in the file of a sheet: positions and velocities of its nodes, labels,
+/// edges with their angles and damage, states of vertices and triangles (`save_obj` in ARCSim's `io.cpp`).
+const ARCSIM: [&str; 13] = [
+    "ny", "nv", "nl", "ms", "mn", "vv", "vu", "e", "ea", "ed", "el", "pe", "t",
 ];
 
 /// The part of the file that has been read so far.
@@ -72,7 +80,12 @@ struct Texture {
 /// # Errors
 /// The first [`MeshFileError`] found.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    let (mesh, _) = read(bytes, Reader::default())?;
+    parse_merged(bytes, None)
+}
+
+/// As [`parse`]. With a distance, vertices within it are merged.
+pub(crate) fn parse_merged(bytes: &[u8], merge: Option<f64>) -> Result<TriMesh, MeshFileError> {
+    let (mesh, _) = read(bytes, Reader::default(), merge)?;
     Ok(mesh)
 }
 
@@ -82,11 +95,20 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
 /// # Errors
 /// The first [`MeshFileError`] found. A corner without texture coordinates is an error.
 pub fn parse_with_pattern(bytes: &[u8], unit: f64) -> Result<TriMesh, MeshFileError> {
+    parse_merged_with_pattern(bytes, unit, None)
+}
+
+/// As [`parse_with_pattern`]. With a distance, vertices within it are merged.
+pub(crate) fn parse_merged_with_pattern(
+    bytes: &[u8],
+    unit: f64,
+    merge: Option<f64>,
+) -> Result<TriMesh, MeshFileError> {
     let reader = Reader {
         texture: Some(Texture::default()),
         ..Reader::default()
     };
-    let (mut mesh, parts) = read(bytes, reader)?;
+    let (mut mesh, parts) = read(bytes, reader, merge)?;
     let point = |corner: u32| {
         let point = parts.texture.points.get(corner as usize).copied();
         point.unwrap_or_default().map(|c| c * unit)
@@ -113,17 +135,44 @@ struct Parts {
     triangle_lines: Vec<u32>,
 }
 
-fn read(bytes: &[u8], mut reader: Reader) -> Result<(TriMesh, Parts), MeshFileError> {
+fn read(
+    bytes: &[u8],
+    mut reader: Reader,
+    merge: Option<f64>,
+) -> Result<(TriMesh, Parts), MeshFileError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let place = Place::Line(line_of(bytes, error.valid_up_to()));
         MeshFileError::syntax(place, "OBJ text in UTF-8", "bytes that are no text")
     })?;
-    let mut lines = Lines::new(text);
+    let text = joined(text);
+    let mut lines = Lines::new(&text);
     while let Some(fields) = lines.next() {
         reader.statement(fields)?;
     }
-    reader.finish(lines.last().max(1))
+    reader.finish(lines.last().max(1), merge)
+}
+
+/// The text with each continued line joined to the next. Blank lines follow in their place, so that the lines keep their
+/// numbers.
+fn joined(text: &str) -> Cow<'_, str> {
+    if !text.contains("\\\n") && !text.contains("\\\r\n") {
+        return Cow::Borrowed(text);
+    }
+    let mut joined = String::with_capacity(text.len());
+    let mut owed = 0;
+    for line in text.lines() {
+        if let Some(begun) = line.strip_suffix('\\') {
+            joined.push_str(begun);
+            joined.push(' ');
+            owed += 1;
+        } else {
+            joined.push_str(line);
+            joined.extend(std::iter::repeat_n('\n', 1 + owed));
+            owed = 0;
+        }
+    }
+    Cow::Owned(joined)
 }
 
 impl Reader {
@@ -136,7 +185,8 @@ impl Reader {
             "g" => self.groups(0, fields),
             "o" => self.groups(1, fields),
             "usemtl" => self.groups(2, fields),
-            word if word.starts_with('#') || PASSED_OVER.contains(&word) => Ok(()),
+            word if word.starts_with('#') => Ok(()),
+            word if PASSED_OVER.contains(&word) || ARCSIM.contains(&word) => Ok(()),
             _ => Err(whole.unexpected("a statement of OBJ, such as v or f"))?,
         }
     }
@@ -147,7 +197,7 @@ impl Reader {
             *coordinate = fields.finite("a finite coordinate")?;
         }
         self.soup.positions.push(position);
-        self.vertex_lines.push(fields.line as u32);
+        self.vertex_lines.push(fields.at as u32);
         Ok(())
     }
 
@@ -185,7 +235,7 @@ impl Reader {
         if !rest.is_empty() && !rest.starts_with('#') {
             let count = 3 + rest.split_whitespace().count();
             return Err(MeshFileError::syntax(
-                Place::Line(fields.line),
+                Place::Line(fields.at),
                 "a triangle (export the mesh with triangulated faces)",
                 format!("a face of {count} vertices"),
             ));
@@ -195,7 +245,7 @@ impl Reader {
         if let Some(texture) = &mut self.texture {
             texture.corners.push(points);
         }
-        self.triangle_lines.push(fields.line as u32);
+        self.triangle_lines.push(fields.at as u32);
         for &group in self.current.iter().flatten() {
             if let Some(Group { members, .. }) = self.soup.groups.get_mut(group)
                 && members.last() != Some(&number)
@@ -261,7 +311,11 @@ impl Reader {
         Ok(index)
     }
 
-    fn finish(mut self, last_line: usize) -> Result<(TriMesh, Parts), MeshFileError> {
+    fn finish(
+        mut self,
+        last_line: usize,
+        merge: Option<f64>,
+    ) -> Result<(TriMesh, Parts), MeshFileError> {
         let vertices = self.soup.positions.len();
         let line = |lines: &[u32], index: u32| {
             let line = lines.get(index as usize);
@@ -288,9 +342,9 @@ impl Reader {
             }
         }
         self.soup.groups.retain(|group| !group.members.is_empty());
-        let mesh = self
+        let (mesh, _) = self
             .soup
-            .into_mesh()
+            .into_mesh(merge)
             .map_err(|Fault { source, location }| {
                 let place = match location {
                     Location::Vertex(vertex) => line(&self.vertex_lines, vertex),

@@ -1,7 +1,9 @@
 //! Builds a mesh from the triangles of a file: drops unused vertices, fills groups, and traces faults back to the file.
 
+use crate::merge;
 use physics::Vec3;
 use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
+use physics::mesh::check_hanging::check_hanging;
 use physics::mesh::{Group, MeshError, TriMesh};
 
 /// The number of a vertex that no triangle or cell uses.
@@ -25,8 +27,9 @@ pub(crate) struct Fault {
 }
 
 impl Soup {
-    /// A mesh of these triangles. Each group becomes a group of triangles and a group of their vertices.
-    pub(crate) fn into_mesh(self) -> Result<TriMesh, Fault> {
+    /// A mesh of these triangles, and the new number of each old vertex. Each group becomes a group of triangles and a group
+    /// of their vertices. With a distance, vertices within it are merged.
+    pub(crate) fn into_mesh(self, merge: Option<f64>) -> Result<(TriMesh, Vec<u32>), Fault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
             let entities = "vertices";
@@ -40,7 +43,7 @@ impl Soup {
             mut triangles,
             groups,
         } = self;
-        let numbers = drop_unused(&mut positions, &mut triangles);
+        let numbers = compact(&mut positions, &mut triangles, merge);
         let fault = |source: MeshError| {
             let location = match source.location() {
                 Location::Vertex(vertex) => {
@@ -53,6 +56,7 @@ impl Soup {
         };
         let mut mesh = TriMesh::new(positions, triangles).map_err(fault)?;
         check_distinct(&mesh.positions).map_err(fault)?;
+        check_hanging(&mesh).map_err(fault)?;
         mesh.vertex_groups = groups
             .iter()
             .map(|group| Group {
@@ -61,15 +65,38 @@ impl Soup {
             })
             .collect();
         mesh.triangle_groups = groups;
-        Ok(mesh)
+        Ok((mesh, numbers))
     }
 }
 
-/// Drops the vertices that no triangle or cell uses. Returns the new number of each old vertex.
-pub(crate) fn drop_unused<const N: usize>(
+/// Drops the vertices that no triangle or cell uses and, with a distance, those within it of an earlier vertex. Returns
+/// the new number of each old vertex.
+pub(crate) fn compact<const N: usize>(
     positions: &mut Vec<Vec3>,
     cells: &mut [[u32; N]],
+    merge: Option<f64>,
 ) -> Vec<u32> {
+    let mut numbers = drop_unused(positions, cells);
+    let Some(distance) = merge else {
+        return numbers;
+    };
+    let firsts = merge::firsts(positions, distance);
+    let number = |numbers: &[u32], vertex: u32| {
+        let number = numbers.get(vertex as usize);
+        number.copied().unwrap_or(UNUSED)
+    };
+    for vertex in cells.iter_mut().flatten() {
+        *vertex = number(&firsts, *vertex);
+    }
+    let kept = drop_unused(positions, cells);
+    for vertex in &mut numbers {
+        *vertex = number(&kept, number(&firsts, *vertex));
+    }
+    numbers
+}
+
+/// Drops the vertices that no triangle or cell uses. Returns the new number of each old vertex.
+fn drop_unused<const N: usize>(positions: &mut Vec<Vec3>, cells: &mut [[u32; N]]) -> Vec<u32> {
     let mut numbers = vec![UNUSED; positions.len()];
     for &vertex in cells.iter().flatten() {
         if let Some(number) = numbers.get_mut(vertex as usize) {

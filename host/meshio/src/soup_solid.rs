@@ -1,9 +1,10 @@
 //! Builds a mesh from the tetrahedra of a file: reorients those of negative volume, drops unused vertices, and traces
 //! faults back to the file.
 
-use crate::soup::drop_unused;
+use crate::soup::compact;
 use physics::Vec3;
 use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
+use physics::mesh::check_hanging::check_hanging_solid;
 use physics::mesh::check_solid::{SolidError, size};
 use physics::mesh::{Cells, MeshError, TetMesh};
 
@@ -23,8 +24,8 @@ pub(crate) struct SolidFault {
 
 impl SolidSoup {
     /// A mesh of these cells, without groups and fields, and the new number of each vertex of the file. The number of a
-    /// dropped vertex is [`UNUSED`](crate::soup::UNUSED).
-    pub(crate) fn into_mesh(self) -> Result<(TetMesh, Vec<u32>), SolidFault> {
+    /// dropped vertex is [`UNUSED`](crate::soup::UNUSED). With a distance, vertices within it are merged.
+    pub(crate) fn into_mesh(self, merge: Option<f64>) -> Result<(TetMesh, Vec<u32>), SolidFault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
             let entities = "vertices";
@@ -38,8 +39,8 @@ impl SolidSoup {
             mut cells,
         } = self;
         let numbers = match &mut cells {
-            Cells::Linear(cells) => drop_unused(&mut positions, cells),
-            Cells::Quadratic(cells) => drop_unused(&mut positions, cells),
+            Cells::Linear(cells) => compact(&mut positions, cells, merge),
+            Cells::Quadratic(cells) => compact(&mut positions, cells, merge),
         };
         turn_negative(&positions, &mut cells);
         let fault = |source: SolidError| {
@@ -54,6 +55,7 @@ impl SolidSoup {
         };
         let mesh = TetMesh::new(positions, cells).map_err(fault)?;
         check_distinct(&mesh.positions).map_err(|error| fault(error.into()))?;
+        check_hanging_solid(&mesh).map_err(|error| fault(error.into()))?;
         Ok((mesh, numbers))
     }
 }

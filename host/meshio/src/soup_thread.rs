@@ -1,6 +1,6 @@
 //! From the lines that a file lists to a mesh: unused vertices dropped, faults traced back to the file.
 
-use crate::soup::drop_unused;
+use crate::soup::compact;
 use physics::Vec3;
 use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
 use physics::mesh::{LineMesh, MeshError, ThreadError};
@@ -21,8 +21,8 @@ pub(crate) struct ThreadFault {
 
 impl ThreadSoup {
     /// A mesh of these lines, without groups and fields, and the number in it of each vertex of the file; that of one
-    /// that was dropped is [`UNUSED`](crate::soup::UNUSED).
-    pub(crate) fn into_mesh(self) -> Result<(LineMesh, Vec<u32>), ThreadFault> {
+    /// that was dropped is [`UNUSED`](crate::soup::UNUSED). With a distance, vertices within it are merged.
+    pub(crate) fn into_mesh(self, merge: Option<f64>) -> Result<(LineMesh, Vec<u32>), ThreadFault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
             let entities = "vertices";
@@ -35,7 +35,7 @@ impl ThreadSoup {
             mut positions,
             mut lines,
         } = self;
-        let numbers = drop_unused(&mut positions, &mut lines);
+        let numbers = compact(&mut positions, &mut lines, merge);
         let fault = |source: ThreadError| {
             let location = match source.location() {
                 Location::Vertex(vertex) => {

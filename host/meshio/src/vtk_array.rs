@@ -122,6 +122,23 @@ impl<'a> Array<'a> {
         &self,
         expected: &'static str,
     ) -> impl Iterator<Item = Result<f64, MeshFileError>> {
+        let numbers = self.numbers(expected).enumerate();
+        numbers.map(move |(item, number)| {
+            number.and_then(|number| {
+                if number.is_finite() {
+                    return Ok(number);
+                }
+                let found = format!("{number:?}");
+                Err(MeshFileError::syntax(self.place(item), expected, found))
+            })
+        })
+    }
+
+    /// The numbers as reals. An error describes the expected number by `expected`.
+    pub(crate) fn numbers(
+        &self,
+        expected: &'static str,
+    ) -> impl Iterator<Item = Result<f64, MeshFileError>> {
         let from_text = |word: &[u8]| std::str::from_utf8(word).ok()?.parse::<f64>().ok();
         let from_bytes = |bytes: &[u8], scalar, big| match scalar {
             Scalar::F32 => f64::from(f32::from_le_bytes(little(bytes, big))),
@@ -135,11 +152,8 @@ impl<'a> Array<'a> {
             .map(move |(bytes, scalar, big)| (Some(from_bytes(bytes, scalar, big)), bytes));
         let numbers = text.chain(bytes).enumerate();
         numbers.map(move |(item, (number, raw))| {
-            number.filter(|number| number.is_finite()).ok_or_else(|| {
-                let found =
-                    number.map_or_else(|| quoted_bytes(raw), |number| format!("{number:?}"));
-                MeshFileError::syntax(self.place(item), expected, found)
-            })
+            number
+                .ok_or_else(|| MeshFileError::syntax(self.place(item), expected, quoted_bytes(raw)))
         })
     }
 

@@ -20,6 +20,9 @@ const TETRAHEDRON: i64 = 10;
 const QUADRATIC_EDGE: i64 = 21;
 const QUADRATIC_TRIANGLE: i64 = 22;
 const QUADRATIC_TETRAHEDRON: i64 = 24;
+/// The curve, the triangle and the tetrahedron of any order. With the points of first or second order they are the cells
+/// above, their points in the same order.
+const LAGRANGE: [i64; 3] = [68, 69, 71];
 
 /// Lines, triangles or tetrahedra read so far, with where they stand.
 pub(crate) struct Cells<'a> {
@@ -172,6 +175,7 @@ impl<'a> Cells<'a> {
         place: impl Fn() -> Place,
     ) -> Result<Kept, MeshFileError> {
         let is_any = self.wanted == Wanted::Any;
+        let code = of_order(code, size);
         match (code, size) {
             (TRIANGLE | POLYGON, 3) => {
                 if self.only_lines() {
@@ -279,8 +283,12 @@ impl<'a> Cells<'a> {
     }
 
     /// The mesh of the cells, the number of cells in the file, and the number of each of the mesh's cells among them.
-    /// `numbers` is the array of the points' numbers.
-    pub(crate) fn finish(self, numbers: &Array) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
+    /// `numbers` is the array of the points' numbers. With a distance, vertices within it are merged.
+    pub(crate) fn finish(
+        self,
+        numbers: &Array,
+        merge: Option<f64>,
+    ) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
         if let (None, Some((place, name))) = (&self.tetrahedra, self.second_order) {
             return Err(self.not_kept(place, name));
         }
@@ -314,7 +322,7 @@ impl<'a> Cells<'a> {
             None if !lines.is_empty() => {
                 let soup = ThreadSoup { positions, lines };
                 let (thread, _) =
-                    soup.into_mesh()
+                    soup.into_mesh(merge)
                         .map_err(|ThreadFault { source, location }| {
                             let place = place(location);
                             MeshFileError::Thread { place, source }
@@ -327,19 +335,22 @@ impl<'a> Cells<'a> {
                     triangles,
                     groups: Vec::new(),
                 };
-                Mesh::Sheet(soup.into_mesh().map_err(|Fault { source, location }| {
-                    let place = place(location);
-                    MeshFileError::Mesh { place, source }
-                })?)
+                let (sheet, _) = soup
+                    .into_mesh(merge)
+                    .map_err(|Fault { source, location }| {
+                        let place = place(location);
+                        MeshFileError::Mesh { place, source }
+                    })?;
+                Mesh::Sheet(sheet)
             }
             Some(cells) => {
                 let soup = SolidSoup { positions, cells };
-                let (solid, _) = soup
-                    .into_mesh()
-                    .map_err(|SolidFault { source, location }| {
-                        let place = place(location);
-                        MeshFileError::Solid { place, source }
-                    })?;
+                let (solid, _) =
+                    soup.into_mesh(merge)
+                        .map_err(|SolidFault { source, location }| {
+                            let place = place(location);
+                            MeshFileError::Solid { place, source }
+                        })?;
                 Mesh::Solid(solid)
             }
         };
@@ -390,6 +401,19 @@ impl<I: Iterator<Item = Result<i64, MeshFileError>>> Nodes<'_, I> {
 const LINE_2: &str = "a line of second order";
 const TRIANGLE_2: &str = "a triangle of second order";
 
+/// The type of a cell of any order, by the number of its points.
+fn of_order(code: i64, size: usize) -> i64 {
+    match (code, size) {
+        (68, 2) => LINE,
+        (68, 3) => QUADRATIC_EDGE,
+        (69, 3) => TRIANGLE,
+        (69, 6) => QUADRATIC_TRIANGLE,
+        (71, 4) => TETRAHEDRON,
+        (71, 10) => QUADRATIC_TETRAHEDRON,
+        _ => code,
+    }
+}
+
 /// The name of a cell that is an error; `None` for a cell that is skipped.
 fn refused(code: i64, size: usize) -> Option<String> {
     let name = match code {
@@ -411,6 +435,11 @@ fn refused(code: i64, size: usize) -> Option<String> {
         QUADRATIC_TETRAHEDRON if size == 10 => "a tetrahedron of second order",
         QUADRATIC_TETRAHEDRON => {
             return Some(format!("a tetrahedron of second order of {size} points"));
+        }
+        _ if LAGRANGE.contains(&code) => {
+            return Some(format!(
+                "a Lagrange cell of {size} points (write the mesh with order 1 or 2)"
+            ));
         }
         _ => return Some(format!("a cell of type {code}")),
     };

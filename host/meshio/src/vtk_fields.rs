@@ -5,7 +5,8 @@ use crate::text::quoted;
 use crate::vtk_array::Array;
 use physics::mesh::{Field, Mesh};
 
-/// Adds a field to a mesh, with the values of the cells that were kept. A field without a name is skipped.
+/// Adds a field to a mesh, with the values of the cells that were kept. A field without a name is skipped, and so is one
+/// with a value that is not finite, as programs write where a value is not known.
 ///
 /// `cells` is the number of cells in the file, and `kept` holds the number of each of the mesh's cells among them.
 pub(crate) fn add(
@@ -32,10 +33,13 @@ pub(crate) fn add(
     let mut values = Vec::with_capacity(kept.len());
     let mut next = kept.iter().copied().peekable();
     // The values of skipped cells are not checked.
-    for (cell, value) in (0_u32..).zip(array.reals("a finite value of the cell")) {
+    for (cell, value) in (0_u32..).zip(array.numbers("a number for the cell")) {
         if next.next_if_eq(&cell).is_some() {
             values.push(value?);
         }
+    }
+    if values.iter().any(|value| !value.is_finite()) {
+        return Ok(());
     }
     mesh.fields_mut().push(Field {
         name: name.to_owned(),

@@ -7,13 +7,14 @@
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
 //! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
 //! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
-//! component becomes a field; its other attributes, `POINT_DATA` and what stands before both are passed
-//! over. The file makes no groups.
+//! component becomes a field if its values are finite numbers; its other attributes, `POINT_DATA` and what stands before
+//! both are passed over. The file makes no groups.
 
 mod attributes;
 mod cursor;
 
 use crate::file::{MeshFileError, Place, Wanted, into_sheet};
+use crate::text::quoted;
 use crate::vtk_array::{Array, Scalar};
 use crate::vtk_cells::{Cells, POLYGON};
 use crate::vtk_fields;
@@ -47,19 +48,19 @@ struct Connectivity<'a> {
 /// # Errors
 /// The first [`MeshFileError`] found. A tetrahedron is an error.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    into_sheet(read(bytes, Wanted::Sheet)?)
+    into_sheet(read(bytes, Wanted::Sheet, None)?)
 }
 
 /// As [`parse`], a solid if there is a tetrahedron in the file, a sheet if there is a triangle, a thread if there are
-/// cells of two points (`VTK_LINE`).
+/// cells of two points (`VTK_LINE`). With a distance, vertices within it are merged.
 ///
 /// # Errors
 /// As [`parse`], except that tetrahedra are allowed.
-pub(crate) fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
-    read(bytes, Wanted::Any)
+pub(crate) fn parse_mesh(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileError> {
+    read(bytes, Wanted::Any, merge)
 }
 
-fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
+fn read(bytes: &[u8], wanted: Wanted, merge: Option<f64>) -> Result<Mesh, MeshFileError> {
     let mut cursor = Cursor::new(bytes);
     let version_5 = header(&mut cursor)?;
     let mut line = cursor.expect("DATASET")?;
@@ -69,7 +70,12 @@ fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
         }
         (_, kind) if kind.eq_ignore_ascii_case("POLYDATA") => false,
         (_, kind) if kind.eq_ignore_ascii_case("UNSTRUCTURED_GRID") => true,
-        _ => return Err(line.unexpected("DATASET POLYDATA or DATASET UNSTRUCTURED_GRID")),
+        (_, kind) => {
+            let expected = "DATASET POLYDATA or DATASET UNSTRUCTURED_GRID (make one of them first, as \
+                            ParaView's filters Extract Surface and Tetrahedralize do)";
+            let found = format!("DATASET {}", quoted(kind));
+            return Err(MeshFileError::syntax(line.place, expected, found));
+        }
     };
     let sections = sections(&mut cursor, is_grid, version_5)?;
     let end = cursor.place();
@@ -88,10 +94,10 @@ fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
                 connectivity.cells.to_string(),
             ));
         }
-        mesh(cells, &connectivity, types.integers())?
+        mesh(cells, &connectivity, types.integers(), merge)?
     } else {
         let types = std::iter::repeat_n(Ok(POLYGON), connectivity.cells);
-        mesh(cells, &connectivity, types)?
+        mesh(cells, &connectivity, types, merge)?
     };
     for CellArray { place, name, array } in &sections.cell_data {
         vtk_fields::add(&mut mesh, (count, &kept), (*place, name), array)?;
@@ -209,23 +215,50 @@ fn connectivity<'a>(
     })
 }
 
+/// The type of an array's items.
+#[derive(Clone, Copy)]
+enum Items {
+    Numbers(Scalar),
+    /// Bits, which no mesh needs.
+    Bits,
+    /// Texts, which no mesh needs. Where `by_line` is set, each takes a line of a binary file, too.
+    Texts {
+        by_line: bool,
+    },
+}
+
 /// The next word as a type of numbers.
 fn scalar(line: &mut Line) -> Result<Scalar, MeshFileError> {
-    const EXPECTED: &str = "a type of numbers, such as float or int";
     let before = *line;
-    Ok(match line.word(EXPECTED)?.to_ascii_lowercase().as_str() {
-        "char" | "signed_char" => Scalar::I8,
-        "unsigned_char" => Scalar::U8,
-        "short" => Scalar::I16,
-        "unsigned_short" => Scalar::U16,
-        "int" | "vtkidtype" => Scalar::I32,
-        "unsigned_int" => Scalar::U32,
-        "long" | "vtktypeint64" => Scalar::I64,
-        "unsigned_long" | "vtktypeuint64" => Scalar::U64,
-        "float" => Scalar::F32,
-        "double" => Scalar::F64,
-        _ => return Err(before.unexpected(EXPECTED)),
-    })
+    match items(line)? {
+        Items::Numbers(scalar) => Ok(scalar),
+        Items::Bits | Items::Texts { .. } => Err(before.unexpected(NUMBERS)),
+    }
+}
+
+const NUMBERS: &str = "a type of numbers, such as float or int";
+
+/// The next word as a type of items.
+fn items(line: &mut Line) -> Result<Items, MeshFileError> {
+    let before = *line;
+    Ok(Items::Numbers(
+        match line.word(NUMBERS)?.to_ascii_lowercase().as_str() {
+            "char" | "signed_char" => Scalar::I8,
+            "unsigned_char" => Scalar::U8,
+            "short" => Scalar::I16,
+            "unsigned_short" => Scalar::U16,
+            "int" | "vtkidtype" => Scalar::I32,
+            "unsigned_int" => Scalar::U32,
+            "long" | "vtktypeint64" => Scalar::I64,
+            "unsigned_long" | "vtktypeuint64" => Scalar::U64,
+            "float" => Scalar::F32,
+            "double" => Scalar::F64,
+            "bit" => return Ok(Items::Bits),
+            "string" | "utf8_string" => return Ok(Items::Texts { by_line: false }),
+            "variant" => return Ok(Items::Texts { by_line: true }),
+            _ => return Err(before.unexpected(NUMBERS)),
+        },
+    ))
 }
 
 /// The mesh of cells of these types, the number of cells in the file, and the number of each of the mesh's cells among
@@ -234,6 +267,7 @@ fn mesh(
     mut cells: Cells,
     connectivity: &Connectivity,
     types: impl Iterator<Item = Result<i64, MeshFileError>>,
+    merge: Option<f64>,
 ) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
     let numbers = &connectivity.numbers;
     if let Some(offsets) = &connectivity.offsets {
@@ -252,5 +286,5 @@ fn mesh(
     } else {
         cells.add_counted(types, numbers)?;
     }
-    cells.finish(numbers)
+    cells.finish(numbers, merge)
 }

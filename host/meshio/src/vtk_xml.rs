@@ -7,7 +7,7 @@
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
 //! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
 //! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
-//! field; others, and what belongs to points and to the file (`PointData`, `FieldData`), are skipped. The
+//! field if its values are finite numbers; others, and what belongs to points and to the file (`PointData`, `FieldData`), are skipped. The
 //! file makes no groups.
 //!
 //! A file whose arrays unpack to much more than its own size is refused: see [`MAX_RATIO`].
@@ -39,19 +39,19 @@ pub(crate) const MAX_UNPACKED: usize = 256 << 20;
 /// # Errors
 /// The first [`MeshFileError`] found. A tetrahedron is an error.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    into_sheet(read(bytes, Wanted::Sheet)?)
+    into_sheet(read(bytes, Wanted::Sheet, None)?)
 }
 
 /// As [`parse`], a solid if there is a tetrahedron in the file, a sheet if there is a triangle, a thread if there are
-/// cells of two points (`VTK_LINE`).
+/// cells of two points (`VTK_LINE`). With a distance, vertices within it are merged.
 ///
 /// # Errors
 /// As [`parse`], except that tetrahedra are allowed.
-pub(crate) fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
-    read(bytes, Wanted::Any)
+pub(crate) fn parse_mesh(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileError> {
+    read(bytes, Wanted::Any, merge)
 }
 
-fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
+fn read(bytes: &[u8], wanted: Wanted, merge: Option<f64>) -> Result<Mesh, MeshFileError> {
     let document = document::read(bytes)?;
     let mut unpacker = Unpacker::new(bytes, &document.encoding);
     let piece = &document.piece;
@@ -80,7 +80,7 @@ fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
         let types = std::iter::repeat_n(Ok(POLYGON), ends.len());
         cells.add(types, ends.integers(), end_place, &numbers)?;
     }
-    let (mut mesh, count, kept) = cells.finish(&numbers)?;
+    let (mut mesh, count, kept) = cells.finish(&numbers, merge)?;
     for NamedArray { name, array } in &piece.cell_data {
         let place = Place::Line(array.line);
         let array = unpacker.array(array)?;

@@ -162,7 +162,7 @@ impl Contents<'_> {
         self.nodes(&mut out);
         self.elements(&mut out, &runs);
         for field in self.fields {
-            element_data(&mut out, field);
+            self.element_data(&mut out, field);
         }
         out
     }
@@ -301,17 +301,20 @@ impl Contents<'_> {
         }
         out.push_str("$EndElements\n");
     }
-}
 
-/// Writes a field: its name, no time, one component for each cell.
-fn element_data(out: &mut String, field: &Field) {
-    let Some(name) = legible(&field.name) else {
-        return;
-    };
-    let count = field.values.len();
-    let _ = writeln!(out, "$ElementData\n1\n\"{name}\"\n1\n0.0\n3\n0\n1\n{count}");
-    for (tag, value) in (1..).zip(&field.values) {
-        let _ = writeln!(out, "{tag} {value:?}");
+    /// Writes a field: its name, no time, one component for each cell. Points have the value zero, because other programs
+    /// take a field for one of all elements.
+    fn element_data(&self, out: &mut String, field: &Field) {
+        let Some(name) = legible(&field.name) else {
+            return;
+        };
+        let points: usize = self.vertex_groups.iter().map(|g| g.members.len()).sum();
+        let count = field.values.len() + points;
+        let _ = writeln!(out, "$ElementData\n1\n\"{name}\"\n1\n0.0\n3\n0\n1\n{count}");
+        let values = field.values.iter().copied();
+        for (tag, value) in (1..).zip(values.chain(std::iter::repeat_n(0.0, points))) {
+            let _ = writeln!(out, "{tag} {value:?}");
+        }
+        out.push_str("$EndElementData\n");
     }
-    out.push_str("$EndElementData\n");
 }

@@ -133,10 +133,11 @@ impl Snapshot {
 }
 
 fn array(out: &mut String, name: &str, values: &Values) {
+    // As VTK's own writer: programs take one component that is named for a column of vectors.
     let components = match values {
-        Values::Scalar(_) => 1,
-        Values::Vector(_) => 3,
-        Values::Tensor(_) => 9,
+        Values::Scalar(_) => "",
+        Values::Vector(_) => " NumberOfComponents=\"3\"",
+        Values::Tensor(_) => " NumberOfComponents=\"9\"",
     };
     out.push_str("<DataArray type=\"Float64\" Name=\"");
     for c in name.chars() {
@@ -149,10 +150,7 @@ fn array(out: &mut String, name: &str, values: &Values) {
             c => out.push(c),
         }
     }
-    let _ = writeln!(
-        out,
-        "\" NumberOfComponents=\"{components}\" format=\"ascii\">"
-    );
+    let _ = writeln!(out, "\"{components} format=\"ascii\">");
     // `{:?}` gives the shortest text that reads back to the same number.
     match values {
         Values::Scalar(values) => values.iter().for_each(|v| {

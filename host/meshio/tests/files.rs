@@ -2,7 +2,7 @@
 //! its place.
 
 use meshio::{MeshFileError, read, read_with_pattern};
-use physics::mesh::{MeshError, TriMesh};
+use physics::mesh::{Mesh, MeshError, TriMesh};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
@@ -60,13 +60,13 @@ fn the_format_follows_from_the_name_or_else_from_the_beginning() -> Outcome {
         }
     }
     assert_eq!(
-        error("mesh.stl", b"solid x\n"),
-        "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and a \
+        error("mesh.ply", b"solid x\n"),
+        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and a \
          file that begins with \"solid x\\n\""
     );
     assert_eq!(
         error("mesh", b""),
-        "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and an \
+        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and an \
          empty file"
     );
     Ok(())
@@ -96,6 +96,122 @@ fn an_obj_file_gives_vertices_triangles_and_groups() -> Outcome {
         ]
     );
     mesh.validate()?;
+    Ok(())
+}
+
+#[test]
+fn a_statement_continues_after_a_backslash() -> Outcome {
+    let text = "v 0 \\\n0 0\nv 1 0 0\r\nv 0 1 \\\r\n 0\nf 1 \\\n2 \\\n3\n";
+    let mesh = read("x.obj", text.as_bytes())?;
+    assert_eq!((mesh.positions.len(), mesh.area()), (3, 0.5));
+    // The lines keep their numbers.
+    let wrong = format!("{text}f 1 2 4\n");
+    assert_eq!(
+        error("x.obj", wrong.as_bytes()),
+        "line 9: expected a vertex from 1 to 3, found 4"
+    );
+    // Nothing continues the last statement.
+    let open = format!("{text}f 1 2 \\");
+    assert_eq!(
+        error("x.obj", open.as_bytes()),
+        "line 9: expected three vertices of a face, found the end of the line"
+    );
+    Ok(())
+}
+
+#[test]
+fn what_arcsim_adds_is_skipped() -> Outcome {
+    let text = "v 0 0 0\nny 0 0 0\nnv 0 0 0\nv 1 0 0\nny 1 0 0\nv 0 1 0\nms 0 0 1\ne 1 2\nea 0\nf 1 2 3\nnl 1\n";
+    assert_eq!(read("x.obj", text.as_bytes())?.triangles.len(), 1);
+    Ok(())
+}
+
+/// An STL file of these triangles, as text or binary.
+fn stl(triangles: &[[[f32; 3]; 3]], binary: bool) -> Vec<u8> {
+    let mut file = if binary {
+        let mut file = b"solid: many binary files begin so".to_vec();
+        file.resize(80, b' ');
+        file.extend(u32::try_from(triangles.len()).unwrap_or(0).to_le_bytes());
+        file
+    } else {
+        b"solid a part\n".to_vec()
+    };
+    for corners in triangles {
+        if binary {
+            file.extend([0; 12]);
+            file.extend(corners.iter().flatten().flat_map(|x| x.to_le_bytes()));
+            file.extend([0; 2]);
+            continue;
+        }
+        file.extend(b"facet normal 0 0 0\nouter loop\n");
+        for [x, y, z] in corners {
+            file.extend(format!("vertex {x} {y} {z}\n").bytes());
+        }
+        file.extend(b"endloop\nendfacet\n");
+    }
+    if !binary {
+        file.extend(b"endsolid a part\n");
+    }
+    file
+}
+
+#[test]
+fn corners_of_an_stl_file_at_one_place_are_one_vertex() -> Outcome {
+    let square = [
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
+        [[-0.0, 0.0, -0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+    ];
+    for binary in [true, false] {
+        let mesh = read("x.stl", &stl(&square, binary))?;
+        assert!(is_square(&mesh), "{mesh:?}");
+        let names: Vec<_> = mesh.triangle_groups.iter().map(|g| &g.name[..]).collect();
+        assert_eq!(names.len(), usize::from(!binary));
+        assert!(names.iter().all(|name| *name == "a part"));
+    }
+    let mut flat = square;
+    flat[1][2] = [0.5, 0.5, 0.0];
+    assert!(error("x.stl", &stl(&flat, true)).starts_with("byte 134: triangle 1 is flat"));
+    assert!(error("x.stl", &stl(&flat, false)).starts_with("line 9: triangle 1 is flat"));
+    flat[1][2] = [f32::NAN, 0.5, 0.0];
+    assert_eq!(
+        error("x.stl", &stl(&flat, true)),
+        "byte 134: expected a triangle with finite coordinates, found another number"
+    );
+    assert_eq!(
+        error("x.stl", &stl(&flat, false)),
+        "line 13: expected a finite coordinate, found \"NaN\""
+    );
+    // A binary file that is cut is text that is none.
+    let mut cut = stl(&square, true);
+    cut.pop();
+    assert!(
+        error("x.stl", &cut).contains("expected"),
+        "{}",
+        error("x.stl", &cut)
+    );
+    Ok(())
+}
+
+#[test]
+fn vertices_within_the_distance_are_merged_on_request() -> Outcome {
+    let doubled =
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 0 0.0003\nv 1 1 0.0004\nv 0 1 0\nf 1 2 3\nf 4 5 6\n";
+    let merged = |distance: f64| {
+        let choices = meshio::Choices {
+            merge: Some(distance),
+            texture_unit: None,
+        };
+        meshio::read_mesh_as("x.obj", doubled.as_bytes(), choices)
+    };
+    let Mesh::Sheet(mesh) = merged(5e-4)? else {
+        return Err("no sheet".into());
+    };
+    assert!(is_square(&mesh), "{mesh:?}");
+    // Too small a distance merges one pair of the two; the edges of the grid's cells lie elsewhere.
+    assert_eq!(merged(3.5e-4)?.positions().len(), 5);
+    assert_eq!(merged(1e-4)?.positions().len(), 6);
+    // A distance above the size of a triangle is an error of the mesh.
+    assert!(merged(1.2).is_err());
     Ok(())
 }
 
@@ -276,7 +392,7 @@ fn wrong_obj_files_are_refused_with_their_line() {
         ),
         (
             with("v 7 7 7\nv 0 0 1\nv -0 -0 0\nf 1 2 3\nf 5 6 2"),
-            "line 6: vertices 0 and 4 lie at one place, where the mesh is not connected; merge the two vertices (a slit needs a gap)",
+            "line 6: vertices 0 and 4 lie at one place, where the mesh is not connected; merge the two vertices, as mesh.merge of a scene does (a slit needs a gap)",
         ),
         (
             "vertex 1 2 3".to_owned(),
@@ -314,7 +430,7 @@ fn wrong_legacy_files_are_refused_with_their_line() {
         ),
         (
             HEAD.replace("POLYDATA", "STRUCTURED_GRID"),
-            "line 4: expected DATASET POLYDATA or DATASET UNSTRUCTURED_GRID, found the end of the line",
+            "line 4: expected DATASET POLYDATA or DATASET UNSTRUCTURED_GRID (make one of them first, as ParaView's filters Extract Surface and Tetrahedralize do), found DATASET \"STRUCTURED_GRID\"",
         ),
         (
             HEAD.to_owned(),
@@ -480,12 +596,12 @@ fn wrong_xml_files_are_refused_with_their_line() -> Outcome {
         (
             "LittleEndian\"",
             "LittleEndian\" compressor=\"vtkLZ4DataCompressor\"",
-            "line 2: expected compressor to be vtkZLibDataCompressor, found \"vtkLZ4DataCompressor\"",
+            "line 2: expected compressor to be vtkZLibDataCompressor (save the file with ZLib or without compression), found \"vtkLZ4DataCompressor\"",
         ),
         (
             "UnstructuredGrid\" ",
             "ImageData\" ",
-            "line 2: expected type to be UnstructuredGrid or PolyData, found \"ImageData\"",
+            "line 2: expected type to be UnstructuredGrid or PolyData (make one of them first, as ParaView's filters Extract Surface and Tetrahedralize do), found \"ImageData\"",
         ),
         (
             "\"connectivity\"",
@@ -539,4 +655,46 @@ fn an_invalid_mesh_is_distinguished_from_invalid_text() {
             ..
         })
     ));
+}
+
+#[test]
+fn a_vertex_on_an_edge_is_named_with_both() -> Outcome {
+    // A large triangle beside two small ones, which divide its longest side.
+    let sheet = |middle: &str| {
+        format!("v 0 0 0\nv 2 0 0\nv 0 -1 0\nv {middle}\nv 0 1 0\nf 1 3 2\nf 1 4 5\nf 4 2 5\n")
+    };
+    assert_eq!(
+        error("x.obj", sheet("1 0 0").as_bytes()),
+        "line 4: vertex 3 lies on edge 0-1, where the mesh is not connected; divide the edge at the vertex, or mesh \
+         again (a slit needs a gap)"
+    );
+    assert_eq!(error("x.obj", sheet("1 1e-5 0").as_bytes()), "no error");
+    // Divided there, the mesh is connected.
+    let divided = sheet("1 0 0").replace("f 1 3 2\n", "f 1 3 4\nf 4 3 2\n");
+    assert_eq!(read("x.obj", divided.as_bytes())?.triangles.len(), 4);
+
+    // The same for tetrahedra: one on the large triangle's side, two on the other.
+    let solid = |cells: &str| {
+        let count = cells.lines().count();
+        format!(
+            "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 6 float\n0 0 0 2 0 0 0 -1 0\n\
+             1 0 0 0 1 0 0 0 1\nCELLS {count} {}\n{cells}\nCELL_TYPES {count}\n{}",
+            5 * count,
+            "10\n".repeat(count)
+        )
+    };
+    let fault = |cells: &str| {
+        let read = meshio::read_mesh("x.vtk", solid(cells).as_bytes());
+        read.map_or_else(|error| error.to_string(), |_| "no error".to_owned())
+    };
+    let found = fault("4 0 2 1 5\n4 0 3 4 5\n4 3 1 4 5");
+    assert!(
+        found.contains("vertex 3 lies on edge 0-1, where"),
+        "{found}"
+    );
+    assert_eq!(
+        fault("4 0 2 3 5\n4 3 2 1 5\n4 0 3 4 5\n4 3 1 4 5"),
+        "no error"
+    );
+    Ok(())
 }

@@ -1,5 +1,6 @@
 //! Reading MSH 4.1: a real file, a small one with every feature, and an error for each way to be wrong.
 
+use meshio::Place;
 use meshio::gmsh::{GmshError, MAX_GROUPS, parse, parse_bytes};
 use physics::Vec3;
 use physics::mesh::{MeshError, TriMesh};
@@ -116,24 +117,27 @@ fn line_ends_blank_lines_and_the_order_of_sections_do_not_matter() {
 #[test]
 fn other_versions_are_named_with_the_command_that_converts_them() {
     for (header, found) in [
-        ("2.2 0 8", "2.2 ASCII"),
+        ("2.3 0 8", "2.3 ASCII"),
         ("4 0 8", "4 ASCII"),
-        ("4.1 1 8", "4.1 binary"),
+        ("4 1 8", "4 binary"),
+        ("1 0 8", "1 ASCII"),
     ] {
         assert_eq!(
             fault(2, header),
             format!(
-                "line 2: expected MSH 4.1 ASCII, found MSH {found}; convert the file with \
+                "line 2: expected MSH 4.1 or 2.2, found MSH {found}; convert the file with \
                  `gmsh in.msh -save -o out.msh -format msh41`"
             )
         );
     }
-    // As Gmsh writes it: the number one in binary follows, and later bytes that are no text.
-    let binary = b"$MeshFormat\n4.1 1 8\n\x01\0\0\0\n$EndMeshFormat\n\xff\xfe";
-    assert!(matches!(
-        parse_bytes(binary),
-        Err(GmshError::Version { line: 2, .. })
-    ));
+    let first = parse("$NOD\n1\n1 0 0 0\n$ENDNOD\n").unwrap_err();
+    assert!(matches!(first, GmshError::Version { line: 1, .. }));
+    // The number one in binary tells the byte order.
+    let binary = b"$MeshFormat\n4.1 1 8\n\x02\0\0\0\n$EndMeshFormat\n\xff\xfe";
+    assert_eq!(
+        parse_bytes(binary).unwrap_err().to_string(),
+        "byte 20: expected the number 1 in four bytes, which tells the byte order, found 2"
+    );
     let broken = b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n\xff\xfe";
     assert_eq!(parse_bytes(broken), Err(GmshError::NotText { line: 4 }));
     assert_eq!(
@@ -264,7 +268,7 @@ fn a_section_that_occurs_once_may_not_repeat_or_be_missing() {
     assert_eq!(
         parse(without),
         Err(GmshError::Missing {
-            line: without.lines().count(),
+            place: Place::Line(without.lines().count()),
             section: "$Elements"
         })
     );
@@ -289,7 +293,7 @@ fn a_mesh_at_fault_is_traced_to_its_line() {
     assert_eq!(
         error,
         GmshError::Mesh {
-            line: second,
+            place: Place::Line(second),
             source
         }
     );
@@ -301,13 +305,13 @@ fn a_mesh_at_fault_is_traced_to_its_line() {
     assert_eq!(
         error,
         GmshError::Mesh {
-            line: second,
+            place: Place::Line(second),
             source
         }
     );
     let error = parse(&with_line(line_of("$Nodes", 8), "1e10 1 0")).unwrap_err();
     assert!(
-        matches!(error, GmshError::Mesh { line, .. } if line == line_of("$Nodes", 8)),
+        matches!(error, GmshError::Mesh { place, .. } if place == Place::Line(line_of("$Nodes", 8))),
         "{error}"
     );
 }

@@ -97,7 +97,8 @@ fn judge(bytes: &[u8]) -> bool {
         }
         Err(error) => {
             let message = error.to_string();
-            assert!(message.starts_with("line "), "{message}");
+            let is_placed = message.starts_with("line ") || message.starts_with("byte ");
+            assert!(is_placed, "{message}");
             assert!(!message.contains('\n') && message.len() < 250, "{message}");
             false
         }

@@ -80,6 +80,21 @@ fn hostile() -> Vec<(String, Vec<u8>)> {
             )
             .into_bytes(),
         );
+        for section in ["$Nodes", "$Elements"] {
+            add(
+                "x.msh",
+                format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{section}\n{n}\n1 4 1 1 1\n")
+                    .into_bytes(),
+            );
+            let number = n.parse::<u64>().unwrap_or(u64::MAX).to_le_bytes();
+            let mut file = b"$MeshFormat\n4.1 1 8\n\x01\0\0\0\n$EndMeshFormat\n".to_vec();
+            file.extend(section.bytes());
+            file.extend(b"\n");
+            file.extend([number; 4].as_flattened());
+            file.extend([[2, 0, 0, 0], [1, 0, 0, 0], [2, 0, 0, 0]].as_flattened());
+            file.extend(number);
+            add("x.msh", file);
+        }
         for kind in ["ASCII", "BINARY"] {
             let head =
                 format!("# vtk DataFile Version 5.1\nt\n{kind}\nDATASET UNSTRUCTURED_GRID\n");
@@ -156,6 +171,36 @@ fn memory_is_bounded_by_the_length_of_the_file() {
     let nodes = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"].map(str::to_owned);
     let same = vec!["1 1 2 3 4".to_owned(); 100_000];
     files.push(("t.msh".to_owned(), dense_msh(&same, &nodes, 4, 0)));
+    // Flat triangles of as many different vertices as the file can hold.
+    let mut stl = vec![b' '; 80];
+    stl.extend(100_000_u32.to_le_bytes());
+    for triangle in 0..100_000_usize {
+        stl.extend([0; 12]);
+        for corner in 0..3 {
+            stl.extend(((3 * triangle + corner) as f32).to_le_bytes());
+            stl.extend([0; 8]);
+        }
+        stl.extend([0; 2]);
+    }
+    files.push(("t.stl".to_owned(), stl));
+    // Version 2 of the format: elements of as many groups as there are names, each repeated.
+    let names: Vec<_> = (1..=256).map(|k| format!("0 {k} \"a{k}\"\n")).collect();
+    let names = names.concat();
+    let points: Vec<_> = (0..200_000)
+        .map(|k| format!("1 15 1 {} {}\n", 1 + k % 256, 1 + k / 300))
+        .collect();
+    let points = points.concat();
+    let text = format!(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n256\n{names}$EndPhysicalNames\n$Nodes\n1\n1 0 0 0\n\
+         $EndNodes\n$Elements\n200000\n{points}$EndElements\n"
+    );
+    files.push(("p.msh".to_owned(), text.into_bytes()));
+    let text = format!(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n\
+         $Elements\n200000\n{}$EndElements\n",
+        "1 4 0 1 2 3 4\n1 15 0 1\n".repeat(100_000)
+    );
+    files.push(("q.msh".to_owned(), text.into_bytes()));
     let head = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 int\n\
                 0 0 0 1 0 0 0 1 0 0 0 1\n";
     let text = format!(

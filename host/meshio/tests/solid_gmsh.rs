@@ -329,7 +329,7 @@ fn wrong_solids_are_refused_with_their_line() {
         error("x.msh", &apart),
         format!(
             "line {node}: vertices 1 and 2 lie at one place, where the mesh is not connected; merge the \
-             two vertices (a slit needs a gap)"
+             two vertices, as mesh.merge of a scene does (a slit needs a gap)"
         )
     );
 }

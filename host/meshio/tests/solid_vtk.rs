@@ -162,10 +162,8 @@ fn wrong_grids_are_refused_with_their_place() {
                 .map(|k| if k == 4 { f64::NAN } else { 1.0 })
                 .collect(),
         ),
-        [
-            "line 142: expected a finite value of the cell, found NaN",
-            "line 9: expected a finite value of the cell, found NaN",
-        ],
+        // A field with a value that is not finite is skipped.
+        ["no error", "no error"],
     );
     let mut grid = with_data(1, vec![1.0; 11]);
     grid.cell_data.push(("E", 1, Numbers::I32(vec![1; 11])));
@@ -204,7 +202,7 @@ fn wrong_grids_are_refused_with_their_place() {
         ),
         (
             "SCALARS E double",
-            "SCALARS E string",
+            "SCALARS E quaternion",
             "expected a type of numbers",
         ),
         (
@@ -216,6 +214,51 @@ fn wrong_grids_are_refused_with_their_place() {
         let found = error("x.vtk", text.replace(from, to));
         assert!(found.contains(expected), "{to}: {found}");
     }
+}
+
+#[test]
+fn a_cell_of_any_order_is_read_for_its_number_of_points() {
+    let mesh = solid_box([0.3, 0.2, 0.1], [1; 3]).unwrap();
+    for mesh in [mesh.clone(), mesh.quadratic()] {
+        let mut grid = Grid::of(&mesh);
+        grid.types.fill(71);
+        for bytes in [
+            legacy(&grid, false, true, false),
+            legacy(&grid, true, false, false),
+        ] {
+            let found = expect_solid(read_mesh("x.vtk", &bytes).unwrap());
+            assert_eq!(
+                (&found.positions, &found.cells),
+                (&mesh.positions, &mesh.cells)
+            );
+        }
+    }
+    let text = |code: u8, points: &str| {
+        let each = points.split(' ').count();
+        format!(
+            "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 6 int\n0 0 0 2 0 0 0 2 0 1 0 0 1 1 0 0 1 0\n\
+             CELLS 1 {}\n{each} {points}\nCELL_TYPES 1\n{code}\n",
+            each + 1
+        )
+    };
+    assert!(matches!(
+        read_mesh("x", text(69, "0 1 2").as_bytes()),
+        Ok(Mesh::Sheet(_))
+    ));
+    assert!(matches!(
+        read_mesh("x", text(68, "0 1").as_bytes()),
+        Ok(Mesh::Thread(_))
+    ));
+    let found = error("x", text(69, "0 1 2 3 4 5"));
+    assert!(
+        found.ends_with("found a triangle of second order"),
+        "{found}"
+    );
+    let found = error("x", text(71, "0 1 2 3 4"));
+    assert!(
+        found.ends_with("found a Lagrange cell of 5 points (write the mesh with order 1 or 2)"),
+        "{found}"
+    );
 }
 
 #[test]

@@ -236,3 +236,32 @@ fn data_that_a_format_cannot_represent_are_omitted() {
         (mesh.positions, mesh.triangles)
     );
 }
+
+#[test]
+fn a_written_field_has_a_value_for_every_element_of_the_file() {
+    // Other programs refuse a field that lacks the points of the groups of vertices.
+    let mut mesh = solid_box([1.0; 3], [1; 3]).unwrap();
+    let values: Vec<f64> = (0..6).map(f64::from).collect();
+    mesh.cell_fields = vec![Field {
+        name: "young".to_owned(),
+        values,
+    }];
+    let text = write_gmsh::write_solid(&mesh);
+    let after = |marker: &str, lines: usize| {
+        let mut rest = text.lines().skip_while(|line| *line != marker);
+        rest.nth(lines).unwrap().to_owned()
+    };
+    let points: usize = mesh.vertex_groups.iter().map(|g| g.members.len()).sum();
+    let elements = 6 + points;
+    assert!(points > 0);
+    assert_eq!(
+        after("$Elements", 1).split(' ').nth(1),
+        Some(&elements.to_string()[..])
+    );
+    assert_eq!(after("$ElementData", 8), elements.to_string());
+    assert_eq!(
+        after("$ElementData", 8 + elements),
+        format!("{elements} 0.0")
+    );
+    assert_eq!(read_mesh("x.msh", text.as_bytes()), Ok(Mesh::Solid(mesh)));
+}

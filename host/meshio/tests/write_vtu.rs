@@ -29,7 +29,12 @@ fn a_written_solid_has_its_cells_and_values() {
     snapshot
         .in_cells
         .push(("stress".to_owned(), Values::Tensor(tensors)));
+    snapshot
+        .in_cells
+        .push(("energy".to_owned(), Values::Scalar(vec![0.5; 6])));
     let text = snapshot.vtu();
+    // Other programs make a column of vectors of one component.
+    assert!(text.contains("<DataArray type=\"Float64\" Name=\"energy\" format=\"ascii\">"));
     assert!(text.contains("<Piece NumberOfPoints=\"27\" NumberOfCells=\"6\">"));
     assert!(
         text.contains(&format!(

@@ -69,6 +69,7 @@ pub mod topology;
 
 pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
+pub use body::support::SupportSpec;
 pub use body::{Body, BodyConfig, BodyEdit, BodyMap, PieceSums, SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
 pub use cost::Cost;

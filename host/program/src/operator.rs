@@ -61,6 +61,7 @@ fn install(panel: &Panel) -> io::Result<Keyboard> {
         let (panel, keyboard) = (panel.clone(), keyboard.clone());
         // The thread ends with its terminal, or with the program.
         std::thread::Builder::new()
+            .stack_size(runner::STACK)
             .name("operator".into())
             .spawn(move || follow(&io::stdin(), &panel, &keyboard))?;
     }

@@ -315,11 +315,12 @@ impl Declared {
             .outputs
             .iter()
             .partition(|output| matches!(output.kind, Kind::Folder(_)));
-        let mut locks = Vec::new();
+        let mut held = Held::default();
         for output in folders.into_iter().chain(files) {
-            locks.extend(hold(output)?);
+            held.locks.extend(hold(output)?);
+            held.pipes.extend(hold_pipe(output)?);
         }
-        Ok(Held { _locks: locks })
+        Ok(held)
     }
 
     /// Refuses an output whose name is that of something else.
@@ -415,8 +416,11 @@ impl Output {
 }
 
 /// What keeps other programs from the outputs. Dropping it releases them.
+#[derive(Default)]
 pub(super) struct Held {
-    _locks: Vec<LockFile>,
+    locks: Vec<LockFile>,
+    /// The pipes that are outputs: their readers do not see an end before the output comes.
+    pipes: Vec<File>,
 }
 
 /// A file beside an output that is locked while a program works on the output. It is removed on drop.
@@ -447,6 +451,7 @@ fn hold(output: &Output) -> Result<Option<LockFile>, OutputError> {
     };
     let Kind::File(format) = &output.kind else {
         fs::create_dir_all(&output.path).map_err(failed)?;
+        atomic_file::sweep(&output.path);
         // A solve locks the folder of its frames.
         if is_locked(&output.path) {
             return Err(busy());
@@ -460,6 +465,7 @@ fn hold(output: &Output) -> Result<Option<LockFile>, OutputError> {
     {
         return Ok(None);
     }
+    atomic_file::sweep(folder_of(&target));
     // A log that grows, or a study's results. A study itself says more about two runs with one file of results.
     if *format != Format::JsonLines && is_locked(&target) {
         return Err(busy());
@@ -505,12 +511,29 @@ fn hold(output: &Output) -> Result<Option<LockFile>, OutputError> {
     }
 }
 
+/// Opens an output that is a pipe or a socket, where that is possible without waiting.
+fn hold_pipe(output: &Output) -> Result<Option<File>, OutputError> {
+    let path = &output.path;
+    let there = fs::metadata(path).ok().filter(is_connected);
+    if there.is_none() || atomic_file::stream(path).is_some() {
+        return Ok(None);
+    }
+    let opened = atomic_file::open_stream(path);
+    let pipe = opened.map_err(|source| OutputError::System {
+        flag: output.flag,
+        path: path.clone(),
+        source,
+    })?;
+    Ok(Some(pipe))
+}
+
 /// The lock file of an output.
 fn lock_file(target: &Path) -> Option<PathBuf> {
     let name = target.file_name()?;
-    let mut lock = std::ffi::OsString::from(".");
+    let [begin, end] = atomic_file::LOCK;
+    let mut lock = std::ffi::OsString::from(begin);
     lock.push(name);
-    lock.push(".palpate-lock");
+    lock.push(end);
     Some(folder_of(target).join(lock))
 }
 
@@ -528,7 +551,11 @@ fn probe(folder: &Path) -> io::Result<()> {
         .write(true)
         .create_new(true)
         .open(&path)?;
-    fs::remove_file(&path)
+    match fs::remove_file(&path) {
+        // Another program swept the file away.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        removed => removed,
+    }
 }
 
 /// Whether two paths are one file. A device, a pipe or a standard stream is no file that can be destroyed.
@@ -592,5 +619,17 @@ fn is_pipe(there: &fs::Metadata) -> bool {
 
 #[cfg(not(unix))]
 fn is_pipe(_: &fs::Metadata) -> bool {
+    false
+}
+
+/// Whether this is a pipe or a socket, which has another end.
+#[cfg(unix)]
+fn is_connected(there: &fs::Metadata) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    is_pipe(there) || there.file_type().is_socket()
+}
+
+#[cfg(not(unix))]
+fn is_connected(_: &fs::Metadata) -> bool {
     false
 }

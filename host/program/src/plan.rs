@@ -7,6 +7,7 @@ use host::bodies;
 use host::engine::build;
 use host::engine::plan::{BodyPlan, Stage, stages};
 use host::engine::rehearsal::Rehearsal;
+use host::run::setup;
 use host::run::slow_host::{StepTime, cores};
 use host::run::summary::StiffSummary;
 use host::scene::connections;
@@ -54,6 +55,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     connections::check(&loaded)?;
+    setup::check(&loaded)?;
     let bar = progress_bar();
     // A scene that cannot run gets no plan. This check also reports faults of its meshes.
     let settled = build::settled(&loaded)?;

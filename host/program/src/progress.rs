@@ -56,7 +56,9 @@ impl ProgressBar {
             changed: Condvar::new(),
         });
         let theirs = Arc::clone(&shared);
-        let thread = std::thread::Builder::new().name("palpate-progress".into());
+        let thread = std::thread::Builder::new()
+            .stack_size(runner::STACK)
+            .name("palpate-progress".into());
         // Without a thread, only `draw_here` draws.
         let thread = thread.spawn(move || theirs.keep_drawing()).ok();
         Self {

@@ -82,5 +82,5 @@ pub(super) fn run(
 }
 
 fn open(path: &Path) -> Result<LogIndex<File>, ReplayFileError> {
-    Ok(LogIndex::open(File::open(path)?)?)
+    Ok(LogIndex::open(devices::input::open(path)?)?)
 }

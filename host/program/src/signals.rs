@@ -105,6 +105,7 @@ impl Ending {
         };
         // The thread ends with the program.
         std::thread::Builder::new()
+            .stack_size(runner::STACK)
             .name("palpate-signals".into())
             .spawn(move || watched.end_at_a_second_request())?;
         Ok(new)

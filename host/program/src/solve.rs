@@ -60,7 +60,11 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut frames = match &arguments.vtu {
-        Some(folder) => Some(FrameFolder::create(folder)?),
+        Some(folder) => {
+            let bodies = loaded.scene.bodies.iter();
+            let names = bodies.map(|body| body.name.as_str());
+            Some(FrameFolder::create(folder, names)?)
+        }
         None => None,
     };
     let bar = progress_bar();

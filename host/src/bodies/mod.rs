@@ -13,13 +13,14 @@ mod survey;
 mod tear;
 mod tool;
 
-use crate::scene::spec::{self, body::BorderName, body::LawName};
+use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
+use nalgebra::UnitQuaternion;
 use physics::mesh::Mesh;
 use physics::{
     Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Equilibrium, EquilibriumOptions,
-    Freedom, HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
+    Freedom, HandlePose, HandleSpec, SheetLawName, SolidLaw, SupportSpec, Vec3,
 };
 
 pub(crate) use mount::is_mounted;
@@ -157,25 +158,37 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     })?;
 
     let mut carriers = Vec::new();
+    // The supports of the body, and the number of each in the scene.
+    let (mut added, mut numbers) = (Vec::new(), Vec::new());
     for (number, part) in parts.into_iter().enumerate() {
         carriers.push(match part {
             Part::Turned(handle) => Carrier::Handle(handle),
             Part::Guided(vertices) if vertices.is_empty() => Carrier::Nothing,
             Part::Guided(vertices) => {
-                let field = format!("body[{index}].support[{number}]");
-                let refuse = |error| match error {
-                    BodyError::Clamp { found, .. } => unclamped(loaded, &field, found),
-                    error => loaded.source.error(&field, error.to_string(), "a support"),
-                };
-                let support = &spec.supports[number];
-                let added = match support.border {
-                    BorderName::Hinged => body.add_support(&vertices, support.axes),
-                    BorderName::Clamped => body.add_clamp(&vertices),
-                };
-                Carrier::Support(added.map_err(refuse)?)
+                added.push(SupportSpec {
+                    vertices,
+                    axes: spec.supports[number].axes,
+                    border: spec.supports[number].border.into(),
+                });
+                numbers.push(number);
+                Carrier::Support(added.len() - 1)
             }
         });
     }
+    body.add_supports(&added).map_err(|error| {
+        let (BodyError::Clamp { number, .. }
+        | BodyError::Support {
+            support: number, ..
+        }) = error
+        else {
+            return refuse(&error);
+        };
+        let field = format!("body[{index}].support[{}]", numbers[number]);
+        match error {
+            BodyError::Clamp { found, .. } => unclamped(loaded, &field, found),
+            error => loaded.source.error(&field, error.to_string(), "a support"),
+        }
+    })?;
     let loads = load::build(loaded, index, mesh)?;
     body.set_external_forces(&loads)
         .map_err(|error| refuse(&error))?;
@@ -375,6 +388,7 @@ fn supports(
         names.push(this);
         parts.push(Some(Part::Turned(handles.len() - 1)));
     }
+    placed_once(loaded, index, mesh, &all)?;
     let mut held = vec![false; mesh.positions().len()];
     for &vertex in handles.iter().flat_map(|handle| &handle.vertices) {
         held[vertex as usize] = true;
@@ -390,6 +404,50 @@ fn supports(
         .zip(all)
         .map(|(part, vertices)| part.unwrap_or_else(|| Part::Guided(free(vertices))))
         .collect())
+}
+
+/// Refuses supports that hold one vertex at two places at the end of a solve. `all`: the vertices of each support.
+fn placed_once(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &Mesh,
+    all: &[Vec<u32>],
+) -> Result<(), SceneError> {
+    let supports = &loaded.scene.bodies[index].supports;
+    // Turned places of one vertex differ by rounding.
+    let slack = 1e-9 * mesh.positions().iter().map(Vec3::amax).fold(0.0, f64::max);
+    // By vertex and axis: the support, counted from 1, and the displacement (m).
+    let mut placed = vec![[(0, 0.0); 3]; mesh.positions().len()];
+    for (number, (support, vertices)) in supports.iter().zip(all).enumerate() {
+        let centre = tool::centre(vertices, mesh);
+        let turn =
+            UnitQuaternion::from_scaled_axis(Vec3::from(support.rotation.unwrap_or_default()));
+        // A turned support holds its vertices along all axes.
+        let axes = support.rotation.map_or(support.axes, |_| [true; 3]);
+        for &vertex in vertices {
+            let arm = mesh.positions()[vertex as usize] - centre;
+            let moved = Vec3::from(support.displacement) + (turn * arm - arm);
+            for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+                let (other, there) = &mut placed[vertex as usize][axis];
+                if !axes[axis] {
+                    continue;
+                }
+                if *other > 0 && (moved[axis] - *there).abs() > slack {
+                    let found = format!(
+                        "vertex {vertex} moved by {:e} m along {name}, but support {:?} moves it by {there:e} m",
+                        moved[axis],
+                        supports[*other - 1].name,
+                    );
+                    let allowed = "one place for each vertex: give both supports the same displacement, leave the axis \
+                                   to one of them, or make the group or the box of one smaller";
+                    let field = format!("body[{index}].support[{number}]");
+                    return Err(loaded.source.error(&field, found, allowed));
+                }
+                (*other, *there) = (number + 1, moved[axis]);
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The field of the scene from which the handle `number` of the body comes.

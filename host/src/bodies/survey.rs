@@ -23,6 +23,7 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
         warnings.extend(material::warnings(loaded, index, &mesh));
         warnings.extend(held_twice(loaded, index, &mesh));
         warnings.extend(tear::coarse(loaded, index, &mesh));
+        warnings.extend(material::locks(loaded, index, &mesh));
         boxes.push(Bounds::of(mesh.positions()));
     }
     for second in 0..boxes.len() {
@@ -49,6 +50,8 @@ fn held_twice(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
         let Ok(held) = places::vertices(loaded, &field, group, handle.in_box, mesh) else {
             continue;
         };
+        // The supports that share vertices with the handle, and what the first of them shares.
+        let (mut others, mut first) = (0, None);
         for (number, support) in body.supports.iter().enumerate() {
             if support.axes != [true; 3] || support.rotation.is_some() {
                 continue;
@@ -59,21 +62,32 @@ fn held_twice(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
                 continue;
             };
             let shared = places::shared(&held, &guided);
-            if shared > 0 {
-                warnings.push(Warning {
-                    place: loaded.source.place(&field),
-                    found: format!(
-                        "{shared} vertices in both handle {:?} ({} vertices) and support {:?}",
-                        handle.name,
-                        held.len(),
-                        support.name
-                    ),
-                    usual: "no shared vertices".to_owned(),
-                    advice: "the hand moves these vertices, and the support does not hold them: make the group or the \
-                             box of one of the two smaller"
-                        .to_owned(),
-                });
+            if shared == 0 {
+                continue;
             }
+            match first {
+                None => first = Some((shared, &support.name)),
+                Some(_) => others += 1,
+            }
+        }
+        if let Some((shared, support)) = first {
+            let more = match others {
+                0 => String::new(),
+                1 => ", and some in 1 other support".to_owned(),
+                _ => format!(", and some in {others} other supports"),
+            };
+            warnings.push(Warning {
+                place: loaded.source.place(&field),
+                found: format!(
+                    "{shared} vertices in both handle {:?} ({} vertices) and support {support:?}{more}",
+                    handle.name,
+                    held.len(),
+                ),
+                usual: "no shared vertices".to_owned(),
+                advice: "the hand moves these vertices, and the support does not hold them: make the group or the \
+                         box of one of the two smaller"
+                    .to_owned(),
+            });
         }
     }
     warnings

@@ -81,7 +81,11 @@ impl<W: Work> Beside<W> {
                 }
             }
         };
-        match thread::Builder::new().name(W::THREAD.into()).spawn(worker) {
+        match thread::Builder::new()
+            .stack_size(runner::STACK)
+            .name(W::THREAD.into())
+            .spawn(worker)
+        {
             Ok(_) => Self::Thread { to, from },
             Err(_) => Self::at_a_step(h),
         }

@@ -37,6 +37,7 @@ impl Threads {
     /// `count` threads. If the system gives fewer, the calling thread does all work, and every result is the same.
     pub fn new(count: usize) -> Self {
         let pool = ThreadPoolBuilder::new()
+            .stack_size(runner::STACK)
             .num_threads(count)
             .thread_name(|index| format!("palpate-step-{index}"));
         Self {

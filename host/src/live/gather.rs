@@ -95,9 +95,7 @@ impl Gatherer {
             real: clock == Clock::Real,
             period_ns: ((1e9 / scene.realtime.rate).round() as u64).max(1),
             counts: Totals::default(),
-            sums: devices
-                .map(|device| DeviceSum::new(device.motion_scale))
-                .collect(),
+            sums: devices.map(DeviceSum::new).collect(),
             lateness: empty.lateness,
             ages: empty.model_age,
             tick_time: None,
@@ -127,8 +125,9 @@ impl Gatherer {
         }
         self.counts.ticks += 1;
         let time = tick.time_ns as f64 * 1e-9;
-        for (device, sum) in tick.devices.iter().zip(&mut self.sums) {
-            sum.take(time, device);
+        let devices = tick.devices.iter().zip(tick.places);
+        for ((device, place), sum) in devices.zip(&mut self.sums) {
+            sum.take(time, device, place);
         }
         for (body, ages) in tick.bodies.iter().zip(&mut self.ages) {
             // A sequence number of zero means that no model has arrived, so there is no age.

@@ -16,6 +16,7 @@ uint32 number     # number of the edit in the body, from one
 uint32 epoch      # topology epoch after the step
 uint32 from_vertex    # the vertex from which the tear grew
 float64[3] at     # position of that vertex at rest (m)
+float64[3] end    # where the opened edge ends at rest (m): at the new tip, or at the border that the tear met
 uint32[2] tips    # the new tip, and that to the other side; 4294967295 where there is none
 float64 length    # length of the opened edges at rest (m)
 float64 energy    # the energy that the opened edges take (J)
@@ -32,6 +33,7 @@ pub(super) fn encode(event: &TearEvent, bytes: &mut Vec<u8>) {
         out.u32(number);
     }
     out.vector(&event.at);
+    out.vector(&event.end);
     event.tips.iter().for_each(|tip| out.u32(*tip));
     out.f64(event.length);
     out.f64(event.energy);
@@ -52,6 +54,7 @@ pub(super) fn decode(message: &[u8]) -> Option<TearEvent> {
         epoch,
         from: vertex,
         at: from.vector()?,
+        end: from.vector()?,
         tips: [from.u32()?, from.u32()?],
         length: from.f64()?,
         energy: from.f64()?,
@@ -75,6 +78,7 @@ mod tests {
             epoch: 9,
             from: 42,
             at: Vec3::new(0.1, -0.0, 3e-7),
+            end: Vec3::new(0.2, 0.4, -3e-7),
             tips: [43, u32::MAX],
             length: 3e-3,
             energy: 1.2e-3,

@@ -3,7 +3,7 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
-use super::device_totals::{DeviceSum, DeviceTotals, acting_limit, old_model};
+use super::device_totals::{DeviceSum, DeviceTotals, acting_limit, old_model, place};
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::samples::{Sample, Samples};
@@ -55,9 +55,7 @@ impl Collector {
         let bodies = scene.bodies.iter();
         let body_names: Vec<_> = bodies.map(|body| body.name.clone()).collect();
         Self {
-            sums: devices
-                .map(|device| DeviceSum::new(device.motion_scale))
-                .collect(),
+            sums: devices.map(DeviceSum::new).collect(),
             slips: vec![slips::Watch::default(); device_names.len()],
             open: vec![None; device_names.len() + body_names.len()],
             withheld: vec![Watch::default(); body_names.len()],
@@ -78,9 +76,10 @@ impl Collector {
         self.ticks += 1;
         self.end = time;
         let sums = self.sums.iter_mut().zip(&mut self.slips);
-        let each = telemetry.devices().zip(sums).zip(&self.device_names);
-        for ((device, (sum, slip)), name) in each {
-            sum.take(time, device);
+        let devices = telemetry.devices().zip(telemetry.readings());
+        let each = devices.zip(sums).zip(&self.device_names);
+        for (((device, reading), (sum, slip)), name) in each {
+            sum.take(time, device, place(device, reading));
             if let Some(slip) = slip.take(time, device) {
                 push_slip(&mut self.spans, name, &slip);
             }

@@ -4,7 +4,7 @@
 //! no longer be written (a full disk) ends early; the run and its summary continue without it.
 
 use super::observer::{Observed, Observer};
-use crate::atomic_file::{AtomicFileError, Stream, stream};
+use crate::atomic_file::{AtomicFileError, Stream, open_stream, stream};
 use crate::log::energy_sums;
 use crate::scene::Scene;
 use crate::table::{Columns, Line};
@@ -144,6 +144,9 @@ fn open(path: &Path) -> io::Result<Box<dyn Write + Send>> {
         Some(Stream::Error) => return Ok(Box::new(io::stderr())),
         None => {}
     }
+    if std::fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+        return Ok(Box::new(open_stream(path)?));
+    }
     let mut options = OpenOptions::new();
     let file = options
         .write(true)
@@ -160,10 +163,7 @@ fn open(path: &Path) -> io::Result<Box<dyn Write + Send>> {
         // Some file systems have no locks.
         Ok(()) | Err(TryLockError::Error(_)) => {}
     }
-    // A device and a pipe have no length.
-    if file.metadata().is_ok_and(|there| there.is_file()) {
-        file.set_len(0)?;
-    }
+    file.set_len(0)?;
     Ok(Box::new(file))
 }
 

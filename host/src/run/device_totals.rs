@@ -1,7 +1,10 @@
 //! The totals of one device over the ticks of a run. The summary and the frames for viewers use the same code, so that
 //! their numbers are equal.
 
+use crate::scene::spec::{Device, Rotation};
+use nalgebra::UnitQuaternion;
 use rt_core::Vec3;
+use rt_core::controller::Reading;
 use rt_core::coupling::HostState;
 use rt_core::record::DeviceTelemetry;
 use rt_core::safety::SafetyState;
@@ -22,28 +25,41 @@ pub(crate) struct DeviceTotals {
     pub slip: f64,
 }
 
+/// Where a device is (m, device axes), if it gave a state in this tick that is believed.
+pub(crate) fn place(device: &DeviceTelemetry, reading: &Reading) -> Option<Vec3> {
+    let state = reading.as_ref().ok().filter(|_| device.fresh)?;
+    Some(state.pose.position)
+}
+
 /// Sums up the telemetry of one device.
 #[derive(Clone, Debug)]
 pub(crate) struct DeviceSum {
-    /// Metres of the scene per metre of the device.
-    scale: f64,
+    /// The rotation from the device's axes to those of the scene.
+    rotation: UnitQuaternion<f64>,
     totals: DeviceTotals,
-    /// Position without slips and force at the last tick, and the first position.
-    last: Option<(Vec3, Vec3, Vec3)>,
+    /// The first position of the proxy without slips (m).
+    start: Option<Vec3>,
+    /// The last position of the device (m, device axes).
+    place: Option<Vec3>,
+    /// The force of the last tick (N).
+    force: Vec3,
 }
 
 impl DeviceSum {
-    /// A sum for a device whose proxy moves by `scale` metres for each metre of the device.
-    pub(crate) fn new(scale: f64) -> Self {
+    /// A sum for a device of the scene.
+    pub(crate) fn new(device: &Device) -> Self {
         Self {
-            scale,
+            rotation: (device.mounting.rotation)
+                .map_or_else(Default::default, Rotation::quaternion),
             totals: DeviceTotals::default(),
-            last: None,
+            start: None,
+            place: None,
+            force: Vec3::zeros(),
         }
     }
 
-    /// Takes the telemetry of the tick at `time` (s).
-    pub(crate) fn take(&mut self, time: f64, device: &DeviceTelemetry) {
+    /// Takes the telemetry of the tick at `time` (s), in which the device was at `place` (m, device axes).
+    pub(crate) fn take(&mut self, time: f64, device: &DeviceTelemetry, place: Option<Vec3>) {
         let totals = &mut self.totals;
         // A slip moves the proxy, and not the hand.
         let (position, force) = (device.pose.position - device.slip, device.wrench.force);
@@ -52,29 +68,41 @@ impl DeviceSum {
             totals.peak_force = force.norm();
             totals.peak_time = time;
         }
-        let start = self.last.map_or(position, |(_, _, start)| start);
-        if let Some((before, held, _)) = self.last {
-            // The force acts on the hand, and the proxy moves by `scale` times the displacement of the hand.
-            totals.work += held.dot(&(position - before)) / self.scale;
-        }
+        let start = *self.start.get_or_insert(position);
         totals.reach = totals.reach.max((position - start).norm());
-        self.last = Some((position, force, start));
+        if let Some(place) = place {
+            // The force acts on the hand, whose displacement is that of the device. The proxy follows the device scaled,
+            // and by a part only while the force comes in.
+            if let Some(before) = self.place.replace(place) {
+                totals.work += self.force.dot(&(self.rotation * (place - before)));
+            }
+        }
+        self.force = force;
     }
 
-    /// Continues after a tick with these totals, the position and the force of that tick, and the first position.
+    /// Continues after a tick with these totals, this `force` (N), the device at `place` (m, device axes), and the first
+    /// position (m).
     pub(crate) fn resume(
         &mut self,
         totals: DeviceTotals,
-        (position, force): (Vec3, Vec3),
+        force: Vec3,
+        place: Option<Vec3>,
         start: Vec3,
     ) {
         self.totals = totals;
-        self.last = Some((position, force, start));
+        self.force = force;
+        self.place = place;
+        self.start = Some(start);
     }
 
     /// The first position (m); `None` before the first tick.
     pub(crate) fn start(&self) -> Option<Vec3> {
-        self.last.map(|(_, _, start)| start)
+        self.start
+    }
+
+    /// The last position of the device (m, device axes); `None` before its first state.
+    pub(crate) fn place(&self) -> Option<Vec3> {
+        self.place
     }
 
     /// The totals of the ticks so far.

@@ -46,27 +46,62 @@ pub(super) fn open(
             let field = format!("device[{index}].connect");
             return Err(loaded.source.error(&field, spec.connect.to_string(), allowed));
         }
-        if let Some(driver) = driver {
-            let profile = &loaded.profiles[index];
-            let accepted = driver.accepts(profile);
-            accepted.map_err(|error| located(loaded, index, error))?;
-        }
-        let firmware = spec.firmware.as_ref().map(|file| loaded.beside(file));
+        accepted(loaded, &registry, index)?;
         let notes = Notes::default();
-        let request = Request {
-            address: &spec.connect.address,
-            firmware: firmware.as_deref(),
-            notes: Some(&notes),
-            ..request(loaded, index)
-        };
-        let device = registry.open(&spec.connect.driver, &request);
-        let device = device.map_err(|error| located(loaded, index, error))?;
+        let device = open_one(loaded, &registry, index, &notes)?;
         let notes = notes.into_vec().into_iter();
         told.extend(notes.map(|note| format!("device {:?}: {note}", spec.name)));
         Ok(device)
     });
     let opened = opened.collect::<Result<_, _>>()?;
     Ok((opened, told))
+}
+
+/// Checks the devices of a scene as far as that is possible without real devices: no real device is opened.
+///
+/// # Errors
+/// As [`open`].
+pub(super) fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
+    let registry = registry(loaded, loaded.scene.seed)?;
+    for (index, spec) in loaded.scene.devices.iter().enumerate() {
+        accepted(loaded, &registry, index)?;
+        let driver = registry.driver(&spec.connect.driver);
+        if driver.is_none_or(|driver| driver.kind() != Kind::Real) {
+            open_one(loaded, &registry, index, &Notes::default())?;
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the driver of a device accepts the profile of the device.
+fn accepted(loaded: &LoadedScene, registry: &Registry, index: usize) -> Result<(), SceneError> {
+    let spec = &loaded.scene.devices[index];
+    match registry.driver(&spec.connect.driver) {
+        Some(driver) => {
+            let accepted = driver.accepts(&loaded.profiles[index]);
+            accepted.map_err(|error| located(loaded, index, error))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Opens a device with the driver that it names. The driver leaves what it tells in `notes`.
+fn open_one(
+    loaded: &LoadedScene,
+    registry: &Registry,
+    index: usize,
+    notes: &Notes,
+) -> Result<AnyDevice, SceneError> {
+    let spec = &loaded.scene.devices[index];
+    let firmware = spec.firmware.as_ref().map(|file| loaded.beside(file));
+    let request = Request {
+        address: &spec.connect.address,
+        firmware: firmware.as_deref(),
+        notes: Some(notes),
+        ..request(loaded, index)
+    };
+    let device = registry.open(&spec.connect.driver, &request);
+    device.map_err(|error| located(loaded, index, error))
 }
 
 /// Recorded devices in place of a scene's devices, whatever their drivers, and the ends that feed them their readings.

@@ -26,8 +26,6 @@ use std::thread::JoinHandle;
 
 /// Frames that may wait for the writer.
 const WAITING: usize = 8;
-/// Frames from one writing of the list to the next.
-const LISTED: usize = 32;
 
 /// Which frames of a run are written, and where.
 #[derive(Clone, Debug, PartialEq)]
@@ -265,7 +263,8 @@ impl FrameWriter {
         for (index, built) in built.iter_mut().enumerate() {
             tears::make_tearable(loaded, index, built)?;
         }
-        let folder = FrameFolder::create(&options.folder)?;
+        let names = loaded.scene.bodies.iter().map(|body| body.name.as_str());
+        let folder = FrameFolder::create(&options.folder, names)?;
         let list = folder.list_file();
         let (filled, frames) = sync_channel(WAITING);
         let (returned, free) = sync_channel(WAITING);
@@ -284,6 +283,7 @@ impl FrameWriter {
             folder,
         };
         let thread = std::thread::Builder::new()
+            .stack_size(runner::STACK)
             .name("palpate-frames".into())
             .spawn(move || drawn.write(&frames, &returned))
             .map_err(RunError::Thread)?;
@@ -361,17 +361,10 @@ impl Drawn {
                 break;
             }
             written.frames += 1;
-            if written.frames % LISTED as u64 == 1 {
-                done = self.folder.write_list().map_err(Into::into);
-                if done.is_err() {
-                    break;
-                }
-            }
             // The tap may have ended.
             let _ = returned.try_send(moment);
         }
-        let listed = self.folder.write_list().map_err(Into::into);
-        written.failure = done.and(listed).err();
+        written.failure = done.err();
         written
     }
 
@@ -383,7 +376,7 @@ impl Drawn {
             }
             built.body.set_positions(&moved.positions)?;
             built.body.set_velocities(&moved.velocities)?;
-            self.folder.add(&Frame {
+            self.folder.keep(&Frame {
                 body: &self.names[index],
                 number: moment.number,
                 at: moment.time_ns as f64 / 1e9,

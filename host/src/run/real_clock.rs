@@ -141,6 +141,7 @@ fn named<T: Send + 'static>(
     body: impl FnOnce() -> T + Send + 'static,
 ) -> Result<JoinHandle<T>, RunError> {
     std::thread::Builder::new()
+        .stack_size(runner::STACK)
         .name(name.into())
         .spawn(body)
         .map_err(RunError::Thread)

@@ -147,6 +147,17 @@ pub(crate) fn setup_with(
     })
 }
 
+/// Checks what a run refuses before its first tick, beside the bodies, without opening a real device.
+///
+/// # Errors
+/// As [`setup`].
+pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
+    devices::check(loaded)?;
+    // The limits of a real device are those of its profile until it is opened.
+    let (_, devices) = devices::replayed(loaded, &[]);
+    controller(loaded, &devices).map(|_| ())
+}
+
 /// The tick's side of a scene alone: the configuration of its controller, and its simulated devices.
 ///
 /// # Errors

@@ -26,6 +26,8 @@ pub struct TearEvent {
     pub from: u32,
     /// Position of that vertex at rest (m).
     pub at: Vec3,
+    /// Where the opened edge ends at rest (m): at the new tip, or at the border that the tear met.
+    pub end: Vec3,
     /// The new tip, and that of the growth to the other side; `u32::MAX` where there is none.
     pub tips: [u32; 2],
     /// Length of the opened edges at rest (m).
@@ -42,19 +44,27 @@ impl TearEvent {
     /// What a person should hear of, in words; `None` for an edit by which a tear only goes on. `pieces` is the number of
     /// pieces before.
     pub fn words(&self, pieces: u32) -> Option<String> {
-        // In tenths of a millimetre. The sum makes a negative zero positive.
-        let [x, y, z] = [self.at.x, self.at.y, self.at.z].map(|x| (1e4 * x).round() / 10.0 + 0.0);
-        let at = format!("at x {x:.1}, y {y:.1}, z {z:.1} mm at rest");
         if self.pieces > pieces {
-            Some(format!("the sheet came apart {at}: {} pieces", self.pieces))
+            let count = self.pieces;
+            Some(format!(
+                "the sheet came apart {}: {count} pieces",
+                place(&self.end)
+            ))
         } else if self.tips[0] == NONE {
-            Some(format!("a tear reached a border {at}"))
+            Some(format!("a tear reached a border {}", place(&self.end)))
         } else if self.starts {
-            Some(format!("a tear started {at}"))
+            Some(format!("a tear started {}", place(&self.at)))
         } else {
             None
         }
     }
+}
+
+/// A place at rest, in words.
+fn place(at: &Vec3) -> String {
+    // In tenths of a millimetre. The sum makes a negative zero positive.
+    let [x, y, z] = [at.x, at.y, at.z].map(|x| (1e4 * x).round() / 10.0 + 0.0);
+    format!("at x {x:.1}, y {y:.1}, z {z:.1} mm at rest")
 }
 
 /// The host's end.
@@ -121,6 +131,11 @@ impl TearTap {
             let body = body.body();
             for grown in newer {
                 *known += 1;
+                let at = |vertex: u32| body.rest_positions().get(vertex as usize).copied();
+                let end = match grown.met {
+                    [NONE, NONE] => grown.tips[0],
+                    [NONE, met] | [met, _] => met,
+                };
                 let event = TearEvent {
                     body: index,
                     number: *known as u32,
@@ -128,9 +143,8 @@ impl TearTap {
                     time_ns,
                     epoch: body.epoch() as u32,
                     from: grown.from,
-                    at: (body.rest_positions().get(grown.from as usize))
-                        .copied()
-                        .unwrap_or_default(),
+                    at: at(grown.from).unwrap_or_default(),
+                    end: at(end).unwrap_or_default(),
                     tips: grown.tips,
                     length: grown.length,
                     energy: grown.energy,

@@ -8,6 +8,7 @@ use super::spec::{
 };
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES, Vec3};
 use sim::TaskKind;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Largest number of cells of a generated mesh.
@@ -115,17 +116,13 @@ fn name(field: &str, name: &str) -> Check {
 
 /// Checks the names of a list's members: each can be printed, and no two are equal.
 fn names<'a>(list: &str, members: impl Iterator<Item = &'a String>) -> Check {
-    let mut seen: Vec<&str> = Vec::new();
+    let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
     for (index, member) in members.enumerate() {
         let field = format!("{list}[{index}].name");
         name(&field, member)?;
-        let first = seen
-            .iter()
-            .position(|other| other == member)
-            .unwrap_or(index);
+        let first = *seen.entry(member).or_insert(index);
         let allowed = format!("another name than that of {list}[{first}]");
         require(first == index, &field, format!("{member:?}"), allowed)?;
-        seen.push(member);
     }
     Ok(())
 }
@@ -151,6 +148,12 @@ fn check_body(at: &str, body: &Body) -> Check {
         &format!("{at}.mesh.flat_pattern"),
         "a pattern for a mesh that is built in",
         "`file` with an OBJ file, whose texture coordinates are the pattern",
+    )?;
+    require(
+        body.mesh.merge.is_none() || matches!(body.mesh.source, MeshSource::File(_)),
+        &format!("{at}.mesh.merge"),
+        "a distance for a mesh that is built in",
+        "`file`: a built-in mesh has no doubled vertices",
     )?;
     require(
         body.mesh.scale.is_none() || matches!(body.mesh.source, MeshSource::File(_)),
@@ -427,8 +430,14 @@ fn check_driver(at: &str, device: &Device) -> Check {
     let known = drivers(Vec::new(), Path::new(""));
     let names = || known.names().collect::<Vec<_>>().join(", ");
     let found = device.connect.driver.as_str();
+    // The path or the name of a serial port.
+    let serial = ["/dev/", "COM"]
+        .iter()
+        .any(|start| found.starts_with(start));
+    let meant = format!("; did you mean \"tty:{found}\"?");
+    let allowed = || names() + if serial { &meant } else { "" };
     let at = format!("{at}.connect");
-    require(known.driver(found).is_some(), &at, found, names())
+    require(known.driver(found).is_some(), &at, found, allowed())
 }
 
 /// A simulated device is in a hand, and needs no firmware. Any other device has neither a hand nor a wire of ours.
@@ -464,7 +473,16 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
         let (field, time) = (format!("{at}.waypoints[{index}]"), row[0]);
         let found = format!("time {time:?}");
         match last {
-            None => require(time >= 0.0, &field, found, "a time not below 0")?,
+            None => {
+                require(time >= 0.0, &field, found, "a time not below 0")?;
+                require(
+                    row[1..] == [0.0; 3],
+                    &field,
+                    format!("{row:?}, where the path begins"),
+                    "zeros after the time of the first row, because the rows are relative to where the hand starts: \
+                     begin with the row [0, 0, 0, 0], and let this row come later",
+                )?;
+            }
             Some(last) => require(time > last, &field, found, format!("a time after {last:?}"))?,
         }
         last = Some(time);

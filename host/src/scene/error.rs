@@ -1,5 +1,6 @@
 //! The errors of a scene. Each is one line: file, line, field, the value found, the allowed values.
 
+use super::advice;
 use super::source::{Source, cut};
 use meshio::MeshFileError;
 use sim::models::{ModelError, ModelProblem};
@@ -189,6 +190,7 @@ impl SceneError {
             };
         }
         if before.starts_with("unknown field ") {
+            let allowed = format!("{allowed}{}", advice::of_field(field, &allowed));
             return Self::Unknown { place, allowed };
         }
         let allowed = if before.ends_with("overflowed") {
@@ -200,6 +202,8 @@ impl SceneError {
             return Self::Malformed { place, problem };
         };
         let found = span.map_or_else(|| cut(before, LONGEST), |span| source.quote(span));
+        let advice = advice::meant(&found, &allowed) + &advice::example(field, &allowed);
+        let allowed = allowed + &advice;
         Self::Value {
             place,
             found,

@@ -4,13 +4,13 @@ use super::consistency;
 use super::error::SceneError;
 use super::plausible::{self, Warning};
 use super::recording::{self, Sample};
+use super::silent;
 use super::source::Source;
 use super::spec::{MeshSource, ModelName, Scene};
-use meshio::MeshFileError;
+use meshio::{Choices, MeshFileError};
 use physics::mesh::Mesh;
 use sim::{DeviceFile, DeviceModel};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -49,14 +49,14 @@ pub struct LoadedScene {
 /// common.
 #[derive(Debug)]
 pub struct MeshFile {
-    /// What the scene calls it: its end says which format it is in.
+    /// What the scene calls it: where its beginning does not say which format it is in, the end of its name does.
     name: String,
     /// Where it was found.
     pub path: PathBuf,
     /// What it holds. Which format that is, and whether it is text, shows once it is read.
     pub bytes: Vec<u8>,
-    /// The unit of its texture coordinates (m), if they are a flat pattern.
-    texture_unit: Option<f64>,
+    /// How the scene reads it.
+    choices: Choices,
     mesh: OnceLock<Result<Mesh, MeshFileError>>,
 }
 
@@ -67,12 +67,7 @@ impl MeshFile {
     /// Why the file is no mesh.
     pub fn mesh(&self) -> Result<&Mesh, &MeshFileError> {
         self.mesh
-            .get_or_init(|| match self.texture_unit {
-                None => meshio::read_mesh(&self.name, &self.bytes),
-                Some(unit) => {
-                    meshio::read_with_pattern(&self.name, &self.bytes, unit).map(Mesh::Sheet)
-                }
-            })
+            .get_or_init(|| meshio::read_mesh_as(&self.name, &self.bytes, self.choices))
             .as_ref()
     }
 }
@@ -179,6 +174,7 @@ pub(super) fn load(
     let models = profiles.iter().map(|file| file.model).collect::<Vec<_>>();
     let recordings = recordings(&mut reader, &scene)?;
     warnings.extend(plausible::check(&scene, &source, &models, &recordings)?);
+    warnings.extend(silent::check(&scene, &source, &models)?);
     let files = reader.files;
     Ok(LoadedScene {
         scene,
@@ -243,8 +239,14 @@ fn meshes(
             meshes.push(None);
             continue;
         };
-        let texture_unit = body.mesh.flat_pattern.map(|pattern| pattern.texture_unit);
-        let same = |mesh: &&Arc<MeshFile>| mesh.name == *file && mesh.texture_unit == texture_unit;
+        let choices = Choices {
+            texture_unit: body.mesh.flat_pattern.map(|pattern| pattern.texture_unit),
+            merge: body
+                .mesh
+                .merge
+                .map(|merge| merge / body.mesh.scale.unwrap_or(1.0)),
+        };
+        let same = |mesh: &&Arc<MeshFile>| mesh.name == *file && mesh.choices == choices;
         let known = meshes.iter().flatten().find(same);
         let mesh = if let Some(mesh) = known {
             Arc::clone(mesh)
@@ -254,7 +256,7 @@ fn meshes(
                 name: file.clone(),
                 path,
                 bytes,
-                texture_unit,
+                choices,
                 mesh: OnceLock::new(),
             })
         };
@@ -346,7 +348,7 @@ fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 /// Reads a file of at most [`LARGEST`] bytes.
 fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?
+    devices::input::open(path)?
         .take(LARGEST + 1)
         .read_to_end(&mut bytes)?;
     if bytes.len() as u64 > LARGEST {

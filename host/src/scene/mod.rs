@@ -4,6 +4,7 @@
 //! out of its range while the file is read, `consistency` refuses values that contradict each other. Every
 //! [`SceneError`] is one line with the file, the line, the field, the value found and the allowed values.
 
+mod advice;
 mod check;
 pub mod connections;
 mod consistency;
@@ -15,6 +16,7 @@ mod load;
 mod overrides;
 pub(crate) mod plausible;
 pub mod recording;
+mod silent;
 pub(crate) mod source;
 pub mod spec;
 

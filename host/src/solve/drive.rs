@@ -51,6 +51,8 @@ pub(super) struct Drive<'a> {
     done: usize,
     /// Whether the body settles under its weight before the first step.
     settles: bool,
+    /// Whether the body still has to settle.
+    unsettled: bool,
     rows: Vec<Row>,
 }
 
@@ -78,6 +80,8 @@ struct Effort {
     iterations: usize,
     residual: f64,
     open: f64,
+    /// The part of the step after which the body snapped to another balance.
+    snapped: Option<f64>,
 }
 
 impl From<EquilibriumReport> for Effort {
@@ -87,8 +91,10 @@ impl From<EquilibriumReport> for Effort {
             substeps: report.load_steps,
             refused: report.refused,
             iterations: report.iterations,
-            residual: last.residual / last.reference.max(f64::MIN_POSITIVE),
+            residual: last.relative_residual(),
             open: last.open,
+            // A step that ends early ends where the body came.
+            snapped: report.snapped.map(|at| at / report.reached),
         }
     }
 }
@@ -118,6 +124,7 @@ impl<'a> Drive<'a> {
                 let options = EquilibriumOptions {
                     newton,
                     refuse_inversion: solve.refuse_inversion,
+                    find_snaps: true,
                     ..EquilibriumOptions::default()
                 };
                 // Weight and loads grow from zero. The call cannot fail, because 0 is a finite factor.
@@ -171,23 +178,28 @@ impl<'a> Drive<'a> {
             frames: frames.min(steps),
             done: 0,
             settles,
+            unsettled: settles,
             rows: Vec::new(),
         })
     }
 
-    /// Time (s) or fraction of the loads that the body has reached.
-    pub(super) fn reached(&self) -> f64 {
-        self.rows.last().map_or(0.0, |row| row.at)
+    /// Where the body is, in words.
+    pub(super) fn place(&self) -> String {
+        let at = self.rows.last().map(|row| row.at);
+        match self.method {
+            // Rest is at -1, and the settled state is at 0.
+            Method::Static(_) if self.unsettled => {
+                format!("at {:.4} of its weight alone", at.unwrap_or(-1.0) + 1.0)
+            }
+            Method::Static(_) => format!("at {:.4} of the loads", at.unwrap_or(0.0)),
+            Method::Dynamic(_) => format!("at {} s", at.unwrap_or(0.0)),
+        }
     }
 
-    /// Whether the failed step was that in which the body settles under its weight.
-    pub(super) fn fails_to_settle(&self) -> bool {
-        self.settles && self.rows.is_empty()
-    }
-
-    /// Advances the body by one step; `None` at the end. An error leaves the body in its previous state.
+    /// Advances the body by one step; `None` at the end. After an error, the body is in its previous state, or in a static
+    /// solve in the state of the last substep that succeeded. [`halt`](Self::halt) keeps that state.
     pub(super) fn advance(&mut self) -> Result<Option<State>, DriveError> {
-        if self.settles && self.rows.is_empty() {
+        if self.unsettled {
             return self.settle().map(Some);
         }
         if self.done == self.steps {
@@ -197,13 +209,7 @@ impl<'a> Drive<'a> {
             return Ok(None);
         }
         let next = self.done + 1;
-        // The last step ends exactly at the end of the solve.
-        let at = if next == self.steps {
-            self.step * self.steps as f64
-        } else {
-            self.step * next as f64
-        };
-        let fraction = if at < self.ramp { at / self.ramp } else { 1.0 };
+        let (at, fraction) = self.end_of(next);
         self.aim(fraction)?;
         for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
             *force = load * fraction;
@@ -226,6 +232,7 @@ impl<'a> Drive<'a> {
                     iterations: report.iterations,
                     residual: report.relative_residual,
                     open: report.last.open,
+                    snapped: None,
                 }
             }
         };
@@ -241,6 +248,46 @@ impl<'a> Drive<'a> {
         }))
     }
 
+    /// The end of a step, from 1: its time (s) or fraction of the loads, and the fraction of the loads.
+    fn end_of(&self, step: usize) -> (f64, f64) {
+        // The last step ends exactly at the end of the solve.
+        let at = if step == self.steps {
+            self.step * self.steps as f64
+        } else {
+            self.step * step as f64
+        };
+        (at, if at < self.ramp { at / self.ramp } else { 1.0 })
+    }
+
+    /// After a failed step of a static solve: keeps the state of its last substep that succeeded; `None` where there is
+    /// no such state.
+    pub(super) fn halt(&mut self) -> Option<State> {
+        let Method::Static(equilibrium) = &self.method else {
+            return None;
+        };
+        let report = *equilibrium.report();
+        if report.reached <= 0.0 || report.reached >= 1.0 {
+            return None;
+        }
+        let effort = Effort::from(report);
+        let (frame, at) = if self.unsettled {
+            let at = report.reached - 1.0;
+            self.keep(Some("weight"), at, 0.0, &effort);
+            (1, at)
+        } else {
+            let [(from, _), (to, _)] = [self.done, self.done + 1].map(|step| self.end_of(step));
+            let at = from + (to - from) * report.reached;
+            self.keep(None, at, at, &effort);
+            // Every step of a static solve is a frame.
+            (self.done + 1 + usize::from(self.settles), at)
+        };
+        Some(State {
+            frame: Some(frame),
+            at,
+            done: self.done as f64 / self.steps as f64,
+        })
+    }
+
     /// Lets the body settle under its weight, with its supports in their places. The state is the first frame after rest.
     fn settle(&mut self) -> Result<State, DriveError> {
         let effort = match &mut self.method {
@@ -250,6 +297,7 @@ impl<'a> Drive<'a> {
             // A motion begins at rest.
             Method::Dynamic(_) => Effort::default(),
         };
+        self.unsettled = false;
         self.keep(Some("weight"), 0.0, 0.0, &effort);
         Ok(State {
             frame: Some(1),
@@ -261,6 +309,8 @@ impl<'a> Drive<'a> {
     /// Keeps the row of the present state.
     fn keep(&mut self, stage: Option<&'static str>, at: f64, fraction: f64, effort: &Effort) {
         let reactions = self.reactions();
+        let rest = if self.settles { -1.0 } else { 0.0 };
+        let before = self.rows.last().map_or(rest, |row| row.at);
         self.rows.push(Row {
             stage,
             at,
@@ -269,6 +319,7 @@ impl<'a> Drive<'a> {
             iterations: effort.iterations,
             residual: effort.residual,
             open: (effort.open > 0.0).then_some(effort.open),
+            snapped: effort.snapped.map(|part| before + (at - before) * part),
             elastic_energy: self.built.body.elastic_energy(),
             kinetic_energy: self.built.body.kinetic_energy(),
             forces: reactions.iter().map(|reaction| reaction.force).collect(),

@@ -2,37 +2,55 @@
 
 use super::Frame;
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use std::fmt::Write as _;
-use std::fs::{self, File, TryLockError};
-use std::io;
+use std::collections::BTreeSet;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 const LIST: &str = "frames.pvd";
+/// What a list begins with.
+const HEAD: &str =
+    "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n";
+/// What a list ends with.
+const TAIL: &str = "</Collection>\n</VTKFile>\n";
 
-/// A folder of frames. The list is written again with each frame, so that it is complete whenever the solve ends. No
-/// other program can open the folder for its frames at the same time.
+/// A folder of frames. Its list grows with each frame, so that it names the frames that are there, however the program
+/// ends. No other program can open the folder for its frames at the same time.
 #[derive(Debug)]
 pub struct FrameFolder {
     folder: PathBuf,
-    list: String,
+    /// The name of each body, and what the names of its files begin with.
+    names: Vec<(String, String)>,
+    list: File,
+    /// Length of the list without its end (bytes).
+    length: u64,
     /// The folder, open and locked.
     _lock: Option<File>,
 }
 
 impl FrameFolder {
-    /// Creates the folder, if it does not exist.
+    /// Creates the folder for frames of bodies of these names, if it does not exist, and an empty list in it.
     ///
     /// # Errors
-    /// If the folder cannot be created, or another program writes its frames there.
-    pub fn create(folder: &Path) -> Result<Self, AtomicFileError> {
+    /// If the folder or the list cannot be created, or another program writes its frames there.
+    pub fn create<'a>(
+        folder: &Path,
+        bodies: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Self, AtomicFileError> {
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |source| AtomicFileError { path, source }
+        };
         let locked = fs::create_dir_all(folder).and_then(|()| lock(folder));
-        let lock = locked.map_err(|source| AtomicFileError {
-            path: folder.to_owned(),
-            source,
-        })?;
+        let lock = locked.map_err(failed(folder))?;
+        let path = Self::list_in(folder);
+        write_atomically(&path, format!("{HEAD}{TAIL}").as_bytes())?;
+        let list = OpenOptions::new().write(true).open(&path);
         Ok(Self {
             folder: folder.to_owned(),
-            list: String::new(),
+            names: file_names(bodies),
+            list: list.map_err(failed(&path))?,
+            length: HEAD.len() as u64,
             _lock: lock,
         })
     }
@@ -44,44 +62,32 @@ impl FrameFolder {
             number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit())
         });
         file == LIST
-            || frame.is_some_and(|(body, _)| bodies.into_iter().any(|name| plain(name) == body))
+            || frame.is_some_and(|(body, _)| file_names(bodies).iter().any(|(_, own)| own == body))
     }
 
-    /// Writes one frame and the list.
+    /// Writes one frame, and adds it to the list.
     ///
     /// # Errors
     /// If a file cannot be written.
     pub fn keep(&mut self, frame: &Frame<'_>) -> Result<(), AtomicFileError> {
-        self.add(frame)?;
-        self.write_list()
-    }
-
-    /// Writes one frame. The list does not name it before [`write_list`](Self::write_list).
-    ///
-    /// # Errors
-    /// If the file cannot be written.
-    pub fn add(&mut self, frame: &Frame<'_>) -> Result<(), AtomicFileError> {
-        let file = format!("{}_{:04}.vtu", plain(frame.body), frame.number);
+        let own = self.names.iter().find(|(body, _)| body == frame.body);
+        let own = own.map_or_else(|| plain(frame.body), |(_, own)| own.clone());
+        let file = format!("{own}_{:04}.vtu", frame.number);
         write_atomically(&self.folder.join(&file), frame.snapshot.vtu().as_bytes())?;
-        let _ = writeln!(
-            self.list,
-            "<DataSet timestep=\"{:?}\" part=\"0\" file=\"{file}\"/>",
+        let line = format!(
+            "<DataSet timestep=\"{:?}\" part=\"0\" file=\"{file}\"/>\n",
             frame.at
         );
+        // One call of the system writes the line and the end, so that the list is complete whenever the program ends.
+        let text = format!("{line}{TAIL}");
+        let start = self.list.seek(SeekFrom::Start(self.length));
+        let written = start.and_then(|_| self.list.write_all(text.as_bytes()));
+        written.map_err(|source| AtomicFileError {
+            path: self.list_file(),
+            source,
+        })?;
+        self.length += line.len() as u64;
         Ok(())
-    }
-
-    /// Writes the list of the frames so far.
-    ///
-    /// # Errors
-    /// If the file cannot be written.
-    pub fn write_list(&self) -> Result<(), AtomicFileError> {
-        let list = format!(
-            "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n\
-             {}</Collection>\n</VTKFile>\n",
-            self.list
-        );
-        write_atomically(&self.list_file(), list.as_bytes())
     }
 
     /// The path of the list, the file to open in ParaView.
@@ -110,6 +116,27 @@ fn lock(folder: &Path) -> io::Result<Option<File>> {
     }
 }
 
+/// The name of each body, and what the names of its files begin with: no two bodies share a file.
+fn file_names<'a>(bodies: impl IntoIterator<Item = &'a str>) -> Vec<(String, String)> {
+    let bodies: Vec<_> = bodies.into_iter().collect();
+    // A name that needs no change stays as it is.
+    let mut taken: BTreeSet<String> = (bodies.iter())
+        .filter(|name| plain(name) == **name)
+        .map(|&name| name.to_owned())
+        .collect();
+    let names = bodies.into_iter().map(|name| {
+        let first = plain(name);
+        let mut own = first.clone();
+        let mut number = 1;
+        while own != name && !taken.insert(own.clone()) {
+            number += 1;
+            own = format!("{first}_{number}");
+        }
+        (name.to_owned(), own)
+    });
+    names.collect()
+}
+
 /// The name with every character replaced that might not be allowed in the name of a file.
 fn plain(name: &str) -> String {
     let keep = |c: char| {
@@ -125,6 +152,7 @@ fn plain(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use meshio::write_vtu::Snapshot;
 
     #[test]
     fn the_names_of_the_files_are_known() {
@@ -143,17 +171,61 @@ mod tests {
         }
     }
 
+    /// Different names of bodies may give one name of a file; the bodies then have files of their own.
+    #[test]
+    fn bodies_do_not_share_a_file() {
+        for (bodies, expected) in [
+            (["x/y", "x_y", "z"], ["x_y_2", "x_y", "z"]),
+            (["x_y", "x/y", "x:y"], ["x_y", "x_y_2", "x_y_3"]),
+            (["x/y", "x_y_2", "x:y"], ["x_y", "x_y_2", "x_y_3"]),
+        ] {
+            let names = file_names(bodies);
+            assert!(names.iter().map(|(_, own)| own).eq(expected), "{names:?}");
+        }
+        assert!(FrameFolder::may_write("x_y_2_0000.vtu", ["x/y", "x_y"]));
+        assert!(!FrameFolder::may_write("x_y_2_0000.vtu", ["x/y"]));
+    }
+
+    /// The list is whole after every frame, and a new run does not take over the list of the run before.
+    #[test]
+    fn the_list_names_the_frames_that_are_there() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let list = || fs::read_to_string(folder.path().join(LIST)).expect("a list");
+        for _ in 0..2 {
+            let mut frames = FrameFolder::create(folder.path(), ["x/y", "x_y"]).expect("a folder");
+            assert_eq!(list(), format!("{HEAD}{TAIL}"));
+            let mut lines = String::new();
+            for (body, file) in [("x/y", "x_y_2"), ("x_y", "x_y")] {
+                let frame = Frame {
+                    body,
+                    number: 7,
+                    at: 0.5,
+                    snapshot: Snapshot::default(),
+                };
+                frames.keep(&frame).expect("a frame");
+                let line = [
+                    "<DataSet timestep=\"0.5\" part=\"0\" file=\"",
+                    file,
+                    "_0007.vtu\"/>\n",
+                ];
+                lines.extend(line);
+                assert_eq!(list(), format!("{HEAD}{lines}{TAIL}"));
+                assert!(folder.path().join(format!("{file}_0007.vtu")).is_file());
+            }
+        }
+    }
+
     #[test]
     fn a_folder_has_one_writer() {
         let folder = tempfile::tempdir().expect("a folder");
-        let held = FrameFolder::create(folder.path()).expect("a folder");
-        let second = FrameFolder::create(folder.path()).expect_err("one writer");
+        let held = FrameFolder::create(folder.path(), ["cube"]).expect("a folder");
+        let second = FrameFolder::create(folder.path(), ["cube"]).expect_err("one writer");
         let said = second.to_string();
         assert!(
             said.contains("another program is writing its frames there"),
             "{said}"
         );
         drop(held);
-        assert!(FrameFolder::create(folder.path()).is_ok());
+        assert!(FrameFolder::create(folder.path(), ["cube"]).is_ok());
     }
 }

@@ -15,6 +15,7 @@ mod table;
 use crate::bodies;
 use crate::scene::spec::Analysis;
 use crate::scene::{LoadedScene, SceneError};
+use drive::State;
 use meshio::write_vtu::Snapshot;
 use physics::CondenseError;
 
@@ -123,12 +124,15 @@ pub fn solve<E>(
             }
         };
         if let Some(error) = failure {
-            let (name, at) = (&scene.bodies[index].name, drive.reached());
-            let at = match scene.solve.analysis {
-                Analysis::Static if drive.fails_to_settle() => "under its weight alone".to_owned(),
-                Analysis::Static => format!("at {at:.4} of the loads"),
-                Analysis::Dynamic => format!("at {at} s"),
-            };
+            if let Some(State {
+                frame: Some(number),
+                at,
+                ..
+            }) = drive.halt()
+            {
+                keep(&drive, number, at)?;
+            }
+            let (name, at) = (&scene.bodies[index].name, drive.place());
             solution.failures.push(format!("{name}: {at}: {error}"));
         }
         solution.bodies.push(drive.finish());

@@ -70,7 +70,7 @@ fn write_steps(
     let residual = body.steps.iter().map(|row| row.residual);
     writeln!(
         to,
-        "    {:<10} {}{}, {} substeps, {} refused; {} iterations; residual at most {:.1e} of the forces",
+        "    {:<10} {}{}, {} substeps, {} refused; {} iterations; {}",
         "solve",
         if settled { "weight first, then " } else { "" },
         match (analysis, steps) {
@@ -82,8 +82,29 @@ fn write_steps(
         sum(|row| row.substeps),
         sum(|row| row.refused),
         sum(|row| row.iterations),
-        residual.fold(0.0, f64::max),
+        match residual.fold(0.0, f64::max) {
+            0.0 => "no residual above rounding".to_owned(),
+            most => format!("residual at most {most:.1e} of the forces"),
+        },
     )?;
+    let snaps = || body.steps.iter().filter(|row| row.snapped.is_some());
+    if let Some((row, at)) = snaps().find_map(|row| row.snapped.map(|at| (row, at))) {
+        let place = match row.stage {
+            // Rest is at -1, and the settled state is at 0.
+            Some(_) => format!("{:.4} of its weight alone", at + 1.0),
+            None => format!("{at:.4} of the loads"),
+        };
+        let more = match snaps().count() {
+            1 => String::new(),
+            count => format!(", and in {} later steps", count - 1),
+        };
+        writeln!(
+            to,
+            "    {:<10} the body snapped to another balance before {place}{more}: the way of the body there is a motion, \
+             and another balance may be found with other steps",
+            "snapped"
+        )?;
+    }
     let open = body.steps.iter().filter_map(|row| row.open);
     let open = open.fold(0.0, f64::max);
     if open > 0.0 {

@@ -25,7 +25,7 @@ pub struct Solution {
     /// The solution of each body.
     pub bodies: Vec<BodySolution>,
     /// For each body that was not solved to the end, the reason. The solution of such a body is its state at the
-    /// last step that succeeded.
+    /// last step or, in a static solve, at the last part of a step that succeeded.
     pub failures: Vec<String>,
 }
 
@@ -109,12 +109,18 @@ pub struct Row {
     pub refused: usize,
     /// Newton iterations.
     pub iterations: usize,
-    /// Final residual, relative to the forces that balance.
+    /// Final residual, relative to the forces that balance; 0 where nothing loads or moves the body and the residual is
+    /// only rounding.
     pub residual: f64,
     /// The largest motion of a node that rounding leaves undetermined (m), if rounding stopped the solve above its
     /// tolerance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open: Option<f64>,
+    /// Fraction of the displacements and loads (of the weight, less one, in the stage `weight`) at which the body snapped to
+    /// another balance in this step of a static solve, if it did: with the loads of before, the body does not return to
+    /// where it was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub snapped: Option<f64>,
     /// Elastic energy (J).
     pub elastic_energy: f64,
     /// Kinetic energy (J).

@@ -14,6 +14,7 @@ pub mod stress;
 pub mod sweep;
 pub mod tearing;
 pub mod velocity;
+mod workers;
 
 pub use error::StudyError;
 pub use level::Level;

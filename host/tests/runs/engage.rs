@@ -310,3 +310,30 @@ fn a_simulated_device_is_engaged_again_along_a_ramp() -> Result<(), Box<dyn Erro
     }
     Ok(())
 }
+
+/// While the force comes in, the proxy follows its device by a part only. The work is that on the device: the simulation
+/// integrates it between ticks.
+#[test]
+fn the_work_while_the_force_comes_in_is_that_on_the_device() -> Result<(), Box<dyn Error>> {
+    let turned = "mounting.rotation = { axis = [1, 2, 3], degrees = 40 }\n";
+    for further in ["", turned, "motion_scale = 2.0\n"] {
+        // The device rests 5 mm above the top of the block, and the hand holds it there.
+        let device = format!("mounting.origin = [0, 0, 0.035]\nengage.arm = 'command'\n{further}");
+        let text = SCENE.replace("DEVICE", &device).replace("HAND", "");
+        // The weight of the block is the force that comes in.
+        let text = text.replace("gravity = [0, 0, 0]\n", "");
+        let hand = "waypoints = [[0, 0, 0, 0], [0.3, 0, 0, -0.004], [0.6, 0, 0, -0.012]]\n";
+        let loaded = Scene::load_texts("block.toml", &text.replace(hand, ""), &BTreeMap::new())?;
+        let (summary, _) = logged(&loaded, &[(Order::Arm, 0.05)])?;
+        let device = &summary.devices[0];
+        let integrated = device.motor_work.ok_or("a simulated device")?;
+        assert!(integrated.abs() > 1e-4, "{integrated}");
+        // A force that is held over a tick is late by half a tick.
+        assert!(
+            (device.work / integrated - 1.0).abs() < 0.05,
+            "{further}: {} {integrated}",
+            device.work
+        );
+    }
+    Ok(())
+}

@@ -228,8 +228,16 @@ fn the_log_holds_every_edit_and_the_summary_says_where_the_tear_started() -> Out
     // The tear ends at the other border, and the sheet is in two pieces.
     let pieces: Vec<_> = log.tears.iter().map(|edit| edit.pieces).collect();
     assert_eq!((pieces[0], pieces.last()), (1, Some(&2)));
+    // The tear ran down from the upper border: it met the lower one, and not the vertex an edge before it.
     let mut events = summary.events.iter();
-    assert!(events.any(|event| event.description.contains("came apart")));
+    let apart = events.find(|event| event.description.contains("came apart"));
+    let apart = &apart.ok_or("the sheet came apart")?.description;
+    let last = log.tears.last().ok_or("an edit")?;
+    assert!((last.end.y + 0.05).abs() < 1e-12, "{last:?}");
+    assert!(
+        apart.contains(", y -50.0, z 0.0 mm at rest: 2 pieces"),
+        "{apart}"
+    );
     // A player and a viewer show the same event.
     let index = LogIndex::open(Cursor::new(&bytes))?;
     let overview = index.overview().ok_or("an overview")?;

@@ -59,6 +59,39 @@ fn scale_rotation_and_position_act_in_this_order() {
 }
 
 #[test]
+fn doubled_vertices_are_merged_within_a_distance_in_metres() {
+    // The seam of a texture: both triangles have their own vertices, 0.02 mm apart at one end.
+    let doubled =
+        "v 0 0 0\nv 40 0 0\nv 40 20 0\nv 0 0 0\nv 40 20.02 0\nv 0 20 0\nf 1 2 3\nf 4 5 6\n";
+    let load = |mesh: &str| {
+        let text = format!(
+            "name = 'merged'\n[[body]]\nname = 'patch'\n\
+             material = {{ young = 1e6, poisson = 0.3, thickness = 1e-3, density = 1000 }}\n{mesh}\n"
+        );
+        let files = BTreeMap::from([("patch.obj".to_owned(), doubled.as_bytes().to_vec())]);
+        let loaded = Scene::load_texts("p.toml", &text, &files).unwrap();
+        let built = bodies::build(&loaded, 0).map_err(|error| error.to_string())?;
+        Ok::<_, String>(built.mesh.positions().to_vec())
+    };
+    let merged = load("mesh = { file = 'patch.obj', scale = 0.001, merge = 3e-5 }").unwrap();
+    assert_eq!(
+        merged,
+        positions("mesh = { file = 'patch.obj', scale = 0.001 }")
+    );
+    // The distance counts after the scale: this one is a hundredth of it.
+    let half = load("mesh = { file = 'patch.obj', scale = 0.001, merge = 3e-7 }").unwrap();
+    assert_eq!(half.len(), 5);
+    let error = load("mesh = { file = 'patch.obj', scale = 0.001 }").unwrap_err();
+    assert!(
+        error.ends_with(
+            "line 4: vertices 0 and 3 lie at one place, where the mesh is not connected; merge the two vertices, as \
+             mesh.merge of a scene does (a slit needs a gap)"
+        ),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_turn_and_its_negative_cancel_and_full_turns_do_nothing() {
     for degrees in [0.0, 360.0, -720.0] {
         let turned = format!(
@@ -147,7 +180,7 @@ fn a_placement_without_a_meaning_is_refused() {
         ),
         (
             "mesh.file = 'patch.obj'\nrotation = [0, 0, 90]",
-            "p.toml:6: body[0].rotation: found [0, 0, 90], allowed: a table",
+            "p.toml:6: body[0].rotation: found [0, 0, 90], allowed: a table, such as rotation = { axis = [0, 0, 1], degrees = 90 }",
         ),
         (
             "mesh.file = 'patch.obj'\nrotation = { axis = [0, 0, 1] }",
@@ -167,8 +200,17 @@ fn a_placement_without_a_meaning_is_refused() {
              lengths of a built-in mesh are in metres",
         ),
         (
+            "mesh = { file = 'patch.obj', merge = -1 }",
+            "p.toml:5: body[0].mesh.merge: found -1, allowed: a number above 0",
+        ),
+        (
+            "mesh = { sheet = { length = 1, width = 1, cells = [1, 1] }, merge = 0.1 }",
+            "p.toml:5: body[0].mesh.merge: found a distance for a mesh that is built in, allowed: `file`: a built-in \
+             mesh has no doubled vertices",
+        ),
+        (
             "mesh.file = 'patch.obj'\nposition = [0, 0]",
-            "p.toml:6: body[0].position: found [0, 0], allowed: a list of 3",
+            "p.toml:6: body[0].position: found [0, 0], allowed: a list of 3, such as position = [0, 0, 0.1]",
         ),
     ];
     for (body, expected) in cases {

@@ -204,31 +204,31 @@ duration = 1.0
   x.toml:3: seed: found -1, allowed: a whole number, 0 or above
 -9.81]
   -> -9.81, 1]
-  x.toml:3: gravity: found [0, 0, -9.81, 1], allowed: a list of 3
+  x.toml:3: gravity: found [0, 0, -9.81, 1], allowed: a list of 3, such as gravity = [0, 0, -9.81]
 [1, 1, 1]]
   -> [1, 1]]
   x.toml:23: body[0].region[0].box[1]: found [1, 1], allowed: a list of 3
 [0.5, 0, 0, 0]
   -> [0.5, 0, 0]
-  x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0, 0], allowed: a list of 4
+  x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0, 0], allowed: a list of 4, such as waypoints = [[0, 0, 0, 0], [1, 0, 0, -0.02]], rows of time, x, y, z
 model = "touch"
   -> model = 3
   x.toml:43: device[1].model: found 3, allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, `woodenhaptics`, or the name of a device's file, which ends in .toml
 model = "touch"
   -> model = "tuch"
-  x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, `woodenhaptics`, or the name of a device's file, which ends in .toml
+  x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, `woodenhaptics`, or the name of a device's file, which ends in .toml; did you mean `touch`?
 [loop]
   -> [loop]¶scheme = "Hold"
-  x.toml:6: loop.scheme: found "Hold", allowed: `hold`, `thesis`, `linear`, `proxy`, `classic`, `capped`
+  x.toml:6: loop.scheme: found "Hold", allowed: `hold`, `thesis`, `linear`, `proxy`, `classic`, `capped`; did you mean `hold`?
 hand = {}
   -> hand = {}¶wire = 1
   x.toml:40: device[0].wire: found 1, allowed: true or false
 hand = {}
   -> hand = [1]
-  x.toml:39: device[0].hand: found [1], allowed: a table
+  x.toml:39: device[0].hand: found [1], allowed: a table, such as hand = { grip = "typical" }
 hand = {}
   -> hand.waypoints = 1
-  x.toml:39: device[0].hand.waypoints: found 1, allowed: a list
+  x.toml:39: device[0].hand.waypoints: found 1, allowed: a list, such as waypoints = [[0, 0, 0, 0], [1, 0, 0, -0.02]], rows of time, x, y, z
 sines = [{
   -> sines = [[1], {
   x.toml:50: device[1].hand.sines[0]: found [1], allowed: a table
@@ -237,7 +237,7 @@ sines = [{
   x.toml:5: loop: found 3, allowed: a table
 [[body]]
   -> [body]
-  x.toml:12: body: found [body], allowed: a list of tables, each [[...]] or {...}
+  x.toml:12: body: found [body], allowed: a list of tables, each [[...]] or {...}, such as [[body]]
 "#,
     );
 }
@@ -248,13 +248,13 @@ fn invalid_mesh_sources_are_refused() {
         r#"
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = 3
-  x.toml:14: body[0].mesh: found 3, allowed: a table
+  x.toml:14: body[0].mesh: found 3, allowed: a table, such as mesh.file = "liver.msh"
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = {}
-  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`
+  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`, such as mesh.file = "liver.msh"
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = "file"
-  x.toml:14: body[0].mesh: found "file", allowed: a table
+  x.toml:14: body[0].mesh: found "file", allowed: a table, such as mesh.file = "liver.msh"
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.file = 3
   x.toml:14: body[0].mesh.file: found 3, allowed: a string
@@ -263,7 +263,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.cube = 3
-  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `scale`, `order`, `flat_pattern`
+  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `scale`, `merge`, `order`, `flat_pattern`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = 3
   x.toml:14: body[0].mesh.sheet: found 3, allowed: a table
@@ -287,7 +287,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.plate.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
 cells = [4, 2] }
   -> cells = [4, 2] }¶mesh.file = 'x'
-  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`
+  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`, such as mesh.file = "liver.msh"
 cells = [4, 2]
   -> cells = [4000, 2000]
   x.toml:14: body[0].mesh.sheet.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
@@ -310,16 +310,16 @@ young = 1e6
   x.toml:16: body[0].material: missing field `young`
 young = 1e6
   -> yong = 1e6
-  x.toml:17: body[0].material.yong: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`
+  x.toml:17: body[0].material.yong: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`; did you mean `young`?
 young = 1e6
   -> "yo\nung" = 1
-  x.toml:17: body[0].material.yo...: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`
+  x.toml:17: body[0].material.yo...: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`; did you mean `young`?
 name = "base"
   ->
   x.toml:1: missing field `name`
 [loop]
   -> [lop]
-  x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `solve`, `gravity`, `body`, `device`
+  x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `solve`, `gravity`, `body`, `device`; did you mean `loop`?
 [body.material]
   -> [body.metal]
   x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `position`, `rotation`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`, `tear`
@@ -423,6 +423,9 @@ box = [[0, 0, 0], [1, 1, 1]]
 [0.5, 0, 0, 0]
   -> [-0.5, 0, 0, 0]
   x.toml:47: device[1].hand.waypoints[0]: found time -0.5, allowed: a time not below 0
+[0.5, 0, 0, 0]
+  -> [0.5, 0.02, 0, 0]
+  x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0.02, 0.0, 0.0], where the path begins, allowed: zeros after the time of the first row, because the rows are relative to where the hand starts: begin with the row [0, 0, 0, 0], and let this row come later
 hand = {}
   -> hand = { grip = "tight" }
   x.toml:39: device[0].hand.grip: found "tight", allowed: `relaxed`, `typical`, `firm`, `rigid`

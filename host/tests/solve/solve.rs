@@ -411,6 +411,136 @@ fn a_solve_that_stops_early_keeps_the_last_good_state() {
     assert_eq!(body.inverted, 0);
 }
 
+/// A bar that bears 0.445 of its load: the solve says so for any number of load steps, and keeps the state there.
+#[test]
+fn a_solve_that_stops_within_a_load_step_says_how_far_it_came() {
+    for steps in [1, 4, 16] {
+        let text = format!(
+            r#"
+name = "bar"
+gravity = [0, 0, -300]
+[solve]
+load_steps = {steps}
+[[body]]
+name = "bar"
+mesh = {{ box = {{ size = [0.2, 0.02, 0.02], cells = [20, 2, 2] }} }}
+material = {{ young = 3e4, poisson = 0.45, density = 1000 }}
+[[body.support]]
+name = "wall"
+group = "left"
+"#
+        );
+        let mut last = None;
+        let keep = |frame: Frame<'_>| {
+            last = Some((frame.number, frame.at));
+            Ok::<(), Infallible>(())
+        };
+        let solution = solve(&load(&text), true, |_| {}, keep).unwrap();
+        let body = &solution.bodies[0];
+        let row = body.steps.last().unwrap();
+        // With 200 load steps, the solve comes to 0.4479. A load step is halved ten times.
+        assert!(
+            (row.at - 0.4479).abs() < 1.0 / 1024.0,
+            "{steps}: {}",
+            row.at
+        );
+        let said = format!("bar: at {:.4} of the loads: ", row.at);
+        assert!(
+            solution.failures[0].starts_with(&said),
+            "{:?}",
+            solution.failures
+        );
+        let frames = (row.at * f64::from(steps)).ceil() as usize;
+        assert_eq!(last, Some((frames, row.at)), "the state is a frame");
+        // The bar has a mass of 80 g, and weight is what the wall bears.
+        let weight = 0.08 * 300.0 * row.at;
+        assert!(
+            (body.applied[2] + weight).abs() < 1e-9 * weight,
+            "{:?}",
+            body.applied
+        );
+        let wall = force(body, "wall")[2];
+        assert!((wall - weight).abs() < 1e-6 * weight, "{wall} {weight}");
+        assert!(body.displacement.value > 0.1, "{}", body.displacement.value);
+    }
+}
+
+/// The forces of a body at rest are rounding, of which no part is a residual.
+#[test]
+fn a_body_without_loads_has_no_residual() {
+    let solution = solved(
+        r#"
+name = "rest"
+gravity = [0, 0, 0]
+[[body]]
+name = "sheet"
+mesh.sheet = { length = 0.1, width = 0.1, cells = [4, 4], pattern = "alternating" }
+rotation = { axis = [1, 2, 3], degrees = 31 }
+material = { young = 1e6, poisson = 0.3, thickness = 0.001, density = 1000 }
+"#,
+    );
+    let steps = &solution.bodies[0].steps;
+    assert!(steps.iter().all(|row| row.residual == 0.0), "{steps:?}");
+    let said = solution.to_string();
+    assert!(said.contains("no residual above rounding"), "{said}");
+}
+
+/// Two supports cannot hold one vertex at two places: no equilibrium has both.
+#[test]
+fn supports_that_hold_a_vertex_at_two_places_are_refused() {
+    let scene = |wall: &str, second: &str| {
+        format!(
+            r#"
+name = "x"
+gravity = [0, 0, 0]
+[[body]]
+name = "b"
+mesh.box = {{ size = [1, 1, 1], cells = [1, 1, 1] }}
+material = {{ young = 1e3, poisson = 0.3, density = 1 }}
+[[body.support]]
+name = "wall"
+group = "left"
+axes = {wall}
+[[body.support]]
+name = "lid"
+group = "top"
+{second}
+"#
+        )
+    };
+    let all = r#"["x", "y", "z"]"#;
+    for (wall, second, expected) in [
+        (
+            all,
+            "displacement = [0, 0, 0.1]",
+            Some(
+                "moved by 1e-1 m along z, but support \"wall\" moves it by 0e0 m, allowed: one place for each vertex: \
+                  give both supports the same displacement, leave the axis to one of them, or make the group or the \
+                  box of one smaller",
+            ),
+        ),
+        (
+            all,
+            "rotation = [0, 0, 0.1]",
+            Some("but support \"wall\" moves it by 0e0 m"),
+        ),
+        (r#"["x", "y"]"#, "displacement = [0, 0, 0.1]", None),
+        (all, "displacement = [0, 0, 0]", None),
+    ] {
+        let said = refusal(&scene(wall, second));
+        match expected {
+            Some(expected) => {
+                assert!(
+                    said.starts_with("x.toml:12: body[0].support[1]: found vertex"),
+                    "{said}"
+                );
+                assert!(said.contains(expected), "{said}");
+            }
+            None => assert_eq!(said, "solved", "{second}"),
+        }
+    }
+}
+
 #[test]
 fn parameters_of_another_kind_of_body_are_refused() {
     let base = r#"
@@ -465,7 +595,7 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
         ),
         (
             base.replace("density = 1", "density = 1, fields = { young = \"E\" }"),
-            "x.toml:6: body[0].material.fields.young: found \"E\", allowed: nothing (the mesh has no values by element)",
+            "x.toml:6: body[0].material.fields.young: found \"E\", allowed: nothing (the mesh has no values by element that are finite numbers)",
         ),
         (
             format!("{sheet}[[body.load]]\nname = \"l\"\ngroup = \"left\"\ntraction = [1, 0, 0]\n"),

@@ -29,6 +29,7 @@ pub mod ftdi;
 pub mod hid;
 pub mod hostile;
 pub mod identify;
+pub mod input;
 pub mod models;
 pub mod panel;
 pub mod plugin;

@@ -44,5 +44,5 @@ pub use latency::{Latencies, LatencyHistogram, LatencyReader, Summary};
 pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 pub use reserve::Reserved;
 pub use seccomp::{CallPolicy, ForbiddenCall};
-pub use thread::{RunnerConfig, Stop, TickReport, TickThread, spawn};
+pub use thread::{RunnerConfig, STACK, Stop, TickReport, TickThread, spawn};
 pub use tick_loop::{AnyDevice, TickLoop};

@@ -6,6 +6,7 @@
 use crate::cores::{self, CoreChoice, Cores};
 use crate::degradation::Degradation;
 use core_affinity::CoreId;
+use rustix::thread::{CapabilitySet, capabilities};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::num::NonZeroU64;
@@ -98,7 +99,13 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
             let thread = thread_native_id();
             set_thread_priority_and_policy(thread, ThreadPriority::Crossplatform(value), policy)
                 .and_then(|()| thread_schedule_policy_param(thread))
-                .map_err(|error| error.to_string())
+                .map_err(|error| match error {
+                    // The system names its errors; the library has only their numbers.
+                    thread_priority::Error::OS(number) => {
+                        std::io::Error::from_raw_os_error(number).to_string()
+                    }
+                    error => error.to_string(),
+                })
         });
     let reason = match asked {
         Ok((obtained, parameters))
@@ -114,15 +121,76 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
         }
         Err(reason) => reason,
     };
+    let may = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::SYS_NICE));
     Err(Degradation {
         missing: format!("the tick has no realtime priority (SCHED_FIFO {priority})"),
         reason,
         cost: "any busy program may delay the tick by milliseconds",
-        remedy: format!(
+        remedy: remedy(priority, may, &Group::of_this_process()),
+    })
+}
+
+/// How the thread gets a realtime `priority` that the system refused. `may`: the account has CAP_SYS_NICE.
+fn remedy(priority: u8, may: bool, group: &Group) -> String {
+    let Group { name, runtime } = group;
+    if !(1..=99).contains(&priority) {
+        return "give a priority from 1 to 99".into();
+    }
+    if !may {
+        return format!(
             "allow this priority with `rtprio {priority}` in /etc/security/limits.d, LimitRTPRIO={priority} in the \
              service, or CAP_SYS_NICE"
-        ),
-    })
+        );
+    }
+    if runtime.as_deref() == Some("0") {
+        return format!(
+            "the account has CAP_SYS_NICE, but its control group {name} has no realtime time: cpu.rt_runtime_us is 0 \
+             (CONFIG_RT_GROUP_SCHED); write a time (us) there and into the groups above it, or start the program in the \
+             root group"
+        );
+    }
+    format!(
+        "the account has CAP_SYS_NICE, so something else refuses: its control group {name}, which with \
+         CONFIG_RT_GROUP_SCHED needs a time in cpu.rt_runtime_us, or a container's filter of system calls; start the \
+         program in the root group and outside of the container"
+    )
+}
+
+/// The control group that shares out the processor's time to this process.
+struct Group {
+    /// Its path below the root group.
+    name: String,
+    /// Its realtime time (us), where the kernel gives one out.
+    runtime: Option<String>,
+}
+
+impl Group {
+    fn of_this_process() -> Self {
+        let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+        let name = Self::name_in(&groups).unwrap_or("/").to_owned();
+        let runtime = |root: &str| {
+            let path = format!("/sys/fs/cgroup/{root}{name}/cpu.rt_runtime_us");
+            std::fs::read_to_string(path).ok()
+        };
+        let runtime = ["cpu", "cpu,cpuacct", ""].into_iter().find_map(runtime);
+        Self {
+            runtime: runtime.map(|text| text.trim().to_owned()),
+            name,
+        }
+    }
+
+    /// The name of the group in the text of `/proc/self/cgroup`: lines of a number, the controllers and the path.
+    fn name_in(groups: &str) -> Option<&str> {
+        let lines = || {
+            groups
+                .lines()
+                .filter_map(|line| line.split_once(':')?.1.split_once(':'))
+        };
+        let of_cpu = lines().find(|(controllers, _)| controllers.split(',').any(|c| c == "cpu"));
+        // All controllers of the second version have one path.
+        let path = of_cpu.or_else(|| lines().find(|(controllers, _)| controllers.is_empty()));
+        path.map(|(_, path)| path)
+    }
 }
 
 /// Keeps the processor out of its deeper sleep states while this value lives.
@@ -272,8 +340,57 @@ mod tests {
             Err(degradation) => {
                 assert_ne!(policy, fifo);
                 let line = degradation.to_string();
-                assert!(line.contains("LimitRTPRIO=10"), "{line}");
+                assert!(
+                    line.contains("LimitRTPRIO=10") || line.contains("control group"),
+                    "{line}"
+                );
             }
+        }
+    }
+
+    /// Root has every limit and CAP_SYS_NICE, so advice on them would lead astray.
+    #[test]
+    fn the_remedy_is_what_the_account_lacks() {
+        let group = |runtime: Option<&str>| Group {
+            name: "/p".into(),
+            runtime: runtime.map(Into::into),
+        };
+        let line = remedy(10, false, &group(Some("0")));
+        assert!(
+            line.contains("LimitRTPRIO=10") && line.contains("or CAP_SYS_NICE"),
+            "{line}"
+        );
+        let line = remedy(10, true, &group(Some("0")));
+        assert!(
+            line.contains("control group /p has no realtime time: cpu.rt_runtime_us is 0")
+                && !line.contains("rtprio"),
+            "{line}"
+        );
+        for runtime in [None, Some("950000")] {
+            let line = remedy(10, true, &group(runtime));
+            assert!(
+                line.contains("control group /p, which with CONFIG_RT_GROUP_SCHED")
+                    && !line.contains("rtprio"),
+                "{line}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_group_is_that_of_the_processor() {
+        for (groups, name) in [
+            (
+                "9:name=systemd:/a\n4:cpuacct,cpu:/p/q\n0::/b\n",
+                Some("/p/q"),
+            ),
+            (
+                "9:name=systemd:/a\n0::/user.slice/b\n",
+                Some("/user.slice/b"),
+            ),
+            ("9:cpuset:/a\n", None),
+            ("", None),
+        ] {
+            assert_eq!(Group::name_in(groups), name, "{groups:?}");
         }
     }
 
@@ -284,7 +401,7 @@ mod tests {
             .expect("does not panic");
         let line = degradation.expect_err("200 is no priority").to_string();
         assert!(
-            line.contains("SCHED_FIFO 200") && line.contains("rtprio"),
+            line.contains("SCHED_FIFO 200") && line.contains("from 1 to 99"),
             "{line}"
         );
         assert!(!line.contains('\n'), "{line}");

@@ -29,6 +29,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::thread::JoinHandle;
 
+/// Stack of a thread (bytes): the default of the standard library. Threads are given this size, so that no variable of the
+/// environment (`RUST_MIN_STACK`) makes the stack too small.
+pub const STACK: usize = 2 << 20;
+
 /// Configuration of the thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunnerConfig {
@@ -242,6 +246,7 @@ pub fn spawn(
     let (sender, ready) = sync_channel(1);
     let theirs = (Arc::clone(&stop), Arc::clone(&ticks));
     let handle = std::thread::Builder::new()
+        .stack_size(STACK)
         .name("palpate-tick".into())
         .spawn(move || body(config, tick_loop, recorder, &theirs.0, &theirs.1, &sender))?;
     let setup = match ready.recv() {

@@ -2,47 +2,37 @@
 
 use super::elements::of_dimension;
 use super::groups::groups;
-use super::sections::{Node, Sections};
+use super::sections::Sections;
 use super::{GmshError, elements::Element, fields};
-use crate::soup::UNUSED;
-use physics::mesh::check::{Location, check_distinct};
-use physics::mesh::{MeshError, TriMesh};
+use crate::file::Place;
+use crate::soup::{Fault, Soup};
+use physics::mesh::TriMesh;
+use physics::mesh::check::Location;
 use std::collections::BTreeMap;
 
 /// Where each node tag stands in the list of nodes.
 pub(super) type Places = BTreeMap<u64, usize>;
 
 /// The sheet of all triangles.
-pub(super) fn sheet(sections: &Sections) -> Result<TriMesh, GmshError> {
-    let places = places(&sections.nodes)?;
-    let used = of_dimension(&sections.blocks, 2)
-        .map(|element| nodes_of(element, &places))
-        .collect::<Result<Vec<_>, _>>()?;
-
-    // The vertex of each node.
-    let mut vertices = vec![UNUSED; sections.nodes.len()];
-    for &node in used.iter().flatten() {
-        vertices[node] = 0;
-    }
-    let mut positions = Vec::new();
-    for (vertex, node) in vertices.iter_mut().zip(&sections.nodes) {
-        if *vertex != UNUSED {
-            // The numbers overflow only for a mesh that is refused for its size below.
-            *vertex = positions.len() as u32;
-            positions.push(node.position);
-        }
-    }
-    let corners = used
-        .iter()
-        .map(|nodes| nodes.map(|node| vertices[node]))
-        .collect();
-
-    let refused = |source: MeshError| GmshError::Mesh {
-        line: line_at_fault(&source, sections, &vertices),
+pub(super) fn sheet(sections: &Sections, merge: Option<f64>) -> Result<TriMesh, GmshError> {
+    let places = places(sections)?;
+    let triangles = of_dimension(&sections.blocks, 2)
+        .map(|element| {
+            // The numbers overflow only for a mesh that is refused for its size.
+            let nodes = nodes_of::<3>(element, sections, &places)?;
+            Ok(nodes.map(|node| node as u32))
+        })
+        .collect::<Result<Vec<_>, GmshError>>()?;
+    let soup = Soup {
+        positions: sections.nodes.iter().map(|node| node.position).collect(),
+        triangles,
+        groups: Vec::new(),
+    };
+    let refused = |Fault { source, location }| GmshError::Mesh {
+        place: place_of_fault(location, sections, 2),
         source,
     };
-    let mut mesh = TriMesh::new(positions, corners).map_err(refused)?;
-    check_distinct(&mesh.positions).map_err(refused)?;
+    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
     let groups = groups(sections, 0..=3);
     mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
     mesh.triangle_groups = groups.of_cells(2);
@@ -52,16 +42,16 @@ pub(super) fn sheet(sections: &Sections) -> Result<TriMesh, GmshError> {
 
 /// The index of each node tag in the list of nodes. Tags may be sparse: they are looked up, never used as
 /// indices.
-pub(super) fn places(nodes: &[Node]) -> Result<Places, GmshError> {
+pub(super) fn places(sections: &Sections) -> Result<Places, GmshError> {
     let mut places = Places::new();
-    for (place, node) in nodes.iter().enumerate() {
+    for (place, node) in sections.nodes.iter().enumerate() {
         if let Some(earlier) = places.insert(node.tag, place) {
             let item = format!("node tag {}", node.tag);
-            let first = nodes.get(earlier).map_or(0, |node| node.line);
+            let first = sections.nodes.get(earlier).map_or(0, |node| node.at);
             return Err(GmshError::Repeated {
-                line: node.line,
+                place: sections.place(node.at),
                 item,
-                first,
+                first: sections.place(first),
             });
         }
     }
@@ -71,37 +61,38 @@ pub(super) fn places(nodes: &[Node]) -> Result<Places, GmshError> {
 /// The indices of an element's nodes.
 pub(super) fn nodes_of<const N: usize>(
     element: Element,
+    sections: &Sections,
     places: &Places,
 ) -> Result<[usize; N], GmshError> {
     let mut found = [0; N];
     for (place, &tag) in found.iter_mut().zip(element.nodes) {
-        *place = place_of(tag, element.line, places)?;
+        *place = place_of(tag, element, sections, places)?;
     }
     Ok(found)
 }
 
-/// The index of a node that a line names.
-pub(super) fn place_of(tag: u64, line: usize, places: &Places) -> Result<usize, GmshError> {
+/// The index of a node that an element names.
+pub(super) fn place_of(
+    tag: u64,
+    element: Element,
+    sections: &Sections,
+    places: &Places,
+) -> Result<usize, GmshError> {
     places.get(&tag).copied().ok_or_else(|| GmshError::Syntax {
-        line,
+        place: sections.place(element.at),
         expected: "the tag of a node in $Nodes".to_owned(),
         found: tag.to_string(),
     })
 }
 
-/// The line of the faulty vertex or triangle.
-fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> usize {
-    let line = match error.location() {
-        Location::Vertex(index) => {
-            let mut nodes = sections.nodes.iter().zip(vertices);
-            nodes
-                .find(|&(_, &vertex)| vertex == index)
-                .map(|(node, _)| node.line)
-        }
-        Location::Cell(index) => of_dimension(&sections.blocks, 2)
-            .nth(index as usize)
-            .map(|element| element.line),
+/// The place of a faulty node, or of a faulty element among those of a dimension.
+pub(super) fn place_of_fault(location: Location, sections: &Sections, dim: u8) -> Place {
+    let at = match location {
+        Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
+        Location::Cell(cell) => of_dimension(&sections.blocks, dim)
+            .nth(cell as usize)
+            .map(|element| element.at),
         Location::Mesh => None,
     };
-    line.unwrap_or(sections.last_line)
+    at.map_or(sections.end(), |at| sections.place(at))
 }

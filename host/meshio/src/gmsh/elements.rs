@@ -1,15 +1,15 @@
-//! The section `$Elements` of an MSH 4.1 file: the supported kinds of elements, and the errors for the others.
+//! The section `$Elements` of an MSH file: the supported kinds of elements, and the errors for the others.
 
 use super::GmshError;
-use super::sections::{dimension, head, room, total};
-use crate::file::Wanted;
-use crate::lines::Lines;
+use super::input::Input;
+use super::sections::{Sections, dimension, head, total};
+use crate::file::{Place, Wanted};
 
 /// A kind of element.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Kind {
     /// Gmsh's number for it.
-    code: u32,
+    pub(super) code: u32,
     pub(super) name: &'static str,
     pub(super) dim: u8,
     pub(super) nodes: usize,
@@ -43,8 +43,8 @@ const fn kind(code: u32, name: &'static str, dim: u8, nodes: usize, order: u8) -
 pub(super) struct Block {
     pub(super) kind: &'static Kind,
     pub(super) entity: i32,
-    /// The line where the block starts.
-    pub(super) line: usize,
+    /// Where the block starts.
+    pub(super) at: usize,
     elements: Vec<(u64, usize)>,
     /// The tags of the nodes, one element after the other.
     nodes: Vec<u64>,
@@ -54,12 +54,29 @@ pub(super) struct Block {
 #[derive(Clone, Copy)]
 pub(super) struct Element<'a> {
     pub(super) tag: u64,
-    pub(super) line: usize,
+    /// Where the element stands.
+    pub(super) at: usize,
     /// The tags of its nodes.
     pub(super) nodes: &'a [u64],
 }
 
 impl Block {
+    /// A block without elements, with room for some.
+    pub(super) fn with_room(kind: &'static Kind, entity: i32, at: usize, count: usize) -> Self {
+        Self {
+            kind,
+            entity,
+            at,
+            elements: Vec::with_capacity(count),
+            nodes: Vec::with_capacity(count * kind.nodes),
+        }
+    }
+
+    pub(super) fn push(&mut self, tag: u64, at: usize, nodes: &[u64]) {
+        self.elements.push((tag, at));
+        self.nodes.extend_from_slice(nodes);
+    }
+
     pub(super) fn len(&self) -> usize {
         self.elements.len()
     }
@@ -69,7 +86,7 @@ impl Block {
         self.elements
             .iter()
             .zip(nodes)
-            .map(|(&(tag, line), nodes)| Element { tag, line, nodes })
+            .map(|(&(tag, at), nodes)| Element { tag, at, nodes })
     }
 }
 
@@ -81,42 +98,44 @@ pub(super) fn of_dimension(blocks: &[Block], dim: u8) -> impl Iterator<Item = El
         .flat_map(Block::elements)
 }
 
+/// The kind of elements that a file names by its number.
+pub(super) fn kind_of(code: u32, place: Place, wanted: Wanted) -> Result<&'static Kind, GmshError> {
+    let known = match wanted {
+        Wanted::Sheet => KINDS.get(..OF_SHEETS).unwrap_or_default(),
+        Wanted::Any => &KINDS,
+    };
+    let kind = known.iter().find(|kind| kind.code == code);
+    kind.ok_or_else(|| unsupported(place, code, wanted))
+}
+
 /// Reads the section.
-pub(super) fn read(lines: &mut Lines, text: &str, wanted: Wanted) -> Result<Vec<Block>, GmshError> {
-    let (head, block_count, count) = head(lines)?;
+pub(super) fn read(input: &mut Input, wanted: Wanted) -> Result<Vec<Block>, GmshError> {
+    let (head, block_count, count) = head(input)?;
     // "2 1 2 1" and "1 1 2 3" with their lines' ends: a block is left out if it has no elements.
-    let mut blocks = room(block_count, text, 16);
+    let mut blocks = input.room(block_count, 16);
     let mut total_found = 0;
     for _ in 0..block_count {
-        let mut fields = lines.expect("a block of elements")?;
-        let start = fields;
-        let dim = dimension(&mut fields)?;
-        let entity = fields.number("an entity's tag")?;
-        let code: u32 = fields.number("an element type")?;
-        let in_block: usize = fields.number("a number of elements")?;
-        fields.end()?;
-        let known = match wanted {
-            Wanted::Sheet => KINDS.get(..OF_SHEETS).unwrap_or_default(),
-            Wanted::Any => &KINDS,
-        };
-        let kind = known
-            .iter()
-            .find(|kind| kind.code == code)
-            .ok_or_else(|| unsupported(start.line, code, wanted))?;
+        let start = input.item("a block of elements")?;
+        let dim = dimension(input)?;
+        let entity = input.int("an entity's tag")?;
+        let code: u32 = input.int("an element type")?;
+        let in_block: usize = input.size("a number of elements")?;
+        input.end()?;
+        let kind = kind_of(code, start.place(), wanted)?;
         if dim != kind.dim {
             let expected = format!("dimension {} for elements of type {code}", kind.dim);
-            return Err(start.unexpected(&expected).into());
+            return Err(input.refuse(&start, &expected, dim));
         }
         // "1 1" with its line's end, then two bytes for each node but the first.
-        let mut elements = room(in_block, text, 2 + 2 * kind.nodes);
-        let mut nodes = room(in_block.saturating_mul(kind.nodes), text, 2);
+        let mut elements = input.room(in_block, 2 + 2 * kind.nodes);
+        let mut nodes = input.room(in_block.saturating_mul(kind.nodes), 2);
         for _ in 0..in_block {
-            let mut fields = lines.expect("an element")?;
-            elements.push((fields.number("an element's tag")?, fields.line));
+            let at = input.item("an element")?.at;
+            elements.push((input.size("an element's tag")?, at));
             for _ in 0..kind.nodes {
-                nodes.push(fields.number("the tag of an element's node")?);
+                nodes.push(input.size("the tag of an element's node")?);
             }
-            fields.end()?;
+            input.end()?;
         }
         total_found += elements.len();
         if elements.is_empty() {
@@ -127,18 +146,19 @@ pub(super) fn read(lines: &mut Lines, text: &str, wanted: Wanted) -> Result<Vec<
         blocks.push(Block {
             kind,
             entity,
-            line: start.line,
+            at: start.at,
             elements,
             nodes,
         });
     }
     total(&head, count, total_found, "elements")?;
-    lines.marker("$EndElements")?;
+    input.marker("$EndElements")?;
     Ok(blocks)
 }
 
 /// The highest dimension of the elements. With a tetrahedron all elements are of its order, or else of first order.
-pub(super) fn highest_dimension(blocks: &[Block]) -> Result<u8, GmshError> {
+pub(super) fn highest_dimension(sections: &Sections) -> Result<u8, GmshError> {
+    let blocks = &sections.blocks;
     let solid = blocks.iter().find(|block| block.kind.dim == 3);
     let order = solid.map_or(1, |block| block.kind.order);
     let mut others = blocks.iter();
@@ -147,17 +167,17 @@ pub(super) fn highest_dimension(blocks: &[Block]) -> Result<u8, GmshError> {
     };
     Err(match solid {
         Some(solid) => GmshError::MixedOrder {
-            line: other.line,
+            place: sections.place(other.at),
             name: other.kind.name,
-            first: solid.line,
+            first: sections.place(solid.at),
             first_name: solid.kind.name,
         },
-        None => unsupported(other.line, other.kind.code, Wanted::Sheet),
+        None => unsupported(sections.place(other.at), other.kind.code, Wanted::Sheet),
     })
 }
 
 /// The error for elements of other types. It names the types that users are likely to have, with advice.
-fn unsupported(line: usize, code: u32, wanted: Wanted) -> GmshError {
+fn unsupported(place: Place, code: u32, wanted: Wanted) -> GmshError {
     const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
     const TRIANGLES: &str = "set Mesh.RecombineAll = 0 and mesh again";
     const SURFACE: &str = "mesh the surface only, with `gmsh -2`";
@@ -194,7 +214,7 @@ fn unsupported(line: usize, code: u32, wanted: Wanted) -> GmshError {
         _ => ("another kind", other),
     };
     GmshError::Element {
-        line,
+        place,
         code,
         name,
         expected,

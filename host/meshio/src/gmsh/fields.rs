@@ -1,17 +1,18 @@
-//! The sections `$ElementData` of an MSH 4.1 file, and their conversion to a value for each cell.
+//! The sections `$ElementData` of an MSH file, and their conversion to a value for each cell.
 
 use super::GmshError;
 use super::elements::{Block, Element, of_dimension};
-use super::sections::{Sections, room, skip};
-use crate::file::MAX_FIELDS;
-use crate::lines::{Fields, Lines};
+use super::input::Input;
+use super::sections::Sections;
+use crate::file::{MAX_FIELDS, Place};
+use crate::lines::{Fields, Unexpected};
 use crate::text::quoted;
 use physics::mesh::Field;
 
 /// A field of the file: one number for each of some elements.
 pub(super) struct Data {
     name: String,
-    line: usize,
+    place: Place,
     /// In the file's order.
     values: Vec<Value>,
 }
@@ -19,45 +20,43 @@ pub(super) struct Data {
 struct Value {
     element: u64,
     number: f64,
-    line: usize,
+    at: usize,
 }
 
+const END: &str = "$EndElementData";
 const INTEGERS: &str =
     "at least 3 integer tags: a time step, a number of components, a number of values";
 
 /// An element that is not a cell of the mesh.
 const NO_CELL: u32 = u32::MAX;
 
-/// Reads a section after its first line; `None` if the section has no name or several components.
-pub(super) fn read(
-    lines: &mut Lines,
-    text: &str,
-    before: &[Data],
-) -> Result<Option<Data>, GmshError> {
-    let (head, name) = name(lines)?;
-    for _ in 0..count(lines, "a number of real tags")?.1 {
-        let mut fields = lines.expect("a real tag")?;
+/// Reads a section after its first line; `None` if the section has no name, several components or values that
+/// are not finite.
+pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, GmshError> {
+    let (head, name) = name(input)?;
+    for _ in 0..count(input, "a number of real tags")?.1 {
+        let mut fields = input.line("a real tag")?;
         fields.finite("a finite real tag")?;
         fields.end()?;
     }
-    let (fields, integers) = count(lines, INTEGERS)?;
+    let (fields, integers) = count(input, INTEGERS)?;
     if integers < 3 {
         let expected = INTEGERS.to_owned();
         let found = integers.to_string();
         return Err(GmshError::Syntax {
-            line: fields.line,
+            place: fields.place(),
             expected,
             found,
         });
     }
-    count_signed(lines)?;
-    let (_, components) = count(lines, "a number of components")?;
-    let (claim, claimed) = count(lines, "a number of values")?;
+    count_signed(input)?;
+    let (_, components) = count(input, "a number of components")?;
+    let (claim, claimed) = count(input, "a number of values")?;
     for _ in 3..integers {
-        count_signed(lines)?;
+        count_signed(input)?;
     }
     let Some(name) = name.filter(|_| components == 1) else {
-        skip(lines, "$ElementData")?;
+        input.skip("$ElementData")?;
         return Ok(None);
     };
     if before.len() == MAX_FIELDS {
@@ -67,51 +66,61 @@ pub(super) fn read(
     }
     if let Some(earlier) = before.iter().find(|earlier| earlier.name == name) {
         return Err(GmshError::Repeated {
-            line: head.line,
+            place: head.place(),
             item: format!("the field {}", quoted(name)),
-            first: earlier.line,
+            first: earlier.place,
         });
     }
     // "1 1" and its line's end.
-    let mut values: Vec<Value> = room(claimed, text, 4);
-    loop {
-        let mut fields = lines.expect("$EndElementData")?;
-        if fields.rest() == "$EndElementData" {
-            break;
-        }
-        if values.len() == claimed {
-            return Err(fields
-                .unexpected(&format!("$EndElementData after {claimed} values"))
-                .into());
+    let mut values: Vec<Value> = input.room(claimed, 4);
+    while values.len() < claimed {
+        let start = input.item(END)?;
+        if start.rest() == END {
+            return Err(GmshError::Syntax {
+                place: claim.place(),
+                expected: format!("{claimed} values, as this line says"),
+                found: values.len().to_string(),
+            });
         }
         values.push(Value {
-            element: fields.number("an element's tag")?,
-            number: fields.finite("a finite value of an element")?,
-            line: fields.line,
+            element: element(input)?,
+            number: input.number("a value of an element")?,
+            at: start.at,
         });
-        fields.end()?;
+        input.end()?;
     }
-    if values.len() < claimed {
-        return Err(GmshError::Syntax {
-            line: claim.line,
-            expected: format!("{claimed} values, as this line says"),
-            found: values.len().to_string(),
-        });
+    input.marker(END).map_err(|error| Unexpected {
+        expected: format!("{END} after {claimed} values"),
+        ..error
+    })?;
+    // Programs write other values where a value is not known.
+    if values.iter().any(|value| !value.number.is_finite()) {
+        return Ok(None);
     }
     values.shrink_to_fit();
     Ok(Some(Data {
         name: name.to_owned(),
-        line: head.line,
+        place: head.place(),
         values,
     }))
 }
 
+/// The tag of the element to which a value belongs. In a binary file it has four bytes, whatever the version.
+fn element(input: &mut Input) -> Result<u64, GmshError> {
+    const EXPECTED: &str = "an element's tag";
+    Ok(if input.is_binary() {
+        u64::from(input.int::<u32>(EXPECTED)?)
+    } else {
+        input.size(EXPECTED)?
+    })
+}
+
 /// Reads the string tags. The first tag is the name of the field; returns its line and the name.
-fn name<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, Option<&'a str>), GmshError> {
-    let (mut head, tags) = count(lines, "a number of string tags")?;
+fn name<'a>(input: &mut Input<'a>) -> Result<(Fields<'a>, Option<&'a str>), GmshError> {
+    let (mut head, tags) = count(input, "a number of string tags")?;
     let mut name = None;
     for number in 0..tags {
-        let fields = lines.expect("a string tag")?;
+        let fields = input.line("a string tag")?;
         let inner = fields.rest().strip_prefix('"');
         let inner = inner.and_then(|inner| inner.strip_suffix('"'));
         let inner = inner.ok_or_else(|| fields.unexpected("a string tag in double quotes"))?;
@@ -124,8 +133,8 @@ fn name<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, Option<&'a str>), Gmsh
 }
 
 /// Reads a line with one number.
-fn count<'a>(lines: &mut Lines<'a>, expected: &str) -> Result<(Fields<'a>, usize), GmshError> {
-    let mut fields = lines.expect(expected)?;
+fn count<'a>(input: &mut Input<'a>, expected: &str) -> Result<(Fields<'a>, usize), GmshError> {
+    let mut fields = input.line(expected)?;
     let line = fields;
     let number = fields.number(expected)?;
     fields.end()?;
@@ -133,8 +142,8 @@ fn count<'a>(lines: &mut Lines<'a>, expected: &str) -> Result<(Fields<'a>, usize
 }
 
 /// Reads a line with a number that is not used.
-fn count_signed(lines: &mut Lines) -> Result<(), GmshError> {
-    let mut fields = lines.expect("an integer tag")?;
+fn count_signed(input: &mut Input) -> Result<(), GmshError> {
+    let mut fields = input.line("an integer tag")?;
     fields.number::<i64>("an integer tag")?;
     Ok(fields.end()?)
 }
@@ -147,21 +156,21 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
         return Ok(fields);
     }
     let cells = tags(sections, dim)?;
-    let count = cells.iter().filter(|(_, cell)| *cell != NO_CELL).count();
+    let count = of_dimension(&sections.blocks, dim).count();
     for data in &sections.data {
         let mut values = vec![f64::NAN; count];
         let mut named = 0;
         for &Value {
             element,
             number,
-            line,
+            at,
         } in &data.values
         {
             let place = cells.binary_search_by_key(&element, |&(tag, _)| tag);
             let cell = place.ok().and_then(|place| cells.get(place));
             let Some(&(_, cell)) = cell else {
                 return Err(GmshError::Syntax {
-                    line,
+                    place: sections.place(at),
                     expected: "the tag of an element in $Elements".to_owned(),
                     found: element.to_string(),
                 });
@@ -172,8 +181,12 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
             if !slot.is_nan() {
                 let item = format!("element {element} in the field {}", quoted(&data.name));
                 let mut lines = data.values.iter().filter(|value| value.element == element);
-                let first = lines.next().map_or(line, |value| value.line);
-                return Err(GmshError::Repeated { line, item, first });
+                let first = lines.next().map_or(at, |value| value.at);
+                return Err(GmshError::Repeated {
+                    place: sections.place(at),
+                    item,
+                    first: sections.place(first),
+                });
             }
             *slot = number;
             named += 1;
@@ -185,7 +198,7 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
             let mut cells = of_dimension(&sections.blocks, dim);
             let missing = cells.nth(missing).map_or(0, |element| element.tag);
             return Err(GmshError::Syntax {
-                line: data.line,
+                place: data.place,
                 expected: format!("values for all {count} elements of the mesh"),
                 found: format!("{named}, none for element {missing}"),
             });
@@ -211,6 +224,19 @@ fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
         }
     }
     tags.sort_unstable();
+    if !sections.repeated.is_empty() {
+        let cell_of = |tag| {
+            let place = tags.binary_search_by_key(&tag, |&(tag, _)| tag);
+            place.map_or(NO_CELL, |place| tags[place].1)
+        };
+        let repeated = sections.repeated.iter();
+        let mut repeated: Vec<(u64, u32)> = repeated
+            .filter(|(later, first)| later != first)
+            .map(|&(later, first)| (later, cell_of(first)))
+            .collect();
+        tags.append(&mut repeated);
+        tags.sort_unstable();
+    }
     let twice = tags.windows(2).find_map(|pair| match *pair {
         [(tag, _), (other, _)] => (tag == other).then_some(tag),
         _ => None,
@@ -219,8 +245,9 @@ fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
     let all = sections.blocks.iter().flat_map(Block::elements);
     let mut lines = all
         .filter(|element| element.tag == tag)
-        .map(|element| element.line);
-    let (first, line) = (lines.next().unwrap_or(1), lines.next().unwrap_or(1));
+        .map(|element| sections.place(element.at));
+    let mut next = || lines.next().unwrap_or(sections.end());
+    let (first, place) = (next(), next());
     let item = format!("element tag {tag}");
-    Err(GmshError::Repeated { line, item, first })
+    Err(GmshError::Repeated { place, item, first })
 }

@@ -62,7 +62,7 @@ impl Groups<'_> {
         // Every element has to name existing nodes, whether or not the element is in a group.
         for element in blocks.iter().flat_map(Block::elements) {
             for &tag in element.nodes {
-                place_of(tag, element.line, places)?;
+                place_of(tag, element, self.sections, places)?;
             }
         }
         let mut found = Vec::new();
@@ -71,7 +71,7 @@ impl Groups<'_> {
             let blocks = group.blocks.iter().filter_map(|&k| blocks.get(k));
             for element in blocks.flat_map(Block::elements) {
                 for &tag in element.nodes {
-                    let vertex = vertices.get(place_of(tag, element.line, places)?);
+                    let vertex = vertices.get(place_of(tag, element, self.sections, places)?);
                     members.extend(vertex.filter(|&&vertex| vertex != UNUSED));
                 }
             }

@@ -1,8 +1,9 @@
-//! Reads meshes in Gmsh's MSH format, version 4.1, ASCII, from the text of a file.
+//! Reads meshes in Gmsh's MSH format, versions 4.1 and 2.0 to 2.2, text and binary, from the bytes of a file.
 //!
-//! Source: the Gmsh reference manual, "MSH file format". The reader supports `$MeshFormat`, `$PhysicalNames`,
-//! `$Entities`, `$Nodes` and `$Elements`, each at most once and in any order after the first, and any number
-//! of `$ElementData`. Other sections are skipped. The format has no units: coordinates are taken as metres.
+//! Source: the Gmsh reference manual, "MSH file format" and "MSH file format version 2 (Legacy)". The reader supports
+//! `$MeshFormat`, `$PhysicalNames`, `$Entities`, `$PartitionedEntities`, `$Nodes` and `$Elements`, each at most once and
+//! in any order after the first, and any number of `$ElementData`. Other sections are skipped. The format has no units:
+//! coordinates are taken as metres.
 //!
 //! - A file without tetrahedra is a sheet. 3-node triangles become its triangles, in the order of the file. 2-node
 //!   lines and points only name vertices. Any other element is an error, because a mesh without the element would
@@ -15,10 +16,11 @@
 //!   order; others (the centre of an arc) are dropped, from groups too.
 //! - A named physical group of points or curves becomes a vertex group, of curves in a thread also a group of lines; of
 //!   surfaces, a vertex group and, in a sheet, a triangle group; of volumes, a cell group. Groups of one name are one group. A group left
-//!   without members is dropped, and so is one without a name. The sign of a physical tag is ignored.
+//!   without members is dropped, and so is one without a name. The sign of a physical tag is ignored. The parts of a
+//!   partitioned entity have their own physical groups. In version 2 each element has its own.
 //! - An `$ElementData` with one component becomes a field of the lines of a thread, the triangles of a
 //!   sheet or the cells of a solid. It has to name each of them once. Values of other elements are skipped, and so is an
-//!   `$ElementData` without a name or with more components.
+//!   `$ElementData` without a name, with more components or with values that are not finite.
 //!
 //! The file is hostile until checked. Every number is parsed, and every count is compared with the data that follow.
 //! Memory is allocated in proportion to the size of the text, never to a number in the text.
@@ -27,11 +29,13 @@ mod assemble;
 mod elements;
 mod fields;
 mod groups;
+mod input;
 mod sections;
 pub(crate) mod solid;
 mod thread;
+mod version2;
 
-use crate::file::Wanted;
+use crate::file::{Place, Wanted};
 use crate::lines::Unexpected;
 use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
 use thiserror::Error;
@@ -46,18 +50,18 @@ pub const MAX_TAGS: usize = 16;
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum GmshError {
     /// A number, a name or a section is missing or malformed.
-    #[error("line {line}: expected {expected}, found {found}")]
+    #[error("{place}: expected {expected}, found {found}")]
     Syntax {
         /// Where.
-        line: usize,
+        place: Place,
         /// What should stand there.
         expected: String,
-        /// The text of the line, shortened.
+        /// The text found, shortened.
         found: String,
     },
-    /// The file is in another version of the format, or binary.
+    /// The file is in another version of the format.
     #[error(
-        "line {line}: expected MSH 4.1 ASCII, found MSH {found}; convert the file with \
+        "line {line}: expected MSH 4.1 or 2.2, found MSH {found}; convert the file with \
          `gmsh in.msh -save -o out.msh -format msh41`"
     )]
     Version {
@@ -68,7 +72,7 @@ pub enum GmshError {
     },
     /// The bytes are not UTF-8 text.
     #[error(
-        "line {line}: found bytes that are no text, expected MSH 4.1 ASCII in UTF-8; convert the file \
+        "line {line}: found bytes that are no text, expected MSH ASCII in UTF-8; convert the file \
          with `gmsh in.msh -save -o out.msh -format msh41`"
     )]
     NotText {
@@ -76,10 +80,10 @@ pub enum GmshError {
         line: usize,
     },
     /// The file has elements of an unsupported type.
-    #[error("line {line}: found elements of type {code} ({name}), expected {expected}; {advice}")]
+    #[error("{place}: found elements of type {code} ({name}), expected {expected}; {advice}")]
     Element {
-        /// The line where the block of elements starts.
-        line: usize,
+        /// Where the block of elements starts.
+        place: Place,
         /// Gmsh's number for the type.
         code: u32,
         /// The type in words.
@@ -91,59 +95,59 @@ pub enum GmshError {
     },
     /// Some elements are of first order, others of second order.
     #[error(
-        "line {line}: found {name}, in line {first} {first_name}; mesh again with one Mesh.ElementOrder for \
+        "{place}: found {name}, in {first} {first_name}; mesh again with one Mesh.ElementOrder for \
          all"
     )]
     MixedOrder {
-        /// The line where the block of elements of the other order starts.
-        line: usize,
+        /// Where the block of elements of the other order starts.
+        place: Place,
         /// The name of these elements.
         name: &'static str,
-        /// The line where the first block of tetrahedra starts.
-        first: usize,
+        /// Where the first block of tetrahedra starts.
+        first: Place,
         /// The name of the elements of that block.
         first_name: &'static str,
     },
     /// A section, a field or a tag that may occur only once occurs again.
-    #[error("line {line}: expected {item} once, found a second one; the first is in line {first}")]
+    #[error("{place}: expected {item} once, found a second one; the first is in {first}")]
     Repeated {
-        /// The line of the repetition.
-        line: usize,
+        /// Where the repetition stands.
+        place: Place,
         /// The section, the field, or the kind of tag with its number.
         item: String,
-        /// The line of the first occurrence.
-        first: usize,
+        /// Where the first one stands.
+        first: Place,
     },
     /// A section is missing.
-    #[error("line {line}: expected a section {section}, found the end of the file")]
+    #[error("{place}: expected a section {section}, found the end of the file")]
     Missing {
-        /// The last line.
-        line: usize,
+        /// The end of the file.
+        place: Place,
         /// The section.
         section: &'static str,
     },
     /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
-    #[error("line {line}: {source}")]
+    #[error("{place}: {source}")]
     Mesh {
-        /// The line of the faulty triangle or vertex.
-        line: usize,
+        /// The place of the faulty triangle or vertex.
+        place: Place,
         /// The fault.
         source: MeshError,
     },
     /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
-    #[error("line {line}: {source}")]
+    #[error("{place}: {source}")]
     Solid {
-        /// The line of the faulty cell or vertex.
-        line: usize,
+        /// The place of the faulty cell or vertex.
+        place: Place,
         /// The fault.
         source: SolidError,
     },
     /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
     /// mesh.
-    #[error("line {line}: {source}")]
+    #[error("{place}: {source}")]
     Thread {
         /// Where the element or vertex at fault stands.
-        line: usize,
+        place: Place,
         /// What is wrong with it.
         source: ThreadError,
     },
@@ -152,52 +156,39 @@ pub enum GmshError {
 impl From<Unexpected> for GmshError {
     fn from(error: Unexpected) -> Self {
         Self::Syntax {
-            line: error.line,
+            place: error.place,
             expected: error.expected,
             found: error.found,
         }
     }
 }
 
-/// Reads a sheet from the text of an MSH 4.1 ASCII file. Coordinates are taken as metres.
+/// Reads a sheet from the text of an MSH file. Coordinates are taken as metres.
 ///
 /// # Errors
 /// The first [`GmshError`] found. A tetrahedron is an error.
 pub fn parse(text: &str) -> Result<TriMesh, GmshError> {
-    assemble::sheet(&sections::read(text, Wanted::Sheet)?)
+    parse_bytes(text.as_bytes())
 }
 
-/// As [`parse`], from the bytes of a file. The error for a binary MSH file therefore says that the file is binary.
+/// As [`parse`], from the bytes of a file, text or binary.
 ///
 /// # Errors
-/// As [`parse`]; [`GmshError::NotText`] if the bytes are not UTF-8.
+/// As [`parse`]; [`GmshError::NotText`] if the bytes of a text file are not UTF-8.
 pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
-    parse(text(bytes)?)
+    assemble::sheet(&sections::read(bytes, Wanted::Sheet)?, None)
 }
 
 /// As [`parse_bytes`], a solid if there is a tetrahedron in the file, a thread if there is nothing but lines and points,
-/// otherwise a sheet.
+/// otherwise a sheet. With a distance, vertices within it are merged.
 ///
 /// # Errors
 /// As [`parse_bytes`], except that tetrahedra are allowed.
-pub(crate) fn parse_mesh(bytes: &[u8]) -> Result<Mesh, GmshError> {
-    let sections = sections::read(text(bytes)?, Wanted::Any)?;
-    Ok(match elements::highest_dimension(&sections.blocks)? {
-        3 => Mesh::Solid(solid::mesh(&sections)?),
-        1 => Mesh::Thread(thread::mesh(&sections)?),
-        _ => Mesh::Sheet(assemble::sheet(&sections)?),
-    })
-}
-
-fn text(bytes: &[u8]) -> Result<&str, GmshError> {
-    let error = match std::str::from_utf8(bytes) {
-        Ok(text) => return Ok(text),
-        Err(error) => error,
-    };
-    let text = bytes.get(..error.valid_up_to()).unwrap_or_default();
-    let text = std::str::from_utf8(text).unwrap_or_default();
-    sections::check_format(text)?;
-    Err(GmshError::NotText {
-        line: 1 + text.matches('\n').count(),
+pub(crate) fn parse_mesh(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, GmshError> {
+    let sections = sections::read(bytes, Wanted::Any)?;
+    Ok(match elements::highest_dimension(&sections)? {
+        3 => Mesh::Solid(solid::mesh(&sections, merge)?),
+        1 => Mesh::Thread(thread::mesh(&sections, merge)?),
+        _ => Mesh::Sheet(assemble::sheet(&sections, merge)?),
     })
 }

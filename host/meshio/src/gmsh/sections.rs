@@ -1,9 +1,10 @@
-//! Reads the sections of an MSH 4.1 file, each checked by itself.
+//! Reads the sections of an MSH file, each checked by itself.
 
 use super::elements::{self, Block};
 use super::fields::{self, Data};
-use super::{GmshError, MAX_GROUPS, MAX_TAGS};
-use crate::file::Wanted;
+use super::input::Input;
+use super::{GmshError, MAX_GROUPS, MAX_TAGS, version2};
+use crate::file::{Place, Wanted};
 use crate::lines::{Fields, Lines};
 use crate::text::shortened;
 use physics::Vec3;
@@ -14,52 +15,99 @@ use std::collections::BTreeMap;
 pub(super) struct Sections {
     pub(super) names: Vec<PhysicalName>,
     /// The physical tags of each entity, by its dimension and tag.
-    pub(super) entities: BTreeMap<(u8, i32), Entity>,
+    pub(super) entities: Entities,
     pub(super) nodes: Vec<Node>,
     pub(super) blocks: Vec<Block>,
+    /// The tags of elements that repeat an earlier one for another of its physical tags, each with the tag of the
+    /// earlier one.
+    pub(super) repeated: Vec<(u64, u64)>,
     pub(super) data: Vec<Data>,
-    /// The number of the file's last line.
-    pub(super) last_line: usize,
+    /// The place of the file's end.
+    last: usize,
+    is_binary: bool,
 }
+
+/// The entities of the model by dimension and tag.
+pub(super) type Entities = BTreeMap<(u8, i32), Entity>;
 
 /// The name of the physical group `tag` of entities of dimension `dim`.
 pub(super) struct PhysicalName {
     pub(super) dim: u8,
     pub(super) tag: u32,
     pub(super) name: String,
-    line: usize,
+    place: Place,
 }
 
 /// A point, curve, surface or volume of the model.
 pub(super) struct Entity {
     /// Its physical groups, without their signs.
     pub(super) physical: Vec<u32>,
-    line: usize,
+    at: usize,
 }
 
-/// A node, and the line of its coordinates.
+impl Entity {
+    /// The entity of some physical groups, in a file that does not describe its entities.
+    pub(super) fn of_groups(physical: Vec<u32>) -> Self {
+        Self { physical, at: 0 }
+    }
+}
+
+/// A node, and where its coordinates stand.
 pub(super) struct Node {
     pub(super) tag: u64,
     pub(super) position: Vec3,
-    pub(super) line: usize,
+    pub(super) at: usize,
 }
 
-/// A vector with room for the number of items that a file claims to hold, but for no more than the text can hold if
-/// each item takes at least `least` bytes.
-pub(super) fn room<T>(claimed: usize, text: &str, least: usize) -> Vec<T> {
-    Vec::with_capacity(claimed.min(text.len() / least))
+impl Sections {
+    /// A place of the file: a line of a text, or a byte of a binary file.
+    pub(super) fn place(&self, at: usize) -> Place {
+        place(self.is_binary, at)
+    }
+
+    /// The place of the file's end.
+    pub(super) fn end(&self) -> Place {
+        self.place(self.last)
+    }
+}
+
+fn place(is_binary: bool, at: usize) -> Place {
+    if is_binary {
+        Place::Byte(at)
+    } else {
+        Place::Line(at)
+    }
+}
+
+/// Longest name of a section (bytes).
+const LONGEST_NAME: usize = 64;
+
+/// The version of the format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Version {
+    /// 2.0 to 2.2.
+    Two,
+    /// 4.1.
+    Four,
 }
 
 /// Reads all sections.
-pub(super) fn read(text: &str, wanted: Wanted) -> Result<Sections, GmshError> {
-    let mut lines = Lines::new(text);
-    format(&mut lines)?;
-    let mut sections = Sections::default();
-    let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
-    seen.insert("$MeshFormat", 1);
-    while let Some(fields) = lines.next() {
+pub(super) fn read(bytes: &[u8], wanted: Wanted) -> Result<Sections, GmshError> {
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let (version, mut input) = begin(bytes)?;
+    let input = &mut input;
+    let mut sections = Sections {
+        is_binary: input.is_binary(),
+        ..Sections::default()
+    };
+    let mut elements = version2::Elements::default();
+    let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
+    seen.insert("$MeshFormat", place(sections.is_binary, 1));
+    while let Some(fields) = input.next_line()? {
         let section = fields.rest();
-        if !section.starts_with('$') || section.starts_with("$End") {
+        let is_word =
+            section.len() <= LONGEST_NAME && section.bytes().all(|b| b.is_ascii_graphic());
+        if !is_word || !section.starts_with('$') || section.starts_with("$End") {
             return Err(fields
                 .unexpected("the start of a section, such as $Nodes")
                 .into());
@@ -68,85 +116,133 @@ pub(super) fn read(text: &str, wanted: Wanted) -> Result<Sections, GmshError> {
             "$MeshFormat",
             "$PhysicalNames",
             "$Entities",
+            "$PartitionedEntities",
             "$Nodes",
             "$Elements",
         ];
         if known.contains(&section)
-            && let Some(first) = seen.insert(section, fields.line)
+            && let Some(first) = seen.insert(section, fields.place())
         {
             return Err(GmshError::Repeated {
-                line: fields.line,
+                place: fields.place(),
                 item: section.to_owned(),
                 first,
             });
         }
-        match section {
-            "$PhysicalNames" => sections.names = physical_names(&mut lines)?,
-            "$Entities" => sections.entities = entities(&mut lines)?,
-            "$Nodes" => sections.nodes = nodes(&mut lines, text)?,
-            "$Elements" => sections.blocks = elements::read(&mut lines, text, wanted)?,
-            "$ElementData" => sections
-                .data
-                .extend(fields::read(&mut lines, text, &sections.data)?),
-            other => skip(&mut lines, other)?,
+        match (section, version) {
+            ("$PhysicalNames", _) => sections.names = physical_names(input)?,
+            ("$Entities", Version::Four) => {
+                // The entities of a partitioned file are in the place of those that they are parts of.
+                let mut whole = entities(input, false)?;
+                whole.append(&mut sections.entities);
+                sections.entities = whole;
+            }
+            ("$PartitionedEntities", Version::Four) => {
+                sections.entities.append(&mut entities(input, true)?);
+            }
+            ("$Nodes", Version::Four) => sections.nodes = nodes(input)?,
+            ("$Nodes", Version::Two) => sections.nodes = version2::nodes(input)?,
+            ("$Elements", Version::Four) => sections.blocks = elements::read(input, wanted)?,
+            ("$Elements", Version::Two) => elements = version2::elements(input, wanted)?,
+            ("$ElementData", _) => {
+                let data = fields::read(input, &sections.data)?;
+                sections.data.extend(data);
+            }
+            (other, _) => input.skip(other)?,
         }
     }
-    sections.last_line = lines.last();
+    sections.last = input.last();
     for section in ["$Nodes", "$Elements"] {
         if !seen.contains_key(section) {
             return Err(GmshError::Missing {
-                line: sections.last_line,
+                place: sections.end(),
                 section,
             });
         }
     }
+    if version == Version::Two {
+        elements.fill(&mut sections);
+    }
     Ok(sections)
 }
 
-/// Checks only that the text begins as an MSH 4.1 ASCII file.
-pub(super) fn check_format(text: &str) -> Result<(), GmshError> {
-    version(&mut Lines::new(text))
+/// Reads the section `$MeshFormat`, with which a file begins.
+fn begin(bytes: &[u8]) -> Result<(Version, Input<'_>), GmshError> {
+    let (text, is_text) = match std::str::from_utf8(bytes) {
+        Ok(text) => (text, true),
+        Err(error) => {
+            let text = bytes.get(..error.valid_up_to()).unwrap_or_default();
+            (std::str::from_utf8(text).unwrap_or_default(), false)
+        }
+    };
+    let (version, is_binary) = format(&mut Lines::new(text))?;
+    if !is_binary && !is_text {
+        return Err(GmshError::NotText {
+            line: 1 + text.matches('\n').count(),
+        });
+    }
+    let mut input = if is_binary {
+        Input::binary(bytes)
+    } else {
+        Input::text(text)
+    };
+    for line in ["$MeshFormat", "the version, such as 4.1 0 8"] {
+        input.line(line)?;
+    }
+    if is_binary {
+        input.byte_order()?;
+    }
+    input.marker("$EndMeshFormat")?;
+    Ok((version, input))
 }
 
-fn format(lines: &mut Lines) -> Result<(), GmshError> {
-    version(lines)?;
-    Ok(lines.marker("$EndMeshFormat")?)
-}
-
-fn version(lines: &mut Lines) -> Result<(), GmshError> {
-    lines.marker("$MeshFormat")?;
-    let mut fields = lines.expect("the version, such as 4.1 0 8")?;
+/// The version of the format, and whether the file is binary.
+fn format(lines: &mut Lines) -> Result<(Version, bool), GmshError> {
+    const EXPECTED: &str = "the version, such as 4.1 0 8";
+    let start = lines.expect("$MeshFormat")?;
+    if start.rest() == "$NOD" {
+        return Err(GmshError::Version {
+            line: start.at,
+            found: "1 ASCII".to_owned(),
+        });
+    }
+    if start.rest() != "$MeshFormat" {
+        return Err(start.unexpected("$MeshFormat").into());
+    }
+    let mut fields = lines.expect(EXPECTED)?;
     let before = fields;
-    let version = fields.word("the version, such as 4.1 0 8")?;
-    let number: f64 = version
-        .parse()
-        .map_err(|_| before.unexpected("the version, such as 4.1 0 8"))?;
-    let kind = match fields.number("0 for ASCII or 1 for binary")? {
-        0_u8 => "ASCII",
-        1 => "binary",
+    let version = fields.word(EXPECTED)?;
+    let number: f64 = version.parse().map_err(|_| before.unexpected(EXPECTED))?;
+    let is_binary = match fields.number("0 for ASCII or 1 for binary")? {
+        0_u8 => false,
+        1 => true,
         _ => {
             return Err(before
                 .unexpected("a version and 0 for ASCII or 1 for binary")
                 .into());
         }
     };
-    if number == 4.1 && kind == "ASCII" {
-        return Ok(());
+    let known = match number {
+        2.0..=2.2 => Version::Two,
+        4.1 => Version::Four,
+        _ => {
+            let kind = if is_binary { "binary" } else { "ASCII" };
+            return Err(GmshError::Version {
+                line: before.at,
+                found: format!("{} {kind}", shortened(version)),
+            });
+        }
+    };
+    if is_binary && fields.rest() != "8" {
+        return Err(fields
+            .unexpected("8, the bytes of a number of a binary file")
+            .into());
     }
-    Err(GmshError::Version {
-        line: fields.line,
-        found: format!("{} {kind}", shortened(version)),
-    })
+    Ok((known, is_binary))
 }
 
-pub(super) fn skip(lines: &mut Lines, section: &str) -> Result<(), GmshError> {
-    let end = format!("$End{}", section.trim_start_matches('$'));
-    while lines.expect(&end)?.rest() != end {}
-    Ok(())
-}
-
-fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
-    let mut fields = lines.expect("the number of physical names")?;
+fn physical_names(input: &mut Input) -> Result<Vec<PhysicalName>, GmshError> {
+    let mut fields = input.line("the number of physical names")?;
     let head = fields;
     let count: usize = fields.number("the number of physical names")?;
     fields.end()?;
@@ -157,9 +253,13 @@ fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
     }
     let mut names: Vec<PhysicalName> = Vec::new();
     for _ in 0..count {
-        let mut fields = lines.expect("a physical name: dimension, tag, \"name\"")?;
-        let line = fields.line;
-        let dim = dimension(&mut fields)?;
+        let mut fields = input.line("a physical name: dimension, tag, \"name\"")?;
+        let place = fields.place();
+        let before = fields;
+        let dim = fields.number("a dimension from 0 to 3")?;
+        if dim > 3 {
+            return Err(before.unexpected("a dimension from 0 to 3").into());
+        }
         let tag = fields.number("a physical tag")?;
         let name = fields
             .rest()
@@ -174,115 +274,145 @@ fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
         {
             let item = format!("physical tag {tag} of dimension {dim}");
             return Err(GmshError::Repeated {
-                line,
+                place,
                 item,
-                first: earlier.line,
+                first: earlier.place,
             });
         }
         names.push(PhysicalName {
             dim,
             tag,
             name: name.to_owned(),
-            line,
+            place,
         });
     }
-    lines.marker("$EndPhysicalNames")?;
+    input.marker("$EndPhysicalNames")?;
     Ok(names)
 }
 
-fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError> {
+/// Reads `$Entities`, or `$PartitionedEntities` where `parts` is set.
+fn entities(input: &mut Input, parts: bool) -> Result<Entities, GmshError> {
     const COUNT: &str = "a number of points, curves, surfaces, then volumes";
-    let mut fields = lines.expect(COUNT)?;
+    const GHOSTS: &str = "a number of ghost entities";
+    if parts {
+        input.item("a number of partitions")?;
+        input.size::<usize>("a number of partitions")?;
+        input.end()?;
+        input.item(GHOSTS)?;
+        let ghosts: usize = input.size(GHOSTS)?;
+        input.end()?;
+        for _ in 0..ghosts {
+            input.item("a ghost entity")?;
+            for _ in 0..2 {
+                input.int::<i32>("a ghost entity and its partition")?;
+            }
+            input.end()?;
+        }
+    }
+    input.item(COUNT)?;
     let mut counts = [0_usize; 4];
     for count in &mut counts {
-        *count = fields.number(COUNT)?;
+        *count = input.size(COUNT)?;
     }
-    fields.end()?;
-    let mut entities = BTreeMap::new();
+    input.end()?;
+    let mut entities = Entities::new();
     for (dim, count) in (0_u8..).zip(counts) {
         for _ in 0..count {
-            let mut fields = lines.expect("a point, curve, surface or volume")?;
-            let line = fields.line;
-            let tag: i32 = fields.number("an entity's tag")?;
+            let start = input.item("a point, curve, surface or volume")?;
+            let tag: i32 = input.int("an entity's tag")?;
+            if parts {
+                for _ in 0..2 {
+                    input.int::<i32>("the dimension and tag of an entity's parent")?;
+                }
+                let partitions: usize = input.size("a number of partitions")?;
+                for _ in 0..partitions {
+                    input.int::<i32>("a partition")?;
+                }
+            }
             // A point has three coordinates, other entities a bounding box. Neither is used.
             for _ in 0..if dim == 0 { 3 } else { 6 } {
-                fields.word("an entity's coordinate")?;
+                input.unused("an entity's coordinate")?;
             }
-            let before = fields;
-            let tags: usize = fields.number("a number of physical tags")?;
+            let before = input.mark();
+            let tags: usize = input.size("a number of physical tags")?;
             if tags > MAX_TAGS {
                 let expected = format!("at most {MAX_TAGS} physical tags of one entity");
-                return Err(before.unexpected(&expected).into());
+                return Err(input.refuse(&before, &expected, tags));
             }
             let mut physical = Vec::new();
             for _ in 0..tags {
-                physical.push(fields.number::<i32>("a physical tag")?.unsigned_abs());
+                physical.push(input.int::<i32>("a physical tag")?.unsigned_abs());
             }
             // The boundary of the entity follows, which is not used.
-            if let Some(earlier) = entities.insert((dim, tag), Entity { physical, line }) {
+            if dim > 0 {
+                input.skip_ints("the boundary of an entity")?;
+            }
+            let at = start.at;
+            if let Some(earlier) = entities.insert((dim, tag), Entity { physical, at }) {
                 let item = format!("entity {tag} of dimension {dim}");
                 return Err(GmshError::Repeated {
-                    line,
+                    place: start.place(),
                     item,
-                    first: earlier.line,
+                    first: place(input.is_binary(), earlier.at),
                 });
             }
         }
     }
-    lines.marker("$EndEntities")?;
+    input.marker(if parts {
+        "$EndPartitionedEntities"
+    } else {
+        "$EndEntities"
+    })?;
     Ok(entities)
 }
 
-fn nodes(lines: &mut Lines, text: &str) -> Result<Vec<Node>, GmshError> {
-    let (head, blocks, count) = head(lines)?;
+fn nodes(input: &mut Input) -> Result<Vec<Node>, GmshError> {
+    let (head, blocks, count) = head(input)?;
     // "1" and "0 0 0" with their lines' ends.
-    let mut nodes: Vec<Node> = room(count, text, 8);
+    let mut nodes: Vec<Node> = input.room(count, 8);
     for _ in 0..blocks {
-        let mut fields = lines.expect("a block of nodes")?;
-        let dim = dimension(&mut fields)?;
-        fields.number::<i32>("an entity's tag")?;
-        let parametric: u8 = fields.number("0, or 1 for parametric coordinates")?;
-        let in_block: usize = fields.number("a number of nodes")?;
-        fields.end()?;
+        input.item("a block of nodes")?;
+        let dim = dimension(input)?;
+        input.int::<i32>("an entity's tag")?;
+        let parametric: u8 = input.int("0, or 1 for parametric coordinates")?;
+        let in_block: usize = input.size("a number of nodes")?;
+        input.end()?;
         let first = nodes.len();
         for _ in 0..in_block {
-            let mut fields = lines.expect("a node's tag")?;
-            let line = fields.line;
-            let tag = fields.number("a node's tag")?;
-            fields.end()?;
+            let at = input.item("a node's tag")?.at;
+            let tag = input.size("a node's tag")?;
+            input.end()?;
             nodes.push(Node {
                 tag,
                 position: Vec3::zeros(),
-                line,
+                at,
             });
         }
         for node in nodes.iter_mut().skip(first) {
-            let mut fields = lines.expect("a node's coordinates")?;
-            node.line = fields.line;
+            node.at = input.item("a node's coordinates")?.at;
             for coordinate in node.position.iter_mut() {
-                *coordinate = fields.finite("a finite coordinate of a node")?;
+                *coordinate = input.real("a finite coordinate of a node")?;
             }
             for _ in 0..if parametric == 1 { dim } else { 0 } {
-                fields.finite("a finite parametric coordinate")?;
+                input.real("a finite parametric coordinate")?;
             }
-            fields.end()?;
+            input.end()?;
         }
     }
     total(&head, count, nodes.len(), "nodes")?;
-    lines.marker("$EndNodes")?;
+    input.marker("$EndNodes")?;
     Ok(nodes)
 }
 
-/// The first line of `$Nodes` and `$Elements`: the line, the number of blocks and that of items.
-pub(super) fn head<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, usize, usize), GmshError> {
+/// The first item of `$Nodes` and `$Elements`: the place, the number of blocks and that of items.
+pub(super) fn head<'a>(input: &mut Input<'a>) -> Result<(Fields<'a>, usize, usize), GmshError> {
     const EXPECTED: &str = "numbers of blocks and items, least and greatest tag";
-    let mut fields = lines.expect(EXPECTED)?;
-    let start = fields;
-    let blocks = fields.number(EXPECTED)?;
-    let items = fields.number(EXPECTED)?;
-    fields.number::<u64>(EXPECTED)?;
-    fields.number::<u64>(EXPECTED)?;
-    fields.end()?;
+    let start = input.item(EXPECTED)?;
+    let blocks = input.size(EXPECTED)?;
+    let items = input.size(EXPECTED)?;
+    input.size::<u64>(EXPECTED)?;
+    input.size::<u64>(EXPECTED)?;
+    input.end()?;
     Ok((start, blocks, items))
 }
 
@@ -295,17 +425,23 @@ pub(super) fn total(
     if claimed == found {
         return Ok(());
     }
+    let place = head.place();
+    let this = match place {
+        Place::Line(_) => "this line",
+        Place::Byte(_) | Place::Item { .. } => "the number here",
+    };
     Err(GmshError::Syntax {
-        line: head.line,
-        expected: format!("{claimed} {items}, as this line says"),
+        place,
+        expected: format!("{claimed} {items}, as {this} says"),
         found: format!("{found} in the blocks below"),
     })
 }
 
-pub(super) fn dimension(fields: &mut Fields) -> Result<u8, GmshError> {
-    let before = *fields;
-    match fields.number("a dimension from 0 to 3")? {
+pub(super) fn dimension(input: &mut Input) -> Result<u8, GmshError> {
+    const EXPECTED: &str = "a dimension from 0 to 3";
+    let before = input.mark();
+    match input.int(EXPECTED)? {
         dim @ 0..=3 => Ok(dim),
-        _ => Err(before.unexpected("a dimension from 0 to 3").into()),
+        other => Err(input.refuse(&before, EXPECTED, other)),
     }
 }

@@ -1,18 +1,17 @@
 //! Builds a solid from the sections of a file: converts Gmsh's order of nodes to VTK's, drops unused nodes, fills
 //! groups.
 
-use super::assemble::{Places, nodes_of, places};
+use super::assemble::{Places, nodes_of, place_of_fault, places};
 use super::elements::of_dimension;
 use super::groups::groups;
 use super::sections::Sections;
 use super::{GmshError, fields};
 use crate::soup_solid::{SolidFault, SolidSoup};
-use physics::mesh::check::Location;
 use physics::mesh::{Cells, TetMesh};
 
 /// The solid of all tetrahedra, all of one order.
-pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
-    let places = places(&sections.nodes)?;
+pub(super) fn mesh(sections: &Sections, merge: Option<f64>) -> Result<TetMesh, GmshError> {
+    let places = places(sections)?;
     let mut tetrahedra = sections.blocks.iter().filter(|block| block.kind.dim == 3);
     let cells = if tetrahedra.all(|block| block.kind.nodes == 4) {
         Cells::Linear(cells(sections, &places)?)
@@ -25,20 +24,11 @@ pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
     };
     let positions = sections.nodes.iter().map(|node| node.position).collect();
     let soup = SolidSoup { positions, cells };
-    let refused = |SolidFault { source, location }| {
-        let line = match location {
-            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
-            Location::Cell(cell) => of_dimension(&sections.blocks, 3)
-                .nth(cell as usize)
-                .map(|element| element.line),
-            Location::Mesh => None,
-        };
-        GmshError::Solid {
-            line: line.unwrap_or(sections.last_line),
-            source,
-        }
+    let refused = |SolidFault { source, location }| GmshError::Solid {
+        place: place_of_fault(location, sections, 3),
+        source,
     };
-    let (mut mesh, vertices) = soup.into_mesh().map_err(refused)?;
+    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
     mesh.vertex_groups = groups(sections, 0..=2).of_vertices(&places, &vertices)?;
     mesh.cell_groups = groups(sections, 3..=3).of_cells(3);
     mesh.cell_fields = fields::per_cell(sections, 3)?;
@@ -50,7 +40,7 @@ fn cells<const N: usize>(sections: &Sections, places: &Places) -> Result<Vec<[u3
     of_dimension(&sections.blocks, 3)
         .map(|element| {
             // The numbers overflow only for a mesh that is refused for its size.
-            let nodes = nodes_of::<N>(element, places)?;
+            let nodes = nodes_of::<N>(element, sections, places)?;
             Ok(nodes.map(|node| node as u32))
         })
         .collect()

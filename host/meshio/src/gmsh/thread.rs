@@ -1,40 +1,30 @@
 //! From a file's sections to a thread: unused nodes dropped, groups filled.
 
-use super::assemble::{nodes_of, places};
+use super::assemble::{nodes_of, place_of_fault, places};
 use super::elements::of_dimension;
 use super::groups::groups;
 use super::sections::Sections;
 use super::{GmshError, fields};
 use crate::soup_thread::{ThreadFault, ThreadSoup};
 use physics::mesh::LineMesh;
-use physics::mesh::check::Location;
 
 /// The thread of all 2-node lines.
-pub(super) fn mesh(sections: &Sections) -> Result<LineMesh, GmshError> {
-    let places = places(&sections.nodes)?;
+pub(super) fn mesh(sections: &Sections, merge: Option<f64>) -> Result<LineMesh, GmshError> {
+    let places = places(sections)?;
     let lines = of_dimension(&sections.blocks, 1)
         .map(|element| {
             // Numbers run out only where the mesh is refused for its size.
-            let nodes = nodes_of::<2>(element, &places)?;
+            let nodes = nodes_of::<2>(element, sections, &places)?;
             Ok(nodes.map(|node| node as u32))
         })
         .collect::<Result<Vec<_>, GmshError>>()?;
     let positions = sections.nodes.iter().map(|node| node.position).collect();
-    let refused = |ThreadFault { source, location }| {
-        let line = match location {
-            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
-            Location::Cell(cell) => of_dimension(&sections.blocks, 1)
-                .nth(cell as usize)
-                .map(|element| element.line),
-            Location::Mesh => None,
-        };
-        GmshError::Thread {
-            line: line.unwrap_or(sections.last_line),
-            source,
-        }
+    let refused = |ThreadFault { source, location }| GmshError::Thread {
+        place: place_of_fault(location, sections, 1),
+        source,
     };
     let soup = ThreadSoup { positions, lines };
-    let (mut mesh, vertices) = soup.into_mesh().map_err(refused)?;
+    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
     let groups = groups(sections, 0..=3);
     mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
     mesh.line_groups = groups.of_cells(1);

@@ -4,7 +4,7 @@
 //! cells are kept.
 
 use super::cursor::{Cursor, Line};
-use super::scalar;
+use super::{Items, items};
 use crate::file::{MAX_FIELDS, MeshFileError, Place};
 use crate::vtk_array::{Array, Scalar};
 use crate::vtk_fields::check_name;
@@ -63,7 +63,7 @@ fn scalars<'a>(
 ) -> Result<Option<CellArray<'a>>, MeshFileError> {
     let place = line.place;
     let name = decoded(line.word("a name")?);
-    let scalar = scalar(&mut line)?;
+    let items = items(&mut line)?;
     let components = if line.rest().is_empty() {
         1
     } else {
@@ -79,7 +79,12 @@ fn scalars<'a>(
         return Err(whole.unexpected("LOOKUP_TABLE and a name"));
     }
     table.word("the name of a table of colours")?;
-    let array = cursor.array(&table, components.checked_mul(tuples), scalar)?;
+    let count = components.checked_mul(tuples);
+    let Items::Numbers(scalar) = items else {
+        cursor.skip_items(&table, count, items)?;
+        return Ok(None);
+    };
+    let array = cursor.array(&table, count, scalar)?;
     Ok((components == 1).then_some(CellArray { place, name, array }))
 }
 
@@ -102,8 +107,13 @@ pub(super) fn field<'a>(
         let name = decoded(line.word("an array's name")?);
         let components = line.count("a number of components")?;
         let tuples = line.count("a number of tuples")?;
-        let scalar = scalar(&mut line)?;
-        let array = cursor.array(&line, components.checked_mul(tuples), scalar)?;
+        let items = items(&mut line)?;
+        let count = components.checked_mul(tuples);
+        let Items::Numbers(scalar) = items else {
+            cursor.skip_items(&line, count, items)?;
+            continue;
+        };
+        let array = cursor.array(&line, count, scalar)?;
         if is_wanted(components) {
             if found.len() == MAX_FIELDS {
                 return Err(whole.unexpected(&format!("at most {MAX_FIELDS} arrays")));
@@ -141,13 +151,12 @@ fn pass_over<'a>(
         _ => components,
     };
     // Colours are bytes; in a text file they are numbers from 0 to 1.
-    let (count, scalar) = match keyword.as_str() {
-        "LOOKUP_TABLE" => (components.checked_mul(4), Scalar::U8),
-        "COLOR_SCALARS" => (components.checked_mul(tuples), Scalar::U8),
-        _ => (components.checked_mul(tuples), scalar(&mut line)?),
+    let (count, items) = match keyword.as_str() {
+        "LOOKUP_TABLE" => (components.checked_mul(4), Items::Numbers(Scalar::U8)),
+        "COLOR_SCALARS" => (components.checked_mul(tuples), Items::Numbers(Scalar::U8)),
+        _ => (components.checked_mul(tuples), items(&mut line)?),
     };
-    cursor.array(&line, count, scalar)?;
-    Ok(())
+    cursor.skip_items(&line, count, items)
 }
 
 /// The name that VTK encoded, with blanks and other characters written as `%` and two digits (see

@@ -1,5 +1,6 @@
 //! Reads a file that mixes lines of text and binary arrays.
 
+use super::Items;
 use crate::file::{MeshFileError, Place};
 use crate::text::{newlines, quoted, quoted_bytes};
 use crate::vtk_array::{Array, Origin, Scalar, nth_word, words};
@@ -93,6 +94,50 @@ impl<'a> Cursor<'a> {
         while !self.skip_line().trim_ascii().is_empty() {}
     }
 
+    /// Skips an array of `count` items after `line`, which must have ended.
+    pub(super) fn skip_items(
+        &mut self,
+        line: &Line,
+        count: Option<usize>,
+        items: Items,
+    ) -> Result<(), MeshFileError> {
+        let by_line = match items {
+            Items::Numbers(scalar) => return self.array(line, count, scalar).map(drop),
+            Items::Bits => {
+                let count = if self.binary {
+                    count.map(|count| count.div_ceil(8))
+                } else {
+                    count
+                };
+                return self.array(line, count, Scalar::U8).map(drop);
+            }
+            Items::Texts { by_line } => by_line,
+        };
+        line.end()?;
+        let mut left = count.unwrap_or(usize::MAX);
+        while left > 0 && !self.rest().is_empty() {
+            left -= 1;
+            if by_line || !self.binary {
+                self.skip_line();
+                continue;
+            }
+            let length = encoded_text(self.rest()).and_then(|length| usize::try_from(length).ok());
+            match length.filter(|&length| length <= self.rest().len()) {
+                Some(length) => self.at += length,
+                None => self.at = self.file.len(),
+            }
+        }
+        if left == 0 {
+            return Ok(());
+        }
+        let expected = "as many texts after this line as it says";
+        Err(MeshFileError::syntax(
+            line.place,
+            expected,
+            "the end of the file",
+        ))
+    }
+
     /// Reads an array of `count` numbers after `line`, which must have ended.
     pub(super) fn array(
         &mut self,
@@ -129,6 +174,23 @@ impl<'a> Cursor<'a> {
         self.at += length;
         Ok(Array::text(text, origin))
     }
+}
+
+/// The bytes of a text's length and of the text, at the start of `bytes`. VTK writes the length in one, two, four or
+/// eight bytes, as the first two bits say (`vtkDataWriter::WriteArray`).
+fn encoded_text(bytes: &[u8]) -> Option<u64> {
+    let size = match bytes.first()? >> 6 {
+        3 => 1,
+        2 => 2,
+        1 => 4,
+        _ => 8,
+    };
+    let bytes = bytes.get(..size)?;
+    let number = bytes
+        .iter()
+        .fold(0, |number, &byte| number << 8 | u64::from(byte));
+    let length = number & (u64::MAX >> (64 - 8 * size + 2));
+    length.checked_add(size as u64)
 }
 
 /// The size of the first `count` words (bytes); if there are fewer words, their number as the error.

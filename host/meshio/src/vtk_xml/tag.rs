@@ -88,8 +88,26 @@ impl<'a> Tag<'a, '_> {
 
     /// `VTKFile`: whether the file holds a grid, and the encoding of its arrays.
     pub(super) fn root(&self) -> Result<(bool, Encoding<'a>), MeshFileError> {
-        let kinds = [("UnstructuredGrid", true), ("PolyData", false)];
-        let is_grid = self.choice("type", false, &kinds)?;
+        let is_grid = match self.attribute("type")?.as_deref() {
+            Some("UnstructuredGrid") => true,
+            Some("PolyData") => false,
+            other => {
+                let expected = match other {
+                    Some(
+                        "PUnstructuredGrid" | "PPolyData" | "vtkMultiBlockDataSet" | "Collection",
+                    ) => {
+                        "type to be UnstructuredGrid or PolyData (this file names the files of a mesh's parts: name \
+                         one of them, or merge them first)"
+                    }
+                    _ => {
+                        "type to be UnstructuredGrid or PolyData (make one of them first, as ParaView's filters \
+                         Extract Surface and Tetrahedralize do)"
+                    }
+                };
+                let found = other.map_or_else(|| "none".to_owned(), quoted);
+                return Err(self.wrong(expected, found));
+            }
+        };
         let orders = [("LittleEndian", false), ("BigEndian", true)];
         let encoding = Encoding {
             big_endian: self.choice("byte_order", true, &orders)?,
@@ -100,7 +118,12 @@ impl<'a> Tag<'a, '_> {
             )?,
             compressed: match self.attribute("compressor")?.as_deref() {
                 None | Some("") => false,
-                Some(_) => self.choice("compressor", true, &[("vtkZLibDataCompressor", true)])?,
+                Some("vtkZLibDataCompressor") => true,
+                Some(other) => {
+                    let expected = "compressor to be vtkZLibDataCompressor (save the file with ZLib or without \
+                                    compression)";
+                    return Err(self.wrong(expected, quoted(other)));
+                }
             },
             appended: None,
         };

@@ -8,8 +8,9 @@
 //! nor model moves. In its next step each solver builds its matrices and factors again.
 
 use super::assembly::Assembly;
-use super::border::{self, Border, Clamp};
+use super::border::{self, Border};
 use super::handle::{Handle, HandleSpec};
+use super::support::SupportSpec;
 use super::{Body, build};
 use crate::error::BodyError;
 
@@ -71,7 +72,7 @@ impl Body {
     ///
     /// [`BodyError::Support`], [`BodyError::HeldAndGuided`]; nothing has changed then.
     pub fn add_support(&mut self, vertices: &[u32], axes: [bool; 3]) -> Result<usize, BodyError> {
-        self.support(vertices, axes, Border::Hinged)
+        self.add_support_of(vertices, axes, Border::Hinged)
     }
 
     /// Adds a support that holds vertices along all axes and clamps the border of a sheet that bends: the sheet leaves the
@@ -84,52 +85,89 @@ impl Body {
     /// As [`add_support`](Self::add_support), and [`BodyError::Clamp`] for a body without bending and for vertices that
     /// no edge of the border joins; nothing has changed then.
     pub fn add_clamp(&mut self, vertices: &[u32]) -> Result<usize, BodyError> {
-        self.support(vertices, [true; 3], Border::Clamped)
+        self.add_support_of(vertices, [true; 3], Border::Clamped)
     }
 
-    fn support(
+    fn add_support_of(
         &mut self,
         vertices: &[u32],
         axes: [bool; 3],
         border: Border,
     ) -> Result<usize, BodyError> {
-        let support = self.constraints.supports.list.len();
-        for &vertex in vertices {
-            if vertex as usize >= self.topology.vertex_count {
-                return Err(BodyError::Support {
-                    support,
-                    found: "it names a vertex that does not exist",
-                });
-            }
-            let holds = |handle: &Handle| handle.vertices.contains(&vertex);
-            if let Some(handle) = self.constraints.handles.iter().position(holds) {
-                return Err(BodyError::HeldAndGuided {
-                    vertex,
-                    handle,
-                    support,
-                });
+        let support = SupportSpec {
+            vertices: vertices.to_vec(),
+            axes,
+            border,
+        };
+        self.add_supports(&[support])
+    }
+
+    /// Adds supports, in their order, as [`add_support`](Self::add_support) and [`add_clamp`](Self::add_clamp) add one. The
+    /// matrix is built once for all of them. Returns the number of the first.
+    ///
+    /// # Errors
+    ///
+    /// As the calls for one support; nothing has changed then.
+    pub fn add_supports(&mut self, specs: &[SupportSpec]) -> Result<usize, BodyError> {
+        let first = self.constraints.supports.list.len();
+        let mut holder = vec![None; self.topology.vertex_count];
+        for (handle, held) in self.constraints.handles.iter().enumerate() {
+            for &vertex in held.own() {
+                holder[vertex as usize] = Some(handle);
             }
         }
         let rigid = self.rigid_triangles();
-        let clamps = self.clamps_of_support(support, vertices, border)?;
-        let supports = &mut self.constraints.supports;
-        let support = supports.add(vertices, axes, clamps, &self.state.x)?;
-        self.follow_supports(&rigid);
-        Ok(support)
+        for spec in specs {
+            if let Err(error) = self.add_unlaid(spec, &holder) {
+                self.constraints.supports.list.truncate(first);
+                return Err(error);
+            }
+        }
+        if !specs.is_empty() {
+            self.follow_supports(&rigid);
+        }
+        Ok(first)
     }
 
-    fn clamps_of_support(
-        &self,
-        support: usize,
-        vertices: &[u32],
-        border: Border,
-    ) -> Result<Vec<Clamp>, BodyError> {
+    /// Adds a support that has still to be laid. `holder`: the handle that holds each vertex.
+    fn add_unlaid(
+        &mut self,
+        spec: &SupportSpec,
+        holder: &[Option<usize>],
+    ) -> Result<(), BodyError> {
+        let support = self.constraints.supports.list.len();
+        for &vertex in &spec.vertices {
+            match holder.get(vertex as usize) {
+                None => {
+                    return Err(BodyError::Support {
+                        support,
+                        found: "it names a vertex that does not exist",
+                    });
+                }
+                Some(&Some(handle)) => {
+                    return Err(BodyError::HeldAndGuided {
+                        vertex,
+                        handle,
+                        support,
+                    });
+                }
+                Some(None) => {}
+            }
+        }
+        let axes = match spec.border {
+            Border::Hinged => spec.axes,
+            Border::Clamped => [true; 3],
+        };
         let bent = self.model.bent.as_ref();
-        border::clamps(border, vertices, bent).map_err(|found| BodyError::Clamp {
+        let clamps = border::clamps(spec.border, &spec.vertices, bent);
+        let clamps = clamps.map_err(|found| BodyError::Clamp {
             part: "support",
             number: support,
             found,
-        })
+        })?;
+        let supports = &mut self.constraints.supports;
+        supports.add(&spec.vertices, axes, clamps, &self.state.x)?;
+        Ok(())
     }
 
     /// Removes a support. Its vertices become free along its axes, or return to an earlier support that guides the same

@@ -4,9 +4,20 @@
 //! that may slide, a plane of symmetry, a prescribed displacement. Guided nodes count as free nodes; the
 //! solvers leave out the guided axes (the filter of Baraff and Witkin, "Large steps in cloth simulation", 1998).
 
-use super::border::{self, Clamp};
+use super::border::{self, Border, Clamp};
 use crate::Vec3;
 use crate::error::BodyError;
+
+/// The specification of a support.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SupportSpec {
+    /// Vertices of the mesh, at least one, none of which a handle holds.
+    pub vertices: Vec<u32>,
+    /// The world axes along which the support guides its vertices; a clamp has all of them.
+    pub axes: [bool; 3],
+    /// Whether a sheet that bends turns freely about the edges of its border that the support holds.
+    pub border: Border,
+}
 
 /// One support: its nodes, axes and displacement, and the force that it gave.
 #[derive(Clone, Debug)]
@@ -227,6 +238,15 @@ impl Supports {
                     u[node][axis] = displacement * fraction;
                 }
             }
+        }
+    }
+
+    /// Sets the guided components of `u` to the displacement from `x` to `places`, by node.
+    pub(crate) fn prescribe_to(&self, x: &[Vec3], places: &[Vec3], u: &mut [Vec3]) {
+        for &node in &self.guided {
+            let node = node as usize;
+            let guided = Vec3::repeat(1.0) - self.mask[node];
+            u[node] = (places[node] - x[node]).component_mul(&guided);
         }
     }
 

@@ -123,14 +123,27 @@ pub enum MeshError {
     },
     /// Two vertices have the same position.
     #[error(
-        "vertices {first} and {vertex} lie at one place, where the mesh is not connected; merge the two vertices \
-         (a slit needs a gap)"
+        "vertices {first} and {vertex} lie at one place, where the mesh is not connected; merge the two vertices, \
+         as mesh.merge of a scene does (a slit needs a gap)"
     )]
     Coincident {
         /// The later vertex.
         vertex: u32,
         /// The earlier vertex.
         first: u32,
+    },
+    /// A vertex lies on an edge that does not end there.
+    #[error(
+        "vertex {vertex} lies on edge {a}-{b}, where the mesh is not connected; divide the edge at the vertex, or mesh \
+         again (a slit needs a gap)"
+    )]
+    Hanging {
+        /// The vertex.
+        vertex: u32,
+        /// The edge's lower vertex.
+        a: u32,
+        /// The edge's higher vertex.
+        b: u32,
     },
     /// A group's members are out of range, out of order or repeated.
     #[error(
@@ -202,7 +215,8 @@ impl MeshError {
         match *self {
             Self::Coordinate { vertex, .. }
             | Self::Unused { vertex }
-            | Self::Coincident { vertex, .. } => Location::Vertex(vertex),
+            | Self::Coincident { vertex, .. }
+            | Self::Hanging { vertex, .. } => Location::Vertex(vertex),
             Self::Index { triangle, .. }
             | Self::RepeatedVertex { triangle, .. }
             | Self::Flat { triangle, .. }

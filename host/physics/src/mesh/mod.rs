@@ -9,6 +9,7 @@ use crate::Vec3;
 
 pub mod adjacency;
 pub mod check;
+pub mod check_hanging;
 mod check_named;
 mod check_neighbours;
 pub mod check_solid;

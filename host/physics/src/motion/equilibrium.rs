@@ -4,14 +4,19 @@
 //! options ask for more. Loads change either all together, by a factor that gravity shares, or by vertex, while gravity
 //! stays: a body that settles under its weight first is loaded afterwards. A load step that does not converge is halved, and the size grows again after a success (the
 //! usual incremental procedure: Crisfield, "Non-linear finite element analysis of solids and structures", chapter 9).
-//! The velocities of the body are zero afterwards.
+//! A search that ends early leaves the body at the last load step that succeeded. The velocities of the body are zero
+//! afterwards.
 
 use super::integrator::between;
-use super::newton::{Newton, NewtonOptions, NewtonReport};
+use super::newton::{Guide, Newton, NewtonOptions, NewtonReport};
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
 use crate::error::{CondenseError, StepError};
+use crate::material::Tangent;
+
+/// A body that returns to its place within this fraction of its motion has not snapped.
+const RETURNED: f64 = 0.1;
 
 /// The options of a search for equilibrium.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +29,9 @@ pub struct EquilibriumOptions {
     pub max_halvings: u32,
     /// Whether a load step that inverts further elements is halved, too.
     pub refuse_inversion: bool,
+    /// Whether to find out if the body [snapped](EquilibriumReport::snapped). It costs a second solve of each load step
+    /// that passed a place where the body is not stable.
+    pub find_snaps: bool,
 }
 
 impl Default for EquilibriumOptions {
@@ -33,6 +41,7 @@ impl Default for EquilibriumOptions {
             load_steps: 1,
             max_halvings: 10,
             refuse_inversion: true,
+            find_snaps: false,
         }
     }
 }
@@ -40,6 +49,8 @@ impl Default for EquilibriumOptions {
 /// The report of a search for equilibrium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EquilibriumReport {
+    /// Fraction of the way from the first to the final values that the load steps cover: 1 after a success.
+    pub reached: f64,
     /// Number of load steps taken.
     pub load_steps: usize,
     /// Number of load steps discarded.
@@ -48,6 +59,9 @@ pub struct EquilibriumReport {
     pub iterations: usize,
     /// The report of the last solve.
     pub last: NewtonReport,
+    /// The way (as `reached`) at the end of the first load step in which the body snapped to another balance: with the
+    /// loads of before, the body does not return to where it was.
+    pub snapped: Option<f64>,
 }
 
 /// Brings one body to equilibrium, repeatedly.
@@ -57,12 +71,16 @@ pub struct Equilibrium {
     /// The topology epoch of the body for which all data here are made.
     epoch: u64,
     newton: Newton,
-    first: Vec<Vec3>,
+    /// The positions before the present load step (m).
     last: Vec<Vec3>,
     /// The goals of the held nodes, handle by handle (m).
     held: Vec<Vec3>,
+    /// The poses of the handles at the end of a search.
+    poses: Vec<HandlePose>,
     /// The external forces at the beginning and at the end of a solve (N). Both are empty while the forces are constant.
     loads: [Vec<Vec3>; 2],
+    /// The report of the last search, so far as it came.
+    report: EquilibriumReport,
 }
 
 impl Equilibrium {
@@ -76,11 +94,17 @@ impl Equilibrium {
             options,
             epoch: body.epoch(),
             newton: Newton::new(body, options.newton)?,
-            first: body.state.x.clone(),
             last: body.state.x.clone(),
             held: Vec::with_capacity(body.constraints.held_nodes().count()),
+            poses: Vec::with_capacity(body.constraints.handles.len()),
             loads: [Vec::new(), Vec::new()],
+            report: EquilibriumReport::default(),
         })
+    }
+
+    /// The report of the last search. After an error, the report tells how far the search came.
+    pub fn report(&self) -> &EquilibriumReport {
+        &self.report
     }
 
     /// Brings `body` to equilibrium with its handles at `targets`, its supports at their set displacements, and the
@@ -88,34 +112,51 @@ impl Equilibrium {
     ///
     /// # Errors
     ///
-    /// [`StepError`]; the body keeps its state then.
+    /// [`StepError`]; the body then stays in the equilibrium of the last load step that succeeded, with the loads and the
+    /// handles of that step, the fraction [`reached`](EquilibriumReport::reached) of the way.
     pub fn solve(
         &mut self,
         body: &mut Body,
         targets: &[HandlePose],
         load_factor: f64,
     ) -> Result<EquilibriumReport, StepError> {
+        self.report = EquilibriumReport::default();
         body.check_step(1.0, targets)?;
-        if self.epoch != body.epoch() {
-            *self = Self::new(body, self.options).map_err(StepError::Matrix)?;
-        }
+        self.follow(body)?;
         if !load_factor.is_finite() {
             return Err(StepError::Load { found: load_factor });
         }
-        self.first.copy_from_slice(&body.state.x);
-        let load = body.model.load_factor;
-        let result = self.advance(body, targets, load, load_factor);
-        if result.is_ok() {
+        let factors = [body.model.load_factor, load_factor];
+        let result = self.advance(body, targets, factors);
+        let reached = self.report.reached;
+        if result.is_err() {
+            body.state.x.copy_from_slice(&self.last);
+            self.load(body, factors, reached);
+        }
+        // A search that took no step leaves the body as it was, with its velocities and its reports.
+        if reached > 0.0 {
+            let handles = body.constraints.handles.iter().zip(targets);
+            let poses = handles.map(|(handle, to)| between(&handle.report.pose, to, reached));
+            self.poses.clear();
+            self.poses.extend(poses);
+            if result.is_err() {
+                body.assemble_with(Tangent::Exact);
+            }
             body.state.v.fill(Vec3::zeros());
             // At zero velocity, the reports contain no damping and no inertia.
             self.last.fill(Vec3::zeros());
-            body.report_stage(f64::INFINITY, targets, &self.last);
-        } else {
-            body.state.x.copy_from_slice(&self.first);
-            body.model.load_factor = load;
+            body.report_stage(f64::INFINITY, &self.poses, &self.last);
         }
         body.state.motions += 1;
-        result
+        result.map(|()| self.report)
+    }
+
+    /// Makes the memory again if `body` has begun another topology epoch since.
+    fn follow(&mut self, body: &Body) -> Result<(), StepError> {
+        if self.epoch != body.epoch() {
+            *self = Self::new(body, self.options).map_err(StepError::Matrix)?;
+        }
+        Ok(())
     }
 
     /// Brings `body` to equilibrium as [`solve`](Self::solve) does, at the body's present load factor, while the forces on
@@ -124,8 +165,7 @@ impl Equilibrium {
     ///
     /// # Errors
     ///
-    /// [`StepError`], with [`StepError::Forces`] for forces that [`Body::set_external_forces`] refuses; the body keeps
-    /// its state and its forces then.
+    /// As [`solve`](Self::solve), and [`StepError::Forces`] for forces that [`Body::set_external_forces`] refuses.
     pub fn solve_loaded(
         &mut self,
         body: &mut Body,
@@ -137,74 +177,117 @@ impl Equilibrium {
             .map_err(StepError::Forces)?;
         let after = std::mem::replace(&mut body.model.external, before);
         let loads = [body.model.external.clone(), after];
-        if self.epoch != body.epoch() {
-            *self = Self::new(body, self.options).map_err(StepError::Matrix)?;
-        }
+        self.follow(body)?;
         self.loads = loads;
         let result = self.solve(body, targets, body.model.load_factor);
-        let [before, after] = std::mem::take(&mut self.loads);
-        body.model.external = if result.is_ok() { after } else { before };
+        self.loads = [Vec::new(), Vec::new()];
         result
     }
 
+    /// Gives `body` the loads at the fraction `at` of the way between two load `factors`, and between two sets of forces.
+    fn load(&self, body: &mut Body, factors: [f64; 2], at: f64) {
+        // The last load step ends exactly at the final values.
+        let [from, to] = factors;
+        body.model.load_factor = if at == 1.0 {
+            to
+        } else {
+            from + (to - from) * at
+        };
+        let [before, after] = &self.loads;
+        for (force, (from, to)) in body.model.external.iter_mut().zip(before.iter().zip(after)) {
+            *force = if at == 1.0 {
+                *to
+            } else {
+                from + (to - from) * at
+            };
+        }
+    }
+
+    /// Gives the handles and the loads their places and values at the fraction `at` of the way.
+    fn aim(&mut self, body: &mut Body, targets: &[HandlePose], factors: [f64; 2], at: f64) {
+        self.held.clear();
+        for (handle, target) in body.constraints.handles.iter().zip(targets) {
+            let pose = between(&handle.report.pose, target, at);
+            let goals = handle.offsets.iter();
+            self.held
+                .extend(goals.map(|offset| pose.position + pose.rotation * offset));
+        }
+        self.load(body, factors, at);
+    }
+
+    /// Whether the body does not return to its place before the last load step, from `done` to `next`, when that step is
+    /// taken back. A body that cannot be taken back has not been seen to snap. The body keeps its state.
+    fn has_snapped(
+        &mut self,
+        body: &mut Body,
+        targets: &[HandlePose],
+        factors: [f64; 2],
+        [done, next]: [f64; 2],
+    ) -> bool {
+        let there = body.state.x.clone();
+        self.aim(body, targets, factors, done);
+        let back = self
+            .newton
+            .solve(body, None, &self.held, Guide::To(&self.last));
+        let distance = |a: &[Vec3], b: &[Vec3]| {
+            let apart = a.iter().zip(b).map(|(a, b)| (a - b).norm());
+            apart.fold(0.0, f64::max)
+        };
+        let moved = distance(&there, &self.last);
+        let apart = distance(&body.state.x, &self.last);
+        body.state.x = there;
+        self.aim(body, targets, factors, next);
+        body.assemble_with(Tangent::Exact);
+        back.is_ok_and(|back| back.converged) && apart > RETURNED * moved
+    }
+
+    /// Takes the load steps. After an error, `last` has the positions after the last load step that succeeded.
     fn advance(
         &mut self,
         body: &mut Body,
         targets: &[HandlePose],
-        load: f64,
-        goal: f64,
-    ) -> Result<EquilibriumReport, StepError> {
-        let mut report = EquilibriumReport::default();
+        factors: [f64; 2],
+    ) -> Result<(), StepError> {
         let widest = 1.0 / f64::from(self.options.load_steps.max(1));
         let narrowest = widest * libm::exp2(-f64::from(self.options.max_halvings));
-        let (mut done, mut size) = (0.0, widest);
-        while done < 1.0 {
+        let mut size = widest;
+        while self.report.reached < 1.0 {
+            let done = self.report.reached;
             self.last.copy_from_slice(&body.state.x);
             let inverted = if self.options.refuse_inversion {
                 body.inverted_count()
             } else {
                 0
             };
-            // The last load step ends exactly at the final values.
             let next = if done + size > 1.0 - 0.5 * narrowest {
                 1.0
             } else {
                 done + size
             };
-            self.held.clear();
-            for (handle, target) in body.constraints.handles.iter().zip(targets) {
-                let pose = between(&handle.report.pose, target, next);
-                let goals = handle.offsets.iter();
-                self.held
-                    .extend(goals.map(|offset| pose.position + pose.rotation * offset));
-            }
-            body.model.load_factor = if next == 1.0 {
-                goal
-            } else {
-                load + (goal - load) * next
-            };
-            let [before, after] = &self.loads;
-            for (force, (from, to)) in body.model.external.iter_mut().zip(before.iter().zip(after))
-            {
-                *force = if next == 1.0 {
-                    *to
-                } else {
-                    from + (to - from) * next
-                };
-            }
+            self.aim(body, targets, factors, next);
             let fraction = if next == 1.0 {
                 1.0
             } else {
                 (next - done) / (1.0 - done)
             };
-            let outcome = self.newton.solve(body, None, &self.held, fraction);
+            let outcome = self
+                .newton
+                .solve(body, None, &self.held, Guide::By(fraction));
             let good = |newton: &NewtonReport| {
                 newton.converged
                     && !(self.options.refuse_inversion && body.inverted_count() > inverted)
             };
             match outcome {
                 Ok(newton) if good(&newton) => {
-                    done = next;
+                    let is_open = self.options.find_snaps && self.report.snapped.is_none();
+                    if is_open
+                        && newton.clipped + newton.halvings > 0
+                        && self.has_snapped(body, targets, factors, [done, next])
+                    {
+                        self.report.snapped = Some(next);
+                    }
+                    let report = &mut self.report;
+                    report.reached = next;
                     report.load_steps += 1;
                     report.iterations += newton.iterations;
                     report.last = newton;
@@ -213,7 +296,7 @@ impl Equilibrium {
                 // A shorter load step would have even fewer digits.
                 Err(error @ StepError::Rounding { .. }) => return Err(error),
                 other => {
-                    report.refused += 1;
+                    self.report.refused += 1;
                     let count = body.inverted_count();
                     body.state.x.copy_from_slice(&self.last);
                     size *= 0.5;
@@ -231,6 +314,6 @@ impl Equilibrium {
                 }
             }
         }
-        Ok(report)
+        Ok(())
     }
 }

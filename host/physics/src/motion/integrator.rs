@@ -298,8 +298,8 @@ impl Integrator {
                         self.moved = self.moved.max(body.moved());
                     }
                     report.iterations += newton.iterations;
-                    let relative = newton.residual / newton.reference.max(f64::MIN_POSITIVE);
-                    report.relative_residual = report.relative_residual.max(relative);
+                    report.relative_residual =
+                        report.relative_residual.max(newton.relative_residual());
                     report.last = newton;
                     // The size doubles only where the time so far is a multiple of the new size.
                     while size < whole - done

@@ -74,6 +74,29 @@ pub struct NewtonReport {
     /// After a solve that rounding stopped: the largest motion of a node that was still open, or that its coordinates
     /// cannot resolve (m).
     pub open: f64,
+    /// Whether nothing loads or moves the body, and the residual is only rounding.
+    pub negligible: bool,
+}
+
+impl NewtonReport {
+    /// The residual as a fraction of the forces that balance; 0 where it is negligible, because the
+    /// forces then may be only rounding themselves.
+    pub fn relative_residual(&self) -> f64 {
+        if self.negligible {
+            0.0
+        } else {
+            self.residual / self.reference.max(f64::MIN_POSITIVE)
+        }
+    }
+}
+
+/// Where the guided axes go in a solve.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Guide<'a> {
+    /// By this fraction of their remaining displacement.
+    By(f64),
+    /// To these places, by node (m).
+    To(&'a [Vec3]),
 }
 
 /// The equation of one stage, by node.
@@ -129,8 +152,7 @@ impl Newton {
     }
 
     /// Moves the free nodes of `body` to the solution of the stage, and the nodes of handles to `held`, which is in the
-    /// order of the held places. Guided axes
-    /// move by `fraction` of their remaining displacement. Forces and stiffness are assembled at the end.
+    /// order of the held places. `guide` tells where the guided axes go. Forces and stiffness are assembled at the end.
     ///
     /// # Errors
     ///
@@ -140,7 +162,7 @@ impl Newton {
         body: &mut Body,
         stage: Option<Stage<'_>>,
         held: &[Vec3],
-        fraction: f64,
+        guide: Guide<'_>,
     ) -> Result<NewtonReport, StepError> {
         let exact = stage.is_none() || body.model.config.stiffness_damping == 0.0;
         let factors = stage.map_or(
@@ -154,9 +176,11 @@ impl Newton {
             },
         );
         self.step.fill(Vec3::zeros());
-        body.constraints
-            .supports
-            .prescribe(&body.state.x, fraction, &mut self.step);
+        let (supports, x) = (&body.constraints.supports, &body.state.x);
+        match guide {
+            Guide::By(fraction) => supports.prescribe(x, fraction, &mut self.step),
+            Guide::To(places) => supports.prescribe_to(x, places, &mut self.step),
+        }
         for (node, goal) in body.constraints.held_nodes().zip(held) {
             self.step[node] = goal - body.state.x[node];
         }
@@ -188,6 +212,7 @@ impl Newton {
                 .rounding
                 .of_forces(body, factors.mass, factors.stiffness);
             report.rounded = !met && report.residual <= floor;
+            report.negligible = report.rounded && quiet;
             if !prescribed {
                 let fine = report.residual <= FINE * report.reference.max(asked);
                 report.converged = met || (report.rounded && (quiet || fine));

@@ -7,7 +7,7 @@ use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Freedom, HandlePose, HandleSpec,
     Integrator, IntegratorOptions, Material, Precision, Preconditioner, ShapeOptions, Shapes,
-    SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3, Weave,
+    SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, SupportSpec, Vec3, Weave,
 };
 
 const H: f64 = 2e-3;
@@ -555,4 +555,62 @@ fn an_impossible_handle_or_support_is_refused_and_changes_nothing() {
         Err(BodyError::HeldAndGuided { handle: 0, .. })
     ));
     assert_eq!(body.epoch(), epoch);
+}
+
+/// A thousand supports cost one build of the matrix. The body is that to which they were added one by one; a fault leaves
+/// the body as it was.
+#[test]
+fn many_supports_are_added_at_once() {
+    let mesh = sheet(0.1, 0.1, 8, 8, Pattern::Alternating).unwrap();
+    let material = Material {
+        young: 1e6,
+        poisson: 0.3,
+        thickness: 1e-3,
+        density: 1000.0,
+    };
+    let left: Vec<u32> = spec(&mesh.positions, |x| x.x < -0.049).vertices;
+    let each = (0..1000).map(|number: usize| SupportSpec {
+        vertices: left[number % 3..].to_vec(),
+        axes: [0, 1, 2].map(|axis| axis == number % 3),
+        border: Border::Hinged,
+    });
+    let clamp = SupportSpec {
+        vertices: left.clone(),
+        axes: [true; 3],
+        border: Border::Clamped,
+    };
+    let specs: Vec<_> = each.chain([clamp]).collect();
+    let config = BodyConfig {
+        bending: 1.0,
+        ..config(9.81)
+    };
+    let build = || Body::sheet(&mesh, &[material], config, &[]).unwrap();
+    let (mut at_once, mut one_by_one) = (build(), build());
+    let before = at_once.epoch();
+    assert_eq!(at_once.add_supports(&specs), Ok(0));
+    assert_eq!(at_once.epoch(), before + 1);
+    // The last of each kind decides.
+    for (number, spec) in specs.iter().enumerate() {
+        let added = match spec.border {
+            Border::Hinged => one_by_one.add_support(&spec.vertices, spec.axes),
+            Border::Clamped => one_by_one.add_clamp(&spec.vertices),
+        };
+        assert_eq!(added, Ok(number));
+    }
+    for body in [&mut at_once, &mut one_by_one] {
+        for _ in 0..3 {
+            body.step(H, &[]).unwrap();
+        }
+    }
+    assert!(at_once.positions().eq(one_by_one.positions()));
+    let epoch = at_once.epoch();
+    let mut wrong = specs[..2].to_vec();
+    wrong[1].vertices.push(9999);
+    let error = at_once.add_supports(&wrong).unwrap_err();
+    assert!(
+        matches!(error, BodyError::Support { support: 1002, .. }),
+        "{error}"
+    );
+    assert_eq!(at_once.epoch(), epoch);
+    assert_eq!(at_once.add_supports(&specs[..1]), Ok(1001));
 }

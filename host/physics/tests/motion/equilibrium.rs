@@ -3,10 +3,10 @@
 use crate::common;
 
 use common::cube;
-use physics::mesh::TetMesh;
+use physics::mesh::{TetMesh, TriMesh};
 use physics::{
     Body, BodyConfig, Border, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom,
-    HandlePose, HandleSpec, NewtonOptions, SolidLaw, SolidMaterial, StepError, Vec3,
+    HandlePose, HandleSpec, Material, NewtonOptions, SolidLaw, SolidMaterial, StepError, Vec3,
 };
 
 const EDGE: f64 = 0.1;
@@ -279,6 +279,46 @@ fn loads_by_vertex_grow_after_the_weight() {
     );
 }
 
+/// A search that cannot go to its end stays at its last load step, with the handle and the loads of that step: going there
+/// on purpose gives the same state.
+#[test]
+fn a_search_that_ends_early_stays_where_it_came() {
+    let mesh = small_cube(2, false);
+    let handles = [0.0, EDGE].map(|at| HandleSpec {
+        vertices: face(&mesh, 2, at),
+        origin: Vec3::z() * at,
+        freedom: Freedom::Translation,
+        border: Border::Hinged,
+    });
+    let cube = || {
+        let law = SolidLaw::StVenantKirchhoff;
+        let config = BodyConfig::default();
+        Body::solid(&mesh, &[gelatine(0.3)], law, config, &handles).unwrap()
+    };
+    let (mut stopped, mut sent) = (cube(), cube());
+    // This law collapses under compression.
+    let lid = |part: f64| HandlePose::at(Vec3::z() * (EDGE * (1.0 - 0.9 * part)));
+    let floor = HandlePose::at(Vec3::zeros());
+    let forces = vec![Vec3::x() * 0.01; mesh.positions.len()];
+    let mut equilibrium = Equilibrium::new(&stopped, EquilibriumOptions::default()).unwrap();
+    let error = equilibrium.solve_loaded(&mut stopped, &[floor, lid(1.0)], &forces);
+    assert!(error.is_err(), "{error:?}");
+    let reached = equilibrium.report().reached;
+    assert!(reached > 0.1 && reached < 1.0, "{reached}");
+    let forces: Vec<_> = forces.iter().map(|force| force * reached).collect();
+    sent.set_external_forces(&forces).unwrap();
+    solve(&mut sent, &[floor, lid(reached)]).unwrap();
+    let apart = stopped.positions().zip(sent.positions());
+    let apart = apart.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    // Both end at 1e-9 of the forces, near a limit where the body is soft.
+    assert!(apart < 1e-5 * EDGE, "{apart}");
+    assert_eq!(stopped.total_external_force(), sent.total_external_force());
+    let [a, b] = [&stopped, &sent].map(|body| *body.handle_report(1).unwrap());
+    assert!((a.pose.position - b.pose.position).norm() < 1e-12 * EDGE);
+    let force = (a.reaction.force - b.reaction.force).norm();
+    assert!(force < 1e-5 * b.reaction.force.norm(), "{a:?} {b:?}");
+}
+
 #[test]
 fn a_free_body_without_loads_stays_where_it_is() {
     let mesh = small_cube(2, false);
@@ -323,4 +363,59 @@ fn a_body_without_free_nodes_refuses_numbers_that_are_not_finite() {
     );
     assert_eq!(body.positions().collect::<Vec<_>>(), before);
     assert_eq!(*body.handle_report(0).unwrap(), report);
+}
+
+/// A shallow roof of two membranes whose ridge is pushed down: a von Mises truss of unit width. Its limit load is
+/// `2 E t h^3 / (3 sqrt(3) L^3)`, with the height `h` of the ridge and half the span `L`, up to `(h / L)^2`.
+#[test]
+fn a_roof_that_is_pushed_through_has_snapped() {
+    const HEIGHT: f64 = 0.1;
+    let positions: Vec<Vec3> = [0.0, 1.0]
+        .into_iter()
+        .flat_map(|y| [(-1.0, 0.0), (0.0, HEIGHT), (1.0, 0.0)].map(|(x, z)| Vec3::new(x, y, z)))
+        .collect();
+    let mesh = TriMesh {
+        positions,
+        triangles: vec![[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]],
+        ..TriMesh::default()
+    };
+    let material = Material {
+        young: 1e6,
+        poisson: 0.0,
+        thickness: 1e-3,
+        density: 1.0,
+    };
+    let config = BodyConfig {
+        bending: 0.0,
+        ..weightless()
+    };
+    let limit = 2e3 * HEIGHT.powi(3) / (3.0 * 3.0_f64.sqrt());
+    for (load, snaps) in [(0.8 * limit, false), (1.2 * limit, true)] {
+        for load_steps in [1, 4] {
+            let mut body = Body::sheet(&mesh, &[material], config, &[]).unwrap();
+            body.add_support(&[0, 2, 3, 5], [true; 3]).unwrap();
+            body.add_support(&[1, 4], [true, true, false]).unwrap();
+            let mut forces = vec![Vec3::zeros(); 6];
+            for ridge in [1, 4] {
+                forces[ridge] = Vec3::z() * (-0.5 * load);
+            }
+            let options = EquilibriumOptions {
+                load_steps,
+                find_snaps: true,
+                ..EquilibriumOptions::default()
+            };
+            let mut equilibrium = Equilibrium::new(&body, options).unwrap();
+            let report = equilibrium.solve_loaded(&mut body, &[], &forces).unwrap();
+            let ridge = body.positions().nth(1).unwrap().z;
+            assert_eq!(ridge < 0.0, snaps, "{ridge}");
+            assert_eq!(
+                report.snapped,
+                snaps.then_some(1.0),
+                "{load_steps}: {report:?}"
+            );
+            // The search for snaps leaves the balance and its loads as they are.
+            let found = body.support_reaction(0).unwrap().z;
+            assert!((found - load).abs() < 1e-6 * load, "{found} {load}");
+        }
+    }
 }

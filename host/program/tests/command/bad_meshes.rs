@@ -10,7 +10,7 @@ type Outcome = Result<(), Box<dyn Error>>;
 
 /// A scene of one body; its mesh file is named in line 7.
 const SCENE: &str = r#"name = "bad"
-duration = 0.01
+duration = 0.02
 host = { step_rate = 250.0, publish_rate = 125.0 }
 
 [[body]]
@@ -113,7 +113,7 @@ fn a_bad_mesh_is_refused_in_one_line_before_anything_is_written() -> Outcome {
         (
             "twins.obj",
             obj("v 0 0 0\nv 1 1 1\nf 1 2 3\nf 4 5 2"),
-            "line 4: vertices 0 and 3 lie at one place, where the mesh is not connected; merge the two vertices (a slit needs a gap)",
+            "line 4: vertices 0 and 3 lie at one place, where the mesh is not connected; merge the two vertices, as mesh.merge of a scene does (a slit needs a gap)",
         ),
         (
             "empty.obj",

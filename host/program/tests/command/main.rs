@@ -6,6 +6,7 @@ mod solve_support;
 mod accuracy;
 mod bad_meshes;
 mod compare;
+mod killed_frames;
 mod lost_logs;
 mod outputs;
 mod overrides;

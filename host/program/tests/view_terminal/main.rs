@@ -1,6 +1,7 @@
 //! `palpate view` in a terminal of tmux: what it shows, how it follows keys, and how it gives the terminal back.
 #![cfg(feature = "view")]
 
+mod closed;
 mod live;
 mod tmux;
 

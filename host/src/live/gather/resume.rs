@@ -35,6 +35,9 @@ pub struct HandSums {
     pub reach: f64,
     /// The first position (m).
     pub start: [f64; 3],
+    /// The last position of the device (m, device axes).
+    #[serde(default)]
+    pub place: Option<[f64; 3]>,
 }
 
 impl Gatherer {
@@ -48,6 +51,7 @@ impl Gatherer {
                 work: totals.work,
                 reach: totals.reach,
                 start: sum.start().unwrap_or_default().into(),
+                place: sum.place().map(Into::into),
             }
         });
         Checkpoint {
@@ -79,8 +83,8 @@ impl Gatherer {
                 reach: hand.reach,
                 ..DeviceTotals::default()
             };
-            let last = (device.pose.position - device.slip, device.wrench.force);
-            sum.resume(totals, last, hand.start.into());
+            let place = hand.place.map(Into::into);
+            sum.resume(totals, device.wrench.force, place, hand.start.into());
         }
         let _ = self.watch.take(last);
         self.last.tick = Some((last.tick, last.time_ns));

@@ -1,8 +1,10 @@
 //! A tick as a gatherer takes it, from a run or from a log.
 
-use crate::log::TickRow;
-use rt_core::Telemetry;
+use crate::log::{LoggedReading, TickRow};
+use crate::run::device_totals::place;
+use rt_core::controller::Reading;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
+use rt_core::{MAX_DEVICES, Telemetry, Vec3};
 
 /// A tick, borrowed from a run's [`Telemetry`] or from a row of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,8 +17,23 @@ pub struct TickView<'a> {
     pub lateness_ns: u64,
     /// The devices, in the scene's order.
     pub devices: &'a [DeviceTelemetry],
+    /// Where each device is (m, device axes); `None` where it gave no state that is believed.
+    pub places: [Option<Vec3>; MAX_DEVICES],
     /// The bodies, in the scene's order.
     pub bodies: &'a [BodyTelemetry],
+}
+
+/// The places of `devices` that gave these `readings`.
+fn places<'a>(
+    devices: &[DeviceTelemetry],
+    readings: impl Iterator<Item = Reading> + 'a,
+) -> [Option<Vec3>; MAX_DEVICES] {
+    let mut places = [None; MAX_DEVICES];
+    let each = devices.iter().zip(readings);
+    for (at, (device, reading)) in places.iter_mut().zip(each) {
+        *at = place(device, &reading);
+    }
+    places
 }
 
 impl<'a> From<&'a Telemetry> for TickView<'a> {
@@ -28,6 +45,7 @@ impl<'a> From<&'a Telemetry> for TickView<'a> {
             time_ns: telemetry.time_ns,
             lateness_ns: telemetry.lateness_ns,
             devices: &telemetry.devices[..devices],
+            places: places(&telemetry.devices[..devices], telemetry.readings().copied()),
             bodies: &telemetry.bodies[..bodies],
         }
     }
@@ -40,6 +58,10 @@ impl<'a> From<&'a TickRow> for TickView<'a> {
             time_ns: row.time_ns,
             lateness_ns: row.lateness_ns,
             devices: &row.devices,
+            places: places(
+                &row.devices,
+                row.readings.iter().map(LoggedReading::reading),
+            ),
             bodies: &row.bodies,
         }
     }

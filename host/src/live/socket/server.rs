@@ -88,7 +88,9 @@ impl Server {
         woken.set_nonblocking(true).map_err(SocketError::Thread)?;
         let close = Arc::<AtomicBool>::default();
         let their_close = Arc::clone(&close);
-        let thread = std::thread::Builder::new().name("palpate-view".into());
+        let thread = std::thread::Builder::new()
+            .stack_size(runner::STACK)
+            .name("palpate-view".into());
         let thread = thread.spawn(move || {
             let mut serving = Serving {
                 station: Station::new(hello, surfaces, vertices),

@@ -12,6 +12,8 @@ pub struct Mesh {
     pub source: MeshSource,
     /// Files only: metres per unit of the file, by which every coordinate is multiplied.
     pub scale: Option<f64>,
+    /// Files only: the distance within which doubled vertices are merged (m), after the scale.
+    pub merge: Option<f64>,
     /// Whether linear tetrahedra become quadratic ones, with straight edges.
     pub quadratic: bool,
     /// The flat pattern out of which a sheet is cut, if it has one.
@@ -64,8 +66,8 @@ pub enum MeshSource {
         /// Lines of equal length.
         segments: u32,
     },
-    /// A mesh file, its path relative to the scene file (`.obj`, legacy `.vtk`, `.vtu`, `.vtp`, or Gmsh 4.1
-    /// ASCII, `.msh`).
+    /// A mesh file, its path relative to the scene file (OBJ, STL, VTK legacy, VTK XML, or Gmsh 4.1 or
+    /// 2.2).
     File(String),
 }
 
@@ -96,6 +98,8 @@ struct MeshFields {
     file: Option<String>,
     #[serde(default, deserialize_with = "check::optional_positive")]
     scale: Option<f64>,
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    merge: Option<f64>,
     #[serde(default, deserialize_with = "check::order")]
     order: usize,
     #[serde(default, deserialize_with = "check::optional_table")]
@@ -185,6 +189,7 @@ impl TryFrom<MeshFields> for Mesh {
             thread,
             file,
             scale,
+            merge,
             order,
             flat_pattern,
         } = fields;
@@ -215,6 +220,7 @@ impl TryFrom<MeshFields> for Mesh {
         Ok(Self {
             source,
             scale,
+            merge,
             quadratic: order == 2,
             flat_pattern,
         })

@@ -22,6 +22,7 @@ use crate::StudyError;
 use crate::stress::scene::draw::Draw;
 use crate::stress::scene::world::World;
 use crate::stress::scene::{SCHEMES, reference};
+use crate::workers;
 use host::bodies;
 use host::engine::faults::{Faults, HostFault};
 use host::run::{setup, virtual_clock};
@@ -155,7 +156,7 @@ pub fn compare(
         let before = done.fetch_add(thousandths, Ordering::Relaxed);
         progress((before + thousandths) as f64 / of);
     };
-    let found = in_threads(settings.threads, &jobs, |job| match job {
+    let found = in_threads(settings.threads, &jobs, workers::STACK, |job| match job {
         None => {
             let found = reference::run(&world).map(|trace| Record::of_reference(&trace));
             add(1000);
@@ -308,27 +309,29 @@ pub(crate) fn run(
     })
 }
 
-/// The results of `work` on each of `jobs`, in their order, computed by `threads` threads.
+/// The results of `work` on each of `jobs`, in their order, computed by `threads` threads of `stack`
+/// bytes, or by the calling thread where the system gives none.
 fn in_threads<J: Sync, D: Send>(
     threads: Option<NonZero<usize>>,
     jobs: &[J],
+    stack: usize,
     work: impl Fn(&J) -> D + Sync,
 ) -> Vec<D> {
-    let threads = threads.or_else(|| std::thread::available_parallelism().ok());
-    let threads = threads.map_or(1, NonZero::get).min(jobs.len());
+    let threads = workers::count(threads, jobs.len());
     let next = AtomicUsize::new(0);
     let found = Mutex::new(Vec::new());
+    let some = || {
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(number) else { break };
+            let done = work(job);
+            let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+            found.push((number, done));
+        }
+    };
     std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(job) = jobs.get(number) else { break };
-                    let done = work(job);
-                    let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
-                    found.push((number, done));
-                }
-            });
+        if workers::start(scope, threads, stack, || &some) == 0 {
+            some();
         }
     });
     let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);

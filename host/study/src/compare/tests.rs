@@ -194,3 +194,20 @@ fn a_stall_ages_the_models_and_a_panic_is_a_failure() {
     );
     assert_eq!(run.record.out.len(), 1500);
 }
+
+/// No system gives a thread with this stack.
+#[test]
+fn without_threads_the_calling_thread_does_the_work() {
+    let jobs = [1, 2, 3];
+    for stack in [workers::STACK, usize::MAX / 2] {
+        let threads = NonZero::new(2);
+        let done = in_threads(threads, &jobs, stack, |job| {
+            (10 * job, std::thread::current().id())
+        });
+        let here = done
+            .iter()
+            .filter(|(_, id)| *id == std::thread::current().id());
+        assert_eq!(here.count(), if stack == workers::STACK { 0 } else { 3 });
+        assert!(done.iter().map(|(result, _)| *result).eq([10, 20, 30]));
+    }
+}

@@ -9,6 +9,7 @@
 //! the files of several shards. A run of more cells extends the file: it appends its own header, then the cells that the
 //! file lacks. A file that cannot be written does not end the run: see [`Cells::unwritten`].
 
+use crate::workers::{self, STACK};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -202,10 +203,7 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
     let left: Vec<u64> = of_shard().filter(|cell| !done.contains_key(cell)).collect();
     let of = of_shard().count() as u64;
     let before = of - left.len() as u64;
-    let threads = options
-        .threads
-        .or_else(|| std::thread::available_parallelism().ok());
-    let threads = threads.map_or(1, NonZero::get).min(left.len());
+    let threads = workers::count(options.threads, left.len());
     let began = Instant::now();
     progress(&Progress {
         done: before,
@@ -215,39 +213,48 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
     });
     let mut unwritten = None;
 
+    let mut count = 0;
+    let mut take = |(cell, result)| {
+        // The result is read back from its line, so that an interrupted run continues with the same result.
+        let (line, result) = round_trip(cell, result)?;
+        if let Some(file) = &mut file {
+            unwritten = file.append(&line).err();
+        }
+        done.insert(cell, result);
+        count += 1;
+        let each = began.elapsed().as_secs_f64() / count as f64;
+        progress(&Progress {
+            done: before + count,
+            of,
+            left: Some(each * (left.len() as u64 - count) as f64),
+            unwritten: unwritten.as_ref(),
+        });
+        Ok(())
+    };
+
     let next = AtomicUsize::new(0);
     let (sender, results) = mpsc::channel();
     std::thread::scope(|scope| {
         // The receiver is dropped with the scope's closure, so that after an error each worker ends with its current
         // cell.
         let results = results;
-        for _ in 0..threads {
-            let (sender, next, left, work) = (sender.clone(), &next, &left, &work);
-            scope.spawn(move || {
+        let (next, left, work) = (&next, &left, &work);
+        let started = workers::start(scope, threads, STACK, || {
+            let sender = sender.clone();
+            move || {
                 while let Some(&cell) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
                     if sender.send((cell, work(cell))).is_err() {
                         break;
                     }
                 }
-            });
-        }
-        drop(sender);
-        for (count, (cell, result)) in (1_u64..).zip(&results) {
-            // The result is read back from its line, so that an interrupted run continues with the same result.
-            let (line, result) = round_trip(cell, result)?;
-            if let Some(file) = &mut file {
-                unwritten = file.append(&line).err();
             }
-            done.insert(cell, result);
-            let each = began.elapsed().as_secs_f64() / count as f64;
-            progress(&Progress {
-                done: before + count,
-                of,
-                left: Some(each * (left.len() as u64 - count) as f64),
-                unwritten: unwritten.as_ref(),
-            });
+        });
+        drop(sender);
+        if started == 0 {
+            // The system gives no thread.
+            return left.iter().try_for_each(|&cell| take((cell, work(cell))));
         }
-        Ok(())
+        results.iter().try_for_each(take)
     })?;
     Ok(Cells {
         cells: done,

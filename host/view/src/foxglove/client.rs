@@ -156,6 +156,7 @@ impl Client {
         let writer = {
             let client = Arc::clone(self);
             thread::Builder::new()
+                .stack_size(runner::STACK)
                 .name("foxglove writes".into())
                 .spawn(move || client.write())?
         };

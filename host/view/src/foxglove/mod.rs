@@ -153,6 +153,7 @@ pub fn serve(mut feed: Box<dyn Feed>, options: &Options) -> Result<(), FoxgloveE
     let accepting = {
         let reception = Arc::clone(&reception);
         thread::Builder::new()
+            .stack_size(runner::STACK)
             .name("foxglove accepts".into())
             .spawn(move || reception.accept(&listener))
             .map_err(FoxgloveError::Thread)?
@@ -224,6 +225,7 @@ impl Reception {
             }
             let reception = Arc::clone(&self);
             let spawned = thread::Builder::new()
+                .stack_size(runner::STACK)
                 .name("foxglove reads".into())
                 .spawn(move || reception.receive(stream));
             if spawned.is_err() {

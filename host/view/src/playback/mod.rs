@@ -82,7 +82,7 @@ impl Player<File> {
     /// [`PlayerError`].
     pub fn open(path: &Path, progress: impl FnMut(f64)) -> Result<Self, PlayerError> {
         let name = path.display().to_string();
-        let file = File::open(path).map_err(|source| PlayerError::Open {
+        let file = host::input::open(path).map_err(|source| PlayerError::Open {
             log: name.clone(),
             source,
         })?;

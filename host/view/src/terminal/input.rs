@@ -24,7 +24,9 @@ impl Input {
                 }
             }
         };
-        let thread = std::thread::Builder::new().name("palpate-keys".into());
+        let thread = std::thread::Builder::new()
+            .stack_size(runner::STACK)
+            .name("palpate-keys".into());
         thread.spawn(read)?;
         Ok(Self(receiver))
     }

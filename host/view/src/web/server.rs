@@ -68,6 +68,7 @@ impl Server {
         });
         let accepted = Arc::clone(&shared);
         let accepting = std::thread::Builder::new()
+            .stack_size(runner::STACK)
             .name("view-web".into())
             .spawn(move || accept(&listener, &accepted))
             .map_err(WebError::Thread)?;
@@ -123,6 +124,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
         let shared = Arc::clone(shared);
         // Without a thread the connection is dropped.
         let _ = std::thread::Builder::new()
+            .stack_size(runner::STACK)
             .name("view-web-page".into())
             .spawn(move || connection_begins(stream, &shared, place));
     }

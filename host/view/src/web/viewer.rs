@@ -71,6 +71,7 @@ pub(super) fn serve(
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let written = Arc::clone(&mailbox);
     let writer = std::thread::Builder::new()
+        .stack_size(runner::STACK)
         .name("view-web-write".into())
         .spawn(move || write(write_half, &written));
     let Ok(writer) = writer else {

@@ -37,6 +37,7 @@ pub(super) fn start(
         begun: [(0, Instant::now()); BEGUN],
     };
     std::thread::Builder::new()
+        .stack_size(runner::STACK)
         .name("palpate-exchange".into())
         .spawn(move || {
             let _ = realtime(PRIORITY);

@@ -19,6 +19,7 @@
 use super::packet::{self, Command, Framer, Report};
 use crate::ftdi::{Buffer, Control, Ftdi};
 use std::fmt;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -109,15 +110,18 @@ impl Firmware {
             path: path.to_owned(),
             source,
         };
+        let mut file = crate::input::open(path).map_err(failed)?;
         // A wrong name may be that of a huge file, so the size is looked at first.
-        let found = std::fs::metadata(path).map_err(failed)?.len();
+        let found = file.metadata().map_err(failed)?.len();
         if found > LARGEST as u64 {
             return Err(FirmwareError::Size {
                 path: path.to_owned(),
                 found,
             });
         }
-        Self::new(path, std::fs::read(path).map_err(failed)?)
+        let mut image = Vec::new();
+        file.read_to_end(&mut image).map_err(failed)?;
+        Self::new(path, image)
     }
 
     /// An image in memory, with the name of the file that it came from.

@@ -109,6 +109,7 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
             }
         };
         let thread = std::thread::Builder::new()
+            .stack_size(runner::STACK)
             .name("palpate-write".into())
             .spawn(work)?;
         Ok(Self {

@@ -198,7 +198,9 @@ fn end_with(socket: OwnedFd) {
         let _ = kill_process(getpid(), Signal::KILL);
     };
     // Without the thread, only a plug-in that hangs outlives a run that was killed.
-    let _ = std::thread::Builder::new().spawn(wait);
+    let _ = std::thread::Builder::new()
+        .stack_size(runner::STACK)
+        .spawn(wait);
 }
 
 /// Serves the plug-in in a file over the socket that is the standard input, until the socket ends.

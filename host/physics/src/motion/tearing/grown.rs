@@ -10,6 +10,8 @@ pub struct Grown {
     pub from: u32,
     /// The new tip, and that of the growth to the other side; [`NONE`](crate::topology::NONE) where there is none.
     pub tips: [u32; 2],
+    /// The border vertex that the growth reached, on each side; [`NONE`](crate::topology::NONE) where there is none.
+    pub met: [u32; 2],
     /// Whether the tear starts with this edit: no edit before ended at the vertex `from`.
     pub starts: bool,
     /// The length of the opened edges at rest (m).
@@ -30,6 +32,7 @@ impl Tearing {
         self.grown.push(Grown {
             from,
             tips: done.tips,
+            met: done.met,
             starts,
             length,
             energy,

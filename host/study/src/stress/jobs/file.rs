@@ -90,10 +90,13 @@ impl Lines {
 
 /// The content of a file.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, JobError> {
-    std::fs::read(path).map_err(|source| JobError::File {
+    let mut bytes = Vec::new();
+    let read = host::input::open(path).and_then(|mut file| file.read_to_end(&mut bytes));
+    read.map_err(|source| JobError::File {
         path: path.to_owned(),
         source,
-    })
+    })?;
+    Ok(bytes)
 }
 
 /// The first header in `text`, with the largest number of cells of all headers of its study.

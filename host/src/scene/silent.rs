@@ -1,0 +1,179 @@
+//! Parts of a scene that would have no effect, with nothing in the results to tell so.
+//!
+//! Such a scene runs and gives a force of zero: a device that holds nothing, a hand that would move after the end, a first
+//! model that arrives after the end. Each is a [`Warning`]. A hand that moves only where its device cannot is refused.
+
+use super::error::SceneError;
+use super::plausible::Warning;
+use super::source::Source;
+use super::spec::{Hand, Scene};
+use physics::Vec3;
+use sim::DeviceModel;
+
+/// The warnings about parts of `scene` that have no effect.
+///
+/// # Errors
+/// [`SceneError::Value`] for waypoints of which no part leads along the axes of the device.
+pub(super) fn check(
+    scene: &Scene,
+    source: &Source,
+    models: &[DeviceModel],
+) -> Result<Vec<Warning>, SceneError> {
+    let mut warnings = Vec::new();
+    let mut warn = |field: &str, found: String, usual: &str, advice: &str| {
+        warnings.push(Warning {
+            place: source.place(field),
+            found,
+            usual: usual.to_owned(),
+            advice: advice.to_owned(),
+        });
+    };
+    for (index, (device, model)) in scene.devices.iter().zip(models).enumerate() {
+        let mut handles = scene.bodies.iter().flat_map(|body| &body.handles);
+        if !handles.any(|handle| handle.device == device.name) {
+            warn(
+                &format!("device[{index}]"),
+                format!("no handle of the device {:?}", device.name),
+                "a [[body.handle]] with this `device`",
+                "the device would feel no force",
+            );
+        }
+        let Some(hand) = &device.hand else { continue };
+        across(&format!("device[{index}].hand"), hand, model, source)?;
+        if let Some((row, from)) = first_after(scene.duration, &hand.waypoints) {
+            warn(
+                &format!("device[{index}].hand.waypoints[{row}]"),
+                format!("a motion that begins at {from} s"),
+                &format!("before the end at {} s", scene.duration),
+                "are the times in milliseconds? times are in seconds; `duration` is the length of the scene",
+            );
+        }
+    }
+    let arrival = 1.0 / scene.host.publish_rate + scene.host.latency;
+    if !scene.devices.is_empty() && arrival >= scene.duration {
+        warn(
+            "host.publish_rate",
+            format!("a first model {arrival} s after the start, by `publish_rate` and `latency`"),
+            &format!("before the end at {} s", scene.duration),
+            "the devices would feel no force",
+        );
+    }
+    Ok(warnings)
+}
+
+/// The first row of `waypoints` whose motion begins at or after `end` (s), and the time at which it begins (s).
+fn first_after(end: f64, waypoints: &[[f64; 4]]) -> Option<(usize, f64)> {
+    let moves = waypoints.windows(2).enumerate().find(|(_, pair)| {
+        let [[from, at @ ..], [_, to @ ..]] = [pair[0], pair[1]];
+        from >= end && at != to
+    });
+    moves.map(|(row, pair)| (row + 1, pair[0][0]))
+}
+
+/// Refuses waypoints of which no part leads along the axes of the device: the device bears them, and nothing moves.
+fn across(at: &str, hand: &Hand, model: &DeviceModel, source: &Source) -> Result<(), SceneError> {
+    let Some(axes) = model.axes else {
+        return Ok(());
+    };
+    let away = |row: &&[f64; 4]| row[1..] != [0.0; 3];
+    let along = |row: &[f64; 4]| axes.part(&Vec3::from_column_slice(&row[1..])) != Vec3::zeros();
+    let mut rows = hand.waypoints.iter().filter(away);
+    let Some(first) = rows.clone().next() else {
+        return Ok(());
+    };
+    if rows.any(along) {
+        return Ok(());
+    }
+    let names = ["x", "y", "z"].into_iter().zip(axes.free());
+    let names: Vec<_> = names
+        .filter_map(|(name, free)| free.then_some(name))
+        .collect();
+    Err(source.error(
+        &format!("{at}.waypoints"),
+        format!("{first:?}"),
+        format!(
+            "rows [time, x, y, z] with a part along {}, the axes along which this device moves",
+            names.join(" and ")
+        ),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::{LoadedScene, Scene, SceneError};
+    use std::collections::BTreeMap;
+
+    const BODY: &str = "name = 'a'
+duration = 1.0
+host.publish_rate = 50
+[[body]]
+name = 'b'
+mesh.box = { size = [0.1, 0.1, 0.1], cells = [1, 1, 1] }
+material = { young = 1e3, poisson = 0.3, density = 1000 }
+handle = [{ name = 'h', group = 'top', device = 'd' }]
+[[device]]
+name = 'd'
+model = 'MODEL'
+hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
+";
+
+    fn load(change: &[(&str, &str)]) -> Result<LoadedScene, SceneError> {
+        let text = BODY.replace("MODEL", "omega3");
+        let text = (change.iter()).fold(text, |text, (from, to)| text.replace(from, to));
+        Scene::load_texts("a.toml", &text, &BTreeMap::new())
+    }
+
+    fn warnings(change: &[(&str, &str)]) -> Vec<String> {
+        let loaded = load(change).expect("a scene");
+        loaded.warnings.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn parts_without_effect_are_told() {
+        assert_eq!(warnings(&[]), [""; 0]);
+        for (change, said) in [
+            (
+                vec![(
+                    "handle = [{ name = 'h', group = 'top', device = 'd' }]\n",
+                    "",
+                )],
+                "a.toml:8: device[0]: found no handle of the device \"d\", usual: a [[body.handle]] with this `device`; \
+                 the device would feel no force",
+            ),
+            (
+                vec![("[[0.0, 0, 0, 0], [0.5", "[[100, 0, 0, 0], [500")],
+                "a.toml:12: device[0].hand.waypoints[1]: found a motion that begins at 100 s, usual: before the end at 1 \
+                 s; are the times in milliseconds? times are in seconds; `duration` is the length of the scene",
+            ),
+            (
+                vec![("publish_rate = 50", "publish_rate = 1\nhost.step_rate = 1")],
+                "a.toml:3: host.publish_rate: found a first model 1.004 s after the start, by `publish_rate` and `latency`, \
+                 usual: before the end at 1 s; the devices would feel no force",
+            ),
+        ] {
+            let found = warnings(&change);
+            assert_eq!(found.len(), 1, "{found:?}");
+            assert!(found[0].starts_with(said), "{}", found[0]);
+        }
+        let panto = "name = 'panto'\naxes = ['x', 'y']\nmass = 0.06\ndamping = 0.05\nfriction = 0.05\nposition_step = 2e-5\nmax_force = 2.0\n\
+                     workspace_radius = 0.04\ndriver_stiffness = 500\n";
+        let files = BTreeMap::from([("panto.toml".to_owned(), panto.as_bytes().to_vec())]);
+        let text = BODY.replace("MODEL", "panto.toml");
+        let error = Scene::load_texts("a.toml", &text, &files).expect_err("no motion");
+        let said = "a.toml:12: device[0].hand.waypoints: found [0.5, 0.0, 0.0, -0.01], allowed: rows [time, x, y, z] with a \
+                    part along x and y";
+        assert!(error.to_string().starts_with(said), "{error}");
+        let along = text.replace("0, 0, -0.01]", "0.01, 0, -0.01]");
+        assert!(Scene::load_texts("a.toml", &along, &files).is_ok());
+        // A motion that the end cuts, and a row after the end at which the hand rests, are no errors.
+        for change in [
+            ("[0.5, 0, 0, -0.01]]", "[1.5, 0, 0, -0.01]]"),
+            (
+                "[0.5, 0, 0, -0.01]]",
+                "[0.5, 0, 0, -0.01], [2, 0, 0, -0.01]]",
+            ),
+        ] {
+            assert_eq!(warnings(&[change]), [""; 0]);
+        }
+    }
+}
