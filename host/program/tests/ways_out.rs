@@ -75,12 +75,17 @@ fn ticks(screen: &str) -> bool {
 
 /// A run under the real clock in a terminal of its own, after its first ticks. It lasts until it is ended.
 fn run(session: Session, options: &[&str]) -> InTerminal {
+    let mut program = start(session, options);
+    wait(&mut program, 0, "ticks", ticks);
+    program
+}
+
+/// The same run before its first ticks.
+fn start(session: Session, options: &[&str]) -> InTerminal {
     let mut command = vec![PALPATE, "run", "--clock", "real", "--duration", "1000"];
     command.push("--report-progress");
     command.extend(options);
-    let mut program = InTerminal::start(session, &command).unwrap();
-    wait(&mut program, 0, "ticks", ticks);
-    program
+    InTerminal::start(session, &command).unwrap()
 }
 
 fn json(path: &Path) -> Value {
@@ -108,11 +113,15 @@ fn every_line_stops_also_after_odd_bytes_and_after_the_end_of_a_file() {
 }
 
 #[test]
-fn every_line_stops_after_a_display_that_cannot_start() {
-    // This terminal does not say where its cursor is, which the display asks.
+fn every_line_stops_after_the_display_on_a_terminal_that_answers_nothing() {
+    // This terminal does not say where its cursor is.
     let folder = tempfile::tempdir().unwrap();
     let socket = format!("--view={}", folder.path().join("run.sock").display());
-    let mut program = run(Session::Controlled, &[&socket]);
+    let mut program = start(Session::Controlled, &[&socket]);
+    wait(&mut program, 0, "a frame", |screen| {
+        screen.contains("Enter stops")
+    });
+    program.type_bytes(b"q").unwrap();
     wait(&mut program, 0, "the end of the display", |screen| {
         screen.contains("the display has ended: Enter stops")
     });

@@ -285,8 +285,9 @@ pub(super) fn example(field: &str, allowed: &str) -> String {
     {
         return String::new();
     }
-    // An entry of a list has no example of its own.
+    // An entry of a list has the example of the list.
     let name = field.rsplit('.').next().unwrap_or(field);
+    let name = name.split('[').next().unwrap_or(name);
     let found = EXAMPLES.iter().find(|(other, _)| *other == name);
     found.map_or_else(String::new, |(_, example)| format!(", such as {example}"))
 }

@@ -207,7 +207,7 @@ duration = 1.0
   x.toml:3: gravity: found [0, 0, -9.81, 1], allowed: a list of 3, such as gravity = [0, 0, -9.81]
 [1, 1, 1]]
   -> [1, 1]]
-  x.toml:23: body[0].region[0].box[1]: found [1, 1], allowed: a list of 3
+  x.toml:23: body[0].region[0].box[1]: found [1, 1], allowed: a list of 3, such as box = [[0, 0, 0], [0.1, 0.1, 0.1]], the lowest and the highest corner
 [0.5, 0, 0, 0]
   -> [0.5, 0, 0]
   x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0, 0], allowed: a list of 4, such as waypoints = [[0, 0, 0, 0], [1, 0, 0, -0.02]], rows of time, x, y, z

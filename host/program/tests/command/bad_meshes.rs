@@ -170,9 +170,14 @@ fn a_bad_mesh_is_refused_in_one_line_before_anything_is_written() -> Outcome {
             "line 7: expected a node's tag, found the end of the file",
         ),
         (
-            "unknown.stl",
+            "empty.stl",
             b"solid".to_vec(),
-            "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and a file that begins with \"solid\"",
+            "line 1: the mesh has no triangles; at least one is needed",
+        ),
+        (
+            "unknown.step",
+            b"ISO-10303-21;".to_vec(),
+            "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and a file that begins with \"ISO-10303-21;\"",
         ),
     ];
     let mut wrong = Vec::new();
