@@ -55,7 +55,7 @@ const OUTPUTS: [Output; 23] = [
     },
     Output {
         title: "`palpate device probe --json`",
-        schema: "palpate.probe/1",
+        schema: "palpate.probe/2",
         about: "The states of a device.",
         root: "study::probe::Probed",
     },

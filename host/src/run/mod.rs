@@ -62,6 +62,7 @@ use summary::RunSummary;
 use tears::TearTap;
 
 pub use tick_outputs::TickOutputs;
+pub use devices::simulated_hand;
 
 /// Which clock a run follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
