@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 23] = [
+const OUTPUTS: [Output; 24] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -46,6 +46,12 @@ const OUTPUTS: [Output; 23] = [
         schema: "palpate.compare/1",
         about: "A scene under several force schemes.",
         root: "study::compare::Comparison",
+    },
+    Output {
+        title: "`palpate sweep --json`",
+        schema: "",
+        about: "A line for each run.",
+        root: "study::sweep::Swept",
     },
     Output {
         title: "`palpate device list --json`",
