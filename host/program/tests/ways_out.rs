@@ -212,10 +212,10 @@ fn a_second_request_ends_a_run_that_cannot_print() {
 }
 
 /// The program, whose handlers are those of a person's shell: `nohup` and others start the tests so that they ignore
-/// SIGHUP, and the program would, too.
+/// SIGHUP (or SIGINT, in the background), and the program would, too.
 fn palpate() -> Command {
     let mut command = Command::new("env");
-    command.args(["--default-signal=HUP", PALPATE]);
+    command.args(["--default-signal=HUP,INT", PALPATE]);
     command
 }
 
