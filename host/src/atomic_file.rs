@@ -4,6 +4,7 @@
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// A file that could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -101,6 +102,29 @@ const TEMPORARY: [&str; 2] = [".palpate-", ".tmp"];
 /// What the name of a lock file begins and ends with.
 pub const LOCK: [&str; 2] = [".", ".palpate-lock"];
 
+/// The temporary files of this program that may be there.
+static OWN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// From so many paths on, those that are no longer there are forgotten.
+const MANY: usize = 64;
+
+/// Removes the temporary files of this program, which is about to end in the middle of its work.
+pub fn abandon() {
+    let mut own = OWN.lock().unwrap_or_else(PoisonError::into_inner);
+    for path in own.drain(..) {
+        // It may have become an output, or have been removed.
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Notes a temporary file of this program.
+fn note(path: &Path) {
+    let mut own = OWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if own.len() >= MANY {
+        own.retain(|path| path.exists());
+    }
+    own.push(path.to_owned());
+}
+
 /// A temporary file that is locked, so that [`sweep`] leaves it alone.
 fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     loop {
@@ -112,6 +136,7 @@ fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
         let _ = file.as_file().lock();
         // Another program may have swept the file away before it was locked.
         if file.path().exists() {
+            note(file.path());
             return Ok(file);
         }
     }

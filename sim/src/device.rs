@@ -197,6 +197,22 @@ impl SimDevice {
         }
     }
 
+    /// Lets the hand stay at its start until [`begin_hand`](Self::begin_hand), from which on its own time runs. While the
+    /// hand waits, [`guide`](Self::guide) moves it and leaves its own trajectory as it is.
+    pub fn hold_hand(&mut self) {
+        if let Some(aim) = &mut self.aim {
+            aim.wait();
+        }
+    }
+
+    /// Begins the own time of a hand that waits.
+    pub fn begin_hand(&mut self) {
+        let now = self.moved_s();
+        if let Some(aim) = &mut self.aim {
+            aim.begin(now);
+        }
+    }
+
     /// Time for which the device has moved (s): the time of its hand.
     pub fn moved_s(&self) -> f64 {
         self.moved_ns as f64 * 1e-9

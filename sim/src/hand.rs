@@ -168,9 +168,30 @@ impl Aim {
         self.hand.buttons(time_ns as f64 * 1e-9)
     }
 
-    /// Replaces the trajectory, from the next look on.
+    /// Replaces the trajectory, from the next look on: that of the opening, while the hand waits.
     pub(crate) fn guide(&mut self, trajectory: Trajectory) {
-        self.hand.trajectory = trajectory;
+        match &mut self.hand.opening {
+            Some((opening, f64::INFINITY)) => *opening = trajectory,
+            _ => self.hand.trajectory = trajectory,
+        }
+        self.renew();
+    }
+
+    /// Lets the hand's own time wait until [`Self::begin`]. The hand stays at its start.
+    pub(crate) fn wait(&mut self) {
+        self.hand.opening = Some((Trajectory::still(), f64::INFINITY));
+        self.renew();
+    }
+
+    /// Begins the own time of a hand that waits at `time` (s).
+    pub(crate) fn begin(&mut self, time: f64) {
+        if let Some((_, duration @ f64::INFINITY)) = &mut self.hand.opening {
+            *duration = time;
+            self.renew();
+        }
+    }
+
+    fn renew(&mut self) {
         let knot = |ms: u64| self.hand.aim(ms as f64 * 1e-3);
         (self.from, self.to) = (knot(self.at_ms), knot(self.at_ms + 1));
     }

@@ -245,9 +245,25 @@ fn main() -> ExitCode {
     }
 }
 
+impl Command {
+    /// Whether the command has an end of its own for signals.
+    fn ends_by_itself(&self) -> bool {
+        match self {
+            Self::Run(_) | Self::Device(_) => true,
+            #[cfg(feature = "view")]
+            Self::View(_) => true,
+            _ => false,
+        }
+    }
+}
+
 /// Executes a command and reports its error. Returns the exit code.
 fn execute(command: Option<Command>) -> u8 {
-    let result = match command.unwrap_or_else(|| Command::Run(Box::default())) {
+    let command = command.unwrap_or_else(|| Command::Run(Box::default()));
+    if !command.ends_by_itself() {
+        signals::clean_up_at_the_end();
+    }
+    let result = match command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),

@@ -149,11 +149,17 @@ impl Lines {
     }
 }
 
-/// Obeys a line.
+/// Obeys a line, and says so. The tick takes the order within a period, once the run ticks.
 fn obey(line: &str, panel: &Panel) {
     match line.trim() {
-        "" => panel.stop(),
-        "arm" => panel.arm(),
+        "" => {
+            panel.stop();
+            errln!("stopped: no device renders force; type \"arm\" and Enter to arm them");
+        }
+        "arm" => {
+            panel.arm();
+            errln!("armed: all devices that can be; Enter stops their forces");
+        }
         other => {
             // A person who types in a hurry wants the force to end.
             panel.stop();

@@ -17,6 +17,7 @@ use host::solve::frames::FrameFolder;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The format of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -429,11 +430,34 @@ struct LockFile {
     _file: File,
 }
 
+/// The lock files of this program.
+static LOCKS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+impl LockFile {
+    fn new(path: PathBuf, file: File) -> Self {
+        locks().push(path.clone());
+        Self { path, _file: file }
+    }
+}
+
 impl Drop for LockFile {
     fn drop(&mut self) {
         // The file is removed while it is locked. One that stays does no harm.
         let _ = fs::remove_file(&self.path);
+        locks().retain(|path| *path != self.path);
     }
+}
+
+fn locks() -> MutexGuard<'static, Vec<PathBuf>> {
+    LOCKS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the lock files and the temporary files of this program, which is about to end in the middle of its work.
+pub(super) fn abandon() {
+    for path in locks().drain(..) {
+        let _ = fs::remove_file(path);
+    }
+    atomic_file::abandon();
 }
 
 /// Keeps other programs from the output, as far as the command itself does not when it opens the output. Fails if
@@ -503,10 +527,7 @@ fn hold(output: &Output) -> Result<Option<LockFile>, OutputError> {
         }
         // Between opening and locking, the previous owner may have removed the file.
         if cfg!(not(unix)) || file.metadata().is_ok_and(|open| is_same(&open, &lock)) {
-            return Ok(Some(LockFile {
-                path: lock,
-                _file: file,
-            }));
+            return Ok(Some(LockFile::new(lock, file)));
         }
     }
 }

@@ -38,8 +38,8 @@ struct PlanJson<'a> {
     warnings: Vec<String>,
     /// The stages of a host step, in their order.
     stages: &'a [Stage],
-    /// Mean time of a host step on this machine (s), with its share of the publications, as measured; `None` with
-    /// `--no-timing`.
+    /// Typical processor time of a host step on this machine (s), with its share of the publications, as measured: that of
+    /// the threads that lead its stages; `None` with `--no-timing`.
     step_time: Option<f64>,
     /// The directions in which the bodies at rest are stiffer than their devices can render, by body, stiffest first.
     stiff: &'a [StiffSummary],
@@ -77,7 +77,10 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     }
     let time = step_time.map(|took| StepTime::new(&loaded.scene, took));
     if let Some(time) = time {
-        outln!("  time       on this machine, {}", time.in_words());
+        outln!(
+            "  time       on this machine, by processor time, {}",
+            time.in_words()
+        );
     }
     let mut warnings: Vec<_> = bodies::warnings(&loaded)
         .iter()

@@ -96,7 +96,12 @@ impl ProgressBar {
 
     /// Writes a line of the program to the standard error, above the bar.
     pub(super) fn say(&self, text: &str) {
-        self.shared.bar.suspend(|| errln!("{text}"));
+        self.above(|| errln!("{text}"));
+    }
+
+    /// Prints above the bar.
+    pub(super) fn above(&self, print: impl FnOnce()) {
+        self.shared.bar.suspend(print);
     }
 
     /// Ends the work and clears the bar.

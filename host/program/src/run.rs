@@ -14,6 +14,7 @@ use devices::panel::{Panel, TimedOrder};
 use host::engine::faults::HostFault;
 #[cfg(feature = "view")]
 use host::live::session::ViewOptions;
+use host::plot::Part;
 use host::run::frames::FrameOptions;
 use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
@@ -60,6 +61,10 @@ pub(super) struct RunArguments {
     /// Draw force and position over time (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
+    /// Draw the component of force and displacement along this axis of the scene, or their norm, so that the pictures of
+    /// several runs compare. Default: the main direction of each device's force
+    #[arg(long, value_name = "AXIS", value_enum, requires = "plot")]
+    axis: Option<AxisName>,
     /// Write a row for each tick: time, poses, velocities and forces of the devices, age of the models, limits (CSV).
     /// Also with --replay
     #[arg(long, value_name = "FILE")]
@@ -173,6 +178,7 @@ impl Default for RunArguments {
             log: None,
             log_frames: None,
             plot: None,
+            axis: None,
             csv: None,
             force_displacement: None,
             histogram: None,
@@ -203,6 +209,26 @@ enum ClockName {
 enum InstructionsName {
     Auto,
     Portable,
+}
+
+/// The part of a force that a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum AxisName {
+    X,
+    Y,
+    Z,
+    Norm,
+}
+
+impl From<AxisName> for Part {
+    fn from(name: AxisName) -> Self {
+        match name {
+            AxisName::X => Self::Axis(0),
+            AxisName::Y => Self::Axis(1),
+            AxisName::Z => Self::Axis(2),
+            AxisName::Norm => Self::Norm,
+        }
+    }
 }
 
 /// Parses a positive number of seconds, at most one day.
@@ -340,6 +366,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         log: arguments.log.clone(),
         log_frames: arguments.log_frames,
         plot: arguments.plot.clone(),
+        part: arguments.axis.map_or(Part::default(), Part::from),
         ticks,
         histogram: arguments.histogram.clone(),
         frames,

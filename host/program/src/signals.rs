@@ -12,10 +12,13 @@
 //! request therefore looks at the terminal as well. Where `nohup` lets the program ignore SIGHUP, a lost terminal ends
 //! nothing.
 //!
+//! Commands that hold no device end at once, as the signal says; only their lock files and temporary files are removed first
+//! ([`clean_up_at_the_end`]). Their results that grow are complete up to the last line.
+//!
 //! SIGTTIN and SIGTTOU stop a program in the background that uses its terminal. A command that holds a device ignores
 //! both: the program then runs in the background, and a read of the terminal fails there.
 
-use super::CommandError;
+use super::{CommandError, outputs};
 use runner::Stop;
 use runner::signals::{ending, ignore, is_ignored};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -23,7 +26,8 @@ use signal_hook::consts::{
     SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGXFSZ,
 };
 use signal_hook::{flag, low_level};
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Read};
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
@@ -59,6 +63,37 @@ pub(super) fn ended_by(number: u8) -> &'static str {
 /// Whether nobody has the other end of a terminal any more.
 pub(super) fn is_lost(events: PollFlags) -> bool {
     events.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
+}
+
+/// Lets a signal that ends a command, which holds no device and has no end of its own, first remove the lock files and the
+/// temporary files of the command.
+pub(super) fn clean_up_at_the_end() {
+    // Without a thread or a pipe they stay. The next command that writes there removes them.
+    let _ = clean_up();
+}
+
+fn clean_up() -> io::Result<()> {
+    let (mut waits, wakes) = UnixStream::pair()?;
+    let received = Arc::new(AtomicUsize::new(0));
+    let theirs = Arc::clone(&received);
+    std::thread::Builder::new()
+        .stack_size(runner::STACK)
+        .name("palpate-signals".into())
+        .spawn(move || {
+            if waits.read_exact(&mut [0]).is_ok() {
+                outputs::abandon();
+                let number = i32::try_from(theirs.load(Ordering::SeqCst)).unwrap_or(SIGTERM);
+                // The process ends as the signal says.
+                let _ = low_level::emulate_default_handler(number);
+            }
+        })?;
+    for signal in REQUESTS.into_iter().chain([SIGHUP]) {
+        if !is_ignored(signal) {
+            flag::register_usize(signal, Arc::clone(&received), signal as usize)?;
+            low_level::pipe::register(signal, wakes.try_clone()?)?;
+        }
+    }
+    Ok(())
 }
 
 /// The end of a command in order. Its handlers stay until the program ends.
@@ -147,6 +182,7 @@ impl Watched {
         self.requested.store(false, Ordering::SeqCst);
         self.wait();
         let number = i32::try_from(self.received.load(Ordering::SeqCst)).unwrap_or(SIGTERM);
+        outputs::abandon();
         low_level::exit(128_i32.saturating_add(number));
     }
 

@@ -1,11 +1,12 @@
 //! `palpate sweep`: a scene with several values of its fields, side by side.
 
 use super::outputs::{Declared, Format};
+use super::run::AxisName;
 use super::sets::{Assignment, assignment};
 use super::stress::{Shown, threads};
 use super::written::Written;
 use super::{CommandError, load};
-use host::plot::{self, Panel, Role, Series, write_picture};
+use host::plot::{self, Panel, Part, Role, Series, write_picture};
 use std::num::NonZero;
 use std::path::PathBuf;
 use study::stress::jobs::{Cells, Options, Shard};
@@ -37,6 +38,9 @@ pub(super) struct SweepArguments {
     /// Draw the forces of all runs over time, a panel for each device (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
+    /// Keep and draw the forces along this axis of the scene, or their norm
+    #[arg(long, value_name = "AXIS", value_enum, default_value_t = AxisName::Norm)]
+    axis: AxisName,
 }
 
 const EXAMPLES: &str = "\
@@ -60,22 +64,27 @@ pub(super) fn run(arguments: &SweepArguments) -> Result<(), CommandError> {
         field: set.field.clone(),
         values: set.values.clone(),
     });
-    let sweep = Sweep::new(&loaded, &axes.collect::<Vec<_>>())?;
+    let part = Part::from(arguments.axis);
+    let sweep = Sweep::new(&loaded, &axes.collect::<Vec<_>>(), part)?;
     let options = Options {
         shard: Shard::default(),
         threads: arguments.threads,
         file: arguments.json.clone(),
     };
     let shown = Shown::new();
-    let found = sweep.run(arguments.seed, arguments.duration, &options, |at| {
-        shown.show(at);
+    let done = |fraction| shown.part(fraction);
+    let found = sweep.run(arguments.seed, arguments.duration, &options, &done, |at| {
+        shown.show(at)
     });
     let Cells { cells, unwritten } = shown.end(found)?;
     let runs: Vec<&Swept> = cells.values().collect();
     print(&loaded.scene.name, sweep.fields(), &runs);
     let mut written = Written::default();
     written.write(arguments.plot.as_ref(), |path| {
-        write_picture(path, &picture(&loaded.scene.name, sweep.fields(), &runs))
+        write_picture(
+            path,
+            &picture(&loaded.scene.name, sweep.fields(), &runs, part),
+        )
     });
     written.end()?;
     if let Some(error) = unwritten {
@@ -102,7 +111,7 @@ fn print(scene: &str, fields: &[String], runs: &[&Swept]) {
     heads.push("net energy mJ".to_owned());
     let tears = runs.iter().any(|run| !run.tears.is_empty());
     if tears {
-        heads.push("tear: start N (at s), peak N, mean N, mm2, mJ".to_owned());
+        heads.push("tear: start N (at s), peak N, plateau N, mm2, mJ".to_owned());
     }
     outln!("| {} |", heads.join(" | "));
     outln!("|{}", "---|".repeat(heads.len()));
@@ -117,10 +126,10 @@ fn print(scene: &str, fields: &[String], runs: &[&Swept]) {
             let each = run.tears.iter().map(|tear| {
                 format!(
                     "{:.2} ({:.3}), {:.2}, {:.2}, {:.1}, {:.2}",
-                    tear.start,
-                    tear.between[0],
-                    tear.peak,
-                    tear.plateau,
+                    tear.force.start,
+                    tear.force.from,
+                    tear.force.peak,
+                    tear.force.plateau,
                     1e6 * tear.area,
                     1e3 * tear.energy
                 )
@@ -146,13 +155,13 @@ fn named(fields: &[String], run: &Swept) -> String {
 }
 
 /// The force of each device over time, a line for each run.
-fn picture(scene: &str, fields: &[String], runs: &[&Swept]) -> String {
+fn picture(scene: &str, fields: &[String], runs: &[&Swept], part: Part) -> String {
     let first = runs.iter().max_by_key(|run| run.devices.len());
     let devices = first.map_or(&[][..], |run| &run.devices);
     let panels = devices.iter().enumerate().map(|(index, device)| Panel {
         title: device.name.clone(),
         x_label: "time (s)".to_owned(),
-        y_label: "force, norm (N)".to_owned(),
+        y_label: format!("force{} (N)", part.label()),
         series: (runs.iter().enumerate())
             .filter_map(|(number, run)| {
                 Some(Series {

@@ -23,7 +23,13 @@ impl Drop for Emulated {
 
 /// Starts an emulator, and returns the connection that it prints.
 fn emulate(model: &str, on: &str) -> (Emulated, String) {
-    let mut child = palpate(&["device", "emulate", model, "--on", on, "--tremor", "0.0005"])
+    emulate_with(&[model, "--on", on, "--tremor", "0.0005"])
+}
+
+/// Starts an emulator with these arguments, and returns the connection that it prints.
+fn emulate_with(arguments: &[&str]) -> (Emulated, String) {
+    let mut child = palpate(&["device", "emulate"])
+        .args(arguments)
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
@@ -86,8 +92,23 @@ fn probed_and_held(model: &str, on: &str) {
     .output()
     .expect("the program runs");
     assert!(result.status.success(), "{result:?}");
+    let printed = String::from_utf8_lossy(&result.stdout).into_owned();
     let probed = json(&file("probe.json"));
     assert_eq!(probed["ticks"], 2000);
+    // Whether the device is ready depends on what else this machine does.
+    let last = printed.lines().last().unwrap_or_default();
+    assert!(
+        last.starts_with("  verdict    ready: ") || last.starts_with("  verdict    NOT ready: "),
+        "{printed}"
+    );
+    let stated = &probed["device"];
+    assert!(stated["max_force"].as_f64() > Some(0.0), "{probed}");
+    assert!(stated["profile_rate"].as_f64() > Some(0.0), "{probed}");
+    // Of these devices, those of the firmware protocol state a name and a firmware.
+    let states = model != "woodenhaptics";
+    assert_eq!(stated["name"].is_string(), states, "{probed}");
+    assert_eq!(stated["firmware"].is_string(), states, "{probed}");
+    assert_eq!(printed.contains("calls itself"), states, "{printed}");
     assert!(
         probed["states"].as_u64().is_some_and(|states| states > 0),
         "{probed}"
@@ -143,6 +164,83 @@ fn an_emulated_device_of_the_firmware_protocol_is_probed_and_held_over_tcp() {
 #[test]
 fn an_emulated_device_of_the_firmware_protocol_is_probed_and_held_over_a_pty() {
     probed_and_held("touch", "pty");
+}
+
+/// Two hands of a scene, which pull a sheet apart and hold it.
+const TWO_HANDS: &str = r#"
+name = "rehearsed"
+duration = 3
+[[body]]
+name = "sheet"
+mesh.sheet = { length = 0.2, width = 0.1, cells = [8, 4] }
+material = { young = 1e5, poisson = 0.3, thickness = 0.001, density = 1000 }
+handle = [
+  { name = "left edge", group = "left", device = "left" },
+  { name = "right edge", group = "right", device = "right" },
+]
+[[device]]
+name = "left"
+model = "falcon"
+hand.waypoints = [[0.3, 0.0, 0.0, 0.0], [0.8, -0.01, 0.0, 0.0]]
+[[device]]
+name = "right"
+model = "falcon"
+hand.waypoints = [[0.3, 0.0, 0.0, 0.0], [0.8, 0.01, 0.0, 0.0]]
+"#;
+
+#[test]
+fn a_scene_with_two_emulated_devices_is_rehearsed_in_its_own_hands() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, TWO_HANDS).expect("a temporary folder");
+    let at = scene.to_str().expect("a path");
+    let [left, right] = [("left", "tcp"), ("right", "pty")].map(|(name, on)| {
+        emulate_with(&[
+            "--scene",
+            at,
+            "--name",
+            name,
+            "--on",
+            on,
+            "--protocol",
+            "firmware",
+        ])
+    });
+    let run = |name: &str, options: &[&str]| {
+        let file = folder.path().join(name);
+        let mut command = palpate(&["run", "--json"]);
+        let result = command.arg(&file).args(options).arg(&scene).output();
+        let result = result.expect("the program runs");
+        assert!(result.status.success(), "{result:?}");
+        json(&file)
+    };
+    let simulated = run("virtual.json", &[]);
+    let [first, second] = [("left", &left.1), ("right", &right.1)]
+        .map(|(name, connect)| format!("--device={name}={connect}"));
+    let rehearsed = run(
+        "real.json",
+        &["--clock", "real", "--armed", &first, &second],
+    );
+    for device in 0..2 {
+        let reach = |summary: &Value| {
+            let reach = summary["devices"][device]["reach"].as_f64();
+            reach.expect("a number")
+        };
+        let (expected, found) = (reach(&simulated), reach(&rehearsed));
+        // The hand holds the sheet for two seconds, so that the time at which it began does not matter. Its arm (300 N/m)
+        // stretches under the force of the sheet, by the friction of 0.3 N up to 1 mm less or more, on each side.
+        assert!((found - expected).abs() < 2e-3, "{found} {expected}");
+        assert!(expected > 5e-3, "{expected}");
+    }
+    let wrong = palpate(&[
+        "device", "emulate", "--on", "tcp", "--scene", at, "--name", "middle",
+    ]);
+    let wrong = { wrong }.output().expect("the program runs");
+    let said = String::from_utf8_lossy(&wrong.stderr);
+    assert!(
+        said.contains("--name: found middle, allowed: the devices of the scene: left, right"),
+        "{said}"
+    );
 }
 
 /// A scene with a second device.

@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 23] = [
+const OUTPUTS: [Output; 24] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -48,6 +48,12 @@ const OUTPUTS: [Output; 23] = [
         root: "study::compare::Comparison",
     },
     Output {
+        title: "`palpate sweep --json`",
+        schema: "",
+        about: "A line for each run.",
+        root: "study::sweep::Swept",
+    },
+    Output {
         title: "`palpate device list --json`",
         schema: "palpate.devices/1",
         about: "The devices that are connected.",
@@ -55,7 +61,7 @@ const OUTPUTS: [Output; 23] = [
     },
     Output {
         title: "`palpate device probe --json`",
-        schema: "palpate.probe/1",
+        schema: "palpate.probe/2",
         about: "The states of a device.",
         root: "study::probe::Probed",
     },

@@ -251,6 +251,15 @@ fn every_scene_is_printed_and_written_on_every_path() {
     let head = columns(lines.next().expect("a head"));
     assert!(run.csv.lines().all(|line| columns(line) == head));
     assert_eq!(lines.count(), rows().count());
+    for scaling in list(&run.json, "scaling") {
+        let path = scaling["path"].as_str().expect("a path");
+        let sizes = list(scaling, "sizes");
+        assert_eq!(sizes.len(), 2, "{scaling}");
+        for size in sizes {
+            let start = format!("| {path} | {} | {} | ", size["elements"], size["unknowns"]);
+            assert_eq!(run.printed.matches(&start).count(), 1, "{start}");
+        }
+    }
     // The figures of the other programs are in the same table.
     assert!(
         run.printed

@@ -221,10 +221,10 @@ fn a_second_request_ends_a_run_that_cannot_print() {
 }
 
 /// The program, whose handlers are those of a person's shell: `nohup` and others start the tests so that they ignore
-/// SIGHUP, and the program would, too.
+/// SIGHUP (or SIGINT, in the background), and the program would, too.
 fn palpate() -> Command {
     let mut command = Command::new("env");
-    command.args(["--default-signal=HUP", PALPATE]);
+    command.args(["--default-signal=HUP,INT", PALPATE]);
     command
 }
 
@@ -274,6 +274,100 @@ fn a_signal_before_the_first_tick_ends_a_run_in_order() {
             assert_eq!(status.code(), Some(expected), "{clock}: {status:?}");
             assert_eq!(json(&path)["tick"]["stopped"], true, "{clock}");
         }
+    }
+}
+
+/// The names of the files in a folder, sorted.
+fn files(folder: &Path) -> Vec<String> {
+    let names = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<_> = names
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn an_interrupted_run_in_virtual_time_writes_what_ran_and_leaves_no_other_file() {
+    for (signal, expected) in [(Signal::INT, 130), (Signal::TERM, 143)] {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let mut command = palpate();
+        command.args(["run", "--duration", "1000"]);
+        for (option, name) in [
+            ("--json", "run.json"),
+            ("--csv", "run.csv"),
+            ("--plot", "run.svg"),
+            ("--force-displacement", "curve.svg"),
+            ("--log", "run.mcap"),
+        ] {
+            command.arg(option).arg(at(name));
+        }
+        let printed = at("printed.txt");
+        let output = std::fs::File::create(&printed).unwrap();
+        command.stdin(Stdio::null()).stderr(Stdio::null());
+        let mut run = Run(command.stdout(output).spawn().unwrap());
+        until("ticks are logged", || {
+            std::fs::metadata(at("run.mcap")).is_ok_and(|log| log.len() > 1 << 20)
+        });
+        run.signal(signal);
+        assert_eq!(run.0.wait().unwrap().code(), Some(expected));
+        let summary = json(&at("run.json"));
+        assert_eq!(summary["tick"]["stopped"], true, "{summary}");
+        assert_eq!(summary["failures"], Value::Array(Vec::new()), "{summary}");
+        let ticks = summary["tick"]["count"].as_u64().unwrap();
+        assert!(0 < ticks && ticks < 1_000_000, "{ticks}");
+        // One row for each tick, and the head.
+        let rows = std::fs::read_to_string(at("run.csv")).unwrap();
+        assert_eq!(rows.lines().count() as u64, ticks + 1);
+        let text = std::fs::read_to_string(&printed).unwrap();
+        assert!(
+            text.contains("a signal ended the run before its end"),
+            "{text}"
+        );
+        for picture in ["run.svg", "curve.svg"] {
+            let svg = std::fs::read_to_string(at(picture)).unwrap();
+            assert!(svg.trim_end().ends_with("</svg>"), "{picture}");
+        }
+        let expected = [
+            "curve.svg",
+            "printed.txt",
+            "run.csv",
+            "run.json",
+            "run.mcap",
+            "run.svg",
+        ];
+        assert_eq!(files(folder.path()), expected);
+        // The log is whole: it replays bit for bit.
+        let replay = Command::new(PALPATE)
+            .args(["run", "--replay"])
+            .arg(at("run.mcap"))
+            .output()
+            .unwrap();
+        assert!(replay.status.success(), "{replay:?}");
+    }
+}
+
+#[test]
+fn a_signal_that_ends_another_command_leaves_no_lock() {
+    for (command, signal) in [
+        ("compare --duration 1000", Signal::INT),
+        (
+            "sweep --duration 1000 --set loop.scheme=hold,capped",
+            Signal::TERM,
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut palpate = palpate();
+        palpate.args(command.split(' ').map(str::to_owned));
+        let mut run = Run::start(palpate.arg("--plot").arg(folder.path().join("plot.svg")));
+        until("the lock is there", || {
+            files(folder.path()) == [".plot.svg.palpate-lock"]
+        });
+        run.signal(signal);
+        let status = run.0.wait().unwrap();
+        assert_eq!(status.signal(), Some(signal.as_raw()), "{command}");
+        assert_eq!(files(folder.path()), [""; 0], "{command}");
     }
 }
 

@@ -5,7 +5,7 @@
 use super::Engine;
 use super::build::{self, How};
 use super::pacer::{Due, Pacer};
-use super::stats::{StepTimes, WallStopwatch};
+use super::stats::{ProcessorStopwatch, StepTimes};
 use super::threads::{Threads, awake};
 use crate::bodies::Built;
 use crate::run::summary::StiffSummary;
@@ -62,7 +62,7 @@ impl<'a> Rehearsal<'a> {
             time_ns: 0,
             publishes: true,
         };
-        self.step(due, &WallStopwatch::start());
+        self.step(due);
         let mut found = Vec::new();
         for (number, body) in self.engine.bodies().iter().enumerate() {
             let directions = body.stiff_directions();
@@ -72,14 +72,14 @@ impl<'a> Rehearsal<'a> {
         found
     }
 
-    /// The mean time of a host step of the scene on this machine, with its share of the publications (s). The time depends
-    /// on the machine; nothing else does.
+    /// The typical processor time of a host step of the scene on this machine, with its share of the publications (s):
+    /// that of the threads that lead its stages ([`ProcessorStopwatch`]). The time depends on the machine; nothing else
+    /// does.
     pub fn step_time(mut self) -> f64 {
         Stage::Timing.begin();
         let start = self.record.proxies;
         let cycle = build::steps_per_publication(self.scene);
         let mut pacer = Pacer::new(self.scene.host.step_rate, cycle);
-        let watch = WallStopwatch::start();
         let mut times = StepTimes::new(cycle);
         loop {
             let due = pacer.begin(pacer.next_ns());
@@ -94,7 +94,7 @@ impl<'a> Rehearsal<'a> {
                 twist.linear = Vec3::x() * SPEED;
             }
             self.engine.follow(&self.record);
-            self.step(due, &watch);
+            self.step(due);
             times.take(self.engine.stats());
             let (steps, time) = (self.engine.stats().steps, self.engine.stats().total_time());
             if steps >= STEPS || (steps >= 3 && time >= ENOUGH) {
@@ -103,9 +103,9 @@ impl<'a> Rehearsal<'a> {
         }
     }
 
-    fn step(&mut self, due: Due, watch: &WallStopwatch) {
+    fn step(&mut self, due: Due) {
         let engine = &mut self.engine;
         self.threads
-            .run(|| awake(|| engine.step(due, watch, |_, _| {})));
+            .run(|| awake(|| engine.step(due, &ProcessorStopwatch, |_, _| {})));
     }
 }

@@ -1,4 +1,5 @@
-//! The direction along which a device's force and motion are drawn: the principal direction of the force.
+//! The direction along which a device's force and motion are drawn: the principal direction of the force, or that which a
+//! person asks for.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -6,6 +7,39 @@ use super::reduce::usable;
 
 /// A direction within 18 degrees of an axis of the world is drawn as that axis (cosine of the angle).
 const SNAP: f64 = 0.95;
+
+/// The part of a force that a picture shows. Pictures of one part compare, whatever the runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Part {
+    /// The component along the principal direction of the force, which each picture finds by itself.
+    #[default]
+    Principal,
+    /// The component along an axis of the scene: 0 for x, 1 for y, 2 for z.
+    Axis(usize),
+    /// The norm.
+    Norm,
+}
+
+impl Part {
+    /// The component of `vector` along the axis, or its norm; the norm where a picture finds its direction by itself.
+    pub fn of(self, vector: &Vector3<f64>) -> f64 {
+        match self {
+            Self::Axis(axis) => vector.get(axis).copied().unwrap_or_default(),
+            Self::Principal | Self::Norm => vector.norm(),
+        }
+    }
+
+    /// What a label says of the part after the name of the quantity; the norm where a picture finds its direction by
+    /// itself.
+    pub fn label(self) -> String {
+        match self {
+            Self::Axis(axis) => format!(" along {}", AXES.get(axis).copied().unwrap_or_default()),
+            Self::Principal | Self::Norm => ", norm".to_owned(),
+        }
+    }
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A direction in the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +57,7 @@ pub(super) fn main_direction(force: &[[f64; 3]], position: &[[f64; 3]]) -> Direc
     let axis = principal(force.iter().copied().map(Vector3::from))
         .or_else(|| principal(moved))
         .unwrap_or_else(Vector3::x);
-    for (i, name) in ["x", "y", "z"].into_iter().enumerate() {
+    for (i, name) in AXES.into_iter().enumerate() {
         if axis[i] > SNAP {
             let mut snapped = Vector3::zeros();
             snapped[i] = 1.0;

@@ -21,6 +21,7 @@ mod view;
 pub use axis::Scale;
 pub use chart::{Series, line_chart_svg};
 pub use collisions::collisions;
+pub use direction::Part;
 pub use file::write_picture;
 pub use force_displacement::{LoadCurve, force_displacement_svg};
 pub use ink::Role;

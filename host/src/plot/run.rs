@@ -1,13 +1,13 @@
 //! The picture of a run: the force on the hands above, the displacement of the devices below, over the same time.
 //!
-//! Each device is drawn along the principal direction of its force, which the labels name. Bands mark the
-//! intervals in which the force was not that of the newest model: the cap, a limit or a fault acted on it.
+//! Each device is drawn along the principal direction of its force, or along that which a person asks for, or by the norm.
+//! The labels name it. Bands mark the intervals in which the force was not that of the newest model: the cap, a limit or a fault acted on it.
 
 use nalgebra::Vector3;
 use plotters::prelude::*;
 
 use super::axis::Axis;
-use super::direction::{Direction, first_usable, main_direction};
+use super::direction::{Direction, Part, first_usable, main_direction};
 use super::ink;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
 use super::reduce::{reduce, usable};
@@ -32,6 +32,8 @@ pub(crate) struct PlotData {
     pub devices: Vec<DeviceSeries>,
     /// The intervals to mark.
     pub marks: Vec<Mark>,
+    /// The part of forces and displacements that is drawn.
+    pub part: Part,
 }
 
 /// One device of a [`PlotData`].
@@ -122,31 +124,44 @@ impl Cause {
 /// Draws force and displacement of all devices over time, 800 by 560 pixels. What is not a number is
 /// left out.
 pub(crate) fn force_and_position_svg(data: &PlotData) -> String {
-    let devices: Vec<Trace> = data.devices.iter().map(Trace::new).collect();
+    let devices = data.devices.iter();
+    let devices: Vec<_> = devices
+        .map(|series| Trace::new(series, data.part))
+        .collect();
     page::svg(WIDTH, HEIGHT, |area| draw(area, data, &devices))
 }
 
 /// One device along its direction.
 struct Trace<'a> {
     series: &'a DeviceSeries,
+    part: Part,
     direction: Direction,
     start: Vector3<f64>,
 }
 
 impl<'a> Trace<'a> {
-    fn new(series: &'a DeviceSeries) -> Self {
+    fn new(series: &'a DeviceSeries, part: Part) -> Self {
         let direction = main_direction(&series.force, &series.position);
         Self {
             series,
+            part,
             direction,
             start: first_usable(&series.position),
+        }
+    }
+
+    /// The part of a vector that is drawn.
+    fn value(&self, vector: &Vector3<f64>) -> f64 {
+        match self.part {
+            Part::Principal => self.direction.axis.dot(vector),
+            part => part.of(vector),
         }
     }
 
     /// Force (N) over time.
     fn force(&self, time: &[f64]) -> Vec<(f64, f64)> {
         let force = self.series.force.iter();
-        let along = force.map(|f| self.direction.axis.dot(&Vector3::from(*f)));
+        let along = force.map(|f| self.value(&Vector3::from(*f)));
         time.iter().copied().zip(along).collect()
     }
 
@@ -157,7 +172,7 @@ impl<'a> Trace<'a> {
             .position
             .iter()
             .map(|p| Vector3::from(*p) - self.start);
-        let along = moved.map(|d| 1e3 * self.direction.axis.dot(&d));
+        let along = moved.map(|d| 1e3 * self.value(&d));
         time.iter().copied().zip(along).collect()
     }
 }
@@ -167,12 +182,15 @@ fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
     // The axes name a direction that all devices have in common. Otherwise the legend names each direction.
     let common = devices.first().map(|first| &first.direction.name);
     let common = common.filter(|name| devices.iter().all(|d| d.direction.name == **name));
-    let along = common.map_or_else(String::new, |name| format!(" along {name}"));
+    let along = match data.part {
+        Part::Principal => common.map(|name| format!(" along {name}")),
+        part => Some(part.label()),
+    };
     let bands = bands(&data.marks, &data.time);
 
     let lines = devices.iter().enumerate().map(|(i, device)| {
         let mut name = device.series.name.clone();
-        if common.is_none() {
+        if along.is_none() {
             name = format!("{name}, along {}", device.direction.name);
         }
         Entry {
@@ -180,6 +198,7 @@ fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
             key: Key::Line(page::series_color(i), Marker::None),
         }
     });
+    let along = along.clone().unwrap_or_default();
     let patches = bands.iter().map(|band| Entry {
         name: band.label(),
         key: Key::Band(band.cause.color()),

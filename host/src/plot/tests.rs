@@ -1,6 +1,6 @@
 use super::{
-    Cause, DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, Panel, PlotData, Role,
-    Scale, Series, collisions, force_and_position_svg, line_chart_svg, map_svg, panels_svg,
+    Cause, DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, Panel, Part, PlotData,
+    Role, Scale, Series, collisions, force_and_position_svg, line_chart_svg, map_svg, panels_svg,
 };
 
 /// Two hands that pull apart for `samples` ms, with noise.
@@ -30,6 +30,7 @@ fn stretch(samples: u32) -> PlotData {
             cause: Cause::Limited,
             of: String::new(),
         }],
+        ..PlotData::default()
     }
 }
 
@@ -42,6 +43,28 @@ fn check(svg: &str) {
     assert_eq!(count("<"), count(">"));
     assert!(!svg.chars().any(|c| c.is_control() && c != '\n'));
     assert_eq!(collisions(svg), [""; 0]);
+}
+
+#[test]
+fn a_run_is_drawn_along_the_axis_that_is_asked_for_or_by_its_norm() {
+    // Pull along x, and a tenth of a newton along y.
+    let drawn = |part| {
+        let svg = force_and_position_svg(&PlotData {
+            part,
+            ..stretch(1000)
+        });
+        check(&svg);
+        svg
+    };
+    let along = drawn(Part::Axis(1));
+    assert!(along.contains("Force along y (N)"), "{along}");
+    assert!(along.contains("Displacement along y (mm)"), "{along}");
+    assert_ne!(along, drawn(Part::Axis(0)));
+    assert_eq!(drawn(Part::Axis(0)), drawn(Part::Principal));
+    let norm = drawn(Part::Norm);
+    assert!(norm.contains("Force, norm (N)"), "{norm}");
+    let part = |part: Part| part.of(&nalgebra::Vector3::new(3.0, 0.0, -4.0));
+    assert_eq!((part(Part::Axis(2)), part(Part::Norm)), (-4.0, 5.0));
 }
 
 #[test]

@@ -8,6 +8,7 @@ use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::samples::{Sample, Samples};
 use super::slips;
+use super::tear_force::{TearForce, TearForces};
 use super::tears::TearEvents;
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
@@ -34,12 +35,15 @@ pub(super) struct Collector {
     /// By device.
     sums: Vec<DeviceSum>,
     slips: Vec<slips::Watch>,
+    /// By device.
+    states: Vec<States>,
     /// By device, then by body.
     open: Vec<Option<(f64, &'static str)>>,
     /// By body.
     withheld: Vec<Watch>,
     spans: Vec<Span>,
     tears: TearEvents,
+    tear_forces: TearForces,
     /// What a plot shows, if there is one.
     samples: Option<(Samples, Marks)>,
     ticks: u64,
@@ -57,10 +61,12 @@ impl Collector {
         Self {
             sums: devices.map(DeviceSum::new).collect(),
             slips: vec![slips::Watch::default(); device_names.len()],
+            states: vec![States::default(); device_names.len()],
             open: vec![None; device_names.len() + body_names.len()],
             withheld: vec![Watch::default(); body_names.len()],
             spans: Vec::new(),
             tears,
+            tear_forces: TearForces::new(scene),
             samples: keep_samples
                 .then(|| (Samples::default(), Marks::new(&device_names, &body_names))),
             ticks: 0,
@@ -84,6 +90,11 @@ impl Collector {
                 push_slip(&mut self.spans, name, &slip);
             }
         }
+        for (states, reading) in self.states.iter_mut().zip(telemetry.readings()) {
+            if reading.is_ok() {
+                states.take(time);
+            }
+        }
         let limited = telemetry
             .devices()
             .map(|device| acting_limit(device.safety));
@@ -104,6 +115,7 @@ impl Collector {
             }
         }
         self.take_tears();
+        self.tear_forces.take(telemetry);
         if let Some((samples, marks)) = &mut self.samples {
             marks.take(telemetry);
             samples.take(telemetry);
@@ -114,6 +126,7 @@ impl Collector {
     fn take_tears(&mut self) {
         while let Some((event, words)) = self.tears.next() {
             let time = event.time_ns as f64 * 1e-9;
+            self.tear_forces.opened(event.body as usize, event.time_ns);
             if let Some((_, marks)) = &mut self.samples {
                 marks.tear(event.body as usize, time);
             }
@@ -150,10 +163,47 @@ impl Collector {
         Collected {
             totals: self.sums.iter().map(|sum| sum.totals().clone()).collect(),
             spans: self.spans,
+            tear_forces: self.tear_forces.finish(),
+            states: self.states,
             samples,
             marks,
             records: self.ticks,
         }
+    }
+}
+
+/// The ticks of a device with a state.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct States {
+    count: u64,
+    /// Times of the first and of the last (s).
+    between: [f64; 2],
+}
+
+impl States {
+    fn take(&mut self, time: f64) {
+        if self.count == 0 {
+            self.between[0] = time;
+        }
+        self.between[1] = time;
+        self.count += 1;
+    }
+
+    /// States a second from the first to the last (Hz); zero for fewer than two.
+    fn rate(&self) -> f64 {
+        let [first, last] = self.between;
+        if last > first {
+            (self.count - 1) as f64 / (last - first)
+        } else {
+            0.0
+        }
+    }
+}
+
+impl Collected {
+    /// States a second of the device number `index` from its first state to its last (Hz).
+    pub(super) fn states_rate(&self, index: usize) -> f64 {
+        self.states.get(index).map_or(0.0, States::rate)
     }
 }
 
@@ -203,6 +253,10 @@ pub(super) struct Collected {
     pub totals: Vec<DeviceTotals>,
     /// Stretches of time in which a device or a body was not in its normal state, at most a thousand.
     pub spans: Vec<Span>,
+    /// The force at the tears of each body; `None` where nothing tore.
+    pub tear_forces: Vec<Option<TearForce>>,
+    /// By device.
+    pub states: Vec<States>,
     /// The intervals that the plot marks, if samples were kept.
     pub marks: Vec<Mark>,
     /// The samples of the plot, if samples were kept.

@@ -9,8 +9,8 @@ use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
 use rt_core::controller::Reading;
 use rt_core::{Capabilities, Vec3};
-use sim::Held;
 use sim::faults::Protocol;
+use sim::{Hand, Held};
 use std::sync::mpsc::Sender;
 
 /// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`), and emulated
@@ -123,19 +123,34 @@ pub(super) fn replayed(
 fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
     let held = loaded.scene.devices.iter().enumerate();
     let held = held.map(|(index, spec)| {
+        let (hand, start) = simulated_hand(loaded, index, seed)?;
         Ok(Held {
-            hand: hand::build(loaded, index, seed)?,
+            hand,
             wired: spec.wire.unwrap_or(true),
             protocol: protocol(loaded.profiles[index].protocol.as_deref()),
-            // Only a device whose origin is given starts elsewhere than at its origin.
-            start: match spec.mounting.origin {
-                None => Vec3::zeros(),
-                Some(_) => bodies::mount(loaded, index)?.start,
-            },
+            start,
         })
     });
     let held = held.collect::<Result<_, SceneError>>()?;
     Ok(drivers(held, &loaded.beside("")))
+}
+
+/// The hand that holds the simulated device number `index` of a scene in a run with `seed` (`None` without a hand), and
+/// where the device starts (m, device axes).
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field that no hand can follow, or whose device has no place.
+pub fn simulated_hand(
+    loaded: &LoadedScene,
+    index: usize,
+    seed: u64,
+) -> Result<(Option<Hand>, Vec3), SceneError> {
+    // Only a device whose origin is given starts elsewhere than at its origin.
+    let start = match loaded.scene.devices[index].mounting.origin {
+        None => Vec3::zeros(),
+        Some(_) => bodies::mount(loaded, index)?.start,
+    };
+    Ok((hand::build(loaded, index, seed)?, start))
 }
 
 /// The protocol of the device whose profile names it so. A profile that names none is that of a device with the firmware

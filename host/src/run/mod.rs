@@ -27,6 +27,7 @@ mod slips;
 pub mod slow_host;
 pub mod summary;
 mod taps;
+pub mod tear_force;
 pub mod tears;
 mod tick_outputs;
 pub mod timeline;
@@ -61,6 +62,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use summary::RunSummary;
 use tears::TearTap;
 
+pub use devices::simulated_hand;
 pub use tick_outputs::TickOutputs;
 
 /// Which clock a run follows.
@@ -88,6 +90,8 @@ pub struct RunOptions {
     pub log_frames: Option<f64>,
     /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
+    /// The part of forces and displacements that the plot shows.
+    pub part: plot::Part,
     /// The table and the picture of force against displacement.
     pub ticks: TickOutputs,
     /// Path of the distributions of lateness and tick time (CSV or SVG) of a run under the real clock; `None` for a run
@@ -125,6 +129,7 @@ impl RunOptions {
             log: None,
             log_frames: None,
             plot: None,
+            part: plot::Part::default(),
             ticks: TickOutputs::default(),
             histogram: None,
             frames: None,
@@ -305,7 +310,7 @@ pub fn run_watched(
         writer.finish(&mut parts);
     }
     parts.degradations.extend(told);
-    parts.judge(&loaded.scene, options.log.is_some());
+    parts.judge(loaded, options.log.is_some());
     let mut summary = report::summarize(loaded, options, seed, size, &parts);
     summary.unwritten.append(&mut parts.unwritten);
     let slow = found.get().copied();
@@ -400,7 +405,8 @@ fn write_files(
         }
     };
     if let Some(path) = &options.plot {
-        let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
+        let data = report::plot_data(loaded, &parts.collected, options.part);
+        let svg = plot::force_and_position_svg(&data);
         note(summary, path, plot::write_picture(path, &svg));
     }
     if let Some(path) = &options.histogram {

@@ -13,7 +13,7 @@ use crate::engine::Engine;
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
-use crate::engine::stats::WallStopwatch;
+use crate::engine::stats::ProcessorStopwatch;
 use crate::engine::threads::{Threads, awake};
 use core::convert::Infallible;
 use rt_core::{LocalModel, TickRecord};
@@ -65,7 +65,6 @@ pub struct Paced<L> {
     latency_ns: u64,
     /// The time until which the host is busy (ns).
     free_at: u64,
-    watch: WallStopwatch,
 }
 
 impl<L: HostLink> Paced<L> {
@@ -83,7 +82,6 @@ impl<L: HostLink> Paced<L> {
             records: Records::new(setup.timing.period_ns),
             latency_ns: setup.timing.latency_ns,
             free_at: 0,
-            watch: WallStopwatch::start(),
         };
         (setup.tick, setup.log, host)
     }
@@ -144,10 +142,9 @@ impl<L: HostLink> Host for Paced<L> {
         let (engine, link, records) = (&mut self.engine, &mut self.link, &mut self.records);
         records.see(start - due.time_ns, |record| engine.follow(record));
         let arrival_ns = start + self.latency_ns;
-        let watch = &self.watch;
         self.threads.run(|| {
             awake(|| {
-                engine.step(due, watch, |body, model| {
+                engine.step(due, &ProcessorStopwatch, |body, model| {
                     link.send(arrival_ns, body, model);
                 });
             });

@@ -7,13 +7,14 @@ use super::pace::Pace;
 use super::setup::{HostSide, Setup};
 use super::summary::PlaceSummary;
 use super::{RunError, RunOptions, host_panicked, real_clock, virtual_clock};
-use crate::scene::Scene;
+use crate::scene::LoadedScene;
 use crate::scene::spec::Device;
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::{LogRecord, TickCounters};
 use runner::thread::{RunnerConfig, Stop};
 use runner::{AnyDevice, Reserved};
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -50,9 +51,10 @@ pub(super) struct TickSide {
 }
 
 impl Parts {
-    /// Adds what the finished run of `scene` shows: failed steps of the host, devices that were absent for most of the
-    /// run, and a log (`logged`) that cannot be replayed.
-    pub(super) fn judge(&mut self, scene: &Scene, logged: bool) {
+    /// Adds what the finished run of the scene shows: failed steps of the host, devices that were absent for most of the
+    /// run or sent fewer states than their profiles say, and a log (`logged`) that cannot be replayed.
+    pub(super) fn judge(&mut self, loaded: &LoadedScene, logged: bool) {
+        let scene = &loaded.scene;
         if let Some(HostSide { engine, .. }) = &self.host
             && let Some(fault) = &engine.stats().first_fault
         {
@@ -62,11 +64,23 @@ impl Parts {
         }
         let ticks = self.tick.ticks;
         let counters = self.tick.controller.safety_counters();
-        for (device, counters) in scene.devices.iter().zip(counters) {
+        let devices = scene.devices.iter().zip(&loaded.models).enumerate();
+        for ((index, (device, model)), counters) in devices.zip(counters) {
             let missed = counters.missed_reads;
+            let rates = Rates {
+                states: self.collected.states_rate(index),
+                profile: f64::from(model.rate_hz),
+                ticks: scene.realtime.rate,
+            };
             // A hand that felt nothing for most of its run has not tested the scene.
             if 2 * missed > ticks {
-                self.failures.push(no_readings(device, missed, ticks));
+                self.failures
+                    .push(no_readings(device, missed, ticks, &rates));
+            } else if !device.is_simulated() && rates.are_low() {
+                self.degradations.push(format!(
+                    "device {:?} gave {rates}: its force is later than planned",
+                    device.name
+                ));
             }
         }
         if logged {
@@ -89,10 +103,37 @@ impl Parts {
     }
 }
 
+/// A part of the expected rate below which the states of a device are too few. Clocks of devices differ by less.
+const LOW: f64 = 0.9;
+
+/// The rates of a device (Hz): of its states in a run, of its profile, and of the loop that asks for them.
+struct Rates {
+    states: f64,
+    profile: f64,
+    ticks: f64,
+}
+
+impl Rates {
+    fn are_low(&self) -> bool {
+        self.states < LOW * self.profile.min(self.ticks)
+    }
+}
+
+impl fmt::Display for Rates {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{:.0} states a second, and its profile says {:.0}",
+            self.states, self.profile
+        )
+    }
+}
+
 /// What to say of a device without a usable reading in most of its ticks.
-fn no_readings(device: &Device, missed: u64, ticks: u64) -> String {
+fn no_readings(device: &Device, missed: u64, ticks: u64, rates: &Rates) -> String {
     let name = &device.name;
-    let head = format!("device {name:?} gave no usable reading in {missed} of {ticks} ticks");
+    let head =
+        format!("device {name:?} gave no usable reading in {missed} of {ticks} ticks ({rates})");
     if device.is_simulated() {
         return format!(
             "{head}: the device was silent, or moved as no hand can; are the motions of its hand in metres?"
@@ -235,16 +276,22 @@ pub(super) fn under_the_real_clock(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::LoadedScene;
-    use crate::scene::Override;
+    use crate::scene::{Override, Scene};
 
     #[test]
     fn a_real_device_is_not_asked_about_its_hand() {
         let scene = Scene::embedded_default().expect("a scene");
-        let said = |loaded: &LoadedScene| no_readings(&loaded.scene.devices[0], 900, 1000);
+        let rates = Rates {
+            states: 100.0,
+            profile: 1000.0,
+            ticks: 1000.0,
+        };
+        let said = |loaded: &LoadedScene| no_readings(&loaded.scene.devices[0], 900, 1000, &rates);
         let simulated = said(&scene);
         assert!(
-            simulated.contains("in 900 of 1000 ticks") && simulated.contains("its hand in metres"),
+            simulated
+                .contains("in 900 of 1000 ticks (100 states a second, and its profile says 1000)")
+                && simulated.contains("its hand in metres"),
             "{simulated}"
         );
         for connect in [

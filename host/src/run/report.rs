@@ -12,7 +12,7 @@ use crate::bodies;
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::machine::Machine;
-use crate::plot::{DeviceSeries, PlotData};
+use crate::plot::{DeviceSeries, Part, PlotData};
 use crate::scene::{LoadedScene, Scene};
 use firmware_proto::report::fault;
 use rt_core::EnergyAccount;
@@ -49,7 +49,7 @@ pub(super) fn summarize(
             .collect(),
         tick: tick(scene, options.clock, parts, &couplings),
         host: host_summary(scene, parts, elapsed, size),
-        devices: devices(scene, parts),
+        devices: devices(loaded, parts),
         held_back: held_back(scene, parts),
         energy: energy(scene, side.controller.energy()),
         tears: tears(parts),
@@ -95,7 +95,8 @@ fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounter
     }
 }
 
-fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
+fn devices(loaded: &LoadedScene, parts: &Parts) -> Vec<DeviceSummary> {
+    let scene = &loaded.scene;
     let side = &parts.tick;
     // Only the real clock measures the devices.
     let measured = |index: usize, pick: fn(&DeviceTimes) -> &LatencyHistogram| {
@@ -126,6 +127,8 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
                 not_a_number_ticks: safety.not_a_number,
                 slewed_ticks: safety.slewed,
                 missed_reads: safety.missed_reads,
+                states_rate: parts.collected.states_rate(index),
+                profile_rate: f64::from(loaded.models[index].rate_hz),
                 refused_wrenches: device.refused_wrenches(),
                 too_fast: safety.too_fast,
                 out_of_reach: safety.out_of_reach,
@@ -215,13 +218,22 @@ fn tears(parts: &Parts) -> Vec<TearSummary> {
         return Vec::new();
     };
     let stats = host.engine.stats();
-    let bodies = host.engine.bodies().iter();
-    let torn = bodies.filter_map(|body| body.tears().map(|tears| (body.name(), tears)));
-    torn.map(|(name, tears)| {
+    let forces = &parts.collected.tear_forces;
+    let bodies = host.engine.bodies().iter().enumerate();
+    let torn = bodies.filter_map(|(index, body)| {
+        let tears = body.tears()?;
         let time = stats.tear.summary().into();
-        TearSummary::new(name, tears.tearing().report(), time, stats.renewed)
-    })
-    .collect()
+        let report = tears.tearing().report();
+        let force = forces.get(index).cloned().flatten();
+        Some(TearSummary::new(
+            body.name(),
+            report,
+            force,
+            time,
+            stats.renewed,
+        ))
+    });
+    torn.collect()
 }
 
 fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<EnergySummary> {
@@ -353,7 +365,8 @@ fn stiff(scene: &Scene, host: &HostSide) -> Vec<StiffSummary> {
     found.collect()
 }
 
-pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected) -> PlotData {
+/// What the picture of a run shows: the `part` of its forces.
+pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected, part: Part) -> PlotData {
     let scene = &loaded.scene;
     let series = scene.devices.iter().enumerate().map(|(index, device)| {
         let of = |pick: fn(&(rt_core::Vec3, rt_core::Vec3)) -> rt_core::Vec3| {
@@ -379,5 +392,6 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected) -> PlotData
         time: collected.samples.iter().map(|sample| sample.time).collect(),
         devices: series.collect(),
         marks: collected.marks.clone(),
+        part,
     }
 }

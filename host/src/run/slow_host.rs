@@ -3,7 +3,9 @@
 //! Under the real clock the answer must come before hands hold the devices: a rehearsal times some steps of a copy of
 //! the bodies (`engine::rehearsal`), and so does `palpate plan`. Under virtual time the first steps of the run give the
 //! answer: the run looks at the times that the engine measures in any case, so nothing waits for the answer. Nothing in
-//! the state depends on it ([`SlowWatch`]).
+//! the state depends on it ([`SlowWatch`]). All of them measure processor time
+//! ([`ProcessorStopwatch`](crate::engine::stats::ProcessorStopwatch)): a machine that is busy with other programs is no
+//! fault of the scene.
 
 use super::Clock;
 use crate::engine::build::steps_per_publication;

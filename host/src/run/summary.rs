@@ -168,7 +168,7 @@ pub struct HostSummary {
     pub vertices: usize,
     /// The solver of each body, and the reason for the choice.
     pub solvers: Vec<String>,
-    /// Measured time to assemble, a step. Measured times do not enter the state.
+    /// Measured time to assemble, a step. Measured times do not enter the state. Under virtual time they are processor time.
     pub assemble: Distribution,
     /// Background refactorizations: factors computed beside the steps.
     pub factors: u64,
@@ -291,6 +291,11 @@ pub struct DeviceSummary {
     pub slewed_ticks: u64,
     /// Ticks without a good state.
     pub missed_reads: u64,
+    /// States that the ticks found, a second, from the first to the last (Hz). Of a device that is faster than the loop, a
+    /// tick finds the newest one.
+    pub states_rate: f64,
+    /// Rate of the device's states by its profile (Hz).
+    pub profile_rate: f64,
     /// Wrenches that the device itself refused, by its own count; `None` where the device does not tell.
     pub refused_wrenches: Option<u64>,
     /// Number of times that the device moved too fast.

@@ -1,8 +1,8 @@
 //! A run under virtual time: devices, hands, host and log on one clock, in one thread. The host's threads share the
 //! work of a step only.
 //!
-//! The host is [`Paced`]. Only its stopwatch, which measures the time of a stage, reads the machine's clock. Its readings
-//! never enter the state: two runs give the same bytes under any load.
+//! The host is [`Paced`]. Its stopwatch, which measures the time of a stage, reads the processor time of its thread. The
+//! readings never enter the state: two runs give the same bytes under any load.
 
 use super::paced::Paced;
 use super::panics;

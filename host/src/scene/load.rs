@@ -175,6 +175,7 @@ pub(super) fn load(
     let recordings = recordings(&mut reader, &scene)?;
     warnings.extend(plausible::check(&scene, &source, &models, &recordings)?);
     warnings.extend(silent::check(&scene, &source, &models)?);
+    warnings.extend(silent::weaker(&scene, &source, &profiles));
     let files = reader.files;
     Ok(LoadedScene {
         scene,

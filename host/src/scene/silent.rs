@@ -7,6 +7,8 @@ use super::error::SceneError;
 use super::plausible::Warning;
 use super::source::Source;
 use super::spec::{Hand, Scene};
+use devices::DeviceFile;
+use devices::falcon::MOST_FORCE;
 use physics::Vec3;
 use sim::DeviceModel;
 
@@ -59,6 +61,29 @@ pub(super) fn check(
         );
     }
     Ok(warnings)
+}
+
+/// The warnings about real devices that their drivers command less force than their profiles have.
+pub(super) fn weaker(scene: &Scene, source: &Source, profiles: &[DeviceFile]) -> Vec<Warning> {
+    let devices = scene.devices.iter().zip(profiles).enumerate();
+    let weaker = devices.filter_map(|(index, (device, profile))| {
+        let is_falcon = match device.connect.driver.as_str() {
+            "falcon" => true,
+            "emulated" => profile.protocol.as_deref() == Some("falcon"),
+            _ => false,
+        };
+        let most = device.max_force.unwrap_or(profile.model.max_force);
+        (is_falcon && most > MOST_FORCE).then(|| Warning {
+            place: source.place(&format!("device[{index}].connect")),
+            found: format!("a Falcon with up to {most} N"),
+            usual: format!("at most {MOST_FORCE} N, which the driver commands"),
+            advice: format!(
+                "larger forces of the body are cut off when the device is connected: set max_force = {MOST_FORCE} to see it \
+                 in simulation"
+            ),
+        })
+    });
+    weaker.collect()
 }
 
 /// The first row of `waypoints` whose motion begins at or after `end` (s), and the time at which it begins (s).
@@ -175,5 +200,25 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
         ] {
             assert_eq!(warnings(&[change]), [""; 0]);
         }
+    }
+
+    #[test]
+    fn a_falcon_that_is_connected_is_told_to_give_less_than_its_profile() {
+        let falcon = |connect: &str| {
+            let device = format!("model = 'falcon'\nconnect = '{connect}'");
+            warnings(&[("model = 'omega3'", &device)])
+        };
+        assert_eq!(falcon("sim"), [""; 0]);
+        for connect in ["falcon", "emulated"] {
+            let said = falcon(connect);
+            let expected = "a.toml:12: device[0].connect: found a Falcon with up to 8 N, usual: at most 5 N, which the driver \
+                            commands; ";
+            assert_eq!(said.len(), 1, "{said:?}");
+            assert!(said[0].starts_with(expected), "{}", said[0]);
+        }
+        let within = "model = 'falcon'\nconnect = 'falcon'\nmax_force = 5";
+        assert_eq!(warnings(&[("model = 'omega3'", within)]), [""; 0]);
+        let other = "model = 'omega3'\nconnect = 'emulated'";
+        assert_eq!(warnings(&[("model = 'omega3'", other)]), [""; 0]);
     }
 }

@@ -11,6 +11,8 @@ pub struct Seen {
     ticks: u64,
     missing: u64,
     errors: u64,
+    /// Errors after the first state. An operator may have to calibrate the device before.
+    lost: u64,
     last_error: Option<DeviceError>,
 }
 
@@ -31,6 +33,7 @@ impl Seen {
             Err(DeviceError::NoReport) => self.missing += 1,
             Err(error) => {
                 self.errors += 1;
+                self.lost += u64::from(!self.states.is_empty());
                 self.last_error = Some(*error);
             }
         }
@@ -83,6 +86,32 @@ impl From<Response> for Motion {
     }
 }
 
+/// A part of its profile's rate below which a device is too slow. Clocks of devices differ by less.
+const SLOW: f64 = 0.9;
+/// A gap between two states of so many periods of the profile is told. From five periods on, a run takes its force away.
+const GAP: f64 = 5.0;
+
+/// What is known of a device beside its states.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Known {
+    /// Name of the device in its profile.
+    pub profile: String,
+    /// The name that the device states; `None` where it states none.
+    pub name: Option<String>,
+    /// The version of its firmware; `None` where the device states none.
+    pub firmware: Option<String>,
+    /// The largest force that holds (N).
+    pub max_force: f64,
+    /// The largest moment that holds (N m); zero where the device actuates no rotation.
+    pub max_moment: f64,
+    /// Radius of the largest ball inside the workspace (m).
+    pub workspace_radius: f64,
+    /// Displacement of one encoder count by the profile (m).
+    pub position_step: f64,
+    /// Rate of states by the profile (Hz).
+    pub profile_rate: f64,
+}
+
 /// What a device's states say about it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probed {
@@ -90,6 +119,10 @@ pub struct Probed {
     pub schema: &'static str,
     /// The connection of the device.
     pub connect: String,
+    /// What is known of the device beside its states.
+    pub device: Known,
+    /// Ticks a second in which the device was asked (Hz).
+    pub tick_rate: f64,
     /// Ticks of the measurement.
     pub ticks: u64,
     /// Ticks with a state.
@@ -98,6 +131,8 @@ pub struct Probed {
     pub missing: u64,
     /// Ticks with an error.
     pub errors: u64,
+    /// Ticks with an error after the first state.
+    pub lost: u64,
     /// The last error.
     pub last_error: Option<String>,
     /// States by time, from the first to the last (Hz); zero where there are fewer than two.
@@ -113,8 +148,8 @@ pub struct Probed {
 }
 
 impl Probed {
-    /// Summarizes the readings of the device with this connection.
-    pub fn new(connect: &str, seen: &Seen) -> Self {
+    /// Summarizes the readings of the device with this connection, which was asked `tick_rate` times a second (Hz).
+    pub fn new(connect: &str, device: Known, tick_rate: f64, seen: &Seen) -> Self {
         let pairs = || seen.states.iter().zip(seen.states.iter().skip(1));
         let mut intervals: Vec<f64> = pairs()
             .map(|((_, a), (_, b))| b.device_time_ns.saturating_sub(a.device_time_ns))
@@ -137,12 +172,15 @@ impl Probed {
             _ => 0.0,
         };
         Self {
-            schema: "palpate.probe/1",
+            schema: "palpate.probe/2",
             connect: connect.to_owned(),
+            device,
+            tick_rate,
             ticks: seen.ticks,
             states: seen.states.len() as u64,
             missing: seen.missing,
             errors: seen.errors,
+            lost: seen.lost,
             last_error: seen.last_error.map(|error| error.to_string()),
             rate,
             interval: (!intervals.is_empty()).then(|| Interval {
@@ -155,12 +193,104 @@ impl Probed {
             motion: None,
         }
     }
+
+    /// What keeps the device from a run, in words; empty where nothing does.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        if self.states == 0 {
+            problems.push("it gave no state".to_owned());
+            return problems;
+        }
+        // Of a faster device, a tick sees the newest state only.
+        let expected = self.device.profile_rate.min(self.tick_rate);
+        if self.rate < SLOW * expected {
+            problems.push(format!(
+                "{:.0} states a second where its profile lets expect {expected:.0}",
+                self.rate
+            ));
+        }
+        if self.lost > 0 {
+            problems.push(format!(
+                "errors in {} ticks after the first state",
+                self.lost
+            ));
+        }
+        let most = GAP / self.device.profile_rate;
+        if let Some(interval) = self.interval.filter(|interval| interval.longest > most) {
+            problems.push(format!(
+                "a gap of {:.1} ms between two states, where a run takes the force away after {:.1} ms",
+                1e3 * interval.longest,
+                1e3 * most
+            ));
+        }
+        problems
+    }
+
+    /// The verdict, in one line.
+    pub fn verdict(&self) -> String {
+        let problems = self.problems();
+        if problems.is_empty() {
+            format!("ready: {:.0} states a second, without errors", self.rate)
+        } else {
+            format!("NOT ready: {}", problems.join("; "))
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use rt_core::Pose;
+
+    fn known() -> Known {
+        Known {
+            profile: "Falcon".to_owned(),
+            name: None,
+            firmware: None,
+            max_force: 8.0,
+            max_moment: 0.0,
+            workspace_radius: 0.04,
+            position_step: 4e-5,
+            profile_rate: 1000.0,
+        }
+    }
+
+    /// A device whose states come `every` ns for two seconds, but for a gap of `gap_ns` after a second.
+    fn every(every_ns: u64, gap_ns: u64) -> Probed {
+        let mut seen = Seen::new(0);
+        let mut now = 0;
+        while now < 2_000_000_000 {
+            let state = DeviceState {
+                device_time_ns: now,
+                ..DeviceState::resting()
+            };
+            seen.take(now, &Ok(state));
+            now += if now == 1_000_000_000 {
+                gap_ns
+            } else {
+                every_ns
+            };
+        }
+        Probed::new("x", known(), 1000.0, &seen)
+    }
+
+    #[test]
+    fn the_verdict_holds_the_rate_against_the_profile_and_names_what_is_wrong() {
+        let good = every(1_000_000, 1_000_000);
+        assert_eq!(
+            good.verdict(),
+            "ready: 1000 states a second, without errors"
+        );
+        let slow = every(2_000_000, 2_000_000).verdict();
+        assert_eq!(
+            slow,
+            "NOT ready: 500 states a second where its profile lets expect 1000"
+        );
+        let gap = every(1_000_000, 20_000_000).verdict();
+        assert!(gap.starts_with("NOT ready: a gap of 20.0 ms"), "{gap}");
+        let none = Probed::new("x", known(), 1000.0, &Seen::new(0)).verdict();
+        assert_eq!(none, "NOT ready: it gave no state");
+    }
 
     #[test]
     fn rate_interval_step_and_span_are_those_of_the_states() {
@@ -177,7 +307,7 @@ mod tests {
         }
         seen.take(5_000_000, &Err(DeviceError::NoReport));
         seen.take(6_000_000, &Err(DeviceError::Disconnected(19)));
-        let probed = Probed::new("x", &seen);
+        let probed = Probed::new("x", known(), 1000.0, &seen);
         assert_eq!((probed.ticks, probed.states), (6, 4));
         assert_eq!((probed.missing, probed.errors), (1, 1));
         assert!((probed.rate - 750.0).abs() < 1e-9);
@@ -185,7 +315,7 @@ mod tests {
         assert!((interval.median - 1e-3).abs() < 1e-15 && (interval.longest - 2e-3).abs() < 1e-15);
         assert!((probed.step.expect("it moved") - 1e-5).abs() < 1e-15);
         assert_eq!(probed.span, Some([2e-5, 0.0, 0.0]));
-        let none = Probed::new("x", &Seen::new(0));
+        let none = Probed::new("x", known(), 1000.0, &Seen::new(0));
         assert_eq!(
             (none.rate, none.interval, none.step, none.span),
             (0.0, None, None, None)

@@ -6,12 +6,15 @@
 use crate::StudyError;
 use crate::compare::{Ran, run};
 use crate::stress::jobs::{self, Cells, Header, JobError, Options, Progress};
+use host::plot::Part;
+use host::run::tear_force::TearForce;
+use host::scene::spec::Rotation;
 use host::scene::{Field, LoadedScene, Override, SceneError};
 use physics::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// Version of the lines of a sweep.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 /// Largest number of points of a force over time.
 const POINTS: usize = 640;
 
@@ -30,6 +33,8 @@ pub struct Sweep {
     fields: Vec<String>,
     /// The values of the fields and the scene with these values, the last field changing first.
     cells: Vec<(Vec<String>, LoadedScene)>,
+    /// The part of the forces over time that is kept.
+    part: Part,
     /// The text of the scene without the values, on which all results depend.
     text: String,
 }
@@ -58,7 +63,7 @@ pub struct SweptDevice {
     pub peak: f64,
     /// The time of the largest force (s).
     pub peak_time: f64,
-    /// The norm of its force over time (s, N); peaks are kept.
+    /// Its force over time (s, N): the norm, or the component along the axis of the scene that was asked for; peaks are kept.
     pub force: Vec<(f64, f64)>,
 }
 
@@ -67,14 +72,8 @@ pub struct SweptDevice {
 pub struct SweptTear {
     /// Name of the body.
     pub body: String,
-    /// Times of the first and of the last edge that opened (s).
-    pub between: [f64; 2],
-    /// The force of the strongest device at the first edge (N).
-    pub start: f64,
-    /// The largest force of that device from the first to the last edge (N).
-    pub peak: f64,
-    /// The mean force of that device from the first to the last edge (N).
-    pub plateau: f64,
+    /// The force of the device that pulled hardest.
+    pub force: TearForce,
     /// The torn area (m^2).
     pub area: f64,
     /// The energy that the torn area takes (J).
@@ -93,11 +92,12 @@ pub struct SweepError {
 }
 
 impl Sweep {
-    /// The combinations of the values of `axes` in `loaded`. Every scene is checked before the first run.
+    /// The combinations of the values of `axes` in `loaded`, with the `part` of their forces over time. Every scene is checked
+    /// before the first run.
     ///
     /// # Errors
     /// [`SweepError`] for the first combination that the scene refuses.
-    pub fn new(loaded: &LoadedScene, axes: &[Axis]) -> Result<Self, SweepError> {
+    pub fn new(loaded: &LoadedScene, axes: &[Axis], part: Part) -> Result<Self, SweepError> {
         let mut choices: Vec<Vec<&str>> = vec![Vec::new()];
         for axis in axes {
             let longer = choices.iter().flat_map(|chosen| {
@@ -121,6 +121,7 @@ impl Sweep {
         Ok(Self {
             fields: axes.iter().map(|axis| axis.field.to_string()).collect(),
             cells: cells.collect::<Result<_, _>>()?,
+            part,
             text: loaded.source.text.clone(),
         })
     }
@@ -130,7 +131,8 @@ impl Sweep {
         &self.fields
     }
 
-    /// Makes the runs that `options` ask for and that their file lacks.
+    /// Makes the runs that `options` ask for and that their file lacks. From time to time `done` is given the fraction of a
+    /// run that was made meanwhile.
     ///
     /// # Errors
     /// [`JobError`]; [`StudyError`] where a run cannot begin is a failure of its cell.
@@ -139,6 +141,7 @@ impl Sweep {
         seed: Option<u64>,
         duration: Option<f64>,
         options: &Options,
+        done: &(dyn Fn(f64) + Sync),
         progress: impl FnMut(&Progress<'_>),
     ) -> Result<Cells<Swept>, JobError> {
         let values: Vec<_> = self.cells.iter().map(|(values, _)| values).collect();
@@ -152,6 +155,7 @@ impl Sweep {
                 "fields": self.fields,
                 "values": values,
                 "duration": duration,
+                "force": self.part.label(),
             }),
         };
         let work = |cell: u64| {
@@ -159,15 +163,17 @@ impl Sweep {
             let mut loaded = loaded.clone();
             loaded.scene.seed = seed.unwrap_or(loaded.scene.seed);
             loaded.scene.duration = duration.unwrap_or(loaded.scene.duration);
-            swept(values.clone(), &loaded)
+            swept(values.clone(), &loaded, self.part, done)
         };
         jobs::run(&header, options, work, progress)
     }
 }
 
-fn swept(values: Vec<String>, loaded: &LoadedScene) -> Swept {
-    match run(loaded, &[], &|_| ()) {
-        Ok(ran) => measured(values, loaded, &ran),
+fn swept(values: Vec<String>, loaded: &LoadedScene, part: Part, done: &dyn Fn(f64)) -> Swept {
+    match run(loaded, &[], &|thousandths: u64| {
+        done(1e-3 * thousandths as f64)
+    }) {
+        Ok(ran) => measured(values, loaded, part, &ran),
         Err(error) => Swept {
             values,
             devices: Vec::new(),
@@ -178,36 +184,32 @@ fn swept(values: Vec<String>, loaded: &LoadedScene) -> Swept {
     }
 }
 
-fn measured(values: Vec<String>, loaded: &LoadedScene, ran: &Ran) -> Swept {
+fn measured(values: Vec<String>, loaded: &LoadedScene, part: Part, ran: &Ran) -> Swept {
     let record = &ran.record;
-    let forces: Vec<Vec<f64>> = (record.devices.iter())
-        .map(|device| device.force.iter().map(Vec3::norm).collect())
-        .collect();
-    let at = |force: &[f64]| (0..force.len()).max_by(|a, b| force[*a].total_cmp(&force[*b]));
-    let devices = loaded.scene.devices.iter().zip(&forces);
-    let devices = devices.map(|(device, force)| {
-        let peak = at(force).unwrap_or(0);
+    let devices = loaded.scene.devices.iter().zip(&record.devices);
+    let devices = devices.map(|(device, found)| {
+        let norms: Vec<f64> = found.force.iter().map(Vec3::norm).collect();
+        let peak = (0..norms.len()).max_by(|a, b| norms[*a].total_cmp(&norms[*b]));
+        let peak = peak.unwrap_or(0);
+        let mounted = device.mounting.rotation.map(Rotation::quaternion);
+        let in_scene = |force: &Vec3| mounted.map_or(*force, |rotation| rotation * force);
+        let drawn: Vec<f64> = (found.force.iter())
+            .map(|force| part.of(&in_scene(force)))
+            .collect();
         SweptDevice {
             name: device.name.clone(),
-            peak: force.get(peak).copied().unwrap_or(0.0),
+            peak: norms.get(peak).copied().unwrap_or(0.0),
             peak_time: peak as f64 * record.period,
-            force: thin(record.period, force, POINTS),
+            force: thin(record.period, &drawn, POINTS),
         }
     });
-    let bodies = loaded.scene.bodies.iter().zip(&record.bodies);
+    let bodies = loaded.scene.bodies.iter().zip(&ran.tears);
     let tears = bodies
-        .zip(&ran.tears)
-        .filter_map(|((body, record_of), report)| {
-            let [first, last] = record_of.torn?;
-            let peak = |force: &&Vec<f64>| force.iter().copied().fold(0.0, f64::max);
-            let strongest = forces.iter().max_by(|a, b| peak(a).total_cmp(&peak(b)))?;
-            let during = strongest.get(first..=last)?;
+        .zip(&ran.tear_forces)
+        .filter_map(|((body, report), force)| {
             Some(SweptTear {
                 body: body.name.clone(),
-                between: [first, last].map(|tick| tick as f64 * record.period),
-                start: during[0],
-                peak: during.iter().copied().fold(0.0, f64::max),
-                plateau: during.iter().sum::<f64>() / during.len() as f64,
+                force: force.clone()?,
                 area: report.area,
                 energy: report.due,
             })
@@ -267,7 +269,7 @@ mod tests {
             axis("body[0].material.young", &["1e5", "2e5", "3e5"]),
             axis("loop.scheme", &["hold", "capped"]),
         ];
-        let sweep = Sweep::new(&loaded, &axes).expect("six scenes");
+        let sweep = Sweep::new(&loaded, &axes, Part::Norm).expect("six scenes");
         let found: Vec<_> = (sweep.cells.iter())
             .map(|(values, cell)| (values.join(" "), cell.scene.bodies[0].material.young))
             .collect();
@@ -275,7 +277,9 @@ mod tests {
         assert_eq!(found[1], ("1e5 capped".to_owned(), 1e5));
         assert_eq!(found[4], ("3e5 hold".to_owned(), 3e5));
         let axes = [axis("body[0].material.young", &["1e5", "-2"])];
-        let said = Sweep::new(&loaded, &axes).expect_err("refused").to_string();
+        let said = Sweep::new(&loaded, &axes, Part::Norm)
+            .expect_err("refused")
+            .to_string();
         assert!(
             said.starts_with("with --set body[0].material.young=-2: "),
             "{said}"

@@ -31,6 +31,7 @@ use crate::serial::{SerialError, check};
 use crate::stated::Name;
 use crate::transport::{Hidraw, Transport};
 use firmware_proto::host::release;
+use firmware_proto::report::{FirmwareVersion, Model};
 use reading::numbered;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use std::hash::{BuildHasher, RandomState};
@@ -109,6 +110,8 @@ pub struct HidDevice {
     capabilities: Capabilities,
     /// The name that the device stated first. A device of another name is another device.
     name: Option<Name>,
+    /// The version of its firmware, as it stated it when it was opened.
+    firmware: Option<FirmwareVersion>,
     /// The system's error number, while the device is lost.
     gone: Option<i32>,
 }
@@ -135,13 +138,12 @@ fn ends(selector: &HidSelector) -> Result<Ends, HidError> {
     Ok((Box::new(read), Box::new(write)))
 }
 
-/// Greets a device, and waits for its answer, for a second at most. Returns the name of its model; `None` where it did not
-/// answer.
+/// Greets a device, and waits for its answer, for a second at most. Returns what it states; `None` where it did not answer.
 fn answer(
     (read, write): &mut Ends,
     profile: &Capabilities,
     watchdog_us: u32,
-) -> Result<Option<Name>, SerialError> {
+) -> Result<Option<Model>, SerialError> {
     let mut reports = Reports::new(session(), watchdog_us);
     let start = Instant::now();
     while start.elapsed() < GREETING {
@@ -155,7 +157,7 @@ fn answer(
         });
         if let Some(report) = reports.host().capabilities() {
             check(&report.model, profile)?;
-            return Ok(Some(Name(report.model.name)));
+            return Ok(Some(report.model));
         }
         std::thread::sleep(LOOK);
     }
@@ -175,11 +177,11 @@ impl HidDevice {
         watchdog_us: u32,
     ) -> Result<Self, HidError> {
         let mut first = ends(selector)?;
-        let name = answer(&mut first, &capabilities, watchdog_us)?;
+        let model = answer(&mut first, &capabilities, watchdog_us)?;
         let again = selector.clone();
         // The thread needs a number only.
         let open = move || ends(&again).map_err(|_| NO_DEVICE);
-        let device = Self::start(first, Box::new(open), capabilities, watchdog_us, name);
+        let device = Self::start(first, Box::new(open), capabilities, watchdog_us, model);
         device.map_err(|source| HidError::Thread {
             selector: selector.clone(),
             source,
@@ -200,6 +202,11 @@ impl HidDevice {
     /// The name of the device's model; `None` before its first answer.
     pub fn name(&self) -> Option<Name> {
         self.name
+    }
+
+    /// The version of the device's firmware, as it stated it when it was opened.
+    pub fn firmware(&self) -> Option<FirmwareVersion> {
+        self.firmware
     }
 
     /// The newest state that waits.
@@ -246,13 +253,13 @@ impl HidDevice {
         Self::start(first, Box::new(open), capabilities, 0, None)
     }
 
-    /// Starts the thread of a device that is open, and whose model has this name where it has been greeted before.
+    /// Starts the thread of a device that is open, and which has stated this model where it has been greeted before.
     fn start(
         (read, mut write): Ends,
         open: Open<Command, Box<ReadReport>>,
         capabilities: Capabilities,
         watchdog_us: u32,
-        name: Option<Name>,
+        model: Option<Model>,
     ) -> std::io::Result<Self> {
         let session = session();
         let mut reports = Reports::new(session, watchdog_us);
@@ -264,7 +271,8 @@ impl HidDevice {
             writer: Writer::start(write, let_go, open)?,
             reports,
             capabilities,
-            name,
+            name: model.map(|model| Name(model.name)),
+            firmware: model.map(|model| model.firmware),
             gone: None,
         })
     }

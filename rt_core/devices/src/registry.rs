@@ -7,6 +7,7 @@
 
 use crate::models::{DeviceFile, DeviceModel};
 use crate::stated::{Mismatch, Name, Stated};
+use firmware_proto::report::FirmwareVersion;
 use rt_core::Capabilities;
 use runner::AnyDevice;
 use std::cell::RefCell;
@@ -63,19 +64,36 @@ pub enum Kind {
     Real,
 }
 
-/// What a driver tells of a device that it opens, beside errors: one sentence each.
+/// What a device says that it is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Identity {
+    /// The name of its model.
+    pub name: String,
+    /// The version of its firmware; `None` where the device states none.
+    pub firmware: Option<String>,
+}
+
+/// What a driver tells of a device that it opens, beside errors: one sentence each, and what the device says that it is.
 #[derive(Debug, Default)]
-pub struct Notes(RefCell<Vec<String>>);
+pub struct Notes {
+    told: RefCell<Vec<String>>,
+    identity: RefCell<Option<Identity>>,
+}
 
 impl Notes {
     /// Adds a note.
     pub fn add(&self, note: String) {
-        self.0.borrow_mut().push(note);
+        self.told.borrow_mut().push(note);
+    }
+
+    /// What the device says that it is; `None` where it says nothing.
+    pub fn identity(&self) -> Option<Identity> {
+        self.identity.borrow().clone()
     }
 
     /// The notes so far.
     pub fn into_vec(self) -> Vec<String> {
-        self.0.into_inner()
+        self.told.into_inner()
     }
 }
 
@@ -345,10 +363,26 @@ impl<'a> Request<'a> {
     /// # Errors
     /// [`Mismatch::Name`].
     pub(crate) fn name_agrees(&self, stated: Name) -> Result<(), Mismatch> {
+        if let Some(notes) = self.notes {
+            notes.identity.borrow_mut().get_or_insert_default().name = stated.text();
+        }
         if let Some(note) = stated.agrees(self.name)? {
             self.note(note);
         }
         Ok(())
+    }
+
+    /// Tells the person the version of the firmware that a device states.
+    pub(crate) fn has_firmware(&self, version: Option<FirmwareVersion>) {
+        if let (Some(notes), Some(version)) = (self.notes, version) {
+            let FirmwareVersion {
+                major,
+                minor,
+                patch,
+            } = version;
+            notes.identity.borrow_mut().get_or_insert_default().firmware =
+                Some(format!("{major}.{minor}.{patch}"));
+        }
     }
 
     fn note(&self, note: String) {

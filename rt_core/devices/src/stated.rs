@@ -52,7 +52,7 @@ impl Name {
     /// # Errors
     /// [`Mismatch::Name`].
     pub fn agrees(&self, profile: &str) -> Result<Option<String>, Mismatch> {
-        let own: String = self.bytes().map(char::from).collect();
+        let own = self.text();
         let (stated, expected) = (plain(&own), plain(profile));
         // Names of reports are cut.
         let is_same = expected == stated || (own.len() == 16 && expected.starts_with(&stated));
@@ -79,6 +79,11 @@ impl Name {
                 "the device calls itself {self}, and its profile is that of {profile:?}"
             ))),
         }
+    }
+
+    /// The name as text.
+    pub(crate) fn text(&self) -> String {
+        self.bytes().map(char::from).collect()
     }
 
     fn bytes(&self) -> impl Iterator<Item = u8> {

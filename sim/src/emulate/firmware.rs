@@ -117,6 +117,11 @@ impl Firmware {
         &self.device
     }
 
+    /// The mechanism and the hand, for whoever guides the hand.
+    pub fn device_mut(&mut self) -> &mut SimDevice {
+        &mut self.device
+    }
+
     /// The properties that the device names.
     pub fn model(&self) -> &Model {
         &self.model
@@ -125,6 +130,11 @@ impl Firmware {
     /// The mode of the firmware.
     pub fn mode(&self) -> Mode {
         self.protocol.mode()
+    }
+
+    /// Whether the wrench of a host is in force.
+    pub fn is_commanded(&self) -> bool {
+        self.mode() == Mode::Active
     }
 
     /// Counts of the reports from the host.

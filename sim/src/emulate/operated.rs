@@ -25,6 +25,8 @@ pub struct Operated {
     falcon: Falcon,
     /// The time of the hand (s) before which the operator does not home the device again.
     busy_s: f64,
+    /// Whether the hand has a motion of its own, which begins when the device is homed.
+    moves: bool,
 }
 
 impl Operated {
@@ -33,7 +35,16 @@ impl Operated {
         Self {
             falcon,
             busy_s: 0.0,
+            moves: false,
         }
+    }
+
+    /// The same Falcon, whose hand moves by itself once it has homed the device.
+    #[must_use]
+    pub fn then_moving(mut self) -> Self {
+        self.falcon.device_mut().hold_hand();
+        self.moves = true;
+        self
     }
 
     /// The Falcon.
@@ -57,11 +68,18 @@ impl Operated {
     /// Lets the operator look at the device, and home it where it asks for homing.
     fn attend(&mut self) {
         let now = self.falcon.device().moved_s();
-        let asks = self.falcon.is_homing() && self.falcon.homed() != [true; 3];
+        let homed = self.falcon.homed() == [true; 3];
+        if self.moves && homed && now >= self.busy_s - AGAIN {
+            self.falcon.device_mut().begin_hand();
+        }
+        let asks = self.falcon.is_homing() && !homed;
         if !asks || now < self.busy_s {
             return;
         }
         let start = now + NOTICE;
+        if self.moves {
+            self.falcon.device_mut().hold_hand();
+        }
         if let Ok(path) = way(start) {
             self.falcon.device_mut().guide(path);
         }

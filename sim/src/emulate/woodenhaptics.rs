@@ -98,9 +98,19 @@ impl WoodenHaptics {
         self.pressed = pressed;
     }
 
+    /// Whether the button for calibration was pressed and no counters were set since.
+    pub fn awaits_counters(&self) -> bool {
+        self.info == EncoderReport::CALIBRATE
+    }
+
     /// The simulated device.
     pub fn device(&self) -> &SimDevice {
         &self.device
+    }
+
+    /// The simulated device, for whoever guides its hand.
+    pub fn device_mut(&mut self) -> &mut SimDevice {
+        &mut self.device
     }
 
     /// Whether the amplifiers are on.

@@ -2,8 +2,9 @@
 
 mod falcon;
 
-use super::super::CommandError;
+use super::super::sets::Sets;
 use super::super::signals::Ending;
+use super::super::{CommandError, load};
 use super::DeviceCommandError;
 use devices::DeviceFile;
 use devices::transport::Packets;
@@ -11,16 +12,19 @@ use devices::woodenhaptics::report::LENGTH;
 use devices::woodenhaptics::{Form, Geometry};
 use emulator::uhid::Identity;
 use emulator::{Place, Served, serve};
+use host::run::simulated_hand;
 use host::scene::NamedDevice;
 use rt_core::Device;
 use runner::schedule::realtime;
 use sim::emulate::firmware::{Firmware, Framing};
 use sim::emulate::{Emulator, WoodenHaptics};
 use sim::{Hand, SimDevice, Trajectory, Tremor};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+/// Period of the estimate of the velocity of the handle (s).
+const PERIOD_S: f64 = 1e-3;
 /// Period at which the emulated device is asked for its state, where no bytes come.
 const PERIOD: Duration = Duration::from_micros(500);
 /// The numbers of an emulated HID device with the firmware protocol: those that pid.codes leaves for tests.
@@ -37,7 +41,15 @@ const PRESS_NS: u64 = 300_000_000;
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct EmulateArguments {
     /// The device: a built-in device, or a device file
-    model: String,
+    #[arg(required_unless_present = "scene", conflicts_with = "scene")]
+    model: Option<String>,
+    /// Emulate a device of this scene, in the scene's hand: its motion begins when the program that holds the device
+    /// commands it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["free", "tremor"])]
+    scene: Option<PathBuf>,
+    /// The name of that device. Default: the only device of the scene
+    #[arg(long, value_name = "DEVICE", requires = "scene")]
+    name: Option<String>,
     /// The protocol of the emulated device. Default: that of the device where it is woodenhaptics, or falcon on usb;
     /// else firmware, the firmware protocol of Palpate
     #[arg(long, value_enum)]
@@ -59,9 +71,9 @@ pub(super) struct EmulateArguments {
     /// Serial number of a device on uhid or usb
     #[arg(long, value_name = "SERIAL", default_value = "emulated")]
     serial: String,
-    /// Seed of the tremor
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Seed of the tremor and of the motion of a scene's hand. Default: 1, or the seed of the scene
+    #[arg(long)]
+    seed: Option<u64>,
 }
 
 /// The protocols that can be emulated.
@@ -93,8 +105,35 @@ impl ProtocolName {
 
 /// An emulated device of any protocol but that of the Falcon.
 pub(crate) enum Emulated {
-    Firmware(Box<Firmware>),
+    Firmware(Box<Sessions>),
     WoodenHaptics(Box<Operated>),
+}
+
+/// A device of the firmware protocol, whose hand may begin its motion anew with each session.
+pub(crate) struct Sessions {
+    device: Firmware,
+    moves: bool,
+    session: u32,
+}
+
+impl Emulator for Sessions {
+    fn receive(&mut self, bytes: &[u8], now_ns: u64) {
+        self.device.receive(bytes, now_ns);
+        if !self.moves {
+            return;
+        }
+        let session = self.device.session();
+        if std::mem::replace(&mut self.session, session) != session {
+            self.device.device_mut().hold_hand();
+        }
+        if self.device.is_commanded() {
+            self.device.device_mut().begin_hand();
+        }
+    }
+
+    fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize> {
+        self.device.send(now_ns, report)
+    }
 }
 
 impl Emulator for Emulated {
@@ -126,9 +165,11 @@ impl Emulated {
     ) -> Result<Self, DeviceCommandError> {
         let refused = |problem: String| DeviceCommandError::NotEmulated(problem);
         match protocol {
-            ProtocolName::Firmware => Ok(Self::Firmware(Box::new(Firmware::new(
-                device, name, framing,
-            )))),
+            ProtocolName::Firmware => Ok(Self::Firmware(Box::new(Sessions {
+                device: Firmware::new(device, name, framing),
+                moves: false,
+                session: 0,
+            }))),
             ProtocolName::Woodenhaptics => {
                 let device = WoodenHaptics::new(device, &Geometry::default(), Form::Short);
                 Ok(Self::WoodenHaptics(Box::new(Operated {
@@ -136,16 +177,32 @@ impl Emulated {
                     first_ns: None,
                     last_ns: 0,
                     pressed: false,
+                    moves: false,
                 })))
             }
             ProtocolName::Falcon => Err(refused("a Falcon is emulated on usb alone".to_owned())),
         }
     }
 
+    /// Lets the hand begin its motion when a host commands the device, anew with each host.
+    fn moving(mut self) -> Self {
+        match &mut self {
+            Self::Firmware(device) => {
+                device.moves = true;
+                device.device.device_mut().hold_hand();
+            }
+            Self::WoodenHaptics(device) => {
+                device.moves = true;
+                device.device.device_mut().hold_hand();
+            }
+        }
+        self
+    }
+
     /// The force that the motors hold (N).
     pub(crate) fn force(&self) -> f64 {
         let device = match self {
-            Self::Firmware(device) => device.device(),
+            Self::Firmware(device) => device.device.device(),
             Self::WoodenHaptics(device) => device.device.device(),
         };
         device.probe().map_or(0.0, |probe| probe.held.force.norm())
@@ -154,15 +211,14 @@ impl Emulated {
     /// A new host has come.
     fn begin(&mut self) {
         if let Self::WoodenHaptics(device) = self {
-            device.first_ns = None;
-            device.pressed = false;
+            device.begin();
         }
     }
 
     /// Lets time pass without a host: a device does not wait for one to let go.
     fn run(&mut self, now_ns: u64) {
         match self {
-            Self::Firmware(device) => device.run(now_ns),
+            Self::Firmware(device) => device.device.run(now_ns),
             Self::WoodenHaptics(device) => device.device.run(now_ns),
         }
     }
@@ -174,16 +230,31 @@ pub(crate) struct Operated {
     first_ns: Option<u64>,
     last_ns: u64,
     pressed: bool,
+    /// Whether the hand has a motion of its own, which begins after the calibration.
+    moves: bool,
+}
+
+impl Operated {
+    /// A new host has come.
+    fn begin(&mut self) {
+        (self.first_ns, self.pressed) = (None, false);
+        if self.moves {
+            self.device.device_mut().hold_hand();
+        }
+    }
 }
 
 impl Emulator for Operated {
     fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         // Hosts of a HID device follow each other without another sign.
         if now_ns.saturating_sub(self.last_ns) > GONE_NS {
-            (self.first_ns, self.pressed) = (None, false);
+            self.begin();
         }
         self.last_ns = now_ns;
         let first = *self.first_ns.get_or_insert(now_ns);
+        if self.moves && self.pressed && !self.device.awaits_counters() {
+            self.device.device_mut().begin_hand();
+        }
         if !self.pressed && now_ns.saturating_sub(first) >= PRESS_NS {
             self.pressed = true;
             self.device.press_calibration();
@@ -196,9 +267,10 @@ impl Emulator for Operated {
     }
 }
 
-/// The place that `--on` names.
+/// The place that `--on` names, for a device that is called `model`.
 fn place(
     arguments: &EmulateArguments,
+    model: &str,
     protocol: ProtocolName,
 ) -> Result<Place, DeviceCommandError> {
     let (vid, pid, report) = match protocol {
@@ -206,7 +278,7 @@ fn place(
         _ => (VENDOR, PRODUCT, 64),
     };
     let identity = Identity {
-        name: format!("Palpate's emulated {}", arguments.model),
+        name: format!("Palpate's emulated {model}"),
         serial: arguments.serial.clone(),
         vid,
         pid,
@@ -235,30 +307,70 @@ impl EmulateArguments {
 }
 
 /// The mechanism in its hand.
-fn simulated(arguments: &EmulateArguments, file: &DeviceFile) -> Result<SimDevice, CommandError> {
-    let refused = |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
-    let mut hand = Hand::new(Trajectory::still());
-    if arguments.tremor != 0.0 {
-        let tremor = Tremor::new(arguments.tremor, arguments.seed);
-        hand = hand.with_tremor(tremor.map_err(|error| refused(format!("--tremor: {error}")))?);
-    }
-    let device = SimDevice::new(file.model, (!arguments.free).then_some(hand), 1e-3);
-    device.map_err(|error| refused(error.to_string()))
+struct Simulated {
+    device: SimDevice,
+    /// The name of the model, and its file.
+    name: String,
+    file: DeviceFile,
+    /// Whether the hand is that of a scene, which waits for a host.
+    moves: bool,
 }
 
-/// The device of that name with its protocol.
-fn device(
-    arguments: &EmulateArguments,
-    (name, file): (&str, &DeviceFile),
-    protocol: ProtocolName,
-) -> Result<Emulated, CommandError> {
-    let framing = if arguments.has_reports() {
-        Framing::Report
-    } else {
-        Framing::Stream
-    };
-    let device = simulated(arguments, file)?;
-    Ok(Emulated::new(device, name, protocol, framing)?)
+impl Simulated {
+    fn new(arguments: &EmulateArguments) -> Result<Self, CommandError> {
+        let refused =
+            |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
+        if let Some(scene) = &arguments.scene {
+            return Self::of_scene(arguments, scene);
+        }
+        // The parser requires one of the two.
+        let model = arguments.model.as_deref().unwrap_or_default();
+        let NamedDevice { name, file, .. } = NamedDevice::load(model)?;
+        let mut hand = Hand::new(Trajectory::still());
+        if arguments.tremor != 0.0 {
+            let tremor = Tremor::new(arguments.tremor, arguments.seed.unwrap_or(1));
+            hand = hand.with_tremor(tremor.map_err(|error| refused(format!("--tremor: {error}")))?);
+        }
+        let device = SimDevice::new(file.model, (!arguments.free).then_some(hand), PERIOD_S);
+        Ok(Self {
+            device: device.map_err(|error| refused(error.to_string()))?,
+            name,
+            file,
+            moves: false,
+        })
+    }
+
+    /// The device of a scene in its hand.
+    fn of_scene(arguments: &EmulateArguments, scene: &Path) -> Result<Self, CommandError> {
+        let refused =
+            |problem: String| CommandError::from(DeviceCommandError::NotEmulated(problem));
+        let loaded = load(Some(scene), &Sets::default())?;
+        let devices = &loaded.scene.devices;
+        let index = match &arguments.name {
+            None if devices.len() == 1 => Some(0),
+            None => None,
+            Some(name) => devices.iter().position(|device| device.name == *name),
+        };
+        let index = index.ok_or_else(|| {
+            let names: Vec<_> = devices.iter().map(|device| &*device.name).collect();
+            let found = arguments.name.as_deref().unwrap_or("none");
+            refused(format!(
+                "--name: found {found}, allowed: the devices of the scene: {}",
+                names.join(", ")
+            ))
+        })?;
+        let seed = arguments.seed.unwrap_or(loaded.scene.seed);
+        let (hand, start) = simulated_hand(&loaded, index, seed)?;
+        let moves = hand.is_some();
+        let device = SimDevice::new(loaded.models[index], hand, PERIOD_S)
+            .and_then(|device| device.starting_at(start));
+        Ok(Self {
+            device: device.map_err(|error| refused(error.to_string()))?,
+            name: loaded.profiles[index].name.clone(),
+            file: loaded.profiles[index].clone(),
+            moves,
+        })
+    }
 }
 
 /// Serves a device at a place to one host after the other, until `stop`. `packets`: the place gives a stream of bytes, and
@@ -310,24 +422,38 @@ pub(crate) fn serve_at(
 pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     // A signal is the usual end.
     let ending = Ending::begin(false)?;
-    let NamedDevice { name, file, .. } = NamedDevice::load(&arguments.model)?;
-    let own = match file.protocol.as_deref() {
+    let simulated = Simulated::new(arguments)?;
+    let own = match simulated.file.protocol.as_deref() {
         Some("woodenhaptics") => ProtocolName::Woodenhaptics,
         Some("falcon") if arguments.on == "usb" => ProtocolName::Falcon,
         _ => ProtocolName::Firmware,
     };
     let protocol = arguments.protocol.unwrap_or(own);
     if protocol == ProtocolName::Falcon {
-        return falcon::run(arguments, &file, &ending);
+        return falcon::run(arguments, simulated, &ending);
     }
     if arguments.firmware.is_some() {
         let problem = "--firmware is for the protocol of the Falcon (--on usb --protocol falcon)";
         return Err(DeviceCommandError::NotEmulated(problem.to_owned()).into());
     }
-    let mut emulated = device(arguments, (&name, &file), protocol)?;
-    let mut place = place(arguments, protocol)?;
+    let framing = if arguments.has_reports() {
+        Framing::Report
+    } else {
+        Framing::Stream
+    };
+    let Simulated {
+        device,
+        name,
+        moves,
+        ..
+    } = simulated;
+    let mut emulated = Emulated::new(device, &name, protocol, framing)?;
+    if moves {
+        emulated = emulated.moving();
+    }
+    let mut place = place(arguments, &name, protocol)?;
     outln!("connect = \"{}\"", protocol.connect(&place.connection()));
-    errln!("emulating {} until Ctrl-C", arguments.model);
+    errln!("emulating {name} until Ctrl-C");
     // The device stands for hardware, which no other program delays. A refusal makes it as late as any program.
     let _ = realtime(PRIORITY);
     let mut served = Served::default();
@@ -343,6 +469,7 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     )?;
     report(&served);
     if let Emulated::Firmware(device) = &emulated {
+        let device = &device.device;
         errln!(
             "the watchdog let go {} times, at most {:.2} ms after the last wrench",
             device.counters().watchdog,

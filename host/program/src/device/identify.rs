@@ -74,7 +74,11 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
     if !arguments.nobody_holds_it {
         return Err(DeviceCommandError::Unconfirmed.into());
     }
-    let (mut device, base) = open::device(
+    let open::Opened {
+        mut device,
+        file: base,
+        ..
+    } = open::device(
         &arguments.connect,
         &arguments.model,
         arguments.firmware.as_deref(),

@@ -2,7 +2,7 @@
 
 use super::super::CommandError;
 use super::DeviceCommandError;
-use devices::registry::Notes;
+use devices::registry::{Identity, Notes};
 use devices::{Connection, DeviceFile, OpenError, Request};
 use host::scene::NamedDevice;
 use rt_core::{Device, Wrench};
@@ -13,6 +13,16 @@ use std::time::{Duration, Instant};
 /// Longest time that a device may take until its first state: the operator has to calibrate it (s).
 const FIRST: f64 = 60.0;
 
+/// A device of a connection.
+pub(super) struct Opened {
+    /// The device.
+    pub(super) device: AnyDevice,
+    /// Its profile.
+    pub(super) file: DeviceFile,
+    /// What it says that it is.
+    pub(super) identity: Option<Identity>,
+}
+
 /// The device of a connection, and its profile.
 ///
 /// # Errors
@@ -21,7 +31,7 @@ pub(super) fn device(
     connect: &str,
     model: &str,
     firmware: Option<&Path>,
-) -> Result<(AnyDevice, DeviceFile), CommandError> {
+) -> Result<Opened, CommandError> {
     let registry = host::scene::real_drivers(Path::new(""));
     let connection = Connection::parse(connect);
     let file = NamedDevice::load(model)?.file;
@@ -44,11 +54,16 @@ pub(super) fn device(
         notes: Some(&notes),
         ..Request::new(&file.model, &connection.address)
     };
-    let opened = driver.open(&request).map_err(refused)?;
+    let device = driver.open(&request).map_err(refused)?;
+    let identity = notes.identity();
     for note in notes.into_vec() {
         errln!("note: {note}");
     }
-    Ok((opened, file))
+    Ok(Opened {
+        device,
+        file,
+        identity,
+    })
 }
 
 /// Waits for the first state of a device, or for `stop`, with zero force. The operator may have to calibrate or home the

@@ -4,7 +4,8 @@ use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::progress_bar;
 use super::super::signals::Ending;
-use super::{DeviceCommandError, open};
+use super::DeviceCommandError;
+use super::open::{self, Opened};
 use devices::DeviceModel;
 use devices::response::{Pulses, Response, ResponseError};
 use host::atomic_file::write_json;
@@ -13,7 +14,7 @@ use runner::Stop;
 use runner::schedule::realtime;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use study::probe::{Motion, Probed, Seen};
+use study::probe::{Known, Motion, Probed, Seen};
 
 /// Ticks between two positions of the progress bar.
 const DRAWN: u64 = 250;
@@ -50,7 +51,11 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
-    let (mut device, file) = open::device(
+    let Opened {
+        mut device,
+        file,
+        identity,
+    } = open::device(
         &arguments.connect,
         &arguments.model,
         arguments.firmware.as_deref(),
@@ -75,7 +80,19 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
             bar.set_position(1000 * tick / ticks);
         }
     }
-    let mut probed = Probed::new(&arguments.connect, &seen);
+    let capabilities = device.capabilities();
+    let known = Known {
+        profile: file.name.clone(),
+        name: identity.as_ref().map(|identity| identity.name.clone()),
+        firmware: identity.and_then(|identity| identity.firmware),
+        max_force: capabilities.max_force,
+        max_moment: capabilities.max_moment,
+        workspace_radius: capabilities.workspace_radius,
+        position_step: capabilities.position_step,
+        profile_rate: f64::from(file.model.rate_hz),
+    };
+    let tick_rate = 1.0 / period.as_secs_f64();
+    let mut probed = Probed::new(&arguments.connect, known, tick_rate, &seen);
     if arguments.pulse && probed.states > 0 && !stop.is_requested() {
         let found = pulses(&mut *device, &file.model, stop);
         let failed = |error: ResponseError| DeviceCommandError::NoMotion(error.to_string());
@@ -123,11 +140,33 @@ fn pulses(
 fn print(probed: &Probed) {
     outln!("{}: {} ticks without force", probed.connect, probed.ticks);
     let line = |title: &str, text: String| outln!("  {title:<10} {text}");
+    let device = &probed.device;
+    let stated = device.name.as_deref().map_or_else(
+        || "states no name".to_owned(),
+        |name| format!("calls itself {name:?}"),
+    );
+    let firmware = device.firmware.as_deref().unwrap_or("not stated");
+    line(
+        "device",
+        format!("{stated}, firmware {firmware}; profile {}", device.profile),
+    );
+    let moment = match device.max_moment {
+        0.0 => String::new(),
+        moment => format!(" and {moment:.3} N m"),
+    };
+    line(
+        "limits",
+        format!(
+            "{:.2} N{moment}; workspace of {:.0} mm about the middle",
+            device.max_force,
+            1e3 * device.workspace_radius
+        ),
+    );
     line(
         "states",
         format!(
-            "{} ({:.1} a second), {} ticks without a state, {} with an error",
-            probed.states, probed.rate, probed.missing, probed.errors
+            "{} ({:.1} a second, {:.0} by the profile), {} ticks without a state, {} with an error",
+            probed.states, probed.rate, device.profile_rate, probed.missing, probed.errors
         ),
     );
     if let Some(error) = &probed.last_error {
@@ -175,4 +214,5 @@ fn print(probed: &Probed) {
             ),
         );
     }
+    line("verdict", probed.verdict());
 }

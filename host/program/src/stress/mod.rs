@@ -17,9 +17,9 @@ use crate::progress::ProgressBar;
 use crate::sets::Values;
 use host::scene::NamedDevice;
 use host::scene::spec::SchemeName;
-use std::cell::Cell;
 use std::num::NonZero;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use study::stress::jobs::{Cells, JobError, Options, Progress, Shard};
 
 /// Arguments of `palpate stress`.
@@ -150,26 +150,59 @@ fn cells(text: &str) -> Result<u64, String> {
 pub(super) struct Shown {
     bar: ProgressBar,
     /// Whether the person has been told that the file of results cannot be written.
-    warned: Cell<bool>,
+    warned: AtomicBool,
+    /// Number of cells; of those that are done; of those that were done before.
+    of: AtomicU64,
+    done: AtomicU64,
+    before: AtomicU64,
+    /// The work of this run, in millionths of a cell, where the cells tell their parts.
+    millionths: AtomicU64,
 }
+
+/// Parts of a cell in which its progress is counted.
+const MILLION: f64 = 1e6;
 
 impl Shown {
     pub(super) fn new() -> Self {
         Self {
             bar: progress_bar(),
-            warned: Cell::new(false),
+            warned: AtomicBool::new(false),
+            of: AtomicU64::new(u64::MAX),
+            done: AtomicU64::new(0),
+            before: AtomicU64::new(0),
+            millionths: AtomicU64::new(0),
         }
     }
 
     pub(super) fn show(&self, at: &Progress<'_>) {
-        self.bar.set_position(1000 * at.done / at.of.max(1));
+        if self.of.swap(at.of.max(1), Ordering::Relaxed) == u64::MAX {
+            self.before.store(at.done, Ordering::Relaxed);
+        }
+        self.done.store(at.done, Ordering::Relaxed);
+        self.draw();
         if let Some(error) = at.unwritten
-            && !self.warned.replace(true)
+            && !self.warned.swap(true, Ordering::Relaxed)
         {
             self.bar.say(&format!(
                 "warning: {error}; the study continues, and tries again after each cell"
             ));
         }
+    }
+
+    /// A part of a cell is done, on any thread: this fraction of the cell.
+    pub(super) fn part(&self, fraction: f64) {
+        let part = (MILLION * fraction) as u64;
+        self.millionths.fetch_add(part, Ordering::Relaxed);
+        self.draw();
+    }
+
+    fn draw(&self) {
+        let number = |counter: &AtomicU64| counter.load(Ordering::Relaxed) as f64;
+        let parts = number(&self.before) + number(&self.millionths) / MILLION;
+        // A cell that failed has not told all of its parts.
+        let cells = parts.max(number(&self.done));
+        self.bar
+            .set_position((1000.0 * cells / number(&self.of)) as u64);
     }
 
     /// Ends the display of a run with the result `cells`.

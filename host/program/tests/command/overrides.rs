@@ -219,3 +219,72 @@ fn a_sweep_is_one_run_for_each_value_and_goes_on_where_it_stopped() -> Outcome {
     assert!(after.starts_with(&kept.join("\n")), "{after}");
     Ok(())
 }
+
+/// The tear of a run has the same start, peak and plateau in its summary and in a sweep, and each is that of the table of the
+/// run.
+#[test]
+fn a_tear_has_one_start_one_peak_and_one_plateau() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let at = |name: &str| folder.path().join(name);
+    let torn = SCENE
+        .replace("cells = [4, 3]", "cells = [10, 6]")
+        .replace(
+            "handle = [",
+            "tear = { strength = 1e4, toughness = 20 }\nhandle = [",
+        )
+        .replace("[0.3, ", "[1.0, ")
+        .replace("0.01, 0.0", "0.04, 0.0");
+    fs::write(at("s.toml"), torn)?;
+    for line in [
+        "run s.toml --duration 1.2 --json run.json --csv run.csv",
+        "sweep s.toml --duration 1.2 --set body[0].tear.toughness=20,30 --json s.jsonl",
+    ] {
+        let ran = palpate(folder.path(), line)?;
+        assert_eq!(ran.status.code(), Some(0), "{}", said(&ran).1);
+    }
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(at("run.json"))?)?;
+    let force = &summary["tears"][0]["force"];
+    let lines = fs::read_to_string(at("s.jsonl"))?;
+    let cells = lines.lines().map(serde_json::from_str);
+    let cells: Vec<serde_json::Value> = cells.collect::<Result<_, _>>()?;
+    let first = cells
+        .iter()
+        .find(|cell| cell["cell"] == 0)
+        .ok_or("no run")?;
+    assert_eq!(&first["tears"][0]["force"], force);
+    // From the table: the norms of the forces of each device from the first edge to the last.
+    let number = |name: &str| force[name].as_f64().ok_or("no number");
+    let (from, to) = (number("from")?, number("to")?);
+    let device = force["device"].as_str().ok_or("no device")?;
+    let table = fs::read_to_string(at("run.csv"))?;
+    let mut rows = table
+        .lines()
+        .map(|line| line.split(',').collect::<Vec<_>>());
+    let head = rows.next().ok_or("no head")?;
+    let column = |name: &str| {
+        head.iter()
+            .position(|found| *found == name)
+            .ok_or("no column")
+    };
+    let [x, y, z] = ["x", "y", "z"].map(|axis| column(&format!("{device}_force_{axis}_N")));
+    let (time, axes) = (column("time_s")?, [x?, y?, z?]);
+    let mut norms = Vec::new();
+    for row in rows {
+        let now: f64 = row[time].parse()?;
+        // Half a tick.
+        if (from - 5e-4..to + 5e-4).contains(&now) {
+            let parts = axes.map(|axis| row[axis].parse::<f64>());
+            let [x, y, z] = parts;
+            norms.push(x?.hypot(y?).hypot(z?));
+        }
+    }
+    // Rounding of a square root.
+    let close = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+    assert!(close(number("start")?, norms[0]), "{force} {}", norms[0]);
+    norms.sort_by(f64::total_cmp);
+    let (low, high) = (norms[(norms.len() - 1) / 2], norms[norms.len() / 2]);
+    assert!(close(number("plateau")?, 0.5 * (low + high)), "{force}");
+    assert!(close(number("peak")?, norms[norms.len() - 1]), "{force}");
+    assert!(number("start")? > 0.1, "{force}");
+    Ok(())
+}

@@ -85,7 +85,7 @@ fn a_plan_tells_the_time_of_a_step() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let printed = text(&output.stdout);
     assert!(
-        printed.contains("  time       on this machine, a step takes about ")
+        printed.contains("  time       on this machine, by processor time, a step takes about ")
             && printed.contains("the scene needs a step every 4.0 ms"),
         "{printed}"
     );

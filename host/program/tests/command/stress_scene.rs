@@ -24,7 +24,16 @@ fn the_program_resumes_and_shows_one_world_whole() {
     };
     let two = ["--runs", "2", "--schemes", "linear,capped"];
     let first = palpate(&two, &[("--json", &json)]);
+    let passed = "passive, bounded and true to the body under capped: all 2 worlds\n";
+    assert!(first.starts_with(passed), "{first}");
     assert!(first.contains("| all | capped | 2 | 100.0 |"), "{first}");
+    // Two worlds have no quantiles.
+    let errors = first.lines().filter(|line| line.starts_with("| all |"));
+    assert!(errors.clone().all(|line| line.contains("most")), "{first}");
+    assert_eq!(errors.count(), 4, "{first}");
+    for line in first.lines() {
+        assert!(line.chars().count() <= 120, "{line}");
+    }
     let written = std::fs::read(&json).expect("it was written");
     assert_eq!(first, palpate(&two, &[("--json", &json)]));
     assert_eq!(written, std::fs::read(&json).expect("it is there"));
@@ -33,7 +42,12 @@ fn the_program_resumes_and_shows_one_world_whole() {
         &["--cell", "1", "--scheme", "linear"],
         &[("--plot", &plot), ("--log", &log)],
     );
-    assert!(shown.contains("linear: Outcome"), "{shown}");
+    assert!(shown.starts_with("world 1 of seed 1\n"), "{shown}");
+    assert!(
+        shown.contains("\nlinear: passive, bounded, true to the body"),
+        "{shown}"
+    );
+    assert!(!shown.contains('{'), "{shown}");
     let svg = std::fs::read_to_string(&plot).expect("it was drawn");
     assert!(svg.contains("net work on the hands (mJ)"));
     // One line for each tick, and the head.
@@ -58,7 +72,7 @@ fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
     let file = written.to_str().expect("a path");
     let world = ["stress", "scene", "--trouble", "stalls", "--cell", "1"];
     let (shown, told) = palpate(&[&world[..], &["--write", file]].concat());
-    assert!(shown.contains("capped: Outcome"), "{shown}");
+    assert!(shown.contains("\ncapped: "), "{shown}");
     // The stalls are those of the option that is told.
     assert!(
         told.contains("cell.toml: not in the scene file: the host stalls"),
@@ -78,5 +92,5 @@ fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
         "nothing",
     ];
     let (table, _) = palpate(&[&["stress", "scene"], &two[..]].concat());
-    assert!(table.starts_with("drawn bodies: 1 worlds"), "{table}");
+    assert!(table.contains("\ndrawn bodies: 1 worlds"), "{table}");
 }

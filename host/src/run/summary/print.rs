@@ -232,6 +232,13 @@ impl DeviceSummary {
         }
         // The calls of a simulated device compute its physics, which says nothing of a transport.
         let real = self.motor_work.is_none();
+        if real {
+            writeln!(
+                f,
+                "             {:.0} states a second, {:.0} by its profile",
+                self.states_rate, self.profile_rate
+            )?;
+        }
         for (what, times) in [
             ("read took", &self.read),
             ("write took", &self.write),

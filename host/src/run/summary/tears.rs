@@ -1,6 +1,7 @@
 //! The tears of a body in the summary of a run.
 
 use super::Distribution;
+use crate::run::tear_force::TearForce;
 use physics::TearReport;
 use serde::Serialize;
 use std::fmt;
@@ -26,6 +27,9 @@ pub struct TearSummary {
     pub energy: f64,
     /// The change of the body's energy by edits (J).
     pub edits: f64,
+    /// The force of the device that pulled hardest while the body tore; `None` where no edge opened or no device holds the
+    /// body.
+    pub force: Option<TearForce>,
     /// Whether a tear rests because the room for vertices is used up.
     pub full: bool,
     /// Measured time of the tears, a step. Measured times do not enter the state.
@@ -36,7 +40,13 @@ pub struct TearSummary {
 
 impl TearSummary {
     /// The summary of the tears of `body` from their report.
-    pub(crate) fn new(body: &str, report: &TearReport, time: Distribution, renewed: u64) -> Self {
+    pub(crate) fn new(
+        body: &str,
+        report: &TearReport,
+        force: Option<TearForce>,
+        time: Distribution,
+        renewed: u64,
+    ) -> Self {
         Self {
             body: body.to_owned(),
             edges: report.opened,
@@ -47,6 +57,7 @@ impl TearSummary {
             area: report.area,
             energy: report.due,
             edits: report.edits,
+            force,
             full: report.full,
             time,
             renewed,
@@ -67,6 +78,13 @@ impl TearSummary {
             self.energy * 1e3,
             self.tips
         )?;
+        if let Some(force) = &self.force {
+            writeln!(
+                f,
+                "             from {:.3} to {:.3} s by {}: {:.2} N at the first edge, peak {:.2} N, plateau {:.2} N (median)",
+                force.from, force.to, force.device, force.start, force.peak, force.plateau
+            )?;
+        }
         if self.full {
             writeln!(
                 f,

@@ -25,6 +25,7 @@ use crate::stress::scene::{SCHEMES, reference};
 use crate::workers;
 use host::bodies;
 use host::engine::faults::{Faults, HostFault};
+use host::run::tear_force::TearForce;
 use host::run::{setup, virtual_clock};
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
@@ -268,6 +269,8 @@ pub(crate) struct Ran {
     pub(crate) record: Record,
     /// The tears of each body at the end.
     pub(crate) tears: Vec<TearReport>,
+    /// The force at the tears of each body.
+    pub(crate) tear_forces: Vec<Option<TearForce>>,
     /// Failures of the host, such as a panic.
     pub(crate) failures: Vec<String>,
 }
@@ -282,7 +285,7 @@ pub(crate) fn run(
     let mut prepared = setup::setup(loaded, scene.duration, scene.seed)?;
     prepared.faults = Faults::new(faults.to_vec());
     let ticks = prepared.timing.ticks;
-    let mut recorder = Recorder::new(&prepared);
+    let mut recorder = Recorder::new(scene, &mut prepared);
     let mut shown = 0;
     let running = virtual_clock::run_seen(
         prepared,
@@ -302,8 +305,10 @@ pub(crate) fn run(
     if let Some(fault) = &running.host.engine.stats().first_fault {
         failures.push(format!("host steps failed; the first failure: {fault}"));
     }
+    let (record, tear_forces) = recorder.finish(&running.tick);
     Ok(Ran {
-        record: recorder.finish(&running.tick),
+        record,
+        tear_forces,
         tears: running.host.engine.stats().tears.clone(),
         failures,
     })

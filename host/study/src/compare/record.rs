@@ -5,6 +5,8 @@ use crate::stress::scene::world::probe;
 use host::engine::Engine;
 use host::engine::body::HostBody;
 use host::run::setup::Setup;
+use host::run::tear_force::{TearForce, TearForces};
+use host::scene::Scene;
 use physics::{Body, Vec3};
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
@@ -44,8 +46,6 @@ pub struct BodyRecord {
     pub capped: u64,
     /// Ticks in which the force faded, or was the safe hold, because the model was too old.
     pub faded: u64,
-    /// The ticks at whose end the first and the latest edge of a tear had opened; none before a tear.
-    pub torn: Option<[usize; 2]>,
     /// Age of the local model in use (s): median and largest; none without a model.
     pub model_age: Option<[f64; 2]>,
 }
@@ -85,18 +85,19 @@ pub(super) struct Recorder {
     stored: f64,
     /// The potential of the weight of the bodies (J); that of the last tick before a panic of the host.
     weight: f64,
-    /// The number of edges that tears of each body have opened.
-    opened: Vec<u64>,
+    tears: TearForces,
     record: Record,
 }
 
 impl Recorder {
-    pub(super) fn new(prepared: &Setup) -> Self {
+    /// Records the run of `scene` that is set up.
+    pub(super) fn new(scene: &Scene, prepared: &mut Setup) -> Self {
+        let tears = TearForces::listening(scene, prepared);
         let bodies = prepared.engine.bodies();
         Self {
             stored: all(bodies).map(Body::total_energy).sum(),
             weight: 0.0,
-            opened: vec![0; bodies.len()],
+            tears,
             record: Record {
                 period: prepared.timing.period_ns as f64 * 1e-9,
                 devices: vec![DeviceRecord::default(); prepared.tick.devices.len()],
@@ -110,15 +111,8 @@ impl Recorder {
     pub(super) fn take(&mut self, tick: &TickLoop, telemetry: &Telemetry, engine: Option<&Engine>) {
         if let Some(engine) = engine {
             self.weight = all(engine.bodies()).map(Body::load_potential).sum();
-            let tick = self.record.out.len();
-            let each = self.record.bodies.iter_mut().zip(&mut self.opened);
-            for ((record, opened), report) in each.zip(&engine.stats().tears) {
-                if report.opened > *opened {
-                    *opened = report.opened;
-                    record.torn = Some([record.torn.map_or(tick, |[first, _]| first), tick]);
-                }
-            }
         }
+        self.tears.take(telemetry);
         let mut on_hands = 0.0;
         let devices = self.record.devices.iter_mut().zip(&tick.devices);
         for ((record, device), now) in devices.zip(telemetry.devices()) {
@@ -136,8 +130,8 @@ impl Recorder {
         }
     }
 
-    /// The whole record, with the counts of the tick at the end.
-    pub(super) fn finish(mut self, tick: &TickLoop) -> Record {
+    /// The whole record, with the counts of the tick at the end, and the force at the tears of each body.
+    pub(super) fn finish(mut self, tick: &TickLoop) -> (Record, Vec<Option<TearForce>>) {
         let each = self.record.bodies.iter_mut();
         let each = each
             .zip(tick.controller.energy())
@@ -148,6 +142,6 @@ impl Recorder {
             let seconds = |ns: u64| ns as f64 * 1e-9;
             body.model_age = (age.count > 0).then(|| [seconds(age.p50), seconds(age.max)]);
         }
-        self.record
+        (self.record, self.tears.finish())
     }
 }

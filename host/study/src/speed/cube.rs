@@ -3,10 +3,10 @@
 //! 10 cm, 1 kg, E = 20 kPa, nu = 0.3, Rayleigh damping by mass 0.1 and by stiffness 0.1, no gravity, bonded to
 //! two plates, corotational linear tetrahedra by Kuhn's split, implicit Euler.
 
-use super::Row;
 use super::motion::{self, Motion};
 use super::path::{self, Method, Path};
 use super::trial::{Course, Scene};
+use super::{Row, Told};
 use crate::{Level, StudyError};
 use physics::mesh::TetMesh;
 use physics::mesh::generate_box::solid_box;
@@ -205,8 +205,8 @@ fn harder(n: u32, level: Level) -> Result<Vec<Scene>, StudyError> {
     ])
 }
 
-/// All scenes of the cube on all paths.
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, StudyError> {
+/// All scenes of the cube on all paths. `tell` is given the fraction done, and each row.
+pub(super) fn run(level: Level, mut tell: impl FnMut(Told<'_>)) -> Result<Vec<Row>, StudyError> {
     // Each mesh with its approximate fraction of the time.
     let (presses, others, duration) = match level {
         Level::Quick => ([(6, 0.25), (8, 0.2), (10, 0.4)], &[(4, 0.15)][..], 0.5),
@@ -219,14 +219,23 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row
     let mut rows = Vec::new();
     let mut done = 0.0;
     for (n, fraction) in presses {
-        progress(done);
-        compare(&press(n, duration)?, paths(level, n), &mut rows)?;
+        tell(Told::Fraction(done));
+        compare(
+            &press(n, duration)?,
+            paths(level, n),
+            &mut rows,
+            &mut |row| {
+                tell(Told::Cube(row));
+            },
+        )?;
         done += fraction;
     }
     for &(n, fraction) in others {
-        progress(done);
+        tell(Told::Fraction(done));
         for scene in harder(n, level)? {
-            compare(&scene, paths(level, n), &mut rows)?;
+            compare(&scene, paths(level, n), &mut rows, &mut |row| {
+                tell(Told::Cube(row));
+            })?;
         }
         done += fraction;
     }
@@ -243,12 +252,17 @@ fn paths(level: Level, n: u32) -> impl Iterator<Item = Path> {
     })
 }
 
-/// Adds a row for each path.
+/// Adds a row for each path, and tells it.
 pub(super) fn compare(
     scene: &Scene,
     paths: impl IntoIterator<Item = Path>,
     rows: &mut Vec<Row>,
+    tell: &mut dyn FnMut(&Row),
 ) -> Result<(), StudyError> {
+    let mut add = |row: Row| {
+        tell(&row);
+        rows.push(row);
+    };
     let mut newton = None;
     // The tight solutions that have been computed so far.
     let mut tight: Vec<(Method, Course)> = Vec::new();
@@ -257,7 +271,7 @@ pub(super) fn compare(
         let exact = path.method.tight();
         if exact == path.method {
             // This path is its own reference.
-            rows.push(scene.row(path.name, &course, &course, Some(&course)));
+            add(scene.row(path.name, &course, &course, Some(&course)));
             newton = Some(course);
             continue;
         }
@@ -265,7 +279,7 @@ pub(super) fn compare(
             tight.push((exact, scene.drive(exact)?));
         }
         if let Some((_, against)) = tight.iter().find(|(method, _)| *method == exact) {
-            rows.push(scene.row(path.name, &course, against, newton.as_ref()));
+            add(scene.row(path.name, &course, against, newton.as_ref()));
         }
     }
     Ok(())

@@ -108,7 +108,7 @@ pub struct Speed {
     pub cube: Vec<Row>,
     /// The scenes of the sheets.
     pub sheets: Vec<Row>,
-    /// Cubes of growing size; empty at the quick level.
+    /// Cubes of growing size.
     pub scaling: Vec<Scaling>,
     /// Work that is skipped on purpose.
     pub skips: Vec<Skip>,
@@ -128,19 +128,34 @@ impl Speed {
     }
 }
 
-/// Measures everything, or the part `only` of the study; the other parts are then empty. `progress` receives the
-/// fraction done.
+/// What is told while the study goes on.
+#[derive(Clone, Copy, Debug)]
+pub enum Told<'a> {
+    /// The fraction done.
+    Fraction(f64),
+    /// The machine, before the first measurement.
+    Machine(&'a Machine),
+    /// A scene of the cube on one path.
+    Cube(&'a Row),
+    /// A scene of the sheets on one path.
+    Sheet(&'a Row),
+    /// A path, by its name, on a cube of some size.
+    Size(&'static str, &'a Size),
+}
+
+/// Measures everything, or the part `only` of the study; the other parts are then empty. `tell` is given the fraction done,
+/// and each row of the longest parts as soon as it is measured.
 ///
 /// # Errors
 /// [`StudyError`].
 pub fn run(
     level: Level,
     only: Option<Section>,
-    mut progress: impl FnMut(f64),
+    mut tell: impl FnMut(Told<'_>),
 ) -> Result<Speed, StudyError> {
     // Each part ends at an approximate fraction of the whole time.
     let [cube_end, sheets_end, scaling_end, precision_end, parts_end] = match level {
-        Level::Quick => [0.5, 0.65, 0.65, 0.85, 0.9],
+        Level::Quick => [0.47, 0.61, 0.66, 0.85, 0.9],
         Level::Full => [0.54, 0.68, 0.82, 0.95, 0.96],
     };
     let wanted = |section| only.is_none_or(|only| only == section);
@@ -156,28 +171,37 @@ pub fn run(
         parts: Parts::default(),
         kernels: Vec::new(),
     };
-    let mut within = |from: f64, to: f64, fraction: f64| progress(from + (to - from) * fraction);
+    tell(Told::Machine(&found.machine));
+    // Passes on what a part tells, with its fraction as one of the whole.
+    let mut within = |from: f64, to: f64, told: Told<'_>| match told {
+        Told::Fraction(fraction) => tell(Told::Fraction(from + (to - from) * fraction)),
+        other => tell(other),
+    };
     if wanted(Section::Cube) {
-        found.cube = cube::run(level, |fraction| within(0.0, cube_end, fraction))?;
+        found.cube = cube::run(level, |told| within(0.0, cube_end, told))?;
     }
     if wanted(Section::Sheets) {
-        found.sheets = sheets::run(level, |fraction| within(cube_end, sheets_end, fraction))?;
+        found.sheets = sheets::run(level, |told| within(cube_end, sheets_end, told))?;
     }
     if wanted(Section::Scaling) {
-        found.scaling = scaling::run(level, |fraction| within(sheets_end, scaling_end, fraction))?;
+        found.scaling = scaling::run(level, |told| within(sheets_end, scaling_end, told))?;
     }
     if wanted(Section::Skips) {
         found.skips = skips::run(level)?;
     }
     if wanted(Section::Precision) {
-        let report = |fraction| within(scaling_end, precision_end, fraction);
+        let report = |fraction| within(scaling_end, precision_end, Told::Fraction(fraction));
         found.precision = precision::run(level, report)?;
     }
     if wanted(Section::Parts) {
-        found.parts = parts::run(level, |fraction| within(precision_end, parts_end, fraction))?;
+        found.parts = parts::run(level, |fraction| {
+            within(precision_end, parts_end, Told::Fraction(fraction));
+        })?;
     }
     if wanted(Section::Kernels) {
-        found.kernels = kernels::run(level, |fraction| within(parts_end, 1.0, fraction))?;
+        found.kernels = kernels::run(level, |fraction| {
+            within(parts_end, 1.0, Told::Fraction(fraction));
+        })?;
     }
     Ok(found)
 }

@@ -4,11 +4,11 @@
 //! 20 x 20 cm, 1 mm, E = 1 MPa, nu = 0.3, 1000 kg/m^3, mass damping 0.1 and stiffness damping 0.01, steps of 10 ms. The
 //! sheets of the other programs do not bend, so those programs solve an easier problem.
 
-use super::Row;
 use super::cube::compare;
 use super::motion::Motion;
 use super::path;
 use super::trial::Scene;
+use super::{Row, Told};
 use crate::{Level, StudyError};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
@@ -18,14 +18,15 @@ pub(super) const SIDE: f64 = 0.2;
 /// Cells along and across.
 const MESHES: [(u32, u32); 3] = [(26, 27), (31, 31), (40, 41)];
 
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, StudyError> {
+/// All scenes of the sheets on all paths. `tell` is given the fraction done, and each row.
+pub(super) fn run(level: Level, mut tell: impl FnMut(Told<'_>)) -> Result<Vec<Row>, StudyError> {
     let mut rows = Vec::new();
     let (meshes, steps) = match level {
         Level::Quick => (&MESHES[..1], 50),
         Level::Full => (&MESHES[..], 400),
     };
     for (i, &(nx, ny)) in meshes.iter().enumerate() {
-        progress(i as f64 / meshes.len() as f64);
+        tell(Told::Fraction(i as f64 / meshes.len() as f64));
         let body = body(nx, ny)?;
         let pull = Vec3::x() * (0.05 * SIDE);
         let press = Vec3::z() * (-0.1 * SIDE);
@@ -47,7 +48,9 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row
                 motion,
                 along: to.normalize(),
             };
-            compare(&scene, path::ALL, &mut rows)?;
+            compare(&scene, path::ALL, &mut rows, &mut |row| {
+                tell(Told::Sheet(row));
+            })?;
         }
     }
     Ok(rows)

@@ -65,6 +65,7 @@ impl Driver for Hid {
             let agreed = request.name_agrees(name);
             agreed.map_err(|error| refused(SerialError::from(error).into()))?;
         }
+        request.has_firmware(device.firmware());
         Ok(Box::new(device))
     }
 }

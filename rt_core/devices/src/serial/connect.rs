@@ -131,6 +131,8 @@ fn start(
         let agreed = request.name_agrees(name);
         agreed.map_err(|error| refused(request.address, &error))?;
     }
+    let stated = device.reports().host().capabilities();
+    request.has_firmware(stated.map(|report| report.model.firmware));
     let device =
         Exchanged::start(device, capabilities).map_err(|error| refused(request.address, &error))?;
     Ok(Box::new(device.for_loop(request.period)))

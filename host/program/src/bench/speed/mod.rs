@@ -9,11 +9,11 @@ mod table;
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
-use super::{level, with_bar};
+use super::{level, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::write_picture;
 use std::path::PathBuf;
-use study::speed::{self, Section};
+use study::speed::{self, Section, Told};
 
 /// Arguments of `palpate bench speed`.
 #[derive(Clone, Debug, clap::Args)]
@@ -75,8 +75,14 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
         .folder("--plot", arguments.plot.as_ref(), chart::writes)
         .check()?;
     let level = level(arguments.quick);
-    let found =
-        with_bar(|progress| speed::run(level, arguments.only.map(Section::from), progress))?;
+    let bar = progress_bar();
+    let mut live = table::Live::default();
+    let only = arguments.only.map(Section::from);
+    let found = speed::run(level, only, |told| match told {
+        Told::Fraction(fraction) => bar.set_position((1000.0 * fraction) as u64),
+        told => bar.above(|| live.print(told)),
+    })?;
+    bar.finish_and_clear();
     table::print(&found);
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &found));

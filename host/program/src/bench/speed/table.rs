@@ -1,12 +1,50 @@
-//! The printed result: the machine, and a table for each part of the study.
+//! The printed result: the machine and the rows of the longest parts as they are measured, then a table for each other part
+//! of the study.
 
 use super::{kernels, parts};
 use study::elsewhere::{SPEED, Steps};
-use study::speed::{Machine, Row, Speed, Varied};
+use study::speed::{Machine, Row, Size, Speed, Told, Varied};
 
+/// Prints what is measured, a row at a time.
+#[derive(Debug, Default)]
+pub(super) struct Live {
+    /// The title of the table whose rows are printed.
+    title: &'static str,
+}
+
+impl Live {
+    /// Prints what the study tells.
+    pub(super) fn print(&mut self, told: Told<'_>) {
+        match told {
+            Told::Fraction(_) => {}
+            Told::Machine(machine) => print_machine(machine),
+            Told::Cube(row) => {
+                self.begin("Cube of 10 cm, 20 kPa, bonded to two plates:", SCENES);
+                print_row(row);
+            }
+            Told::Sheet(row) => {
+                self.begin("Sheets of 20 cm, 1 MPa, 1 mm, with bending:", SCENES);
+                print_row(row);
+            }
+            Told::Size(path, size) => {
+                self.begin("Larger cubes, pressed with steps of 10 ms:", SIZES);
+                print_size(path, size);
+            }
+        }
+    }
+
+    /// Prints the head of a table before its first row.
+    fn begin(&mut self, title: &'static str, head: &str) {
+        if std::mem::replace(&mut self.title, title) != title {
+            let columns = head.matches('|').count() - 1;
+            outln!("\n{title}\n\n{head}\n|{}", "---|".repeat(columns));
+        }
+    }
+}
+
+/// Prints the parts of which [`Live`] has printed nothing.
 pub(super) fn print(found: &Speed) {
-    print_machine(&found.machine);
-    print_scenes(found);
+    print_times(found);
     print_elsewhere_all(found);
     print_scaling(found);
     print_skips(found);
@@ -15,15 +53,7 @@ pub(super) fn print(found: &Speed) {
     kernels::print(&found.kernels);
 }
 
-fn print_scenes(found: &Speed) {
-    if !found.cube.is_empty() {
-        outln!("\nCube of 10 cm, 20 kPa, bonded to two plates:\n");
-        print_rows(&found.cube);
-    }
-    if !found.sheets.is_empty() {
-        outln!("\nSheets of 20 cm, 1 MPa, 1 mm, with bending:\n");
-        print_rows(&found.sheets);
-    }
+fn print_times(found: &Speed) {
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
         outln!(
             "\nTimes: processor time of one thread for a whole step. Errors: the largest error of the force over the \
@@ -67,30 +97,26 @@ fn print_machine(machine: &Machine) {
     );
 }
 
-fn print_rows(rows: &[Row]) {
+const SCENES: &str = "| scene | elements | path | median us | 99 % | 99.9 % | iterations | most | residual | force N | solver error | step error | JND |";
+
+fn print_row(row: &Row) {
+    let [median, p99, p999] =
+        [row.times.median, row.times.p99, row.times.p999].map(|time| 1e6 * time);
+    let step_error = row
+        .step_error
+        .map_or(String::new(), |error| format!("{error:.1e}"));
     outln!(
-        "| scene | elements | path | median us | 99 % | 99.9 % | iterations | most | residual | force N | solver error | step error | JND |"
+        "| {} | {} | {} | {median:.0} | {p99:.0} | {p999:.0} | {:.1} | {} | {:.1e} | {:.4} | {:.1e} | {step_error} | {:.1e} |",
+        row.title,
+        row.elements,
+        row.path,
+        row.mean_iterations,
+        row.most_iterations,
+        row.residual,
+        row.force,
+        row.solver_error,
+        row.noticeable(),
     );
-    outln!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
-    for row in rows {
-        let [median, p99, p999] =
-            [row.times.median, row.times.p99, row.times.p999].map(|time| 1e6 * time);
-        let step_error = row
-            .step_error
-            .map_or(String::new(), |error| format!("{error:.1e}"));
-        outln!(
-            "| {} | {} | {} | {median:.0} | {p99:.0} | {p999:.0} | {:.1} | {} | {:.1e} | {:.4} | {:.1e} | {step_error} | {:.1e} |",
-            row.title,
-            row.elements,
-            row.path,
-            row.mean_iterations,
-            row.most_iterations,
-            row.residual,
-            row.force,
-            row.solver_error,
-            row.noticeable(),
-        );
-    }
 }
 
 /// Prints the times of the other programs, with the ratio to each path that was run on the same number of elements.
@@ -137,35 +163,30 @@ fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &s
     }
 }
 
+const SIZES: &str = "| path | tetrahedra | unknowns | median ms | iterations | ns per tetrahedron and iteration | bytes per tetrahedron | set-up ms | new factor ms |";
+
+fn print_size(path: &str, size: &Size) {
+    let beside = size.set_up.map_or(" | | ".to_owned(), |set_up| {
+        format!(
+            "{:.0} | {:.0} | {:.1}",
+            set_up.bytes as f64 / size.elements as f64,
+            1e3 * set_up.time,
+            1e3 * set_up.refresh
+        )
+    });
+    outln!(
+        "| {path} | {} | {} | {:.2} | {:.1} | {:.1} | {beside} |",
+        size.elements,
+        size.unknowns,
+        1e3 * size.median,
+        size.iterations,
+        1e9 * size.per_element_and_iteration,
+    );
+}
+
 fn print_scaling(found: &Speed) {
     if found.scaling.is_empty() {
         return;
-    }
-    outln!("\nLarger cubes, pressed with steps of 10 ms:\n");
-    outln!(
-        "| path | tetrahedra | unknowns | median ms | iterations | ns per tetrahedron and iteration | bytes per tetrahedron | set-up ms | new factor ms |"
-    );
-    outln!("|---|---|---|---|---|---|---|---|---|");
-    for scaling in &found.scaling {
-        for size in &scaling.sizes {
-            let beside = size.set_up.map_or(" | | ".to_owned(), |set_up| {
-                format!(
-                    "{:.0} | {:.0} | {:.1}",
-                    set_up.bytes as f64 / size.elements as f64,
-                    1e3 * set_up.time,
-                    1e3 * set_up.refresh
-                )
-            });
-            outln!(
-                "| {} | {} | {} | {:.2} | {:.1} | {:.1} | {beside} |",
-                scaling.path,
-                size.elements,
-                size.unknowns,
-                1e3 * size.median,
-                size.iterations,
-                1e9 * size.per_element_and_iteration,
-            );
-        }
     }
     outln!();
     for scaling in &found.scaling {

@@ -3,8 +3,7 @@
 use super::super::super::CommandError;
 use super::super::super::signals::Ending;
 use super::super::DeviceCommandError;
-use super::{EmulateArguments, PRIORITY, report, simulated};
-use devices::DeviceFile;
+use super::{EmulateArguments, PRIORITY, Simulated, report};
 use devices::falcon::Firmware;
 use emulator::Served;
 use emulator::usb::Chip;
@@ -15,7 +14,7 @@ use std::sync::Mutex;
 
 pub(super) fn run(
     arguments: &EmulateArguments,
-    file: &DeviceFile,
+    simulated: Simulated,
     ending: &Ending,
 ) -> Result<(), CommandError> {
     let refused = |problem: &str| DeviceCommandError::NotEmulated(problem.to_owned());
@@ -33,13 +32,21 @@ pub(super) fn run(
         return Err(refused(problem).into());
     };
     let firmware = Firmware::load(path).map_err(DeviceCommandError::Firmware)?;
-    let device = simulated(arguments, file)?;
-    let falcon = Falcon::new(device, firmware.image(), Settings::default());
-    let falcon = Mutex::new(Operated::new(falcon));
+    let Simulated {
+        device,
+        name,
+        moves,
+        ..
+    } = simulated;
+    let mut falcon = Operated::new(Falcon::new(device, firmware.image(), Settings::default()));
+    if moves {
+        falcon = falcon.then_moving();
+    }
+    let falcon = Mutex::new(falcon);
     let chip = Chip::create(&arguments.serial).map_err(DeviceCommandError::Gadget)?;
     outln!("connect = \"{}\"", chip.connection());
     outln!("firmware = \"{}\"", path.display());
-    errln!("emulating {} until Ctrl-C", arguments.model);
+    errln!("emulating {name} until Ctrl-C");
     // The device stands for hardware, which no other program delays. Its threads inherit the priority.
     let _ = realtime(PRIORITY);
     let mut served = Served::default();

@@ -1,5 +1,6 @@
 //! `palpate stress scene`: runs a scene with many kinds of hands, rates and faults.
 
+mod cell;
 pub(super) mod picture;
 mod table;
 
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 use study::stress::jobs::{self, Cells, Header};
 use study::stress::scene::draw::{Choice, Trouble};
 use study::stress::scene::measure::{Outcome, Trace};
+use study::stress::scene::verdict::Verdict;
 use study::stress::scene::written::Written as WrittenScene;
 use study::stress::scene::{SCHEMES, STEP_RATE, Study};
 
@@ -149,6 +151,9 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         settings: arguments.settings(loaded.as_ref(), &schemes),
     };
     let (seed, choice) = (common.cells.seed, arguments.choice());
+    let judged = loaded
+        .as_ref()
+        .map_or(SchemeName::Capped, |loaded| loaded.scene.realtime.scheme);
     let study = match loaded {
         Some(loaded) => Study::among(loaded, seed, choice)?,
         None => Study::drawn(seed, choice),
@@ -157,9 +162,20 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         return show_cell(arguments, &study, cell);
     }
     let shown = Shown::new();
-    let work = |cell| study.cell(cell, &schemes);
+    let work = |cell| study.cell_told(cell, &schemes, &|part| shown.part(part));
     let cells = jobs::run(&header, &common.cells.options(), work, |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
+    // The scheme of the scene is judged, or each scheme that was run in its place.
+    let own = schemes.iter().filter(|(scheme, _)| *scheme == judged);
+    let judged = match own.clone().count() {
+        0 => schemes.clone(),
+        _ => own.copied().collect(),
+    };
+    for (_, scheme) in judged {
+        if let Some(verdict) = Verdict::of(cells.iter(), scheme) {
+            outln!("{verdict}");
+        }
+    }
     outln!(
         "{name}: {} worlds, seed {}\n",
         cells.len(),
@@ -192,15 +208,10 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
     let (draw, reference, runs) = study.traces(cell, &[wanted])?;
     let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
     let scheme = known.map_or("", |(_, name)| name);
-    outln!("{draw:#?}");
+    cell::print_draw(cell, arguments.common.cells.seed, &draw);
     for run in &runs {
         let outcome = Outcome::of(run, &reference, &draw);
-        outln!("{scheme}: {outcome:#?}");
-        outln!(
-            "reference: net energy {:.3} mJ, {:#?}",
-            1e3 * reference.net_energy(),
-            reference.stillness()
-        );
+        cell::print_outcome(scheme, &outcome, &reference);
         let mut written = Written::default();
         written.write(arguments.common.plot.as_ref(), |path| {
             let title = format!("Cell {cell} under \"{scheme}\"");

@@ -24,6 +24,7 @@ pub(super) mod rendered;
 pub(super) mod run;
 pub mod summary;
 mod troubled;
+pub mod verdict;
 pub(crate) mod world;
 pub mod written;
 
@@ -195,12 +196,26 @@ impl Study {
         cell: u64,
         schemes: &[SchemeName],
     ) -> Result<(Draw, Trace, Vec<Trace>), StudyError> {
+        self.traces_told(cell, schemes, &|_| ())
+    }
+
+    /// As [`Study::traces`]. After each part of the work, `done` is given its fraction of the whole.
+    fn traces_told(
+        &self,
+        cell: u64,
+        schemes: &[SchemeName],
+        done: &dyn Fn(f64),
+    ) -> Result<(Draw, Trace, Vec<Trace>), StudyError> {
+        let part = 1.0 / (1 + 2 * schemes.len()) as f64;
         let world = self.world(cell)?;
         let reference = reference::run(&world)?;
+        done(part);
         let chance = Chance::new(self.seed, cell);
         let runs = schemes.iter().map(|scheme| {
             let mut run = run::run(&world, *scheme, chance)?;
+            done(part);
             reference::follow(&world, &mut run)?;
+            done(part);
             Ok::<_, StudyError>(run)
         });
         let runs = runs.collect::<Result<_, _>>()?;
@@ -209,8 +224,18 @@ impl Study {
 
     /// Runs a cell under each of `schemes`.
     pub fn cell(&self, cell: u64, schemes: &[(SchemeName, &str)]) -> CellResult {
+        self.cell_told(cell, schemes, &|_| ())
+    }
+
+    /// As [`Study::cell`]. After each part of the work, `done` is given its fraction of the whole.
+    pub fn cell_told(
+        &self,
+        cell: u64,
+        schemes: &[(SchemeName, &str)],
+        done: &dyn Fn(f64),
+    ) -> CellResult {
         let names: Vec<_> = schemes.iter().map(|(scheme, _)| *scheme).collect();
-        match self.traces(cell, &names) {
+        match self.traces_told(cell, &names, done) {
             Ok((draw, reference, runs)) => CellResult {
                 reference: reference.stillness(),
                 reference_net_energy: reference.net_energy(),

@@ -8,7 +8,10 @@ use serde::Serialize;
 /// Largest force error that nobody notices: the just-noticeable difference of a force is about a tenth.
 pub const JUST_NOTICEABLE: f64 = 0.1;
 
-/// Some cells under one scheme.
+/// Of fewer cells, a row has the largest value in place of a high quantile, which would be the value of some single cell.
+pub const FEW: usize = 10;
+
+/// Some cells under one scheme. Of fewer than ten cells, the higher of two quantiles is the largest value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// The scheme.
@@ -107,7 +110,10 @@ pub fn row<'a>(
             .max_by(|a, b| value(a.1).total_cmp(&value(b.1)));
         each.map_or(0, |(number, _)| *number)
     };
-    let at = |all: &[f64], fractions: [f64; 2]| fractions.map(|fraction| quantile(all, fraction));
+    let at = |all: &[f64], [low, high]: [f64; 2]| {
+        let high = if all.len() < FEW { 1.0 } else { high };
+        [low, high].map(|fraction| quantile(all, fraction))
+    };
     (!found.is_empty()).then(|| {
         let untroubled = sorted(&|o| o.error_untroubled);
         let unnoticed = untroubled.iter().filter(|e| **e < JUST_NOTICEABLE).count();
