@@ -60,7 +60,7 @@ pub(super) struct EmulateArguments {
     #[arg(long, value_name = "SERIAL", default_value = "emulated")]
     serial: String,
     /// Seed of the tremor
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = crate::seed)]
     seed: u64,
 }
 
@@ -344,8 +344,13 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     report(&served);
     if let Emulated::Firmware(device) = &emulated {
         errln!(
-            "the watchdog let go {} times, at most {:.2} ms after the last wrench",
+            "the watchdog let go {} time{}, at most {:.2} ms after the last wrench",
             device.counters().watchdog,
+            if device.counters().watchdog == 1 {
+                ""
+            } else {
+                "s"
+            },
             device.let_go_ns() as f64 * 1e-6
         );
     }
