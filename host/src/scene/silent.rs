@@ -156,7 +156,7 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
             assert!(found[0].starts_with(said), "{}", found[0]);
         }
         let panto = "name = 'panto'\naxes = ['x', 'y']\nmass = 0.06\ndamping = 0.05\nfriction = 0.05\nposition_step = 2e-5\nmax_force = 2.0\n\
-                     workspace_radius = 0.04\ndriver_stiffness = 500\n";
+                     workspace_radius = 0.04\ndriver_stiffness = 500\ndriver_damping = 1\nrate = 1000\n";
         let files = BTreeMap::from([("panto.toml".to_owned(), panto.as_bytes().to_vec())]);
         let text = BODY.replace("MODEL", "panto.toml");
         let error = Scene::load_texts("a.toml", &text, &files).expect_err("no motion");
