@@ -28,7 +28,7 @@ pub(super) struct CompareArguments {
     #[arg(long, value_name = "HZ", value_delimiter = ',', value_parser = rate)]
     publish_rates: Vec<f64>,
     /// Seed of every random choice, the same for all runs. Default: the seed of the scene
-    #[arg(long)]
+    #[arg(long, value_parser = crate::seed)]
     seed: Option<u64>,
     /// Duration of each run in seconds. Default: the duration of the scene
     #[arg(long, value_name = "SECONDS", value_parser = super::run::seconds)]
@@ -252,10 +252,12 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
     };
     let panel = |quantity: &str, series| Panel {
         title: format!(
-            "{}, {} Hz",
-            first.measures.devices[device].name, first.publish_rate
+            "{}, {} Hz: {}",
+            first.measures.devices[device].name,
+            first.publish_rate,
+            quantity.to_lowercase()
         ),
-        x_label: "time (s)".to_owned(),
+        x_label: "Time (s)".to_owned(),
         y_label: format!("{quantity} (N)"),
         x_covers: vec![0.0, found.duration],
         series,
@@ -267,11 +269,11 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
     // The reference comes first: the others are drawn over it.
     let mut forces: Vec<_> = expected
         .iter()
-        .map(|force| line("reference", Role::Base, 0.0, force))
+        .map(|force| line("reference", Role::Reference, 0.0, force))
         .collect();
     let mut errors: Vec<_> = expected
         .iter()
-        .map(|force| line("reference", Role::Base, from, &vec![0.0; force.len()]))
+        .map(|force| line("reference", Role::Reference, from, &vec![0.0; force.len()]))
         .collect();
     for run in runs {
         let force = along(&run.record);
@@ -282,9 +284,9 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
             errors.push(line(run.scheme, Role::Scheme(run.scheme), from, &off));
         }
     }
-    let mut panels = vec![panel("force", forces)];
+    let mut panels = vec![panel("Force", forces)];
     if expected.is_some() {
-        panels.push(panel("force error", errors));
+        panels.push(panel("Force error", errors));
     }
     panels
 }

@@ -28,16 +28,18 @@ mod signals;
 mod solve;
 mod stress;
 mod sweep;
+mod tips;
 #[cfg(feature = "view")]
 mod view;
 #[cfg(feature = "view")]
 mod watch;
 mod written;
 
-use clap::{Parser, Subcommand};
+use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use host::scene::{LoadedScene, SceneError};
 use progress::ProgressBar;
 use sets::{Sets, Values};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -53,7 +55,7 @@ static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 #[command(name = "palpate", version, after_help = EXAMPLES)]
 struct Arguments {
     #[command(subcommand)]
-    command: Option<Command>,
+    command: Option<Task>,
 }
 
 const EXAMPLES: &str = "\
@@ -74,7 +76,7 @@ Examples:
   palpate stress wall --quick                  find the stiffest wall of each device, and compare with theory";
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum Task {
     /// Run a scene and print a summary
     Run(Box<run::RunArguments>),
     /// Print which stages a scene needs and why the others are skipped
@@ -229,12 +231,9 @@ fn main() -> ExitCode {
     }
     panics::report_in_one_line();
     signals::ignore_file_limit();
-    let code = match Arguments::try_parse() {
+    let code = match parsed() {
         Ok(arguments) => execute(arguments.command),
-        Err(message) => {
-            printing::print_message(&message);
-            u8::try_from(message.exit_code()).unwrap_or(1)
-        }
+        Err(code) => code,
     };
     match printing::end() {
         Ok(()) => ExitCode::from(code),
@@ -245,7 +244,7 @@ fn main() -> ExitCode {
     }
 }
 
-impl Command {
+impl Task {
     /// Whether the command has an end of its own for signals.
     fn ends_by_itself(&self) -> bool {
         match self {
@@ -257,24 +256,64 @@ impl Command {
     }
 }
 
+/// The arguments of the command line. Prints help and errors; the error is the exit code.
+fn parsed() -> Result<Arguments, u8> {
+    let program = with_negative_numbers(Arguments::command());
+    let given: Vec<_> = std::env::args_os().skip(1).collect();
+    let words: Vec<_> = given
+        .iter()
+        .map(|word| word.to_string_lossy().into_owned())
+        .collect();
+    if let Some(tip) = tips::tip(&program, &words) {
+        errln!("{tip}");
+        return Err(2);
+    }
+    let name = OsString::from("palpate");
+    let matched = program.try_get_matches_from([name].into_iter().chain(given));
+    matched
+        .and_then(|mut matches| Arguments::from_arg_matches_mut(&mut matches))
+        .map_err(|message| {
+            printing::print_message(&message);
+            u8::try_from(message.exit_code()).unwrap_or(1)
+        })
+}
+
+/// The command, all of whose options take negative numbers: an option that does not allow one says what it allows.
+fn with_negative_numbers(command: Command) -> Command {
+    let command = command.mut_args(|argument| {
+        let takes = argument.get_action().takes_values() && !argument.is_positional();
+        argument.allow_negative_numbers(takes)
+    });
+    command.mut_subcommands(with_negative_numbers)
+}
+
+/// The seed of random choices.
+fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| {
+        format!(
+            "found {text}, allowed: a whole number, 0 or above; the same seed gives the same run"
+        )
+    })
+}
+
 /// Executes a command and reports its error. Returns the exit code.
-fn execute(command: Option<Command>) -> u8 {
-    let command = command.unwrap_or_else(|| Command::Run(Box::default()));
+fn execute(command: Option<Task>) -> u8 {
+    let command = command.unwrap_or_else(|| Task::Run(Box::default()));
     if !command.ends_by_itself() {
         signals::clean_up_at_the_end();
     }
     let result = match command {
-        Command::Run(arguments) => run::run(&arguments),
-        Command::Plan(arguments) => plan::run(&arguments),
-        Command::Solve(arguments) => solve::run(&arguments),
-        Command::Compare(arguments) => compare::run(&arguments),
-        Command::Sweep(arguments) => sweep::run(&arguments),
-        Command::Mesh(arguments) => mesh::run(&arguments),
-        Command::Device(arguments) => device::run(&arguments),
-        Command::Bench(arguments) => bench::run(&arguments),
-        Command::Stress(arguments) => stress::run(&arguments),
+        Task::Run(arguments) => run::run(&arguments),
+        Task::Plan(arguments) => plan::run(&arguments),
+        Task::Solve(arguments) => solve::run(&arguments),
+        Task::Compare(arguments) => compare::run(&arguments),
+        Task::Sweep(arguments) => sweep::run(&arguments),
+        Task::Mesh(arguments) => mesh::run(&arguments),
+        Task::Device(arguments) => device::run(&arguments),
+        Task::Bench(arguments) => bench::run(&arguments),
+        Task::Stress(arguments) => stress::run(&arguments),
         #[cfg(feature = "view")]
-        Command::View(arguments) => view::run(&arguments),
+        Task::View(arguments) => view::run(&arguments),
     };
     match result {
         Ok(()) => 0,

@@ -11,37 +11,17 @@ pub(super) struct Overrides {
     #[arg(long, value_name = "NAME", conflicts_with = "replay")]
     scheme: Option<String>,
     /// Rate of the tick, the haptic loop (Hz). Default: `loop.rate` of the scene
-    #[arg(
-        long,
-        value_name = "HZ",
-        conflicts_with = "replay",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "HZ", conflicts_with = "replay")]
     rate: Option<f64>,
     /// Rate of the host's physics steps (Hz). Default: `host.step_rate` of the scene
-    #[arg(
-        long,
-        value_name = "HZ",
-        conflicts_with = "replay",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "HZ", conflicts_with = "replay")]
     step_rate: Option<f64>,
     /// Rate at which the host publishes local models (Hz): the rate of the steps, divided by a whole number. Default:
     /// `host.publish_rate` of the scene
-    #[arg(
-        long,
-        value_name = "HZ",
-        conflicts_with = "replay",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "HZ", conflicts_with = "replay")]
     publish_rate: Option<f64>,
     /// Virtual clock: time from reading the hands to the arrival of the model (s). Default: `host.latency` of the scene
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        conflicts_with = "replay",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "SECONDS", conflicts_with = "replay")]
     latency: Option<f64>,
     /// Arm the devices at the start, for a run that nobody attends. Default: `engage.arm` of each device in the scene; a
     /// real device waits to be armed

@@ -49,7 +49,7 @@ pub(super) struct RunArguments {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     duration: Option<f64>,
     /// Seed of every random choice. Default: the seed of the scene
-    #[arg(long)]
+    #[arg(long, value_parser = crate::seed)]
     seed: Option<u64>,
     /// Instructions of the linear algebra: the fastest of the machine, or portable ones, which give the same
     /// bytes on every machine
@@ -81,21 +81,11 @@ pub(super) struct RunArguments {
     vtu: Option<PathBuf>,
     /// Frames of --vtu a second of the run's own time (Hz), at most `host.step_rate` of the scene. A frame is the state
     /// after the first step at or after its time. Default: 25, or `host.step_rate` if that is lower
-    #[arg(
-        long,
-        value_name = "RATE",
-        requires = "vtu",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "RATE", requires = "vtu")]
     frames: Option<f64>,
     /// Also write frames of the deformed bodies into the log, this many a second of the run's own time (Hz), at most
     /// `host.step_rate` of the scene. A frame is the state after the first step at or after its time
-    #[arg(
-        long,
-        value_name = "RATE",
-        requires = "log",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "RATE", requires = "log")]
     log_frames: Option<f64>,
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
@@ -153,7 +143,7 @@ struct ViewArguments {
     view: Option<Option<PathBuf>>,
     /// Virtual time with --view: seconds of the run for each second of the wall clock, or 0 for as fast as possible.
     /// Default: 1
-    #[arg(long, value_name = "FACTOR", requires = "view", value_parser = pace, allow_negative_numbers = true)]
+    #[arg(long, value_name = "FACTOR", requires = "view", value_parser = pace)]
     pace: Option<f64>,
 }
 

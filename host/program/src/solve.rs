@@ -144,9 +144,9 @@ fn chart(solution: &Solution) -> String {
     }
     series.truncate(MOST_LINES);
     let x = match solution.analysis {
-        Analysis::Static => "fraction of displacements and loads",
-        Analysis::Dynamic => "time (s)",
+        Analysis::Static => "Fraction of displacements and loads",
+        Analysis::Dynamic => "Time (s)",
     };
     let title = format!("Reactions: {}", solution.scene);
-    plot::line_chart_svg(&title, x, "force (N)", false, false, &series)
+    plot::line_chart_svg(&title, x, "Force (N)", false, false, &series)
 }

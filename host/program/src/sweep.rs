@@ -23,7 +23,7 @@ pub(super) struct SweepArguments {
     #[arg(long = "set", value_name = "FIELD=VALUES", value_parser = assignment, required = true)]
     sets: Vec<Assignment>,
     /// Seed of every random choice, the same for all runs. Default: the seed of the scene
-    #[arg(long)]
+    #[arg(long, value_parser = crate::seed)]
     seed: Option<u64>,
     /// Duration of each run in seconds. Default: the duration of the scene
     #[arg(long, value_name = "SECONDS", value_parser = super::run::seconds)]
@@ -160,8 +160,8 @@ fn picture(scene: &str, fields: &[String], runs: &[&Swept], part: Part) -> Strin
     let devices = first.map_or(&[][..], |run| &run.devices);
     let panels = devices.iter().enumerate().map(|(index, device)| Panel {
         title: device.name.clone(),
-        x_label: "time (s)".to_owned(),
-        y_label: format!("force{} (N)", part.label()),
+        x_label: "Time (s)".to_owned(),
+        y_label: format!("Force{} (N)", part.label()),
         series: (runs.iter().enumerate())
             .filter_map(|(number, run)| {
                 Some(Series {

@@ -11,18 +11,20 @@
 //!   the path changes a text in it;
 //! - `<!-- prints -->`: lines that the last command before the block prints, one after the other. Measured times may
 //!   differ, and `...` stands for any lines;
-//! - `<!-- ends with N -->`: the exit code of the block's last command;
-//! - `<!-- arguments only -->`: command lines that need what a test does not have. Their arguments are checked.
+//! - `<!-- ends with N -->`: the exit code of the block's last command.
 //!
-//! Studies (`palpate bench`, `palpate stress`) take long. Their arguments alone are checked here; other tests run their
-//! quick forms. Lines of `cargo` and of scripts are checked for the targets and files that they name. A block of TOML
-//! without a comment, and a command of an unknown program, is an error.
+//! Every command runs. Those that take long, serve others, or need what a test does not have are listed in `book/ways.rs`,
+//! with how they are run, or with the reason why their arguments alone are checked. Lines of `cargo` and of scripts are
+//! checked for the targets and files that they name. A block of TOML without a comment, a command of an unknown program, and
+//! a command of the list that no page has, is an error.
 #![cfg(unix)]
 
 #[path = "book/markdown.rs"]
 mod markdown;
 #[path = "book/page.rs"]
 mod page;
+#[path = "book/ways.rs"]
+mod ways;
 
 use markdown::Page;
 use std::fs;
@@ -70,6 +72,25 @@ fn every_block_of_every_page_does_what_it_says() {
         faults
     });
     assert!(faults.is_empty(), "{}", faults.join("\n\n"));
+}
+
+/// A command that left the book leaves the list, too.
+#[test]
+fn every_listed_command_is_in_the_book() {
+    let text: String = pages()
+        .iter()
+        .map(|path| fs::read_to_string(path).unwrap().replace("\\\n", " "))
+        .collect();
+    let lines: Vec<&str> = text
+        .lines()
+        .map(|line| line.split(" #").next().unwrap_or_default().trim())
+        .collect();
+    for (command, way) in ways::WAYS {
+        assert!(lines.contains(command), "no page has: {command}");
+        if let ways::Way::Arguments(reason) = way {
+            assert!(!reason.is_empty(), "{command}: not run, without a reason");
+        }
+    }
 }
 
 /// Checks a page of commands, and returns the folder in which they ran.

@@ -3,6 +3,7 @@
 
 use super::{Kind, mesh, places};
 use crate::scene::plausible::{self, Warning};
+use crate::scene::spec::MeshSource;
 use crate::scene::spec::body::{Body, LawName, WeaveFields};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::{Cells, Field, Mesh};
@@ -171,7 +172,14 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
     }
     match (kind, material.thickness) {
         (Kind::Sheet | Kind::Woven, None) => {
-            return refuse("material", "no thickness", "`thickness`: sheets have one");
+            // The mesh of a solid that was exported without its inside.
+            let MeshSource::File(file) = &body.mesh.source else {
+                return refuse("material", "no thickness", "`thickness`: sheets have one");
+            };
+            let found = format!("no tetrahedra in {file}, and no thickness");
+            let allowed = "`thickness`: a mesh of triangles is a sheet; a solid needs a file with tetrahedra (Gmsh writes \
+                           them by `-3`, and with physical groups only those in a physical volume)";
+            return refuse("material", &found, allowed);
         }
         (Kind::Solid | Kind::Thread, Some(_)) => {
             return refuse("material.thickness", "a thickness", none(kind));

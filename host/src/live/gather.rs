@@ -120,7 +120,7 @@ impl Gatherer {
         let missed = self.count_gap(tick);
         if missed > 0 {
             let plural = if missed == 1 { "" } else { "s" };
-            let text = format!("{missed} deadline{plural} missed");
+            let text = format!("{missed} deadline{plural}");
             self.push(EventKind::MissedDeadline, tick, text);
         }
         self.counts.ticks += 1;
@@ -214,7 +214,7 @@ impl Gatherer {
             kind: EventKind::WorstTick,
             tick,
             time_ns,
-            text: format!("largest lateness: {:.1} us", lateness_ns as f64 * 1e-3),
+            text: format!("largest lateness: {:.1} µs", lateness_ns as f64 * 1e-3),
         })
     }
 

@@ -50,7 +50,7 @@ struct Low {
 }
 
 impl Axis {
-    /// An axis over `values`, with a margin (a fraction of their span) at both ends and about `marks` ticks.
+    /// An axis over `values` with about `marks` ticks. A linear one has a margin (a fraction of their span) at both ends.
     pub(super) fn new(
         scale: Scale,
         values: impl Iterator<Item = f64> + Clone,
@@ -59,13 +59,13 @@ impl Axis {
     ) -> Self {
         match scale {
             Scale::Linear => Self::linear(values, margin, marks),
-            Scale::Logarithmic => Self::logarithmic_with(values, margin, marks),
-            Scale::LogarithmicAbove(bound) => Self::logarithmic_above(bound, values, margin, marks),
+            Scale::Logarithmic => Self::logarithmic(values, marks),
+            Scale::LogarithmicAbove(bound) => Self::logarithmic_above(bound, values, marks),
         }
     }
 
     /// A linear axis over all of `values`, with a margin (a fraction of their span) at both ends and about
-    /// `marks` ticks.
+    /// `marks` ticks. Both ends are ticks, so that each end has its label.
     pub(super) fn linear(values: impl Iterator<Item = f64>, margin: f64, marks: f64) -> Self {
         let (mut from, mut to) = range(values).unwrap_or((0.0, 1.0));
         let pad = if to > from { margin * (to - from) } else { 0.0 };
@@ -76,14 +76,15 @@ impl Axis {
         } else {
             0.0
         };
-        from -= pad.max(short);
-        to += pad.max(short);
+        // An end that is a tick, such as zero or the whole of a fraction, needs no space beyond it.
+        let step = round_step((to - from).max(least) / marks);
+        let is_tick = |end: f64| (end / step - (end / step).round()).abs() < 1e-9;
+        let beyond = |end: f64| if is_tick(end) { short } else { pad.max(short) };
+        (from, to) = (from - beyond(from), to + beyond(to));
         let step = round_step((to - from) / marks);
-        // The last sample lies one period before the round end of its interval.
-        let next = (to / step).ceil() * step;
-        if next - to < 0.005 * (to - from) {
-            to = to.max(next);
-        }
+        // A sum of periods may lie beyond its round end by the rounding.
+        from = (from / step + 1e-9).floor() * step;
+        to = (to / step - 1e-9).ceil() * step;
         let ticks = multiples(step, from, to);
         Self {
             from,
@@ -94,30 +95,30 @@ impl Axis {
         }
     }
 
-    /// A logarithmic axis without a margin over the positive ones of `values`: the drawing fills it.
+    /// A logarithmic axis that ends at the least and the greatest of the positive ones of `values`: the drawing fills it.
     pub(super) fn logarithmic_to_the_edge(values: impl Iterator<Item = f64>, marks: f64) -> Self {
-        Self::logarithmic_with(values, 0.0, marks)
+        let (from, to) = decades(values);
+        let decades = round_step((to - from) / marks).max(1.0);
+        Self::logarithmic_of(from, to, multiples(decades, from, to))
     }
 
-    fn logarithmic_with(values: impl Iterator<Item = f64>, margin: f64, marks: f64) -> Self {
-        let logs = values.filter(|x| *x > 0.0).map(libm::log10);
-        let (from, to) = range(logs).unwrap_or((0.0, 1.0));
-        let least = if to > from && margin == 0.0 {
-            0.0
-        } else {
-            0.05
-        };
-        let pad = (margin * (to - from)).max(least);
-        let (from, to) = (from - pad, to + pad);
-        let decades = round_step((to - from) / marks).max(1.0);
-        let mut ticks = multiples(decades, from, to);
-        if ticks.len() < 3 {
-            ticks = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0], &[1.0]]
-                .into_iter()
-                .map(|factors| within_decades(factors, from, to))
-                .find(|ticks| ticks.len() as f64 <= marks + 1.0)
-                .unwrap_or(ticks);
-        }
+    /// A logarithmic axis over the positive ones of `values`, with at most about `marks` ticks, which both ends are.
+    fn logarithmic(values: impl Iterator<Item = f64>, marks: f64) -> Self {
+        let (from, to) = decades(values);
+        let fits = |ticks: &Vec<f64>| ticks.len() as f64 <= marks + 1.0;
+        let fine = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0], &[1.0]];
+        let fine = fine.map(|factors| around(&within_decades(factors, from, to), from, to));
+        let ticks = fine.into_iter().find(fits).unwrap_or_else(|| {
+            let decades = round_step((to - from) / marks).max(1.0);
+            let ends = (from.floor() - decades, to.ceil() + decades);
+            around(&multiples(decades, ends.0, ends.1), from, to)
+        });
+        let ends = ticks.first().copied().zip(ticks.last().copied());
+        let (from, to) = ends.unwrap_or((from, to));
+        Self::logarithmic_of(from, to, ticks)
+    }
+
+    fn logarithmic_of(from: f64, to: f64, ticks: Vec<f64>) -> Self {
         let plain = ticks.iter().all(|tick| (-3.001..=4.8).contains(tick));
         Self {
             from,
@@ -131,24 +132,23 @@ impl Axis {
     fn logarithmic_above(
         bound: f64,
         values: impl Iterator<Item = f64> + Clone,
-        margin: f64,
         marks: f64,
     ) -> Self {
         let shown = values.clone().filter(|x| *x > bound);
         let mut axis = if shown.clone().next().is_some() {
-            Self::logarithmic_with(shown, margin, marks)
+            Self::logarithmic(shown, marks)
         } else {
-            Self::logarithmic_with([bound, 10.0 * bound].into_iter(), margin, marks)
+            Self::logarithmic([bound, 10.0 * bound].into_iter(), marks)
         };
         let Some((_, most)) = range(values.filter(|x| *x <= bound)) else {
             return axis;
         };
         let span = axis.to - axis.from;
-        let place = axis.from - 0.1 * span;
+        let place = axis.from - 0.13 * span;
         axis.low = Some(Low {
             bound,
             place,
-            broken: axis.from - 0.04 * span,
+            broken: axis.from - 0.05 * span,
             label: if most > 0.0 {
                 format!("<{}", log_label(libm::log10(bound), bound >= 1e-3))
             } else {
@@ -285,6 +285,17 @@ fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
+/// The logarithms of the least and the greatest of the positive ones of `values`, never equal.
+fn decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let logs = values.filter(|x| *x > 0.0).map(libm::log10);
+    let (from, to) = range(logs).unwrap_or((0.0, 1.0));
+    if from < to {
+        (from, to)
+    } else {
+        (from - 0.05, to + 0.05)
+    }
+}
+
 /// The smallest number at or above `step` that is 1, 2 or 5 times a power of ten.
 fn round_step(step: f64) -> f64 {
     let power = libm::exp10(libm::log10(step).floor());
@@ -294,21 +305,27 @@ fn round_step(step: f64) -> f64 {
     factor.unwrap_or(10.0) * power
 }
 
-/// The logarithms of these multiples of powers of ten.
+/// The logarithms of these multiples of powers of ten, from a decade below the range to a decade above it.
 fn within_decades(factors: &[f64], from: f64, to: f64) -> Vec<f64> {
-    let decades = from.floor() as i32..=to.floor() as i32;
-    decades
-        .flat_map(|decade| {
-            factors
-                .iter()
-                .map(move |x| f64::from(decade) + libm::log10(*x))
-        })
-        .filter(|x| (from..=to).contains(x))
-        .collect()
+    let decades = from.floor() as i32 - 1..=to.floor() as i32 + 1;
+    let each = decades.flat_map(|decade| {
+        let ticks = factors.iter();
+        ticks.map(move |x| f64::from(decade) + libm::log10(*x))
+    });
+    each.collect()
+}
+
+/// Those of `ticks`, which are in ascending order and reach beyond the range, that hold the range between the first and
+/// the last of them.
+fn around(ticks: &[f64], from: f64, to: f64) -> Vec<f64> {
+    // A bound that is a tick but for the rounding is that tick.
+    let first = ticks.iter().rposition(|tick| *tick <= from + 1e-9);
+    let last = ticks.iter().position(|tick| *tick >= to - 1e-9);
+    ticks[first.unwrap_or(0)..=last.unwrap_or(ticks.len() - 1)].to_vec()
 }
 
 fn multiples(step: f64, from: f64, to: f64) -> Vec<f64> {
-    let (first, last) = ((from / step).ceil(), (to / step).floor());
+    let (first, last) = ((from / step - 1e-9).ceil(), (to / step + 1e-9).floor());
     // By construction there are about ten at most. The bound keeps rounding errors of extreme ranges harmless.
     let count = (last - first).clamp(-1.0, 50.0) as i32;
     (0..=count).map(|i| (first + f64::from(i)) * step).collect()
@@ -325,11 +342,14 @@ mod tests {
     #[test]
     fn ticks_are_round() {
         let axis = Axis::linear([-3.1, 3.2, f64::NAN].into_iter(), 0.05, 6.0);
-        assert_eq!(axis.labels(), ["−2", "0", "2"]);
+        assert_eq!(axis.labels(), ["−4", "−2", "0", "2", "4"]);
         let axis = Axis::linear([0.0, 5.999].into_iter(), 0.0, 6.0);
         assert_eq!(axis.labels(), ["0", "1", "2", "3", "4", "5", "6"]);
         let axis = Axis::linear([0.0, 0.35].into_iter(), 0.0, 6.0);
-        assert_eq!(axis.labels(), ["0.0", "0.1", "0.2", "0.3"]);
+        assert_eq!(axis.labels(), ["0.0", "0.1", "0.2", "0.3", "0.4"]);
+        // The whole of a fraction is the end of its axis.
+        let axis = Axis::linear([0.0, 1.0].into_iter(), 0.05, 6.0);
+        assert_eq!(axis.labels().last().map(String::as_str), Some("1.0"));
     }
 
     #[test]
@@ -337,10 +357,10 @@ mod tests {
         let axis = logarithmic(&[1e-5, 0.0, -2.0, 2.0]);
         assert_eq!(
             axis.labels(),
-            ["10⁻⁵", "10⁻⁴", "10⁻³", "10⁻²", "10⁻¹", "10⁰"]
+            ["10⁻⁵", "10⁻⁴", "10⁻³", "10⁻²", "10⁻¹", "10⁰", "10¹"]
         );
         let axis = logarithmic(&[0.002, 30.0]);
-        assert_eq!(axis.labels(), ["0.01", "0.1", "1", "10"]);
+        assert_eq!(axis.labels(), ["0.001", "0.01", "0.1", "1", "10", "100"]);
         let axis = logarithmic(&[20.0, 450.0]);
         assert_eq!(axis.labels(), ["20", "50", "100", "200", "500"]);
     }
@@ -363,6 +383,14 @@ mod tests {
                 assert!(axis.from < axis.to, "{values:?}: {axis:?}");
                 assert!(axis.ticks.len() < 20, "{values:?}: {axis:?}");
                 assert!(axis.ticks.iter().all(|tick| !axis.label(*tick).is_empty()));
+                // Both ends have labels.
+                let end = |tick: Option<&f64>, end: f64| {
+                    (tick.expect("a tick") - end).abs() < 1e-9 * (axis.to - axis.from)
+                };
+                assert!(
+                    end(axis.ticks.first(), axis.from) && end(axis.ticks.last(), axis.to),
+                    "{axis:?}"
+                );
             }
         }
     }
@@ -372,7 +400,10 @@ mod tests {
         let scale = Scale::LogarithmicAbove(1e-3);
         let axis = |values: &[f64]| Axis::new(scale, values.iter().copied(), 0.05, 7.0);
         let broken = axis(&[0.0, 0.5, 30.0]);
-        assert_eq!(broken.labels(), ["0", "0.5", "1", "2", "5", "10", "20"]);
+        assert_eq!(
+            broken.labels(),
+            ["0", "0.5", "1", "2", "5", "10", "20", "50"]
+        );
         let [zero, half] = [0.0, 0.5].map(|x| broken.place(x).expect("a place"));
         assert!(broken.from < zero && zero < half);
         let at = broken.broken().expect("a break");

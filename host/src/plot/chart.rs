@@ -36,8 +36,8 @@ pub struct Series {
 ///     marker: Marker::Circle,
 ///     ..Series::default()
 /// };
-/// let svg = line_chart_svg("Error", "rate (Hz)", "error (N)", true, true, &[series]);
-/// assert!(svg.contains("rate (Hz)"));
+/// let svg = line_chart_svg("Error", "Rate (Hz)", "Error (N)", true, true, &[series]);
+/// assert!(svg.contains("Rate (Hz)"));
 /// ```
 pub fn line_chart_svg(
     title: &str,

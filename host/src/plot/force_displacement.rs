@@ -1,15 +1,15 @@
 //! Force against displacement: the picture of a material test.
 //!
 //! Each curve has the direction along which its device or support is loaded. Displacements away from the start and forces
-//! on the body along that direction are positive, so that a body that resists gives a curve in the upper right. A line is
-//! solid while the displacement grows and dashed while it returns: the area between the two is the energy lost.
+//! on the body along that direction are positive, so that a body that resists gives a curve in the upper right. A line has
+//! its full colour while the displacement grows and is pale while it returns: the area between the two is the energy lost.
 
 use nalgebra::Vector3;
 use plotters::prelude::*;
 
 use super::axis::Axis;
 use super::direction::{first_usable, main_direction};
-use super::ink::Ink;
+use super::ink::Role;
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
 use super::reduce::usable;
@@ -135,7 +135,7 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
     let branches: Vec<Vec<Branch>> = drawn.iter().map(|points| branches(points)).collect();
     let returns = branches.iter().flatten().any(|branch| !branch.loading);
     let subtitle = if returns {
-        "solid: displacement grows; dashed: displacement falls"
+        "full colour: displacement grows; pale: displacement falls"
     } else {
         ""
     };
@@ -151,7 +151,7 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
             Some(_) => curve.name.clone(),
             None => format!("{}, along {}", curve.name, curve.direction),
         },
-        key: Key::Line(page::series_color(i), marker(&drawn[i])),
+        key: Key::Ink(Role::Number(i).ink(0), marker(&drawn[i])),
     });
     let top = top + page::legend(area, WIDTH, top, &entries.collect::<Vec<_>>())?;
     // Both axes include zero, which is no displacement or no force.
@@ -178,23 +178,18 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
         page::nothing(&panel)?;
     }
     for (i, points) in drawn.iter().enumerate() {
-        let color = page::series_color(i);
+        let ink = Role::Number(i).ink(0);
         for branch in &branches[i] {
             let path: Vec<_> = points[branch.from..=branch.to]
                 .iter()
                 .map(|point| panel.backend_coord(point))
                 .collect();
-            let dash: &[f64] = if branch.loading { &[] } else { &[7.0, 4.0] };
-            let ink = Ink {
-                color,
-                dash,
-                width: 1.5,
-            };
+            let ink = if branch.loading { ink } else { ink.pale() };
             lines::line(area, &thinned(&path), ink)?;
         }
         for point in points {
             let (x, y) = panel.backend_coord(point);
-            marker(points).draw(area, x, y, color)?;
+            marker(points).draw(area, x, y, ink.color)?;
         }
     }
     Ok(())
@@ -323,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_back_is_dashed() {
+    fn the_way_back_is_pale() {
         let curve = |points: Vec<(f64, f64)>| LoadCurve {
             name: "top".to_owned(),
             direction: "z".to_owned(),
@@ -332,12 +327,16 @@ mod tests {
         let lines = |curve: LoadCurve| {
             let svg = force_displacement_svg("test", &[curve]);
             assert!(svg.contains("Displacement along z (mm)"));
-            svg.matches("<polyline").count()
+            let [full, pale] = [Role::Number(0).ink(0), Role::Number(0).ink(0).pale()]
+                .map(|ink| format!("#{:02X}{:02X}{:02X}", ink.color.0, ink.color.1, ink.color.2));
+            let curves = svg.lines().filter(|line| line.starts_with("<polyline"));
+            let of = |color: &str| curves.clone().filter(|line| line.contains(color)).count();
+            (of(&full), of(&pale))
         };
-        let there = lines(curve(vec![(0.0, 0.0), (0.01, 2.0)]));
-        let and_back = lines(curve(vec![(0.0, 0.0), (0.01, 2.0), (0.0, 1.0)]));
-        // A dash is a line of its own.
-        assert!(and_back > there + 10, "{there} {and_back}");
+        // The legend has the full colour, too.
+        assert_eq!(lines(curve(vec![(0.0, 0.0), (0.01, 2.0)])), (2, 0));
+        let and_back = curve(vec![(0.0, 0.0), (0.01, 2.0), (0.0, 1.0)]);
+        assert_eq!(lines(and_back), (2, 1));
         let nothing = force_displacement_svg("test", &[curve(vec![(f64::NAN, 1.0)])]);
         assert!(nothing.contains("no data"));
     }

@@ -1,7 +1,8 @@
-//! The looks of lines: colour, dashes and width, by what the line shows.
+//! The looks of lines: colour and dashes, by what the line shows. All curves of all pictures have one width.
 //!
 //! The colours are those of Okabe and Ito (2008), which colour-blind readers can tell apart. Lines that coincide are told
-//! apart by their dashes: the line below shows in the gaps of the line above.
+//! apart by their dashes: the line below shows in the gaps of the line above. What other lines are compared to is a grey
+//! band below them.
 
 use plotters::style::RGBColor;
 
@@ -13,6 +14,11 @@ pub(super) const PURPLE: RGBColor = RGBColor(204, 121, 167);
 pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
 pub(super) const YELLOW: RGBColor = RGBColor(240, 228, 66);
 
+/// Width of every curve (pixels).
+pub(super) const WIDTH: f64 = 1.6;
+/// Width of the grey band below the curves that are compared to it (pixels).
+const BAND: f64 = 5.0;
+
 /// What a line shows, which determines its look.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Role {
@@ -23,12 +29,10 @@ pub enum Role {
     Number(usize),
     /// A scheme, by its name in scenes. It has the same look in every picture.
     Scheme(&'static str),
-    /// What the other lines are compared to: wide, and drawn first.
+    /// What the other lines are compared to: a grey band, drawn first, so that each line shows on it.
     Reference,
-    /// What all schemes are compared to: grey and very wide, and drawn first, so that each scheme shows on it.
-    Base,
-    /// What is compared to the reference: thin and whole, so that short peaks show.
-    Compared,
+    /// A bound, such as the period of the ticks: grey and dashed.
+    Limit,
 }
 
 /// The look of a line.
@@ -41,18 +45,32 @@ pub(super) struct Ink {
     pub(super) width: f64,
 }
 
-const fn ink(color: RGBColor, dash: &'static [f64], width: f64) -> Ink {
-    Ink { color, dash, width }
+impl Ink {
+    /// The same look, half as strong.
+    pub(super) fn pale(self) -> Self {
+        let half = |part: u8| u8::MAX - (u8::MAX - part) / 2;
+        let RGBColor(red, green, blue) = self.color;
+        let color = RGBColor(half(red), half(green), half(blue));
+        Self { color, ..self }
+    }
 }
 
-/// The looks by place. The first is the widest, as it is drawn first.
+const fn ink(color: RGBColor, dash: &'static [f64]) -> Ink {
+    Ink {
+        color,
+        dash,
+        width: WIDTH,
+    }
+}
+
+/// The looks by place. The first is whole, as it is drawn first.
 const PLACES: [Ink; 6] = [
-    ink(BLUE, &[], 2.2),
-    ink(VERMILLION, &[9.0, 4.0], 1.8),
-    ink(GREEN, &[3.0, 3.0], 1.8),
-    ink(BLACK, &[10.0, 3.0, 2.0, 3.0], 1.6),
-    ink(PURPLE, &[6.0, 6.0], 1.8),
-    ink(SKY, &[2.0, 4.0], 1.8),
+    ink(BLUE, &[]),
+    ink(VERMILLION, &[9.0, 4.0]),
+    ink(GREEN, &[3.0, 3.0]),
+    ink(BLACK, &[10.0, 3.0, 2.0, 3.0]),
+    ink(PURPLE, &[6.0, 6.0]),
+    ink(SKY, &[2.0, 4.0]),
 ];
 
 impl Role {
@@ -61,9 +79,13 @@ impl Role {
         let at = match self {
             Self::Place => place,
             Self::Number(number) => number,
-            Self::Reference => return ink(BLACK, &[], 2.8),
-            Self::Base => return ink(RGBColor(185, 185, 185), &[], 5.0),
-            Self::Compared => return ink(VERMILLION, &[], 1.2),
+            Self::Reference => {
+                return Ink {
+                    width: BAND,
+                    ..ink(RGBColor(185, 185, 185), &[])
+                };
+            }
+            Self::Limit => return ink(RGBColor(120, 120, 120), &[4.0, 3.0]),
             Self::Scheme(name) => return scheme(name),
         };
         PLACES[at % PLACES.len()]
@@ -73,12 +95,12 @@ impl Role {
 /// The look of a scheme. `linear`, `classic` and `capped` often coincide; each one leaves gaps for those before it.
 fn scheme(name: &str) -> Ink {
     match name {
-        "hold" => ink(BLUE, &[], 1.8),
-        "thesis" => ink(VERMILLION, &[9.0, 3.0], 1.8),
-        "linear" => ink(GREEN, &[], 2.8),
-        "classic" => ink(PURPLE, &[7.0, 7.0], 1.8),
-        "proxy" => ink(SKY, &[8.0, 3.0, 2.0, 3.0], 1.8),
-        _ => ink(BLACK, &[2.0, 5.0], 1.8),
+        "hold" => ink(BLUE, &[]),
+        "thesis" => ink(VERMILLION, &[9.0, 3.0]),
+        "linear" => ink(GREEN, &[]),
+        "classic" => ink(PURPLE, &[7.0, 7.0]),
+        "proxy" => ink(SKY, &[8.0, 3.0, 2.0, 3.0]),
+        _ => ink(BLACK, &[2.0, 5.0]),
     }
 }
 
@@ -156,10 +178,14 @@ mod tests {
                 }
             }
         }
+        for (k, a) in places.iter().enumerate() {
+            assert!(places[..k].iter().all(|b| a.dash != b.dash));
+        }
         // These coincide, and are drawn in this order.
         let [linear, classic, capped] = [schemes[2], schemes[3], schemes[5]];
-        assert!(linear.dash.is_empty() && linear.width > classic.width);
+        assert!(linear.dash.is_empty());
         assert_ne!(classic.dash, capped.dash);
+        assert!(places.iter().chain(&schemes).all(|ink| ink.width == WIDTH));
         assert_eq!(Role::Number(3).ink(0), Role::Place.ink(3));
     }
 }

@@ -120,7 +120,7 @@ pub fn map_svg(map: &Map) -> String {
 fn axes(data: &MapPanel) -> [Axis; 2] {
     let edges = |of: fn(&MapCell) -> [f64; 2]| data.cells.iter().flat_map(of).collect::<Vec<_>>();
     [
-        Axis::linear(edges(|cell| cell.x).into_iter(), 0.0, 4.0),
+        Axis::linear(edges(|cell| cell.x).into_iter(), 0.0, 5.0),
         Axis::logarithmic_to_the_edge(edges(|cell| cell.y).into_iter(), 7.0),
     ]
 }

@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 
 use super::axis::Axis;
-use super::ink::{Ink, Role};
+use super::ink::{self, Ink, Role};
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker, UNITS};
 use super::reduce::usable;
@@ -86,7 +86,7 @@ fn entries(moment: &MomentPicture) -> Vec<Entry> {
     let hands = moment.hands.iter().enumerate();
     let hands = hands.map(|(index, hand)| Entry {
         name: hand.name.clone(),
-        key: Key::Line(page::series_color(index), Marker::Circle),
+        key: Key::Ink(Role::Number(index).ink(0), Marker::Circle),
     });
     let now = Entry {
         name: "this moment".to_owned(),
@@ -99,7 +99,7 @@ fn entries(moment: &MomentPicture) -> Vec<Entry> {
 const NOW: Ink = Ink {
     color: page::TEXT,
     dash: &[4.0, 3.0],
-    width: 1.5,
+    width: ink::WIDTH,
 };
 
 fn charts(page: &Area, area: &Area, moment: &MomentPicture) -> Drawn {
@@ -135,12 +135,7 @@ fn charts(page: &Area, area: &Area, moment: &MomentPicture) -> Drawn {
         let path: Vec<_> = ends.into_iter().flatten().collect();
         lines::line(page, &path, NOW)?;
         for (index, curve) in chart.curves.iter().enumerate() {
-            // Of curves that coincide, the first is the widest, so that it shows on both sides of the others.
-            let width = match (chart.curves.len(), index) {
-                (2.., 0) => 2.8,
-                _ => 1.4,
-            };
-            ribbon(page, curve, &at, Role::Number(index).ink(0).color, width)?;
+            ribbon(page, curve, &at, Role::Number(index).ink(0))?;
         }
     }
     Ok(())
@@ -152,9 +147,9 @@ fn ribbon(
     page: &Area,
     curve: &[[f64; 3]],
     at: &impl Fn(f64, f64) -> Option<(i32, i32)>,
-    color: RGBColor,
-    width: f64,
+    ink: Ink,
 ) -> Drawn {
+    let color = ink.color;
     let side = |k: usize| curve.iter().filter_map(move |piece| at(piece[0], piece[k]));
     let (least, most): (Vec<_>, Vec<_>) = (side(1).collect(), side(2).collect());
     if let ([only], [other]) = (&least[..], &most[..]) {
@@ -167,7 +162,7 @@ fn ribbon(
         let outline: Vec<_> = most.iter().chain(least.iter().rev()).copied().collect();
         page.draw(&Polygon::new(outline, color.mix(0.3)))?;
         for path in [least, most] {
-            page.draw(&PathElement::new(path, page::stroke(color, width)))?;
+            lines::line(page, &path, ink)?;
         }
     }
     Ok(())

@@ -98,6 +98,15 @@ fn printable(text: &str) -> String {
         .collect()
 }
 
+/// The label of an axis, which begins with a capital.
+fn axis_label(text: &str) -> String {
+    let mut letters = printable(text);
+    if let Some(first) = letters.get_mut(..1) {
+        first.make_ascii_uppercase();
+    }
+    letters
+}
+
 /// Writes `text` with the middle of its left edge at (`x`, `y`) pixels.
 pub(super) fn write(
     area: &Area,
@@ -136,8 +145,22 @@ fn fitted(text: &str, size: f64, bold: bool, width: i32) -> String {
     }
 }
 
-/// The lines of a text that is at most `width` pixels wide.
+/// The lines of a text that is at most `width` pixels wide: as few as possible, and of about one length, so that no line
+/// holds a single word.
 fn wrapped(text: &str, size: f64, width: i32) -> Vec<String> {
+    let full = filled(text, size, width);
+    let even = (width / 2..width).find_map(|width| {
+        let lines = filled(text, size, width);
+        (lines.len() == full.len()).then_some(lines)
+    });
+    match full.len() {
+        0 | 1 => full,
+        _ => even.unwrap_or(full),
+    }
+}
+
+/// The lines of a text, each with as many words as are at most `width` pixels wide.
+fn filled(text: &str, size: f64, width: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         let longer = lines.last().map(|line| format!("{line} {word}"));
@@ -193,8 +216,6 @@ pub(super) struct Entry {
 
 /// The symbol that a legend shows before a name.
 pub(super) enum Key {
-    /// A segment of a solid line, with its mark.
-    Line(RGBColor, Marker),
     /// A segment of a line with its look, and its mark.
     Ink(Ink, Marker),
     /// A patch of a band's colour.
@@ -304,11 +325,6 @@ pub(super) fn legend(
         let (left, right, middle) = (x * UNITS, (x + KEY - 6) * UNITS, y * UNITS);
         let center = i32::midpoint(left, right);
         match &entry.key {
-            Key::Line(color, marker) => {
-                let style = stroke(*color, 2.5);
-                area.draw(&PathElement::new([(left, middle), (right, middle)], style))?;
-                marker.draw(area, center, middle, *color)?;
-            }
             Key::Ink(ink, marker) => {
                 lines::line(area, &[(left, middle), (right, middle)], *ink)?;
                 marker.draw(area, center, middle, ink.color)?;
@@ -400,10 +416,10 @@ pub(super) fn grid(panel: &mut Panel, axes: &Axes) -> Drawn {
         .axis_style(stroke(FRAME, 1.0))
         .label_style(TextStyle::from(font(TICK_SIZE)).color(&MUTED))
         .axis_desc_style(TextStyle::from(font(TEXT_SIZE)).color(&TEXT))
-        .y_desc(printable(axes.y_label))
+        .y_desc(axis_label(axes.y_label))
         .set_all_tick_mark_size(4 * UNITS);
     if let Some(label) = axes.x_label {
-        mesh.x_desc(printable(label));
+        mesh.x_desc(axis_label(label));
     }
     mesh.draw()
 }
@@ -455,5 +471,15 @@ mod tests {
                 .all(|line| text_width(line, 12.0, false) <= 300.0)
         );
         assert_eq!(lines.join(" "), long.trim());
+        let lines = wrapped(
+            "one line of words, and then just one more word that wraps",
+            12.0,
+            300,
+        );
+        let widths = lines.iter().map(|line| text_width(line, 12.0, false));
+        assert!(
+            lines.len() == 2 && widths.fold(f64::MAX, f64::min) > 100.0,
+            "{lines:?}"
+        );
     }
 }

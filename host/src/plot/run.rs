@@ -8,16 +8,13 @@ use plotters::prelude::*;
 
 use super::axis::Axis;
 use super::direction::{Direction, Part, first_usable, main_direction};
-use super::ink;
+use super::ink::{self, Role};
+use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
 use super::reduce::{reduce, usable};
 
 const WIDTH: i32 = 800;
 const HEIGHT: i32 = 560;
-
-/// Widths of the devices' lines (pixels). The first line is wide, so that it shows beside a second one that coincides with
-/// it.
-const WIDTHS: [f64; 4] = [2.0, 1.0, 1.0, 0.75];
 
 /// The data of a run that are drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -195,7 +192,7 @@ fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
         }
         Entry {
             name,
-            key: Key::Line(page::series_color(i), Marker::None),
+            key: Key::Ink(Role::Number(i).ink(0), Marker::None),
         }
     });
     let along = along.clone().unwrap_or_default();
@@ -224,17 +221,18 @@ fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
         x_label: None,
         y_label: &format!("Force{along} (N)"),
     };
-    draw_panel(&upper, &axes, left, &force, &bands)?;
+    draw_panel(area, &upper, &axes, left, &force, &bands)?;
     let axes = Axes {
         x: &time,
         y: &moved_axis,
         x_label: Some("Time (s)"),
         y_label: &format!("Displacement{along} (mm)"),
     };
-    draw_panel(&lower, &axes, left, &moved, &bands)
+    draw_panel(area, &lower, &axes, left, &moved, &bands)
 }
 
 fn draw_panel(
+    page: &Area,
     area: &Area,
     axes: &Axes,
     left: i32,
@@ -270,14 +268,12 @@ fn draw_panel(
     let zero = PathElement::new([(time.from, 0.0), (time.to, 0.0)], page::zero_style());
     panel.draw_series([zero])?;
     for (i, points) in series.iter().enumerate() {
-        let (color, width) = (page::series_color(i), WIDTHS[i % WIDTHS.len()]);
-        let lines = reduce(points.iter().copied(), |x| column(time, x));
-        for line in lines {
-            if let [(x, y)] = line[..] {
-                let dot = Circle::new((x, y), 2 * page::UNITS, color.filled());
-                panel.draw_series([dot])?;
-            } else {
-                panel.draw_series([PathElement::new(line, page::stroke(color, width))])?;
+        let ink = Role::Number(i).ink(0);
+        for line in reduce(points.iter().copied(), |x| column(time, x)) {
+            let path: Vec<_> = line.iter().map(|at| panel.backend_coord(at)).collect();
+            match path[..] {
+                [(x, y)] => Marker::Circle.draw(page, x, y, ink.color)?,
+                _ => lines::line(page, &path, ink)?,
             }
         }
     }

@@ -31,7 +31,8 @@ pub(super) fn open(
         let needs_real = driver.is_some_and(|driver| driver.kind() == Kind::Real);
         let allowed = match real {
             false if needs_real => Some(format!(
-                "a real device needs the real clock (`--clock real`); `--device {}=sim` runs the scene without it",
+                "a simulated device, as this command runs in virtual time: `--device {}=sim` simulates the device, and \
+                 `palpate run --clock real` uses the real one",
                 spec.name
             )),
             // Its protocol is computed within the tick, and allocates there.

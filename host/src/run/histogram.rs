@@ -5,7 +5,7 @@
 
 use super::parts::Parts;
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::plot::{Series, line_chart_svg, write_picture};
+use crate::plot::{Role, Series, line_chart_svg, write_picture};
 use crate::scene::Scene;
 use crate::table::quoted;
 use runner::latency::LatencyHistogram;
@@ -29,7 +29,9 @@ pub(super) fn write(path: &Path, scene: &Scene, parts: &Parts) -> Result<(), Ato
     let drawn = ["svg", "png"].map(|picture| ending.eq_ignore_ascii_case(picture));
     if drawn.contains(&true) {
         // The age of models is of another kind: it is planned, and a thousand times as large.
-        write_picture(path, &picture(&scene.name, &all[..all.len().min(2)]))
+        let period = 1e6 / scene.realtime.rate;
+        let drawn = &all[..all.len().min(2)];
+        write_picture(path, &picture(&scene.name, period, drawn))
     } else {
         write_atomically(path, table(&all).as_bytes())
     }
@@ -72,9 +74,9 @@ fn table(all: &[(String, &LatencyHistogram)]) -> String {
     text
 }
 
-/// The fraction of values above a time, as a staircase on logarithmic axes.
-fn picture(scene: &str, all: &[(String, &LatencyHistogram)]) -> String {
-    let series: Vec<_> = all
+/// The fraction of values above a time, as a staircase on logarithmic axes, with a line at the period (us).
+fn picture(scene: &str, period: f64, all: &[(String, &LatencyHistogram)]) -> String {
+    let mut series: Vec<_> = all
         .iter()
         .map(|(name, histogram)| Series {
             name: format!("{name}, {} ticks", histogram.count()),
@@ -82,11 +84,19 @@ fn picture(scene: &str, all: &[(String, &LatencyHistogram)]) -> String {
             ..Series::default()
         })
         .collect();
+    let fractions = series.iter().flat_map(|one| &one.points);
+    let least = fractions.fold(1.0, |least: f64, point| least.min(point.1));
+    series.push(Series {
+        name: "period of the ticks".to_owned(),
+        points: vec![(period, least), (period, 1.0)],
+        role: Role::Limit,
+        ..Series::default()
+    });
     let title = format!("{scene}: lateness and duration of the ticks");
     line_chart_svg(
         &title,
-        "time (us)",
-        "fraction of ticks above",
+        "Time (µs)",
+        "Fraction of ticks above",
         true,
         true,
         &series,
@@ -148,6 +158,16 @@ mod tests {
         // An interval is known to one part in a thousand.
         let second: f64 = rows[2][1].parse().unwrap();
         assert!((second / 1e-3 - 1.0).abs() < 2e-3 && rows[2][4] == "1.000000e-2");
+    }
+
+    #[test]
+    fn the_picture_has_a_line_at_the_period() {
+        let histogram = histogram();
+        let svg = picture("a", 1e3, &[("lateness".to_owned(), &histogram)]);
+        assert_eq!(crate::plot::collisions(&svg), [""; 0]);
+        for text in ["Time (µs)", "lateness, 100 ticks", "period of the ticks"] {
+            assert!(svg.contains(text), "{text}");
+        }
     }
 
     #[test]

@@ -3,13 +3,15 @@
 use super::observer::{Observed, Observer};
 use crate::plot::{LoadCurve, force_displacement_svg, write_picture};
 use crate::scene::Scene;
+use rt_core::safety::SafetyState;
 use runner::link::LogRecord;
 use std::path::{Path, PathBuf};
 
 /// Most samples of a device that are kept. A longer run keeps every second tick, then every fourth, and so on.
 const MOST: usize = 1 << 18;
 
-/// Collects position and force of each device.
+/// Collects position and force of each device, from when it first renders the whole force of the models: while the first
+/// force fades in, it belongs to no displacement.
 pub(super) struct LoadCurveObserver {
     path: PathBuf,
     title: String,
@@ -24,6 +26,8 @@ struct Samples {
     name: String,
     /// Metres of the scene per metre of the device.
     scale: f64,
+    /// Whether the first force has faded in.
+    begun: bool,
     position: Vec<[f64; 3]>,
     force: Vec<[f64; 3]>,
 }
@@ -34,6 +38,7 @@ impl LoadCurveObserver {
         let devices = scene.devices.iter().map(|device| Samples {
             name: device.name.clone(),
             scale: device.motion_scale,
+            begun: false,
             position: Vec::new(),
             force: Vec::new(),
         });
@@ -61,13 +66,24 @@ impl LoadCurveObserver {
     }
 }
 
+/// Whether a device in this state renders the force, up to its limits.
+fn renders(safety: SafetyState) -> bool {
+    use SafetyState::{Hot, Limited, Normal, Slewed};
+    matches!(safety, Normal | Limited | Hot | Slewed)
+}
+
 impl Observer for LoadCurveObserver {
     fn take(&mut self, record: LogRecord<'_>) {
         let LogRecord::Tick(telemetry) = record else {
             return;
         };
         if self.taken.is_multiple_of(self.every) {
+            let trusted = telemetry.bodies().all(|body| body.trust >= 1.0);
             for (device, samples) in telemetry.devices().zip(&mut self.devices) {
+                samples.begun |= trusted && renders(device.safety);
+                if !samples.begun {
+                    continue;
+                }
                 samples.position.push(device.pose.position.into());
                 // The wrench of the telemetry acts on the hand, which feels `scale` times the force of the body.
                 let force = -device.wrench.force / samples.scale;
@@ -112,6 +128,24 @@ mod tests {
         observer.take(LogRecord::Tick(&telemetry));
         let forces = observer.devices.iter().map(|device| device.force[0][0]);
         assert_eq!(forces.collect::<Vec<_>>(), [6.0, 3.0]);
+    }
+
+    /// The force of the first model fades in where the hand rests: that is no part of the curve.
+    #[test]
+    fn the_curve_begins_when_the_first_force_has_faded_in() {
+        let loaded = Scene::embedded_default().expect("the built-in scene");
+        let mut observer = LoadCurveObserver::new(Path::new("x.svg"), &loaded.scene);
+        let mut telemetry = Telemetry::empty();
+        telemetry.device_count = 2;
+        telemetry.body_count = 1;
+        telemetry.devices[1].safety = SafetyState::Engaging;
+        // Fading in, and later fading after a stall.
+        for trust in [0.0, 0.5, 1.0, 0.3] {
+            telemetry.bodies[0].trust = trust;
+            observer.take(LogRecord::Tick(&telemetry));
+        }
+        let kept = observer.devices.iter().map(|device| device.force.len());
+        assert_eq!(kept.collect::<Vec<_>>(), [2, 0]);
     }
 
     /// However long a run is, the samples stay bounded and evenly spaced from its start to its end.

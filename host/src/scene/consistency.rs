@@ -430,12 +430,15 @@ fn check_driver(at: &str, device: &Device) -> Check {
     let known = drivers(Vec::new(), Path::new(""));
     let names = || known.names().collect::<Vec<_>>().join(", ");
     let found = device.connect.driver.as_str();
-    // The path or the name of a serial port.
-    let serial = ["/dev/", "COM"]
-        .iter()
-        .any(|start| found.starts_with(start));
-    let meant = format!("; did you mean \"tty:{found}\"?");
-    let allowed = || names() + if serial { &meant } else { "" };
+    // The path of a serial port, or its name under Windows.
+    let meant = if found.starts_with("/dev/") {
+        format!("; did you mean \"tty:{found}\"?")
+    } else if found.starts_with("COM") {
+        "; a serial port is a path, such as \"tty:/dev/ttyACM0\"".to_owned()
+    } else {
+        String::new()
+    };
+    let allowed = || names() + &meant;
     let at = format!("{at}.connect");
     require(known.driver(found).is_some(), &at, found, allowed())
 }

@@ -142,7 +142,7 @@ pub(crate) const EXTENT_OF_FILE: Quantity = Quantity {
     usual: [1e-3, 3.0],
     allowed: [1e-6, 20.0],
     small: "is the mesh in metres already? leave out mesh.scale",
-    large: "is the mesh in millimetres? set mesh.scale = 0.001",
+    large: "is the mesh in millimetres (set mesh.scale = 0.001) or in centimetres (0.01)?",
 };
 /// The longest side of a built-in mesh.
 pub(crate) const EXTENT: Quantity = Quantity {

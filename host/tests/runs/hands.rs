@@ -170,8 +170,9 @@ fn a_connection_is_refused_with_its_line() -> Outcome {
         ),
         (
             "connect = \"hid:1209:0001\"",
-            "x.toml:11: device[0].connect: found hid:1209:0001, allowed: a real device needs the real clock \
-             (`--clock real`); `--device left=sim` runs the scene without it",
+            "x.toml:11: device[0].connect: found hid:1209:0001, allowed: a simulated device, as this \
+             command runs in virtual time: `--device left=sim` simulates the device, and `palpate run --clock real` uses \
+             the real one",
         ),
         (
             "hand = {}\nconnect = \"sim:left\"",

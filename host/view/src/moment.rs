@@ -78,7 +78,7 @@ impl Moment<'_> {
                 frame.totals.missed,
                 frame.totals.trips
             ),
-            color_label: "displacement from rest (mm)".to_owned(),
+            color_label: "Displacement from rest (mm)".to_owned(),
             shapes: shapes.collect(),
             hands: hands.collect(),
             time: seconds(frame.time_ns),

@@ -183,7 +183,7 @@ fn frame(number: u64, edge: u32) -> Frame {
     };
     let events = match number % 100 {
         40 => vec![event(EventKind::Trip, "left: force limited")],
-        80 => vec![event(EventKind::MissedDeadline, "2 deadlines missed")],
+        80 => vec![event(EventKind::MissedDeadline, "2 deadlines")],
         _ => Vec::new(),
     };
     let times = Distribution {

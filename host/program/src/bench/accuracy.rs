@@ -152,8 +152,8 @@ fn chart(all: &[accuracy::Series]) -> String {
     }
     plot::line_chart_svg(
         "Error against element size",
-        "element size over the length of the problem",
-        "relative error",
+        "Element size over the length of the problem",
+        "Relative error",
         true,
         true,
         &drawn,

@@ -114,7 +114,7 @@ fn chart(found: &Extrapolation) -> String {
         });
         Panel {
             title: title.to_owned(),
-            x_label: "publication rate (Hz)".to_owned(),
+            x_label: "Publication rate (Hz)".to_owned(),
             y_label: "RMS error of the force (N)".to_owned(),
             x_scale: Scale::Logarithmic,
             y_scale: Scale::Logarithmic,

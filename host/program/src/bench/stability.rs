@@ -178,8 +178,8 @@ fn chart(report: &Report) -> String {
 
 fn page(series: Vec<Series>) -> String {
     let panel = Panel {
-        x_label: "time (s)".to_owned(),
-        y_label: "fraction of elements not inverted".to_owned(),
+        x_label: "Time (s)".to_owned(),
+        y_label: "Fraction of elements not inverted".to_owned(),
         y_covers: vec![0.0, 1.0],
         series,
         ..Panel::default()

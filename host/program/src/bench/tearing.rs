@@ -280,8 +280,8 @@ fn chart(tears: &[Tear]) -> String {
     }
     plot::line_chart_svg(
         "Mean force of a tear",
-        "triangles",
-        "force of a hand (N)",
+        "Triangles",
+        "Force of a hand (N)",
         true,
         false,
         &drawn,

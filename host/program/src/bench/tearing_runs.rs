@@ -199,16 +199,16 @@ fn chart(course: &Course) -> String {
     };
     let panel = |x_label: &str, series: Vec<Series>| Panel {
         x_label: x_label.to_owned(),
-        y_label: "force on the hand (N)".to_owned(),
+        y_label: "Force on the hand (N)".to_owned(),
         series,
         ..Panel::default()
     };
     let panels = [
         panel(
-            "displacement of the hand (mm)",
+            "Displacement of the hand (mm)",
             lines(|sample, hand| 1e3 * sample.moved[hand]),
         ),
-        panel("time (s)", lines(|sample, _| sample.time)),
+        panel("Time (s)", lines(|sample, _| sample.time)),
     ];
     let [first, second] = course.fractions();
     let subtitle = format!(

@@ -72,7 +72,7 @@ pub(super) struct EmulateArguments {
     #[arg(long, value_name = "SERIAL", default_value = "emulated")]
     serial: String,
     /// Seed of the tremor and of the motion of a scene's hand. Default: 1, or the seed of the scene
-    #[arg(long)]
+    #[arg(long, value_parser = crate::seed)]
     seed: Option<u64>,
 }
 
@@ -471,8 +471,13 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     if let Emulated::Firmware(device) = &emulated {
         let device = &device.device;
         errln!(
-            "the watchdog let go {} times, at most {:.2} ms after the last wrench",
+            "the watchdog let go {} time{}, at most {:.2} ms after the last wrench",
             device.counters().watchdog,
+            if device.counters().watchdog == 1 {
+                ""
+            } else {
+                "s"
+            },
             device.let_go_ns() as f64 * 1e-6
         );
     }

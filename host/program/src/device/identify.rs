@@ -11,7 +11,7 @@ use rt_core::Wrench;
 use runner::schedule::realtime;
 use serde::Serialize;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Period of the ticks (s).
 const PERIOD: f64 = 1e-3;
@@ -31,9 +31,9 @@ pub(super) struct IdentifyArguments {
     /// The firmware file, for a Falcon
     #[arg(long, value_name = "FILE")]
     firmware: Option<PathBuf>,
-    /// Date for the sources of the numbers, such as 2026-11-25
+    /// Date for the sources of the numbers, such as 2026-11-25. Default: today (UTC)
     #[arg(long, value_name = "DATE")]
-    date: String,
+    date: Option<String>,
     /// Write the device file with the identified numbers (TOML)
     #[arg(long, value_name = "FILE")]
     profile: Option<PathBuf>,
@@ -52,7 +52,7 @@ struct IdentifiedJson {
     schema: &'static str,
     /// The connection of the device.
     connect: String,
-    /// Date that was given.
+    /// Date that was given, or that of the day (UTC).
     date: String,
     /// Mass that moves with the handle, with the ends of its 95 % interval (kg).
     mass: [f64; 3],
@@ -123,15 +123,40 @@ pub(super) fn run(arguments: &IdentifyArguments) -> Result<(), CommandError> {
         return Err(DeviceCommandError::NoState(0.0).into());
     };
     let found = found.map_err(refused)?;
+    let date = arguments.date.clone().unwrap_or_else(today);
     print(&arguments.connect, &found);
     if let Some(path) = &arguments.profile {
-        write_atomically(path, found.profile(&base, &arguments.date).as_bytes())?;
+        write_atomically(path, found.profile(&base, &date).as_bytes())?;
         outln!("  {:<10} {}", "profile", path.display());
     }
     if let Some(path) = &arguments.json {
-        write_json(path, &json(arguments, &found))?;
+        write_json(path, &json(arguments, date, &found))?;
     }
     Ok(())
+}
+
+/// The date of today (UTC), such as 2026-11-25.
+fn today() -> String {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let [year, month, day] = date_of(now.map_or(0, |now| now.as_secs() / 86_400));
+    format!("{year:04}-{month:02}-{day:02}")
+}
+
+/// Year, month and day of a day after 1970-01-01, in the calendar of Gregory, whose 400 years have 146,097 days. Years
+/// begin in March, so that the leap day is their last.
+fn date_of(day: u64) -> [u64; 3] {
+    let day = day + 719_468;
+    let (era, day) = (day / 146_097, day % 146_097);
+    let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let day_of_month = day - (153 * month + 2) / 5 + 1;
+    let (year, month) = if month < 10 {
+        (year, month + 3)
+    } else {
+        (year + 1, month - 9)
+    };
+    [400 * era + year, month, day_of_month]
 }
 
 fn print(connect: &str, found: &Identified) {
@@ -155,15 +180,35 @@ fn print(connect: &str, found: &Identified) {
     }
 }
 
-fn json(arguments: &IdentifyArguments, found: &Identified) -> IdentifiedJson {
+fn json(arguments: &IdentifyArguments, date: String, found: &Identified) -> IdentifiedJson {
     let numbers = |estimate: &Estimate| [estimate.value, estimate.low, estimate.high];
     IdentifiedJson {
         schema: "palpate.identified/1",
         connect: arguments.connect.clone(),
-        date: arguments.date.clone(),
+        date,
         mass: numbers(&found.mass),
         damping: numbers(&found.damping),
         friction: numbers(&found.friction),
         delay: found.delay_periods.map(|periods| periods * found.period),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_have_their_dates() {
+        for (day, date) in [
+            (0, [1970, 1, 1]),
+            (59, [1970, 3, 1]),
+            (11_016, [2000, 2, 29]),
+            (11_017, [2000, 3, 1]),
+            (20_782, [2026, 11, 25]),
+            (47_540, [2100, 2, 28]),
+            (47_541, [2100, 3, 1]),
+        ] {
+            assert_eq!(date_of(day), date);
+        }
     }
 }

@@ -66,7 +66,7 @@ struct Common {
 #[derive(Clone, Debug, clap::Args)]
 struct CellArguments {
     /// Seed of every random choice
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = crate::seed)]
     seed: u64,
     /// Run only shard I of N; cat merges the files of all shards
     #[arg(long, value_name = "I/N", value_parser = shard)]

@@ -233,9 +233,9 @@ fn page(panels: Vec<Panel>) -> Map {
             "plain sampled spring and damper; without friction and quantization; the largest net energy \
                    that the adversary found"
                 .to_owned(),
-        x_label: "damping of the wall B (N s/m)".to_owned(),
-        y_label: "stiffness K (N/m)".to_owned(),
-        scale_label: "net energy (J)".to_owned(),
+        x_label: "Damping of the wall B (N s/m)".to_owned(),
+        y_label: "Stiffness K (N/m)".to_owned(),
+        scale_label: "Net energy (J)".to_owned(),
         below_label: "none".to_owned(),
         decades: [-7, 0],
         lines: [

@@ -2,16 +2,22 @@
 
 use super::markdown::{Kind, Page};
 use super::root;
+use super::ways::{WAYS, Way};
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::os::unix::fs::symlink;
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 use toml::{Table, Value};
 
 /// Words after which a line is not the program's arguments any more.
 const ENDS: [char; 6] = ['\'', '|', '&', '#', '>', ';'];
 
-/// Checks all blocks of a page, and returns what is wrong. The page of jobs runs its studies. Files that the page writes are in `folder`.
+/// The run that viewers of the book watch.
+const WATCHED: &str = "run --view --duration 1.5";
+
+/// Checks all blocks of a page, and returns what is wrong. Files that the page writes are in `folder`.
 pub(super) fn check(page: &Page, folder: &Path) -> Vec<String> {
     for shared in ["host", "docs", "rt_core"] {
         symlink(root().join(shared), folder.join(shared)).unwrap();
@@ -19,7 +25,7 @@ pub(super) fn check(page: &Page, folder: &Path) -> Vec<String> {
     let mut state = State {
         folder: folder.to_owned(),
         printed: String::new(),
-        runs_studies: page.name == "jobs.md",
+        emulated: None,
     };
     let mut comment = "";
     let mut faults = Vec::new();
@@ -46,8 +52,59 @@ struct State {
     folder: PathBuf,
     /// The output of the last command.
     printed: String,
-    /// Whether studies are run, or their arguments checked.
-    runs_studies: bool,
+    /// An emulated device: its port in the book, its own port, and its process.
+    emulated: Option<(String, String, Started)>,
+}
+
+/// A command in the background, which ends with its owner.
+struct Started {
+    process: Child,
+    /// The first line that it printed.
+    says: String,
+}
+
+impl Started {
+    /// Starts the program in a folder, and waits for its first line.
+    fn new(folder: &Path, arguments: &str) -> Result<Self, String> {
+        let mut process = program(folder)
+            .args(arguments.split_whitespace())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|error| error.to_string())?;
+        let mut says = String::new();
+        if let Some(output) = process.stdout.take() {
+            let read = BufReader::new(output).read_line(&mut says);
+            read.map_err(|error| error.to_string())?;
+        }
+        Ok(Self { process, says })
+    }
+
+    /// The connection that an emulator prints.
+    fn connection(&self) -> Result<&str, String> {
+        let connection = self.says.trim().strip_prefix("connect = \"");
+        let connection = connection.and_then(|text| text.strip_suffix('"'));
+        connection.ok_or_else(|| format!("an emulator printed {:?}", self.says))
+    }
+
+    /// Ends the command by Ctrl-C. A viewer, which holds no device, may end at once.
+    fn interrupt(mut self) -> Result<(), String> {
+        let pid = self.process.id().to_string();
+        let sent = Command::new("kill").args(["-INT", &pid]).status();
+        sent.map_err(|error| error.to_string())?;
+        let status = self.process.wait().map_err(|error| error.to_string())?;
+        match (status.code(), status.signal()) {
+            (Some(0 | 130), _) | (_, Some(2)) => Ok(()),
+            _ => Err(format!("it ended with {status} after Ctrl-C")),
+        }
+    }
+}
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
 }
 
 impl State {
@@ -132,32 +189,27 @@ impl State {
         let count = text.lines().count();
         for (index, line) in (1..).zip(text.lines()) {
             let code = if index == count { code } else { 0 };
-            self.line(line.trim(), comment == "arguments only", code)?;
+            self.line(line.trim(), code)
+                .map_err(|fault| format!("{line}: {fault}"))?;
         }
         Ok(())
     }
 
     /// One line of a shell, which must end with an exit code.
-    fn line(&mut self, line: &str, arguments_only: bool, code: i32) -> Result<(), String> {
+    fn line(&mut self, line: &str, code: i32) -> Result<(), String> {
         let line = line.trim_start_matches("PALPATE_RENEW=1 ");
+        let line = without_comment(line);
         let first = line.split_whitespace().next().unwrap_or("#");
-        let is_study = line.starts_with("palpate bench") || line.starts_with("palpate stress");
-        let is_study = is_study && !self.runs_studies;
         if first.starts_with('#') || first == "alias" {
             return Ok(());
         }
-        if arguments_only || is_study {
-            return self.arguments(line);
+        if let Some((_, way)) = WAYS.iter().find(|(listed, _)| *listed == line) {
+            return self.in_its_way(line, *way);
         }
-        let own = line
-            .split('#')
-            .next()
-            .unwrap_or_default()
-            .trim()
-            .strip_prefix("cargo run --release");
+        let own = line.strip_prefix("cargo run --release");
         if let Some(arguments) = own.filter(|rest| rest.is_empty() || rest.starts_with(" -- ")) {
             let call = format!("palpate {}", arguments.trim_start_matches(" -- "));
-            return self.line(&call, arguments_only, code);
+            return self.line(&call, code);
         }
         if first == "cargo" {
             return cargo(line);
@@ -171,14 +223,77 @@ impl State {
         }
         match first {
             "palpate" | "mkdir" | "cat" | "cp" | "sed" | "awk" => {
-                self.printed = ends_with(code, &run(&self.folder, line))
-                    .map_err(|fault| format!("{line}: {fault}"))?;
+                self.printed = ends_with(code, &run(&self.folder, &self.reached(line)))?;
                 Ok(())
             }
-            _ => Err(format!(
-                "{line}: {first} is not known to the test of the book"
-            )),
+            _ => Err("neither run nor listed in tests/book/ways.rs".to_owned()),
         }
+    }
+
+    /// The line, with the port of the emulated device.
+    fn reached(&self, line: &str) -> String {
+        match &self.emulated {
+            Some((port, own, _)) => line.replace(&format!("localhost:{port}"), own),
+            None => line.to_owned(),
+        }
+    }
+
+    /// A line of the list.
+    fn in_its_way(&mut self, line: &str, way: Way) -> Result<(), String> {
+        let arguments = line.strip_prefix("palpate ").unwrap_or_default();
+        match way {
+            Way::Arguments(_) => self.arguments(line),
+            Way::With(more) => self.well(&format!("{line} {more}")),
+            Way::Changed(pairs) => {
+                let change = |line: String, (old, new): &(&str, &str)| line.replace(old, new);
+                self.well(&pairs.iter().fold(line.to_owned(), change))
+            }
+            Way::Served => Started::new(&self.folder, arguments)?.interrupt(),
+            Way::Serving => {
+                let watched = self.watched()?;
+                Started::new(&self.folder, arguments)?.interrupt()?;
+                watched.interrupt()
+            }
+            Way::Watching => {
+                let watched = self.watched()?;
+                self.well(line)?;
+                watched.interrupt()
+            }
+            Way::Emulated(port) => {
+                let free = arguments.replace(&format!("tcp:{port}"), "tcp");
+                let started = Started::new(&self.folder, &free)?;
+                let own = started.connection()?.rsplit_once("tcp:");
+                let own = own.map_or("", |(_, address)| address).to_owned();
+                self.emulated = Some((port.to_owned(), own, started));
+                Ok(())
+            }
+            Way::Against(place, emulator) => {
+                let started = Started::new(&self.folder, &format!("device emulate {emulator}"))?;
+                self.well(&line.replace(place, started.connection()?))
+            }
+        }
+    }
+
+    /// A run that viewers can find.
+    fn watched(&self) -> Result<Started, String> {
+        let mut run = program(&self.folder);
+        let run = run.args(WATCHED.split(' ')).stdout(Stdio::null());
+        let process = run.spawn().map_err(|error| error.to_string())?;
+        // Its socket appears when the scene is built.
+        let sockets = self.folder.join("palpate");
+        while fs::read_dir(&sockets).map_or(0, Iterator::count) == 0 {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        Ok(Started {
+            process,
+            says: String::new(),
+        })
+    }
+
+    /// Runs a line that must end well.
+    fn well(&mut self, line: &str) -> Result<(), String> {
+        self.printed = ends_well(&run(&self.folder, &self.reached(line)))?;
+        Ok(())
     }
 
     /// Checks the arguments of each call of the program in a line. The program checks them before `--help` has effect.
@@ -190,8 +305,7 @@ impl State {
                 .replace("$SLURM_ARRAY_TASK_ID", "1")
                 .replace("{}", "1")
                 .replace("$seed", "1");
-            ends_well(&run(&self.folder, &format!("palpate {call} --help")))
-                .map_err(|fault| format!("{line}: {fault}"))?;
+            ends_well(&run(&self.folder, &format!("palpate {call} --help")))?;
         }
         Ok(())
     }
@@ -236,6 +350,18 @@ fn merge(base: &mut Value, new: Value) {
     }
 }
 
+/// The line without the comment at its end.
+fn without_comment(line: &str) -> &str {
+    line.split(" #").next().unwrap_or_default().trim()
+}
+
+/// The program in a folder, in which its sockets are, too.
+fn program(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.env("XDG_RUNTIME_DIR", folder).current_dir(folder);
+    command
+}
+
 /// Runs a line in a shell that finds the program under its name.
 fn run(folder: &Path, line: &str) -> Output {
     let program = Path::new(env!("CARGO_BIN_EXE_palpate")).parent().unwrap();
@@ -243,6 +369,7 @@ fn run(folder: &Path, line: &str) -> Output {
     Command::new("sh")
         .args(["-c", line])
         .env("PATH", format!("{}:{path}", program.display()))
+        .env("XDG_RUNTIME_DIR", folder)
         .current_dir(folder)
         .output()
         .unwrap()

@@ -37,7 +37,11 @@ pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
         .any(|body| body.choice.solver == SolverName::Assembled);
     vec![
         handles(scene, bodies),
-        Stage::new("collision", false, "no tools or obstacles in the scene"),
+        Stage::new(
+            "collision",
+            false,
+            "contact is not implemented: bodies pass through each other",
+        ),
         Stage::new("elements", true, elements(bodies)),
         Stage::either(
             "assemble",

@@ -40,8 +40,8 @@ fn missed_deadlines_are_gaps_of_time_without_a_gap_of_numbers() {
     assert_eq!(
         texts(&frame),
         [
-            (EventKind::MissedDeadline, 2, "3 deadlines missed"),
-            (EventKind::MissedDeadline, 7, "1 deadline missed"),
+            (EventKind::MissedDeadline, 2, "3 deadlines"),
+            (EventKind::MissedDeadline, 7, "1 deadline"),
         ]
     );
     // The next frame has the totals still, and no ticks.
@@ -119,7 +119,7 @@ fn events_are_bounded_and_the_others_counted() {
     assert_eq!((last.events.len(), last.more_events), (64, 137));
     let worst = last.events.last().expect("the worst tick");
     assert_eq!((worst.kind, worst.tick), (EventKind::WorstTick, 333));
-    assert_eq!(worst.text, "largest lateness: 70.5 us");
+    assert_eq!(worst.text, "largest lateness: 70.5 µs");
     assert!(last.last && !frame.last);
     let lateness = last.totals.lateness.expect("a real clock");
     assert_eq!((lateness.count, lateness.max), (400, 70_500.0 * 1e-9));

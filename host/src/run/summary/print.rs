@@ -216,7 +216,8 @@ impl DeviceSummary {
             (self.device_faults, "in a fault of its own"),
         ] {
             if count > 0 {
-                write!(f, ", {what} {count} times")?;
+                let plural = if count == 1 { "" } else { "s" };
+                write!(f, ", {what} {count} time{plural}")?;
             }
         }
         if self.slewed_ticks > 0 {

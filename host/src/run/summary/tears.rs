@@ -68,7 +68,7 @@ impl TearSummary {
     pub(super) fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "  tears      {}: {} edges opened ({} cut, {} vertices snapped), {:.1} mm2 torn, {:.1} mJ taken; {} tips at \
+            "  tears      {}: {} edges opened ({} cut, {} vertices snapped), {:.1} mm2 torn, {:.1} mJ taken; {} tip{} at \
              the end",
             self.body,
             self.edges,
@@ -76,7 +76,8 @@ impl TearSummary {
             self.snapped,
             self.area * 1e6,
             self.energy * 1e3,
-            self.tips
+            self.tips,
+            if self.tips == 1 { "" } else { "s" }
         )?;
         if let Some(force) = &self.force {
             writeln!(

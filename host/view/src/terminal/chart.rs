@@ -96,6 +96,23 @@ pub(super) fn axis(range: Range, zero: bool) -> (f64, f64) {
     (least * step, most * step)
 }
 
+/// Leaves out the curves that hardly change where another one does: they would take the height of those that change.
+pub(super) fn without_constants(curves: &mut Vec<Curve>) {
+    let extent = |curve: &Curve| {
+        let mut all = Range::EMPTY;
+        for range in &curve.columns {
+            all.merge(range);
+        }
+        if all.is_empty() {
+            0.0
+        } else {
+            all.most - all.least
+        }
+    };
+    let most = curves.iter().map(extent).fold(0.0, f64::max);
+    curves.retain(|curve| extent(curve) >= 0.05 * most);
+}
+
 /// Width of the numbers at the left of a chart.
 pub(super) const GUTTER: u16 = 7;
 
@@ -104,19 +121,20 @@ pub(super) fn dots_across(width: u16) -> usize {
     2 * usize::from(width.saturating_sub(GUTTER + 2))
 }
 
-/// Draws the curves with their axis. `cursor`: the part of the width at which the shown moment lies.
+/// Draws the curves with their axis, which covers the values in `covers`, too. `cursor`: the part of the width at which the
+/// shown moment lies.
 pub(super) fn draw(
     buffer: &mut Buffer,
     area: Rect,
     palette: Palette,
     curves: &[Curve],
-    zero: bool,
+    (zero, covers): (bool, Range),
     cursor: Option<f64>,
 ) {
     if area.width <= GUTTER + 3 || area.height == 0 {
         return;
     }
-    let mut all = Range::EMPTY;
+    let mut all = covers;
     for range in curves.iter().flat_map(|curve| &curve.columns) {
         all.merge(range);
     }
@@ -203,6 +221,29 @@ mod tests {
             let (least, most) = axis(range(huge, huge), false);
             assert!(least < most && (most - least).is_finite());
         }
+    }
+
+    #[test]
+    fn curves_that_hardly_change_leave_the_height_to_others() {
+        let curve = |letter, least, most| Curve {
+            letter,
+            style: Style::new(),
+            columns: vec![Range { least, most }, Range::EMPTY],
+        };
+        let letters = |mut curves: Vec<Curve>| -> String {
+            without_constants(&mut curves);
+            curves.iter().map(|curve| curve.letter).collect()
+        };
+        let moving = curve('x', 90.0, 110.0);
+        assert_eq!(
+            letters(vec![moving, curve('y', 7.0, 7.5), curve('z', -2.0, -1.0)]),
+            "xz"
+        );
+        // A hand that rests shows where it rests.
+        assert_eq!(
+            letters(vec![curve('x', 1.0, 1.0), curve('y', 7.0, 7.0)]),
+            "xy"
+        );
     }
 
     #[test]

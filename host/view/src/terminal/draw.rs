@@ -316,7 +316,7 @@ impl Screen<'_> {
                 format!("energy {} (mJ)", model.body_name(k)),
                 "s supplied, v stored".into(),
             ),
-            Chart::Lateness => ("lateness (us)".to_owned(), String::new()),
+            Chart::Lateness => ("lateness (µs)".to_owned(), String::new()),
         };
         let (window, cursor) = self.window();
         let span = (window.to_ns - window.from_ns) as f64 * 1e-9;
@@ -349,7 +349,7 @@ impl Screen<'_> {
                 }
             };
         let number = |k: usize| char::from_digit(k as u32 + 1, 10).unwrap_or(' ');
-        let (curves, zero) = match chart {
+        let (mut curves, zero) = match chart {
             Chart::Force(k) => (
                 vec![curve(number(k), palette.hand(k), 1.0, &|piece| {
                     Some(piece.hands.get(k)?.force_norm)
@@ -391,7 +391,25 @@ impl Screen<'_> {
                 true,
             ),
         };
-        chart::draw(buffer, inner, palette, &curves, zero, cursor);
+        if matches!(chart, Chart::Position(_)) {
+            chart::without_constants(&mut curves);
+        }
+        // The forces of all hands have one axis, so that they can be compared.
+        let mut covers = Range::EMPTY;
+        if matches!(chart, Chart::Force(_)) {
+            for hand in 0..self.hands() {
+                let of = |piece: &host::live::Folded| {
+                    piece
+                        .hands
+                        .get(hand)
+                        .map_or(Range::EMPTY, |hand| hand.force_norm)
+                };
+                for range in chart::columns(&model.history, window, count, of) {
+                    covers.merge(&range);
+                }
+            }
+        }
+        chart::draw(buffer, inner, palette, &curves, (zero, covers), cursor);
     }
 
     /// Charts below each other, of which each has at least `least` rows. Charts that do not fit are reached by
@@ -506,9 +524,12 @@ impl Screen<'_> {
         self.body(buffer, top);
         self.events(buffer, bottom, 0);
         let hands = self.hands();
+        let has_times = self.has_times();
+        let positions = (0..hands).map(|k| vec![Chart::Position(k)]);
         let mut rows: Vec<Vec<Chart>> = Vec::new();
         for k in 0..hands {
-            rows.extend([vec![Chart::Force(k)], vec![Chart::Position(k)]]);
+            rows.push(vec![Chart::Force(k)]);
+            rows.extend(has_times.then(|| vec![Chart::Position(k)]));
         }
         rows.extend((0..self.bodies()).map(|k| vec![Chart::Energy(k)]));
         self.stack(buffer, middle, &rows, 6);
@@ -517,13 +538,13 @@ impl Screen<'_> {
         let (top, bottom) = split_rows(right, wanted);
         let inner = self.title(buffer, top, "state", "");
         rows::draw(buffer, inner, &numbers, self.palette);
-        if self.has_times() {
+        if has_times {
             let (up, down) = split_rows(bottom, bottom.height / 2);
             self.lateness(buffer, up);
             self.durations(buffer, down);
         } else {
-            let ages: Vec<_> = (0..self.bodies()).map(|k| vec![Chart::Age(k)]).collect();
-            self.stack(buffer, bottom, &ages, 6);
+            // In virtual time the age of the models is that of the scene, and shows nothing.
+            self.stack(buffer, bottom, &positions.collect::<Vec<_>>(), 6);
         }
     }
 

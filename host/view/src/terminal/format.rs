@@ -1,6 +1,6 @@
 //! Numbers as text: three significant digits, with the prefix of the unit.
 
-/// A time, such as `12.3 us`.
+/// A time, such as `12.3 µs`.
 pub(super) fn time(seconds: f64) -> String {
     scaled(seconds, "s")
 }
@@ -8,7 +8,7 @@ pub(super) fn time(seconds: f64) -> String {
 /// A quantity with the prefix that leaves one to three digits before the point, from nano to kilo.
 pub(super) fn scaled(value: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 5] =
-        [(1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"), (1e-9, "n")];
+        [(1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")];
     let size = value.abs();
     if !value.is_finite() {
         return format!("- {unit}");
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn numbers_have_three_digits_and_the_prefix_of_their_unit() {
-        assert_eq!(time(12.34e-6), "12.3 us");
+        assert_eq!(time(12.34e-6), "12.3 µs");
         assert_eq!(time(999.7e-6), "1.00 ms");
         assert_eq!(time(0.0), "0 s");
         assert_eq!(scaled(-3.3e-3, "J"), "-3.30 mJ");

@@ -77,7 +77,7 @@ fn axis(buffer: &mut Buffer, area: Rect, palette: Palette, first: i64, a_column:
     for power in 0..=12_i32 {
         let name = match power {
             0..=2 => format!("{} ns", 10_u64.pow(power as u32)),
-            3..=5 => format!("{} us", 10_u64.pow(power as u32 - 3)),
+            3..=5 => format!("{} µs", 10_u64.pow(power as u32 - 3)),
             6..=8 => format!("{} ms", 10_u64.pow(power as u32 - 6)),
             _ => format!("{} s", 10_u64.pow(power as u32 - 9)),
         };

@@ -63,17 +63,17 @@ fn the_numbers_are_those_of_the_frame_at_every_size() {
             "4,800",
             "1000.0 Hz",
             "missed 4",
-            "p50 12.0 us",
-            "p99 40.0 us",
-            "max 150 us",
+            "p50 12.0 µs",
+            "p99 40.0 µs",
+            "max 150 µs",
             "age 6.00 ms",
             "trust 1.00",
             "live",
             "250.0 Hz of 250",
-            "solve 80.0 us",
-            "condense 200 us",
+            "solve 80.0 µs",
+            "condense 200 µs",
             "supplied 1.00 mJ",
-            "stored 600 uJ",
+            "stored 600 µJ",
             "peak 3.00 N",
             &force,
         ] {
@@ -109,11 +109,11 @@ fn no_label_is_cut_at_any_size() {
                 Tab::Timing => &[
                     "lateness of ticks",
                     "tick time",
-                    "lateness (us)",
-                    "╵10 us",
+                    "lateness (µs)",
+                    "╵10 µs",
                     "medians",
                 ],
-                Tab::Events => &["left: force limited", "2 deadlines missed", "3.855 s"],
+                Tab::Events => &["left: force limited", "2 deadlines", "3.855 s"],
             };
             for label in expected.iter().chain(&["h help  q quit", "5 events"]) {
                 assert!(text.contains(label), "{size:?} {name}: {label}\n{text}");
@@ -485,7 +485,7 @@ fn lines_have_one_line_a_second_and_one_for_each_event() {
     let line = text.lines().find(|line| line.starts_with("1.")).unwrap();
     for part in [
         "missed 0",
-        "lateness p99 40.0 us",
+        "lateness p99 40.0 µs",
         "left ",
         "right ",
         "age 6.00 ms",

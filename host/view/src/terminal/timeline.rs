@@ -32,7 +32,7 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, model: &Model, palette: Pale
         parts.push("the log has no end: its writer was killed".into());
     }
     parts.extend(playback.notes.iter().cloned());
-    parts.push("letters: T trip, M missed, S stale, W worst".into());
+    parts.push("letters: T trip, M missed, S stale, W worst, R tear".into());
     let mut text = String::new();
     for part in parts {
         if text.chars().count() + part.chars().count() + 2 <= width {

@@ -16,7 +16,7 @@ pub(super) fn writes(file: &str) -> bool {
 
 /// The pictures with their names.
 pub(super) fn all(curves: &[Curve]) -> [(&'static str, String); 3] {
-    let step = "processor time of a step (ms)";
+    let step = "Processor time of a step (ms)";
     [
         (
             NAMES[0],
@@ -42,7 +42,7 @@ pub(super) fn all(curves: &[Curve]) -> [(&'static str, String); 3] {
                 curves,
                 Varied::TimeStep,
                 "Time step, from long to short: force error of a swung cube",
-                "processor time of a simulated second (ms)",
+                "Processor time of a simulated second (ms)",
             ),
         ),
     ]
@@ -71,7 +71,7 @@ fn chart(curves: &[Curve], varied: Varied, title: &str, x_label: &str) -> String
     plot::line_chart_svg(
         title,
         x_label,
-        "error of the force over the largest force",
+        "Error of the force over the largest force",
         true,
         true,
         &drawn,

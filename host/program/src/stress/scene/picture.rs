@@ -27,8 +27,8 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
         ("host at 125 to 1000 Hz", Band::of(125.0, 1000.0)),
     ];
     let values: [(&str, f64, Value); 2] = [
-        ("force error (%)", LEAST_ERROR, |o| 100.0 * o.error),
-        ("net energy (mJ)", LEAST_ENERGY, |o| 1e3 * o.net_energy),
+        ("Force error (%)", LEAST_ERROR, |o| 100.0 * o.error),
+        ("Net energy (mJ)", LEAST_ENERGY, |o| 1e3 * o.net_energy),
     ];
     let mut panels = Vec::new();
     for (quantity, least, value) in values {
@@ -40,7 +40,7 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
             Panel {
                 title: label.to_owned(),
                 x_label: quantity.to_owned(),
-                y_label: "fraction of runs".to_owned(),
+                y_label: "Fraction of runs".to_owned(),
                 x_scale: Scale::LogarithmicAbove(least),
                 ..fractions(series)
             }
@@ -59,20 +59,20 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
 /// which the cap acts.
 pub(in crate::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> String {
     let values: [(&str, Value); 4] = [
-        ("error of the hold (%)", |o| {
+        ("Error of the hold (%)", |o| {
             100.0 * o.force_errors.hold_error
         }),
-        ("error of the run, relative to its peak (%)", |o| {
+        ("Error of the run, relative to its peak (%)", |o| {
             100.0 * o.force_errors.run_error
         }),
-        ("ripple in excess of the reference (mN)", |o| {
+        ("Ripple in excess of the reference (mN)", |o| {
             1e3 * o.force_errors.worst_ripple
         }),
-        ("ticks capped (%)", |o| 100.0 * o.capped),
+        ("Ticks capped (%)", |o| 100.0 * o.capped),
     ];
     let panels = values.map(|(quantity, value)| Panel {
         x_label: quantity.to_owned(),
-        y_label: "fraction of cells".to_owned(),
+        y_label: "Fraction of cells".to_owned(),
         x_scale: Scale::LogarithmicAbove(LEAST_ERROR),
         ..fractions(hold::SCHEMES.iter().map(|(_, scheme)| {
             let found = cells.values().filter_map(|cell| cell.schemes.get(*scheme));
@@ -143,7 +143,6 @@ pub(in crate::stress) fn cell(
     reference: &Trace,
 ) -> String {
     let mut panels = Vec::new();
-    // The reference is wide and below, so that both lines show where they coincide.
     let line = |name: &str, role, values: Vec<f64>| Series {
         name: name.to_owned(),
         points: thin(run.period, &values),
@@ -158,13 +157,13 @@ pub(in crate::stress) fn cell(
         stored_role,
     ] = [
         Role::Reference,
-        Role::Compared,
+        Role::Number(1),
         Role::Number(2),
         Role::Number(0),
         Role::Number(4),
     ];
     let panel = |y_label: String, series| Panel {
-        x_label: "time (s)".to_owned(),
+        x_label: "Time (s)".to_owned(),
         y_label,
         // Zero is no force and no energy.
         y_covers: vec![0.0],
@@ -176,7 +175,7 @@ pub(in crate::stress) fn cell(
         let along = |trace: &DeviceTrace| trace.force.iter().map(|f| f.dot(&axis)).collect();
         let own = device.own.iter().map(|own| own.force.dot(&axis));
         panels.push(panel(
-            format!("force of device {number} (N)"),
+            format!("Force of device {number} (N)"),
             vec![
                 line(REFERENCE, reference_role, along(expected)),
                 line(RUN, run_role, along(device)),
@@ -191,7 +190,7 @@ pub(in crate::stress) fn cell(
             places.map(|p| 1e3 * p.dot(&axis)).collect()
         };
         let position = panel(
-            format!("position of device {number} (mm)"),
+            format!("Position of device {number} (mm)"),
             vec![
                 line(REFERENCE, reference_role, along(expected)),
                 line(RUN, run_role, along(device)),
@@ -204,7 +203,7 @@ pub(in crate::stress) fn cell(
     }
     let milli = |values: &mut dyn Iterator<Item = f64>| values.map(|v| 1e3 * v).collect();
     panels.push(panel(
-        "net work on the hands (mJ)".to_owned(),
+        "Net work on the hands (mJ)".to_owned(),
         vec![
             line(
                 REFERENCE,
@@ -215,7 +214,7 @@ pub(in crate::stress) fn cell(
         ],
     ));
     panels.push(panel(
-        "energy of the account (mJ)".to_owned(),
+        "Energy of the account (mJ)".to_owned(),
         vec![
             line(
                 "to spend",

@@ -12,6 +12,8 @@ export const SPAN = 10;
 const EVERY = 100;
 const BIN = 2 ** 0.25;
 const AXES = ["x", "y", "z"];
+/** Dashes and gaps of the curves (pixels). */
+const DASHES = [[], [9, 4], [3, 3], [10, 3, 2, 3], [6, 6], [2, 4]];
 
 /** The history and its charts. */
 export class Charts {
@@ -117,7 +119,7 @@ export class Charts {
   make(figure, options, data) {
     const { clientWidth: width, clientHeight: height } = figure.area;
     const plot = new uPlot({
-      width: Math.max(width, 50), height: Math.max(height, 40), legend: { show: false }, padding: [4, 8, 0, 0],
+      width: Math.max(width, 50), height: Math.max(height, 40), legend: { show: false }, padding: [4, 20, 0, 0],
       cursor: { show: false }, ...options,
     }, data, figure.area);
     figure.plot = plot;
@@ -146,7 +148,9 @@ export class Charts {
     const bands = [];
     lines.forEach(({ colour }, index) => {
       const width = property("--line") / 1;
-      series.push({ stroke: colour, width, points: { show: false } }, { stroke: colour, width, points: { show: false } });
+      // As in the figures of the program: a curve shows in the gaps of those that coincide with it.
+      const line = { stroke: colour, width, dash: DASHES[index % DASHES.length], points: { show: false } };
+      series.push(line, { ...line });
       bands.push({ series: [2 * index + 1, 2 * index + 2], fill: `${colour}66` });
     });
     const least = { N: 0.1, mm: 1, ms: 1 }[unit];
@@ -177,25 +181,27 @@ export class Charts {
       ctx.save();
       ctx.font = `${0.75 * size * devicePixelRatio}px ${property("--font")}`;
       ctx.textAlign = "left";
-      ctx.fillStyle = property("--text");
       ctx.strokeStyle = property("--text");
-      let free = -Infinity;
-      for (const [name, value] of [["p50", times.p50], ["p99", times.p99], ["max", times.max]]) {
-        const x = plot.valToPos(value * 1e9, "x", true);
-        if (!Number.isFinite(x)) continue;
+      const lines = [["p50", times.p50], ["p99", times.p99], ["max", times.max]]
+        .map(([name, value]) => [name, plot.valToPos(value * 1e9, "x", true)])
+        .filter(([, x]) => Number.isFinite(x));
+      for (const [name, x] of lines) {
         ctx.setLineDash(name === "max" ? [] : [3 * devicePixelRatio, 3 * devicePixelRatio]);
         ctx.beginPath();
         ctx.moveTo(x, bbox.top);
         ctx.lineTo(x, bbox.top + bbox.height);
         ctx.stroke();
-        const width = ctx.measureText(name).width;
-        const right = x + 3 * devicePixelRatio;
-        const at = right + width > bbox.left + bbox.width ? x - width - 3 * devicePixelRatio : right;
-        if (at > free) {
-          ctx.fillText(name, at, bbox.top + 0.8 * size * devicePixelRatio);
-          free = at + width + 4;
-        }
       }
+      // Each name has a row of its own, on ground that hides the lines of the others.
+      const [gap, row] = [3 * devicePixelRatio, size * devicePixelRatio];
+      lines.forEach(([name, x], index) => {
+        const width = ctx.measureText(name).width + 2 * gap;
+        const at = x + gap + width > bbox.left + bbox.width ? x - width - 1 : x + 1;
+        ctx.fillStyle = property("--card");
+        ctx.fillRect(at, bbox.top + index * row, width, row);
+        ctx.fillStyle = property("--text");
+        ctx.fillText(name, at + gap, bbox.top + (index + 0.8) * row);
+      });
       ctx.restore();
     };
     return this.make(figure, {

@@ -230,7 +230,7 @@ export class Panel {
       const parts = [
         element("b", { class: "mark", text: mark, title: name }),
         element("span", { class: "number", text: `${seconds(time_ns)} s` }),
-        element("span", { text }),
+        element("span", { text: kind === "missed_deadline" ? `missed ${text}` : text }),
       ];
       if (!this.ofLog) return element("li", { "data-kind": kind }, ...parts);
       // The Tab key reaches the list once; arrow keys move in the list.

@@ -291,9 +291,13 @@ export class View {
     box.getCenter(this.center);
     this.radius = Math.max(box.getSize(scratch).length() / 2, 0.005);
     const directions = [[0.45, -1, 0.62], [0, -1, 0.0001], [1, 0, 0.0001], [0, -0.0001, 1]];
-    const fit = Math.min(1, 0.95 * this.camera.aspect);
-    const distance = (1.15 * this.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / fit;
-    this.camera.position.fromArray(directions[from]).normalize().multiplyScalar(distance).add(this.center);
+    this.layGrid(box);
+    this.camera.position.fromArray(directions[from]).normalize().add(this.center);
+    this.camera.lookAt(this.center);
+    // The axes belong to what is seen.
+    for (const end of this.axisEnds) box.expandByPoint(end);
+    const distance = this.distance(corners(box));
+    this.camera.position.sub(this.center).multiplyScalar(distance).add(this.center);
     this.controls.target.copy(this.center);
     this.camera.near = distance / 100;
     this.camera.far = distance * 20;
@@ -301,8 +305,20 @@ export class View {
     this.controls.minDistance = this.radius / 10;
     this.controls.maxDistance = this.radius * 30;
     this.controls.update();
-    this.layGrid(box);
     this.request();
+  }
+
+  /** The distance from the center at which a camera that looks there shows all points, with a margin. */
+  distance(points) {
+    this.camera.updateMatrix();
+    const [right, up, back] = [0, 1, 2].map((column) => new THREE.Vector3().setFromMatrixColumn(this.camera.matrix, column));
+    const rise = 0.85 * Math.tan((this.camera.fov * Math.PI) / 360);
+    const far = points.map((point) => {
+      scratch.copy(point).sub(this.center);
+      const across = Math.abs(scratch.dot(right)) / (rise * this.camera.aspect);
+      return scratch.dot(back) + Math.max(across, Math.abs(scratch.dot(up)) / rise);
+    });
+    return Math.max(...far);
   }
 
   /** A grid below everything, with cells of a round length, and the three axes at its corner. */
@@ -580,6 +596,11 @@ function scale(values, unit) {
   const [, number, prefixed] = /^(\S+) (.*)$/.exec(quantity(values.at(-1), unit)) ?? [null, "0", unit];
   const factor = values.at(-1) > 0 ? Number(number) / values.at(-1) : 1;
   return values.map((value, i) => `${Number((value * factor).toPrecision(3))}${i === values.length - 1 ? ` ${prefixed}` : ""}`);
+}
+
+/** The eight corners of a box. */
+function corners({ min, max }) {
+  return [min, max].flatMap(({ x }) => [min, max].flatMap(({ y }) => [min, max].map(({ z }) => new THREE.Vector3(x, y, z))));
 }
 
 /** The vertex nearest to a point. */

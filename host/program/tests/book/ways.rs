@@ -1,0 +1,219 @@
+//! How the commands of the book are run that cannot, or need not, run as they stand. A command that is not listed here runs
+//! as it stands; a command that is listed and that no page has is an error.
+
+/// How a command is run.
+#[derive(Clone, Copy)]
+pub(super) enum Way {
+    /// With more arguments, where its length is not its point.
+    With(&'static str),
+    /// With other words: each text in the line, and what takes its place.
+    Changed(&'static [(&'static str, &'static str)]),
+    /// It serves others until a signal: it is ended after its first line.
+    Served,
+    /// As [`Way::Served`], beside a run that can be watched.
+    Serving,
+    /// Beside a run that can be watched, and until the end of that run.
+    Watching,
+    /// An emulated device, which serves the commands after it until the end of the page. The text is its port in the book,
+    /// and a free port takes its place.
+    Emulated(&'static str),
+    /// With the connection of an emulated device in the place of a text; the emulator is run with these arguments.
+    Against(&'static str, &'static str),
+    /// Not at all: its arguments alone are checked. The reason is for the reader.
+    Arguments(&'static str),
+}
+
+use Way::{Against, Arguments, Changed, Emulated, Served, Serving, Watching, With};
+
+/// What a quick form of a study of many cells is in a test.
+const CELLS: &str = "--quick --shard 1/100";
+
+/// The commands, without comments.
+pub(super) const WAYS: &[(&str, Way)] = &[
+    // Real devices, and emulated ones on the buses of the kernel.
+    (
+        "palpate device probe hid:1209:c0de --model touch",
+        Against("hid:1209:c0de", "touch --on tcp"),
+    ),
+    (
+        "palpate device identify hid:1209:c0de --model touch --date 2026-11-25 --profile mine.toml --nobody-holds-it",
+        Arguments(
+            "it moves the device for a minute; sim/tests/identify.rs identifies each device in virtual time",
+        ),
+    ),
+    (
+        "palpate device emulate woodenhaptics --on tcp:4000 --tremor 0.0005",
+        Emulated("4000"),
+    ),
+    (
+        "palpate run --set device[left].model=woodenhaptics --device left=woodenhaptics:tcp:localhost:4000 --clock real --armed",
+        With("--duration 1"),
+    ),
+    (
+        "palpate device probe tcp:localhost:4000 --model falcon",
+        Against("tcp:localhost:4000", "falcon --on tcp --protocol firmware"),
+    ),
+    (
+        "sudo modprobe -a dummy_hcd libcomposite usb_f_hid usb_f_fs",
+        Arguments("it loads modules of the kernel"),
+    ),
+    (
+        "sudo palpate device emulate woodenhaptics --on usb",
+        Arguments(
+            "it needs root and modules of the kernel; sim/emulator/tests/kernel.rs runs it where they are",
+        ),
+    ),
+    (
+        "sudo palpate device emulate falcon --on usb --firmware novint.bin",
+        Arguments(
+            "it needs root and modules of the kernel; sim/emulator/tests/kernel.rs runs it where they are",
+        ),
+    ),
+    // Viewers.
+    ("palpate run --clock real --view", With("--duration 1")),
+    ("palpate view", Watching),
+    ("palpate view --lines", Watching),
+    ("palpate view --web", Serving),
+    ("palpate view --foxglove", Serving),
+    (
+        "palpate view --foxglove --allow-origin https://viewer.example",
+        Serving,
+    ),
+    ("palpate view stretch.mcap", With("--speed 100")),
+    ("palpate view stretch.mcap --web", Served),
+    ("palpate view run.mcap", With("--speed 100")),
+    // Runs whose length is not their point.
+    (
+        "palpate run --clock real --log run.mcap",
+        With("--duration 1"),
+    ),
+    // Studies.
+    (
+        "palpate bench extrapolation --plot extrapolation.svg",
+        Arguments("it takes a minute; host/study/tests/studies/extrapolation.rs runs a part"),
+    ),
+    (
+        "palpate bench accuracy --quick",
+        Arguments("host/program/tests/command/accuracy.rs runs it"),
+    ),
+    (
+        "palpate bench accuracy --plot accuracy.svg",
+        Arguments("host/program/tests/command/accuracy.rs runs it"),
+    ),
+    (
+        "palpate bench velocity",
+        Arguments("it takes half a minute; host/study/tests/studies/velocity.rs runs a part"),
+    ),
+    (
+        "palpate bench tearing --part table",
+        Arguments("it takes half a minute; host/study/tests/studies/tearing_runs.rs runs a part"),
+    ),
+    (
+        "palpate bench stability --quick",
+        Arguments("it takes a minute and more; host/study/tests/studies/stability.rs runs a part"),
+    ),
+    (
+        "palpate bench stability --plot recovery.svg",
+        Arguments("it takes a minute and more; host/study/tests/studies/stability.rs runs a part"),
+    ),
+    (
+        "palpate bench speed --plot out",
+        Arguments("host/program/tests/speed.rs runs it"),
+    ),
+    (
+        "palpate bench speed --quick",
+        Arguments("host/program/tests/speed.rs runs it"),
+    ),
+    (
+        "palpate bench tearing --quick",
+        Arguments("it takes minutes; host/study/tests/studies/tearing.rs runs a part"),
+    ),
+    (
+        "palpate bench tearing --part figure --plot force.svg",
+        Arguments("it takes half a minute; host/study/tests/studies/tearing_runs.rs runs a part"),
+    ),
+    (
+        "palpate bench tearing --part feel",
+        Arguments("it takes half a minute; host/study/tests/studies/tearing_runs.rs runs a part"),
+    ),
+    ("palpate stress faults", With(CELLS)),
+    ("palpate stress faults my_device.toml", With(CELLS)),
+    ("palpate stress connections", With(CELLS)),
+    (
+        "palpate stress endings",
+        Arguments("host/program/tests/ways_out.rs runs it"),
+    ),
+    ("palpate stress wall --plot wall.svg", With(CELLS)),
+    (
+        "palpate stress wall my_device.toml falcon --plot my_walls.svg",
+        With(CELLS),
+    ),
+    ("palpate stress hold", With(CELLS)),
+    ("palpate stress scene", With("--runs 1 --schemes capped")),
+    (
+        "palpate stress scene my_scene.toml --plot scene.svg",
+        With("--runs 1 --schemes capped"),
+    ),
+    (
+        "palpate stress scene my_scene.toml --rate 90",
+        With("--runs 1 --schemes capped"),
+    ),
+    (
+        "palpate stress scene my_scene.toml --trouble stalls",
+        With("--runs 1 --schemes capped"),
+    ),
+    (
+        "palpate stress scene my_scene.toml --rate 60,90 --trouble nothing,all --runs 40",
+        Changed(&[("--runs 40", "--runs 1 --schemes capped")]),
+    ),
+    (
+        "palpate stress scene host/scenes/press.toml",
+        With("--runs 1 --schemes capped"),
+    ),
+    (
+        "palpate stress scene sheet.toml --runs 84 --json sheet.jsonl",
+        Changed(&[("--runs 84", "--runs 1 --schemes capped")]),
+    ),
+    (
+        "palpate stress scene sheet.toml --runs 420 --json sheet.jsonl",
+        Changed(&[("--runs 420", "--runs 2 --schemes capped")]),
+    ),
+    (
+        "palpate stress scene sheet.toml --runs 84 --seed $seed --json seed-$seed.jsonl",
+        Arguments("the shell's loop around it is no line of its own"),
+    ),
+    (
+        "for seed in 1 2 3; do",
+        Arguments("the beginning of a loop"),
+    ),
+    ("done", Arguments("the end of a loop")),
+    (
+        "palpate stress seeds seed-1.jsonl seed-2.jsonl seed-3.jsonl --json seeds.json",
+        Arguments("it reads the files of the loop before it; host/program/tests/command runs it"),
+    ),
+    (
+        "sbatch --array=1-32 --wrap 'palpate stress scene sheet.toml --runs 10000 --shard $SLURM_ARRAY_TASK_ID/32 --json part-$SLURM_ARRAY_TASK_ID.jsonl'",
+        Arguments("it needs a cluster"),
+    ),
+    (
+        "parallel -S :,other palpate stress scene sheet.toml --runs 10000 --shard {}/8 --threads 1 --json part-{}.jsonl ::: 1 2 3 4 5 6 7 8",
+        Arguments("it needs GNU parallel and a second machine"),
+    ),
+    (
+        "cat part-*.jsonl > all.jsonl && palpate stress scene sheet.toml --runs 10000 --json all.jsonl --plot scene.svg",
+        Arguments("it reads the files of the lines before it"),
+    ),
+    (
+        "palpate stress endings --runs 1",
+        Arguments("host/program/tests/ways_out.rs runs it"),
+    ),
+    (
+        "cp crash fuzz/target/corpus/gmsh/name_of_the_case",
+        Arguments("it copies a file that a fuzzer found"),
+    ),
+    // Other programs.
+    (
+        "gmsh -3 tissue.geo -format msh41 -o tissue.msh",
+        Arguments("it needs Gmsh; the page has the mesh for those without it"),
+    ),
+];
