@@ -371,22 +371,32 @@ impl LocalModel {
         PublishedModel::check(self)
     }
 
+    /// The fraction of each handle's own damping that is rendered where each device renders at most `most` (N s/m,
+    /// N m s/rad): of displacements, and of turns.
+    pub fn rendered_damping(&self, most: impl Fn(u8) -> [f64; 2]) -> [[f64; 2]; MAX_HANDLES] {
+        let mut fractions = [[1.0; 2]; MAX_HANDLES];
+        let n = usize::from(self.handle_count);
+        let rows = self.damping.iter().enumerate().zip(&self.handles);
+        for (((i, row), handle), fractions) in rows.zip(&mut fractions).take(n) {
+            let Some(own) = row.get(i) else { continue };
+            let limits = most(handle.device).into_iter().zip(largest(own));
+            for (fraction, (most, found)) in fractions.iter_mut().zip(limits) {
+                if found > most {
+                    *fraction = most / found;
+                }
+            }
+        }
+        fractions
+    }
+
     /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device. The blocks become
     /// `a_i a_j B_ij`, with the largest `a` up to one that meet the bound. A positive semidefinite matrix stays
     /// positive semidefinite.
     pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
-        let mut scales = [[1.0; 2]; MAX_HANDLES];
+        let mut scales = self.rendered_damping(most);
         let n = usize::from(self.handle_count);
-        let rows = self.damping.iter().enumerate().zip(&self.handles);
-        for (((i, row), handle), scales) in rows.zip(&mut scales).take(n) {
-            let Some(own) = row.get(i) else { continue };
-            for ((fraction, most), found) in
-                scales.iter_mut().zip(most(handle.device)).zip(largest(own))
-            {
-                if found > most {
-                    *fraction = libm::sqrt(most / found);
-                }
-            }
+        for fraction in scales.iter_mut().take(n).flatten() {
+            *fraction = libm::sqrt(*fraction);
         }
         if scales
             .iter()

@@ -9,7 +9,7 @@ use host::engine::plan::{BodyPlan, Stage, stages};
 use host::engine::rehearsal::Rehearsal;
 use host::run::setup;
 use host::run::slow_host::{StepTime, cores};
-use host::run::summary::StiffSummary;
+use host::run::summary::{DampedSummary, StiffSummary};
 use host::scene::connections;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -43,6 +43,8 @@ struct PlanJson<'a> {
     step_time: Option<f64>,
     /// The directions in which the bodies at rest are stiffer than their devices can render, by body, stiffest first.
     stiff: &'a [StiffSummary],
+    /// For each body of whose damping the devices render less than the whole at rest: where they render the least part of it.
+    damped: &'a [DampedSummary],
     /// The data from which the engine is built, by body.
     bodies: &'a [BodyPlan],
 }
@@ -65,6 +67,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let stages = stages(&loaded.scene, &plans);
     let mut rehearsal = Rehearsal::new(&loaded, settled)?;
     let stiff = rehearsal.stiff();
+    let damped = rehearsal.damped();
     let step_time = (!arguments.no_timing).then(|| rehearsal.step_time());
     bar.finish_and_clear();
     outln!("{}: stages of a host step", loaded.scene.name);
@@ -74,6 +77,9 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     }
     for direction in &stiff {
         outln!("  stiff      {direction}");
+    }
+    for damped in &damped {
+        outln!("  damped     {damped}");
     }
     let time = step_time.map(|took| StepTime::new(&loaded.scene, took));
     if let Some(time) = time {
@@ -99,6 +105,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
             stages: &stages,
             step_time,
             stiff: &stiff,
+            damped: &damped,
             bodies: &plans,
         };
         write_json(path, &json)?;

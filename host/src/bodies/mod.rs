@@ -9,6 +9,7 @@ mod mesh;
 mod mount;
 mod notch;
 mod places;
+mod press;
 mod survey;
 mod tear;
 mod tool;

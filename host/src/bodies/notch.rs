@@ -4,6 +4,7 @@
 //! The two faces of a notch have vertices at equal places. A vertex that a notch adds joins the groups of the vertices
 //! from which it comes, and a triangle that a notch adds joins the groups of its parent.
 
+use crate::scene::plausible::Warning;
 use crate::scene::spec::Tear;
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
@@ -18,6 +19,10 @@ const FLAT: f64 = 1e-6;
 /// is not exactly where a scene says.
 const OUTSIDE: f64 = 0.1;
 
+/// How far a notch may end from the place that the scene gives, as a fraction of the notch's length, before it is told. The
+/// force that tears a sheet changes by about as much.
+const TOLD: f64 = 0.02;
+
 /// The notches that can be cut.
 const INSIDE: &str = "a notch from the border into the sheet, or with both ends inside";
 
@@ -28,9 +33,44 @@ pub(super) struct Cuts {
     pub(super) tips: Vec<u32>,
     /// The vertices along notches, tips included, each with the number of its notch in the scene; ascending.
     pub(super) along: Vec<(u32, usize)>,
+    /// For each notch of the scene of which an end is elsewhere than the scene says: the end that is farthest off.
+    moved: Vec<Moved>,
+}
+
+/// An end of a notch that the mesh has moved.
+#[derive(Clone, Copy, Debug)]
+struct Moved {
+    /// The number of the notch in the scene.
+    number: usize,
+    /// Where the scene says that the notch ends (m), and where it ends.
+    ends: [Vec3; 2],
+}
+
+impl Moved {
+    fn distance(&self) -> f64 {
+        (self.ends[1] - self.ends[0]).norm()
+    }
 }
 
 impl Cuts {
+    /// Notes that a cut of the notch of this number, which the scene says is `length` (m) long, ends where its `tips` are. The
+    /// scene says `wanted`.
+    fn note(&mut self, number: usize, length: f64, wanted: [Vec3; 2], tips: [Option<Vec3>; 2]) {
+        for (wanted, tip) in wanted.into_iter().zip(tips) {
+            let Some(tip) = tip else { continue };
+            let ends = [wanted, tip];
+            let moved = Moved { number, ends };
+            if moved.distance() <= TOLD * length {
+                continue;
+            }
+            match self.moved.last_mut().filter(|last| last.number == number) {
+                Some(last) if last.distance() >= moved.distance() => {}
+                Some(last) => *last = moved,
+                None => self.moved.push(moved),
+            }
+        }
+    }
+
     /// Adds the notch of this number, whose vertices are those from `before`.
     fn add(&mut self, number: usize, surface: &Surface, before: u32, tips: [u32; 2]) {
         for vertex in before..surface.vertex_count() as u32 {
@@ -177,13 +217,13 @@ pub(super) fn cut(
                 let found = format!("{far:.2e} m off the plane of the sheet");
                 return refuse(&found, "a notch in the plane of the sheet");
             }
-            let ends = ends.map(|p| plane.to_plane(&p));
+            let in_plane = ends.map(|p| plane.to_plane(&p));
             let inside = |end| shapes.iter().any(|shape| contains(shape, end));
-            if !ends.iter().all(|&end| inside(end)) {
+            if !in_plane.iter().all(|&end| inside(end)) {
                 return refuse("out of the sheet", INSIDE);
             }
             let before = surface.vertex_count() as u32;
-            let [from, to] = ends;
+            let [from, to] = in_plane;
             let line = topology::Notch { from, to };
             let made = surface.notch(&line, options, may_move, |_, _| {});
             match made {
@@ -191,7 +231,15 @@ pub(super) fn cut(
                     let allowed = "a notch that ends inside the sheet";
                     return refuse("from border to border", allowed);
                 }
-                Ok(tips) => cuts.add(number, &surface, before, tips),
+                Ok(tips) => {
+                    cuts.add(number, &surface, before, tips);
+                    let [from, to] = ends;
+                    let at = |tip: u32| {
+                        let place = (tip != NONE).then(|| surface.place(tip)).flatten();
+                        place.map(|place| plane.to_space(place))
+                    };
+                    cuts.note(number, (to - from).norm(), [to, from], tips.map(at));
+                }
                 Err(fault) => return refuse(&fault.to_string(), INSIDE),
             }
         }
@@ -201,6 +249,27 @@ pub(super) fn cut(
     cuts.along.sort_unstable();
     cuts.along.dedup();
     Ok((notched(mesh, &surface, plane), cuts))
+}
+
+/// Warnings about notches of the body number `index` that do not end where the scene says.
+pub(super) fn moved(loaded: &LoadedScene, index: usize, cuts: &Cuts) -> Vec<Warning> {
+    let warning = |moved: &Moved| {
+        let words = |p: Vec3| format!("[{:.4}, {:.4}, {:.4}]", p.x, p.y, p.z);
+        let [wanted, tip] = moved.ends.map(words);
+        let number = moved.number;
+        Warning {
+            place: loaded
+                .source
+                .place(&format!("body[{index}].tear.notch[{number}]")),
+            found: format!(
+                "a notch that ends at {tip}, {:.4} m from {wanted}: no vertex of the mesh can move there",
+                moved.distance()
+            ),
+            usual: format!("an end within {} % of the notch's length", 100.0 * TOLD),
+            advice: "make the mesh finer, or let the notch end at a vertex of the mesh".to_owned(),
+        }
+    };
+    cuts.moved.iter().map(warning).collect()
 }
 
 /// Whether a point is in a triangle, or beside it.

@@ -1,7 +1,7 @@
 //! Warnings about the bodies of a scene that only their meshes show: their sizes, parts that they share, and bodies that
 //! lie in each other.
 
-use super::{material, mesh, mount, places, tear};
+use super::{material, mesh, mount, notch, places, press, tear};
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
 use physics::mesh::{Bounds, Mesh};
@@ -15,7 +15,7 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
     let mut warnings = loaded.warnings.clone();
     let mut boxes = Vec::new();
     for index in 0..loaded.scene.bodies.len() {
-        let Ok(mesh) = mesh::build(loaded, index) else {
+        let Ok(mesh::Notched { mesh, cuts }) = mesh::with_notches(loaded, index) else {
             boxes.push(None);
             continue;
         };
@@ -23,6 +23,8 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
         warnings.extend(material::warnings(loaded, index, &mesh));
         warnings.extend(held_twice(loaded, index, &mesh));
         warnings.extend(tear::coarse(loaded, index, &mesh));
+        warnings.extend(notch::moved(loaded, index, &cuts));
+        warnings.extend(press::warnings(loaded, index, &mesh));
         warnings.extend(material::locks(loaded, index, &mesh));
         boxes.push(Bounds::of(mesh.positions()));
     }

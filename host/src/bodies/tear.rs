@@ -12,6 +12,8 @@ use physics::{HandleSpec, Material};
 
 /// The longest edge that shows the strength, as a multiple of Irwin's length.
 const COARSE: f64 = 10.0;
+/// Beyond this multiple the toughness is likely in another unit: a kJ/m^2 is a thousand J/m^2.
+const OTHER_UNIT: f64 = 100.0;
 
 /// The tearing of one body of a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,19 +114,30 @@ pub(super) fn coarse(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Option<
     let (Some(tear), Mesh::Sheet(sheet)) = (&body.tear, mesh) else {
         return None;
     };
-    if tear.starts() == Starts::Tips {
-        return None;
-    }
     let irwin = body.material.young * tear.toughness / (tear.strength * tear.strength);
     let triangles = sheet.triangles.len() as f64;
     // The edge of equilateral triangles of the same mean area.
     let edge = (sheet.area() / triangles * 4.0 / 3.0_f64.sqrt()).sqrt();
-    (edge > COARSE * irwin).then(|| Warning {
-        place: loaded.source.place(&format!("body[{index}].tear.strength")),
+    let other_unit = tear.law == TearLawName::Toughness && edge > OTHER_UNIT * irwin;
+    let late = tear.starts() == Starts::Anywhere && edge > COARSE * irwin;
+    let (field, advice) = if other_unit {
+        (
+            "toughness",
+            "is the value in kJ/m^2? toughness is in J/m^2: 1 kJ/m^2 is 1000; otherwise make the mesh finer, or the \
+             strength smaller",
+        )
+    } else if late {
+        (
+            "strength",
+            "tears start later than the material's: make the mesh finer, or the strength smaller",
+        )
+    } else {
+        return None;
+    };
+    Some(Warning {
+        place: loaded.source.place(&format!("body[{index}].tear.{field}")),
         found: format!("edges of {edge:.2e} m for an Irwin length of {irwin:.2e} m"),
         usual: format!("edges up to {COARSE} times young * toughness / strength^2"),
-        advice:
-            "tears start later than the material's: make the mesh finer, or the strength smaller"
-                .to_owned(),
+        advice: advice.to_owned(),
     })
 }

@@ -7,6 +7,7 @@ use super::beside::Beside;
 use super::borne::Borne;
 use super::change::Rebuild;
 use super::clock::BodyClock;
+use super::damped::{Damped, DampedDirection};
 use super::path::HandlePath;
 use super::recipe::Recipe;
 use super::solver::Solver;
@@ -70,6 +71,8 @@ pub struct HostBody {
     renderable: Vec<Renderable>,
     /// Springs in series with the directions that the devices cannot render.
     springs: Option<SeriesSprings>,
+    /// The part of the damping that the devices render.
+    damped: Damped,
     /// The model by which the springs place the handles, for [`PLACES`] of its horizon at most.
     placing: LocalModel,
     /// How solvers of the body are made.
@@ -157,6 +160,7 @@ impl HostBody {
             stored,
             coupling: parts.coupling,
             springs: SeriesSprings::of(&parts.devices, &parts.renderable),
+            damped: Damped::default(),
             placing: model,
             renderable: parts.renderable,
             name: parts.name,
@@ -353,6 +357,9 @@ impl HostBody {
                 self.placing.copy_used_from(&self.model);
             }
         }
+        let springs = self.springs.as_ref().and_then(SeriesSprings::model);
+        let felt = springs.unwrap_or(&self.model);
+        self.damped.see(felt, &self.renderable);
         self.publishes = true;
         self.tally.condense = Some(watch.now_ns().saturating_sub(solved));
         Ok(())
@@ -361,6 +368,12 @@ impl HostBody {
     /// The stiffest direction so far that the devices could not render.
     pub fn stiffest(&self) -> Option<StiffDirection> {
         self.springs.as_ref().and_then(SeriesSprings::stiffest)
+    }
+
+    /// The handle and the direction of whose damping the devices have rendered the least part so far; `None` where they
+    /// rendered the whole.
+    pub fn least_damped(&self) -> Option<DampedDirection> {
+        self.damped.least()
     }
 
     /// The directions of the last model that the devices cannot render, stiffest first.

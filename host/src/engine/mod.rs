@@ -13,6 +13,7 @@ pub mod build;
 pub mod change;
 pub mod choice;
 mod clock;
+pub mod damped;
 pub mod faults;
 pub mod pacer;
 mod parting;

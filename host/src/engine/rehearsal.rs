@@ -1,5 +1,5 @@
 //! A rehearsal: some steps of a scene's bodies, without devices and without a run. The first step, at rest, shows which
-//! directions the devices cannot render. Further steps are timed; in them the hands move as fast as hands explore, so that
+//! directions the devices cannot render, and how much of the damping. Further steps are timed; in them the hands move as fast as hands explore, so that
 //! the solvers have work to do.
 
 use super::Engine;
@@ -8,7 +8,7 @@ use super::pacer::{Due, Pacer};
 use super::stats::{ProcessorStopwatch, StepTimes};
 use super::threads::{Threads, awake};
 use crate::bodies::Built;
-use crate::run::summary::StiffSummary;
+use crate::run::summary::{DampedSummary, StiffSummary};
 use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
@@ -70,6 +70,11 @@ impl<'a> Rehearsal<'a> {
             found.extend(each.map(|direction| StiffSummary::new(self.scene, number, direction)));
         }
         found
+    }
+
+    /// Where the devices render the least part of the damping of the bodies, as far as the [steps](Self::stiff) have shown.
+    pub fn damped(&self) -> Vec<DampedSummary> {
+        DampedSummary::all(self.scene, self.engine.bodies())
     }
 
     /// The typical processor time of a host step of the scene on this machine, with its share of the publications (s):

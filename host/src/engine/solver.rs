@@ -3,14 +3,12 @@
 use super::beside::{Beside, Work};
 use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
+use super::tears::MOST_PAIRS;
 use physics::{
     AssembledStepper, Body, Condensed, Condenser, HandlePose, Precision, Refresher, ShapeOptions,
     Shapes, Stepper, TearLimit, Tearing,
 };
 use rt_core::MAX_HANDLES;
-
-/// Most pairs of vertices that let each other go at a time.
-const MOST_PAIRS: usize = 64;
 
 /// A step of a sheet that tears has much work if it took more iterations than this number, or if it made an edit. Its model
 /// has the shapes of the model before, so that the longest steps are shorter.

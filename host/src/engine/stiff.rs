@@ -50,6 +50,8 @@ pub struct Renderable {
     pub turning: f64,
     /// The part of these that is rendered of a direction that is much stiffer, above zero and at most one.
     pub calm: f64,
+    /// The largest damping (N s/m) that the tick renders, and that of turns (N m s/rad). Infinite where it bounds none.
+    pub damping: [f64; 2],
 }
 
 impl Renderable {
@@ -58,6 +60,7 @@ impl Renderable {
         stiffness: f64::INFINITY,
         turning: f64::INFINITY,
         calm: 1.0,
+        damping: [f64::INFINITY; 2],
     };
 }
 

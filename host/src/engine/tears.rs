@@ -23,6 +23,11 @@ pub(super) const SHAPES: ShapeOptions = ShapeOptions {
     bound: 1e-2,
 };
 
+/// Most pairs of vertices of a body that let each other go at the same time: room for [`Stepper::reserve_pairs`].
+///
+/// [`Stepper::reserve_pairs`]: physics::Stepper::reserve_pairs
+pub const MOST_PAIRS: usize = 64;
+
 /// The tears of a body.
 pub struct BodyTears {
     /// Tips and edits.
@@ -43,12 +48,9 @@ impl BodyTears {
         index: usize,
         built: &mut Built,
     ) -> Result<Option<Self>, SceneError> {
-        make_tearable(loaded, index, built)?;
-        let Some(spec) = &built.tear else {
+        let Some(tearing) = tearing(loaded, index, built)? else {
             return Ok(None);
         };
-        let tearing = Tearing::new(&built.body, options(spec), &spec.tips);
-        let tearing = tearing.map_err(|error| refused(loaded, index, &error))?;
         let parting = Parting::new(&built.body);
         Ok(parting.map(|parting| Self {
             tearing,
@@ -66,6 +68,26 @@ impl BodyTears {
     pub fn tearing(&self) -> &Tearing {
         &self.tearing
     }
+}
+
+/// The tips of the scene's body number `index`, whose body gets room for the edits of its tears; `None` for a body that does
+/// not tear.
+///
+/// # Errors
+/// [`SceneError`], naming the line and the field that cannot be built.
+pub fn tearing(
+    loaded: &LoadedScene,
+    index: usize,
+    built: &mut Built,
+) -> Result<Option<Tearing>, SceneError> {
+    make_tearable(loaded, index, built)?;
+    let Some(spec) = &built.tear else {
+        return Ok(None);
+    };
+    let tearing = Tearing::new(&built.body, options(spec), &spec.tips);
+    Ok(Some(
+        tearing.map_err(|error| refused(loaded, index, &error))?,
+    ))
 }
 
 /// Gives the scene's body number `index` room for the edits of its tears, if it tears.

@@ -4,8 +4,9 @@ use super::collect::Collected;
 use super::parts::{Parts, TickSide};
 use super::setup::HostSide;
 use super::summary::{
-    DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary,
-    HostSummary, RunSummary, SCHEMA, StiffSummary, TearSummary, TickSummary, TripSummary,
+    DampedSummary, DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary,
+    HeldBackSummary, HostSummary, RunSummary, SCHEMA, StiffSummary, TearSummary, TickSummary,
+    TripSummary,
 };
 use super::{Clock, RunOptions, clock_name, held_back, instructions, setup, slow_host};
 use crate::bodies;
@@ -351,6 +352,11 @@ fn host_summary(
             .host
             .iter()
             .flat_map(|host| stiff(scene, host))
+            .collect(),
+        damped: parts
+            .host
+            .iter()
+            .flat_map(|host| DampedSummary::all(scene, host.engine.bodies()))
             .collect(),
     }
 }

@@ -353,6 +353,35 @@ fn parts_that_share_vertices_are_named_with_their_number() {
 }
 
 #[test]
+fn a_press_that_leaves_little_of_a_solid_is_warned_of() {
+    let handle = "[[body.handle]]\nname = 'h'\ngroup = 'top'\ndevice = 'a'\n";
+    let pressed = |row: &str| {
+        let text =
+            block(handle).replacen("hand = {}", &format!("hand = {{ waypoints = {row} }}"), 1);
+        judged(&text, &[])
+    };
+    assert_eq!(
+        pressed("[[0, 0, 0, 0], [1, 0, 0, -0.072]]"),
+        "x.toml:16: device[0].hand.waypoints[1]: found a motion of 0.0720 m towards supports that are 0.1000 m ahead, usual: \
+         up to 0.7 of that distance; is the value in metres? the body would be pressed nearly flat, and its elements may \
+         invert"
+    );
+    for row in [
+        "[[0, 0, 0, 0], [1, 0, 0, -0.07]]",
+        // Away from the table, and along it.
+        "[[0, 0, 0, 0], [1, 0, 0, 0.073]]",
+        "[[0, 0, 0, 0], [1, 0.073, 0, 0]]",
+    ] {
+        assert_eq!(pressed(row), "", "{row}");
+    }
+    // The same motion of a support of `palpate solve`.
+    let lid = "[[body.support]]\nname = 'lid'\ngroup = 'top'\ndisplacement = [0, 0, -0.08]\n";
+    assert!(judged(&block(lid), &[]).starts_with(
+        "x.toml:9: body[0].support[1].displacement: found a motion of 0.0800 m towards supports that are 0.1000 m ahead"
+    ));
+}
+
+#[test]
 fn bodies_in_each_other_are_named_and_placed_ones_are_not() {
     let second = |position: &str, mesh: &str| {
         block(&format!(

@@ -390,6 +390,21 @@ fn implausible_values_are_warned_of() {
              takes 10 to 1e4 J/m^2, paper 1e3 to 3e4 J/m^2",
         ),
     ]);
+    assert_eq!(
+        says(&changed("toughness = 1000", "toughness = 1")),
+        "x.toml:11: body[0].tear.toughness: found edges of 1.07e-2 m for an Irwin length of 1.00e-4 m, usual: edges up to \
+         10 times young * toughness / strength^2; is the value in kJ/m^2? toughness is in J/m^2: 1 kJ/m^2 is 1000; \
+         otherwise make the mesh finer, or the strength smaller"
+    );
+    // On large triangles a notch ends where a vertex is.
+    let coarse = changed("cells = [20, 10]", "cells = [6, 3]");
+    let coarse = coarse.replace("to = [0, 0.01, 0]", "to = [0.093, 0, 0]");
+    assert_eq!(
+        says(&coarse),
+        "x.toml:13: body[0].tear.notch[0]: found a notch that ends at [0.0867, 0.0034, 0.0000], 0.0071 m from [0.0930, \
+         0.0000, 0.0000]: no vertex of the mesh can move there, usual: an end within 2 % of the notch's length; make the \
+         mesh finer, or let the notch end at a vertex of the mesh"
+    );
     let fine = changed(notch, "").replace("toughness = 1000", "toughness = 5");
     assert_eq!(
         says(&fine),

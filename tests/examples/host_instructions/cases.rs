@@ -307,6 +307,7 @@ fn springs(handles: u8, along: f64) -> Result<Case, Failure> {
         stiffness: 2e3,
         turning: 3.0,
         calm: 0.5,
+        ..Renderable::ANY
     };
     let devices: Vec<u8> = (0..handles).collect();
     let mut springs = SeriesSprings::of(&devices, &vec![limit; devices.len()])

@@ -335,7 +335,7 @@ impl Surface {
     }
 
     /// The place of a vertex in the frame of its first triangle.
-    fn place(&self, vertex: u32) -> Option<[f64; 2]> {
+    pub fn place(&self, vertex: u32) -> Option<[f64; 2]> {
         let corner = self.fan(vertex).next()?;
         Some(self.shape(corner.triangle)[corner.corner])
     }

@@ -12,9 +12,12 @@ use super::choice::{Choice, choose};
 use super::stiff::Renderable;
 use super::virtual_coupling::Link;
 use crate::bodies::{self, Built, Kind, TearSpec};
+use crate::run::setup;
 use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName, Starts, TearLawName};
 use physics::Freedom;
+use rt_core::Vec3;
+use rt_core::device_frame::DeviceFrame;
 
 /// The plan of one body: its solver, its handles and its rates.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -168,8 +171,8 @@ pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
 const CALM: f64 = 0.2;
 
 /// What each device of the scene can render of one body, in the units of the scene: the stiffness `2 f_c / delta`, or
-/// `2 b / T` in ticks of `T` where that is more ([`super::stiff`]). The bodies that a device holds share it. A device whose
-/// friction and damping are not known has no limit.
+/// `2 b / T` in ticks of `T` where that is more ([`super::stiff`]), and the damping. The bodies that a device holds share
+/// them. A device whose friction and damping are not known has no limit of the stiffness.
 pub fn renderable(loaded: &LoadedScene) -> Vec<Renderable> {
     let scene = &loaded.scene;
     let period = 1.0 / scene.realtime.rate;
@@ -190,6 +193,16 @@ pub fn renderable(loaded: &LoadedScene) -> Vec<Renderable> {
                     most(turning.friction, turning.step, turning.damping, held)
                 }),
                 calm: (CALM / (whole * model.position_step)).min(1.0),
+                damping: if scene.realtime.scheme == SchemeName::Capped {
+                    let frame = DeviceFrame {
+                        motion_scale: device.motion_scale,
+                        ..DeviceFrame::at(Vec3::zeros())
+                    };
+                    let port = setup::port(model, f64::INFINITY, &frame, period);
+                    [port.most_damping, port.most_turning_damping].map(|most| most / held)
+                } else {
+                    [f64::INFINITY; 2]
+                },
             }
         })
         .collect()

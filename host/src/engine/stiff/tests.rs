@@ -11,11 +11,11 @@ const LIMITS: [Renderable; 2] = [
         stiffness: 2e3,
         turning: 3.0,
         calm: 0.4,
+        ..Renderable::ANY
     },
     Renderable {
         stiffness: 5e3,
-        turning: f64::INFINITY,
-        calm: 1.0,
+        ..Renderable::ANY
     },
 ];
 const SIZE: usize = 12;

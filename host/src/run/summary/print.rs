@@ -111,6 +111,9 @@ impl RunSummary {
         for stiff in &h.stiff {
             writeln!(f, "  stiff      {stiff}")?;
         }
+        for damped in &h.damped {
+            writeln!(f, "  damped     {damped}")?;
+        }
         if h.unconverged_steps > 0 {
             writeln!(
                 f,

@@ -1,4 +1,6 @@
 use super::*;
+use crate::stress::scene::Study;
+use crate::stress::scene::draw::{Choice, Trouble};
 use host::run::{Clock, RunOptions};
 use host::scene::Scene;
 use std::collections::BTreeMap;
@@ -209,5 +211,91 @@ fn without_threads_the_calling_thread_does_the_work() {
             .filter(|(_, id)| *id == std::thread::current().id());
         assert_eq!(here.count(), if stack == workers::STACK { 0 } else { 3 });
         assert!(done.iter().map(|(result, _)| *result).eq([10, 20, 30]));
+    }
+}
+
+/// Two hands tear a square of cloth from a notch between them, until it is almost torn through.
+const CLOTH: &str = r#"
+name = "tear"
+duration = 0.6
+gravity = [0, 0, 0]
+[host]
+step_rate = 1000.0
+publish_rate = 250.0
+latency = 0.002
+[[body]]
+name = "cloth"
+mesh.sheet = { length = 0.2, width = 0.2, cells = [10, 10], pattern = "alternating" }
+material = { young = 8e6, poisson = 0.3, thickness = 0.0005, density = 400 }
+damping = { mass = 0.5, stiffness = 0.0005 }
+[body.tear]
+strength = 8e5
+toughness = 500.0
+[[body.tear.notch]]
+from = [0.0, 0.1, 0.0]
+to = [0.0, 0.06, 0.0]
+[[body.handle]]
+name = "a"
+box = [[-0.045, 0.07, -0.01], [-0.015, 0.101, 0.01]]
+device = "left"
+[[body.handle]]
+name = "b"
+box = [[0.015, 0.07, -0.01], [0.045, 0.101, 0.01]]
+device = "right"
+[[device]]
+name = "left"
+model = "omega3"
+hand = { grip = "rigid", waypoints = [[0, 0, 0, 0], [0.6, -0.02, 0, 0]] }
+[[device]]
+name = "right"
+model = "omega3"
+hand = { grip = "rigid", waypoints = [[0, 0, 0, 0], [0.6, 0.02, 0, 0]] }
+"#;
+
+#[test]
+fn the_reference_tears_as_the_run_does() {
+    let compared = |text: &str| {
+        let loaded = Scene::load_texts("cloth.toml", text, &BTreeMap::new());
+        let settings = Settings {
+            schemes: vec![SchemeName::Capped],
+            ..Settings::default()
+        };
+        compare(&loaded.expect("the scene is sound"), &settings, |_| ()).expect("it runs")
+    };
+    let torn = compared(CLOTH);
+    let whole = compared(&CLOTH.replace("toughness = 500.0", "toughness = 5e5"));
+    let peak = |found: &Comparison| {
+        let reference = found.reference.as_ref().expect("a reference");
+        reference.worst(|device| device.peak_force)
+    };
+    // The cloth that does not tear bears the largest force of the device.
+    assert!(peak(&whole) > 11.0, "{} N", peak(&whole));
+    assert!(peak(&torn) < 4.0, "{} N", peak(&torn));
+    let run = &torn.runs[0].measures;
+    let off = run.worst(|device| device.peak_force) / peak(&torn) - 1.0;
+    assert!(off.abs() < 0.05, "{off}");
+    // An edge that opens a tick earlier than that of the reference is an error of that edge's share of the force.
+    let error = run.worst(|device| device.error.expect("a reference").relative);
+    assert!(error < 0.1, "{error}");
+}
+
+#[test]
+fn worlds_in_which_a_body_tears_are_run() {
+    let loaded = Scene::load_texts("cloth.toml", CLOTH, &BTreeMap::new());
+    let choice = Choice {
+        rates: vec![250.0],
+        troubles: vec![Trouble::Nothing, Trouble::Softening, Trouble::All],
+    };
+    let study = Study::among(loaded.expect("the scene is sound"), 1, choice);
+    let study = study.expect("the scene is sound");
+    let capped = SCHEMES
+        .iter()
+        .filter(|(scheme, _)| *scheme == SchemeName::Capped);
+    let capped: Vec<_> = capped.copied().collect();
+    for cell in 0..6 {
+        let found = study.cell(cell, &capped);
+        assert_eq!(found.failed, None);
+        // The engine keeps the material of a body that tears.
+        assert_eq!(found.draw.softening, None);
     }
 }

@@ -16,7 +16,7 @@ pub mod kinks;
 pub mod meshes;
 mod patterns;
 mod pull;
-mod rig;
+pub(crate) mod rig;
 pub mod runs;
 mod specimen;
 pub mod strip;

@@ -1,6 +1,7 @@
 //! A sheet that tears, with its stepper: what every run of the study steps in virtual time.
 
 use crate::StudyError;
+use host::engine::tears::MOST_PAIRS;
 use physics::motion::stepper::{Ledger, Pair};
 use physics::tear::TearMaterial;
 use physics::topology::Reserve;
@@ -11,8 +12,6 @@ use physics::{
 
 /// Length of a step (s).
 pub(super) const STEP: f64 = 1e-3;
-/// Most pairs of vertices that let each other go at the same time.
-const MOST_PAIRS: usize = 64;
 
 /// A sheet that tears, with its stepper.
 #[derive(Debug)]
@@ -67,25 +66,12 @@ impl Rig {
 
     /// Makes a step with the handles at `targets` at its end.
     pub(super) fn step(&mut self, targets: &[HandlePose]) -> Result<StepperReport, StudyError> {
-        self.renew()?;
+        renew(&mut self.body, &mut self.stepper, STEP)?;
         let report = self.stepper.step(&mut self.body, STEP, targets, || false)?;
         if let Some(ledger) = self.stepper.ledger() {
             self.ledger += *ledger;
         }
         Ok(report)
-    }
-
-    /// Makes a factor of the present topology, if this would pay.
-    fn renew(&mut self) -> Result<(), StudyError> {
-        if self.stepper.wants_factor() {
-            let mut mirror = self.body.clone();
-            mirror.reassemble();
-            let mut fresh = Stepper::new(&mirror, self.stepper.options)?;
-            fresh.prepare(&mirror, STEP)?;
-            fresh.adopt(&mut self.stepper, &mut self.body)?;
-            self.stepper = fresh;
-        }
-        Ok(())
     }
 
     /// Lets the tears grow.
@@ -110,4 +96,17 @@ impl Rig {
         let report = self.body.handle_report(hand);
         report.map_or(physics::Vec3::zeros(), |report| report.wrench_on_hand.force)
     }
+}
+
+/// Makes a factor of the present topology for the `stepper` of a torn `body`, if this would pay. Steps take `h` seconds.
+pub(crate) fn renew(body: &mut Body, stepper: &mut Stepper<f64>, h: f64) -> Result<(), StudyError> {
+    if stepper.wants_factor() {
+        let mut mirror = body.clone();
+        mirror.reassemble();
+        let mut fresh = Stepper::new(&mirror, stepper.options)?;
+        fresh.prepare(&mirror, h)?;
+        fresh.adopt(stepper, body)?;
+        *stepper = fresh;
+    }
+    Ok(())
 }

@@ -181,6 +181,12 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         cells.len(),
         common.cells.seed
     );
+    if study.tears() {
+        outln!(
+            "a body tears, and a body that tears does not soften: worlds of the trouble \"softening\" have no fault, and \
+             those of \"all\" have the others\n"
+        );
+    }
     table::print(&cells);
     let mut written = Written::default();
     written.write(common.plot.as_ref(), |path| {

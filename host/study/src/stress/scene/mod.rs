@@ -135,7 +135,17 @@ impl Study {
             .scene
             .as_ref()
             .map_or(hands, |scene| scene.reaches.len());
-        Draw::among(&self.choice, self.seed, cell, devices)
+        let mut draw = Draw::among(&self.choice, self.seed, cell, devices);
+        if self.tears() {
+            draw.softening = None;
+        }
+        draw
+    }
+
+    /// Whether a body of the scene tears. Such a body keeps its mesh and its material, so no body of the study softens.
+    pub fn tears(&self) -> bool {
+        let bodies = |scene: &Prepared| scene.loaded.scene.bodies.iter().any(|b| b.tear.is_some());
+        self.scene.as_ref().is_some_and(bodies)
     }
 
     fn world(&self, cell: u64) -> Result<World, StudyError> {

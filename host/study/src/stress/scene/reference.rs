@@ -1,8 +1,8 @@
 //! The reference of a cell: the same hands, devices and physics steps, with the physics inside the tick.
 //!
 //! Each tick reads the true poses of the hands, takes a step to these poses, and renders the wrenches of the step at
-//! once. The reference has no local model, no encoder and no latency. The trouble of the world occurs here, too: the
-//! body softens; the device vanishes, and resumes at its last pose.
+//! once. The reference has no local model, no encoder and no latency. Its bodies tear as those of the host do. The trouble
+//! of the world occurs here, too: the body softens; the device vanishes, and resumes at its last pose.
 //!
 //! A body that is stiffer than its device shakes a hand by itself, whatever the scheme. In such directions the reference
 //! renders what the device can render: the handles follow proxies behind springs (the module `rendered`), and the wrench is
@@ -16,13 +16,15 @@ use super::measure::{Apart, Trace};
 use super::rendered::Rendered;
 use super::world::{World, exerted, handle, probe};
 use crate::StudyError;
+use crate::tearing::rig::renew;
 use host::bodies;
 use host::engine::plan::BodyPlan;
+use host::engine::tears::{self, MOST_PAIRS};
 use host::run::setup;
 use host::run::timeline::{Host, Timeline};
 use host::scene::LoadedScene;
 use nalgebra::{Matrix3, UnitQuaternion};
-use physics::{Body, BodyMap, HandlePose, Stepper, StepperOptions, Vec3};
+use physics::{Body, BodyMap, HandlePose, Stepper, StepperOptions, Tearing, Vec3};
 use rt_core::clutch::Clutch;
 use rt_core::safety::Limiter;
 use rt_core::{DeviceState, MAX_DEVICES, Mat6, Pose, Wrench};
@@ -35,6 +37,8 @@ const REST: f64 = 0.05;
 struct Held {
     body: Body,
     stepper: Stepper<f64>,
+    /// Its tears; none of a body that does not tear.
+    tearing: Option<Tearing>,
     rendered: Rendered,
     /// For each handle, the device that holds it.
     devices: Vec<usize>,
@@ -58,13 +62,19 @@ impl Bodies {
         let scene = &loaded.scene;
         let options = options(loaded);
         let each = scene.bodies.iter().enumerate().map(|(index, spec)| {
-            let built = bodies::build_settled(loaded, index)?;
+            let mut built = bodies::build_settled(loaded, index)?;
             let horizon = BodyPlan::new(loaded, index, &built).horizon;
             let tools = bodies::tools(scene, spec).into_iter();
             let devices: Vec<_> = tools.map(|tool| tool.device).collect();
+            let tearing = tears::tearing(loaded, index, &mut built)?;
             let mut body = built.body;
+            let mut stepper = Stepper::new(&body, options)?;
+            if tearing.is_some() {
+                stepper.reserve_pairs(MOST_PAIRS);
+            }
             Ok(Held {
-                stepper: Stepper::new(&body, options)?,
+                stepper,
+                tearing,
                 rendered: Rendered::new(loaded, &devices, &mut body, horizon)?,
                 body,
                 devices,
@@ -83,8 +93,12 @@ impl Bodies {
             let each = held.devices.iter();
             let mut targets: Vec<_> = each.map(|device| place(*device)).collect();
             held.rendered.aim(&mut targets, &mut held.body, step)?;
+            renew(&mut held.body, &mut held.stepper, step)?;
             held.stepper
                 .step(&mut held.body, step, &targets, || false)?;
+            if let Some(tearing) = &mut held.tearing {
+                tearing.advance(&mut held.body, &mut held.stepper);
+            }
         }
         Ok(())
     }
@@ -261,6 +275,8 @@ pub(super) fn rest(world: &World, run: &mut Trace, bodies: Vec<Body>) -> Result<
             }
         });
         let places: Vec<_> = places.collect();
+        // A body that has torn is without the matrix of its present vertices.
+        body.reassemble();
         let mut stepper = Stepper::<f64>::new(body, options(&world.loaded))?;
         for _ in 0..RESTS {
             stepper.step(body, REST, &places, || false)?;

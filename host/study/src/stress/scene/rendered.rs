@@ -81,6 +81,14 @@ impl Rendered {
 
     /// Condenses the present state of the body.
     pub(in crate::stress) fn renew(&mut self, body: &mut Body) -> Result<(), StudyError> {
+        // The stepper of a body that tears goes by the places of the body before its latest edits.
+        let mut copy;
+        let body = if body.surface().is_some() {
+            copy = body.clone();
+            &mut copy
+        } else {
+            body
+        };
         body.assemble();
         let condensed = self.condenser.condense(body, self.horizon)?;
         fill_blocks(&mut self.model, condensed);
