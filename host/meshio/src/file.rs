@@ -35,7 +35,8 @@ pub(crate) enum Wanted {
 pub enum MeshFileError {
     /// Neither the beginning nor the name of the file identifies a format.
     #[error(
-        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and {found}"
+        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and {found}; the \
+         program meshio converts PLY, OFF, MEDIT, XDMF, Abaqus and others: meshio convert FILE mesh.vtu"
     )]
     Format {
         /// The beginning of the file.

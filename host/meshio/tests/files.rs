@@ -62,12 +62,14 @@ fn the_format_follows_from_the_name_or_else_from_the_beginning() -> Outcome {
     assert_eq!(
         error("mesh.ply", b"solid x\n"),
         "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and a \
-         file that begins with \"solid x\\n\""
+         file that begins with \"solid x\\n\"; the program meshio converts PLY, OFF, MEDIT, \
+         XDMF, Abaqus and others: meshio convert FILE mesh.vtu"
     );
     assert_eq!(
         error("mesh", b""),
         "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and an \
-         empty file"
+         empty file; the program meshio converts PLY, OFF, MEDIT, \
+         XDMF, Abaqus and others: meshio convert FILE mesh.vtu"
     );
     Ok(())
 }
