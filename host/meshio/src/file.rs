@@ -35,8 +35,7 @@ pub(crate) enum Wanted {
 pub enum MeshFileError {
     /// Neither the beginning nor the name of the file identifies a format.
     #[error(
-        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and {found}; the \
-         program meshio converts PLY, OFF, MEDIT, XDMF, Abaqus and others: meshio convert FILE mesh.vtu"
+        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and {found}"
     )]
     Format {
         /// The beginning of the file.
@@ -271,8 +270,19 @@ impl Format {
             Some("vtu" | "vtp") => return Ok(Self::VtkXml),
             _ => {}
         }
+        // The program meshio reads these.
+        let others: [(&[u8], &str); 5] = [
+            (b"ply", "a PLY file"),
+            (b"OFF", "an OFF file"),
+            (b"MeshVersionFormatted", "a MEDIT file"),
+            (b"*", "an Abaqus file"),
+            (b"\x89HDF", "an HDF5 file"),
+        ];
+        let other = others.iter().find(|(word, _)| start.starts_with(word));
         let found = if start.is_empty() {
             "an empty file".to_owned()
+        } else if let Some((_, kind)) = other {
+            format!("{kind}; convert the file with `meshio convert FILE mesh.vtu`")
         } else {
             format!(
                 "a file that begins with {}",
