@@ -270,8 +270,19 @@ impl Format {
             Some("vtu" | "vtp") => return Ok(Self::VtkXml),
             _ => {}
         }
+        // The program meshio reads these.
+        let others: [(&[u8], &str); 5] = [
+            (b"ply", "a PLY file"),
+            (b"OFF", "an OFF file"),
+            (b"MeshVersionFormatted", "a MEDIT file"),
+            (b"*", "an Abaqus file"),
+            (b"\x89HDF", "an HDF5 file"),
+        ];
+        let other = others.iter().find(|(word, _)| start.starts_with(word));
         let found = if start.is_empty() {
             "an empty file".to_owned()
+        } else if let Some((_, kind)) = other {
+            format!("{kind}; convert the file with `meshio convert FILE mesh.vtu`")
         } else {
             format!(
                 "a file that begins with {}",

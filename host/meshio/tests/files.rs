@@ -65,6 +65,11 @@ fn the_format_follows_from_the_name_or_else_from_the_beginning() -> Outcome {
          file that begins with \"solid x\\n\""
     );
     assert_eq!(
+        error("mesh.ply", b"ply\nformat ascii 1.0\n"),
+        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and a PLY \
+         file; convert the file with `meshio convert FILE mesh.vtu`"
+    );
+    assert_eq!(
         error("mesh", b""),
         "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and an \
          empty file"

@@ -168,6 +168,8 @@ enum CommandError {
     Solve(physics::CondenseError),
     #[error("{}: found another ending, allowed for a mesh: .msh, .vtk or .vtu", .0.display())]
     MeshFormat(PathBuf),
+    #[error("{}: {reason}", .path.display())]
+    MeshFile { path: PathBuf, reason: String },
     #[error("--body: found {found:?}, allowed: {}", .allowed.join(", "))]
     NoSuchBody { found: String, allowed: Vec<String> },
     #[error(
@@ -209,6 +211,7 @@ impl CommandError {
                 | study::StudyError::MeasuredFrom { .. },
             )
             | Self::MeshFormat(_)
+            | Self::MeshFile { .. }
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)
             | Self::Core(_) => 2,

@@ -1,23 +1,33 @@
-//! `palpate mesh`: writes the mesh of a scene's body to a file for other programs.
+//! `palpate mesh`: writes the mesh of a scene's body to a file for other programs. `palpate mesh check` judges the meshes of
+//! a scene, or the mesh of a file that no scene names yet.
 
 use super::outputs::{self, Declared};
 use super::sets::Sets;
 use super::{CommandError, load};
 use host::atomic_file::write_atomically;
+use host::bodies::groups;
+use host::bodies::shapes::{Needles, round};
 use host::bodies::{self, Built};
+use host::scene::read_bytes;
 use meshio::write_vtu::Snapshot;
 use meshio::{write_gmsh, write_vtk};
+use physics::mesh::quality::shapes;
 use physics::mesh::{Bounds, Field, Group, Mesh, TriMesh};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `palpate mesh`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct MeshArguments {
+    #[command(subcommand)]
+    command: Option<MeshCommand>,
     /// Scene file (TOML)
-    scene: PathBuf,
-    /// The file to write: .msh (Gmsh 4.1, with groups), .vtk (legacy) or .vtu. Each has the fields `young` and
-    /// `poisson`, by element; a thread whose scene gives no `poisson` has the first alone
-    file: PathBuf,
+    #[arg(required = true)]
+    scene: Option<PathBuf>,
+    /// The file to write: .msh (Gmsh 4.1, with groups), .vtk (legacy) or .vtu. Each has the fields `young`,
+    /// `poisson` and `quality`, by element; a thread whose scene gives no `poisson` has the first alone
+    #[arg(required = true)]
+    file: Option<PathBuf>,
     /// Name of the body. Default: the first body
     #[arg(long, value_name = "NAME")]
     body: Option<String>,
@@ -25,9 +35,96 @@ pub(super) struct MeshArguments {
     sets: Sets,
 }
 
+#[derive(Clone, Debug, clap::Subcommand)]
+enum MeshCommand {
+    /// Print what the meshes of a scene or a mesh file hold, how well shaped their elements are, and warnings
+    Check(CheckArguments),
+}
+
+/// Arguments of `palpate mesh check`.
+#[derive(Clone, Debug, clap::Args)]
+struct CheckArguments {
+    /// Scene file (.toml), or a mesh file
+    file: PathBuf,
+    #[command(flatten)]
+    sets: Sets,
+}
+
 pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
-    let format = Format::of(&arguments.file)?;
-    let loaded = load(Some(&arguments.scene), &arguments.sets)?;
+    match (&arguments.command, &arguments.scene, &arguments.file) {
+        (Some(MeshCommand::Check(arguments)), ..) => check(arguments),
+        (None, Some(scene), Some(file)) => write(arguments, scene, file),
+        // Both are required.
+        (None, ..) => Ok(()),
+    }
+}
+
+/// The worst elements that `palpate mesh check` names.
+const WORST: usize = 5;
+
+fn check(arguments: &CheckArguments) -> Result<(), CommandError> {
+    let file = &arguments.file;
+    let is_scene = |ending: &std::ffi::OsStr| ending.eq_ignore_ascii_case("toml");
+    if file.extension().is_some_and(is_scene) {
+        // This prints the warnings.
+        let loaded = load(Some(file), &arguments.sets)?;
+        for (index, body) in loaded.scene.bodies.iter().enumerate() {
+            let mesh = bodies::build(&loaded, index)?.mesh;
+            out!("{}", summary(&body.name, &mesh, " m"));
+            out!("{}", quality(&Needles::of(&mesh, true)));
+        }
+        return Ok(());
+    }
+    let refused = |reason: String| CommandError::MeshFile {
+        path: file.clone(),
+        reason,
+    };
+    if let Some((given, _)) = arguments.sets.given()?.first() {
+        return Err(refused(format!(
+            "{given} replaces a field of a scene, and this is a mesh file"
+        )));
+    }
+    let bytes = read_bytes(file).map_err(|error| refused(error.to_string()))?;
+    let name = file.display().to_string();
+    let mesh = meshio::read_mesh(&name, &bytes).map_err(|error| refused(error.to_string()))?;
+    out!("{}", summary(&name, &mesh, ", in units of the file"));
+    let needles = Needles::of(&mesh, true);
+    out!("{}", quality(&needles));
+    if let Some(harm) = &needles.harm {
+        errln!("warning: {name}: found {needles}: {harm}");
+    }
+    for equal in groups::equal(&mesh) {
+        errln!("warning: {name}: found {equal}; {}", groups::ADVICE);
+    }
+    Ok(())
+}
+
+/// How well shaped the elements are: the range, the median, the needles and the worst places.
+fn quality(needles: &Needles) -> String {
+    let mut sorted: Vec<f64> = needles.shapes.iter().map(|shape| shape.quality).collect();
+    sorted.sort_by(f64::total_cmp);
+    let (Some(least), Some(most)) = (sorted.first(), sorted.last()) else {
+        return String::new();
+    };
+    let median = sorted[sorted.len() / 2];
+    let mut text = format!(
+        "  {:<10} {} to {}, median {}; 1 for equal sides, 0 without an area or a volume\n  {:<10} \
+         {needles}\n",
+        "quality",
+        round(*least),
+        round(*most),
+        round(median),
+        "needles"
+    );
+    for &number in needles.worst.iter().take(WORST) {
+        text += &format!("  {:<10} {}\n", "worst", needles.described(number));
+    }
+    text
+}
+
+fn write(arguments: &MeshArguments, scene: &Path, file: &PathBuf) -> Result<(), CommandError> {
+    let format = Format::of(file)?;
+    let loaded = load(Some(scene), &arguments.sets)?;
     let names = || loaded.scene.bodies.iter().map(|body| &body.name);
     let index = match &arguments.body {
         None => 0,
@@ -41,20 +138,28 @@ pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
         }
     };
     let _held = Declared::default()
-        .scene(Some(&arguments.scene), &loaded)
-        .file("FILE", Some(&arguments.file), outputs::Format::Mesh)
+        .scene(Some(scene), &loaded)
+        .file("FILE", Some(file), outputs::Format::Mesh)
         .check()?;
     let built = bodies::build(&loaded, index)?;
     let mesh = with_material(built);
-    out!("{}", summary(&loaded.scene.bodies[index].name, &mesh));
-    write_atomically(&arguments.file, format.write(&mesh).as_bytes())?;
-    outln!("  {:<10} {}", "file", arguments.file.display());
+    out!("{}", summary(&loaded.scene.bodies[index].name, &mesh, " m"));
+    write_atomically(file, format.write(&mesh).as_bytes())?;
+    outln!("  {:<10} {}", "file", file.display());
     Ok(())
 }
 
-/// The mesh with the body's material as fields, which replace fields of the same names.
+/// The mesh with the body's material and the quality of the elements as fields, which replace fields of the same names.
 fn with_material(built: Built) -> Mesh {
-    let own = [("young", built.young), ("poisson", built.poisson)];
+    let quality = shapes(&built.mesh)
+        .iter()
+        .map(|shape| shape.quality)
+        .collect();
+    let own = [
+        ("young", built.young),
+        ("poisson", built.poisson),
+        ("quality", quality),
+    ];
     let mut mesh = built.mesh;
     let fields = mesh.fields_mut();
     for (name, values) in own.into_iter().filter(|(_, values)| !values.is_empty()) {
@@ -111,8 +216,8 @@ fn pattern(mesh: &Mesh) -> String {
     format!("  pattern    {rest:.4} m2 of flat cloth, {start:.4} m2 at the start\n")
 }
 
-/// A summary of the mesh: its kind, its size, its groups and its fields.
-fn summary(name: &str, mesh: &Mesh) -> String {
+/// A summary of the mesh: its kind, its size, whose `unit` is said, its groups and its fields.
+fn summary(name: &str, mesh: &Mesh, unit: &str) -> String {
     let (kind, parts) = match mesh {
         Mesh::Thread(mesh) => ("lines", &mesh.line_groups),
         Mesh::Sheet(mesh) => ("triangles", &mesh.triangle_groups),
@@ -150,7 +255,7 @@ fn summary(name: &str, mesh: &Mesh) -> String {
     };
     [
         format!(
-            "{name}: {elements} {kind}, {} vertices, {:.4} x {:.4} x {:.4} m\n",
+            "{name}: {elements} {kind}, {} vertices, {:.4} x {:.4} x {:.4}{unit}\n",
             positions.len(),
             size[0],
             size[1],

@@ -3,6 +3,7 @@
 //! This module makes the checks that need the mesh: groups that do not exist, empty boxes, the thickness of a
 //! solid. Their errors name the line and the field of the scene file, as all errors of a scene do.
 
+pub mod groups;
 mod load;
 mod material;
 mod mesh;
@@ -10,6 +11,7 @@ mod mount;
 mod notch;
 mod places;
 mod press;
+pub mod shapes;
 mod survey;
 mod tear;
 mod tool;

@@ -1,7 +1,7 @@
 //! Warnings about the bodies of a scene that only their meshes show: their sizes, parts that they share, and bodies that
 //! lie in each other.
 
-use super::{material, mesh, mount, notch, places, press, tear};
+use super::{groups, material, mesh, mount, notch, places, press, shapes, tear};
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
 use physics::mesh::{Bounds, Mesh};
@@ -26,6 +26,8 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
         warnings.extend(notch::moved(loaded, index, &cuts));
         warnings.extend(press::warnings(loaded, index, &mesh));
         warnings.extend(material::locks(loaded, index, &mesh));
+        warnings.extend(shapes::needles(loaded, index, &mesh));
+        warnings.extend(groups::warnings(loaded, index, &mesh));
         boxes.push(Bounds::of(mesh.positions()));
     }
     for second in 0..boxes.len() {

@@ -24,7 +24,7 @@ pub use device_file::NamedDevice;
 pub use drivers::real_drivers;
 pub use error::{Place, SceneError};
 pub use field::{Field, FieldError};
-pub use load::{LoadedScene, MeshFile};
+pub use load::{LoadedScene, MeshFile, read_bytes};
 pub use overrides::Override;
 pub use plausible::Warning;
 pub use source::{Source, printable};

@@ -3,5 +3,6 @@
 #[path = "../solve_support/mod.rs"]
 mod solve_support;
 
+mod needles;
 mod solve;
 mod solve_weight;

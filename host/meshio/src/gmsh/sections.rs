@@ -142,6 +142,11 @@ pub(super) fn read(bytes: &[u8], wanted: Wanted) -> Result<Sections, GmshError> 
             }
             ("$Nodes", Version::Four) => sections.nodes = nodes(input)?,
             ("$Nodes", Version::Two) => sections.nodes = version2::nodes(input)?,
+            ("$ParametricNodes", Version::Two) => {
+                return Err(fields
+                    .unexpected("$Nodes: save with Mesh.SaveParametric = 0, or in version 4.1")
+                    .into());
+            }
             ("$Elements", Version::Four) => sections.blocks = elements::read(input, wanted)?,
             ("$Elements", Version::Two) => elements = version2::elements(input, wanted)?,
             ("$ElementData", _) => {

@@ -21,6 +21,7 @@ pub mod generate_box;
 pub mod generate_plate;
 pub mod generate_thread;
 pub mod line;
+pub mod quality;
 pub mod tet;
 
 pub use adjacency::Adjacency;

@@ -273,3 +273,61 @@ poisson = 0.4
         .unwrap();
     assert_eq!(output.status.code(), Some(2));
 }
+
+#[test]
+fn a_mesh_is_judged_with_and_without_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let check = |file: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .current_dir(folder.path())
+            .args(["mesh", "check", file])
+            .output()
+            .unwrap();
+        let [printed, warned] =
+            [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+        (output.status.code(), printed, warned)
+    };
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    // A vertex 1 mm beside another one makes two needles of three triangles.
+    write(
+        "thin.obj",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.999 1 0\ng soft stiff\nf 1 2 5\nf 2 3 5\nf 1 5 4\n",
+    );
+    let (code, printed, warned) = check("thin.obj");
+    assert_eq!(code, Some(0));
+    let worst = "  quality    0.002 to 0.829, median 0.828; 1 for equal sides, 0 without an area or a volume\n  \
+                 needles    1 of 3 triangles with a quality below 0.05, over 0.05 % of the area\n  \
+                 worst      triangle 1 at [1, 0.667, 0] with 0.002\n";
+    assert!(printed.ends_with(worst), "{printed}");
+    let lines: Vec<_> = warned.lines().collect();
+    assert_eq!(lines.len(), 2, "{warned}");
+    assert!(
+        lines[0].starts_with("palpate: warning: thin.obj: found 1 of 3 triangles"),
+        "{warned}"
+    );
+    assert!(
+        lines[1].contains("groups \"soft\" and \"stiff\" with the same 3 triangles"),
+        "{warned}"
+    );
+
+    write(
+        "scene.toml",
+        "name = 'x'\n[[body]]\nname = 'cloth'\nmesh.file = 'thin.obj'\n\
+         material = { young = 1e6, poisson = 0.3, thickness = 1e-3, density = 1000 }\n",
+    );
+    let (code, printed, warned) = check("scene.toml");
+    assert_eq!(code, Some(0));
+    assert!(
+        printed.starts_with("cloth: 3 triangles") && printed.ends_with(worst),
+        "{printed}"
+    );
+    assert!(
+        warned.starts_with("palpate: warning: scene.toml:4: body[0].mesh"),
+        "{warned}"
+    );
+
+    write("slit.obj", "v 0 0 0\nv 1 0 0\nf 1 2 3\n");
+    let (code, printed, warned) = check("slit.obj");
+    assert_eq!((code, &printed[..]), (Some(2), ""));
+    assert!(warned.contains("slit.obj: line 3"), "{warned}");
+}
