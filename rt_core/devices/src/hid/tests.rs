@@ -223,8 +223,8 @@ fn a_device_that_is_not_that_of_its_profile_gets_no_force() {
 fn the_device_that_is_meant_is_greeted_and_named() {
     let socket = Arc::new(Mutex::new(Plugged::new(model("arm"))));
     let mut ends = ends_of(&socket, &Arc::new(()));
-    let name = answer(&mut ends, &profile(), 0).expect("it is the device");
-    assert_eq!(name, Some(Name::new("arm")));
+    let stated = answer(&mut ends, &profile(), 0).expect("it is the device");
+    assert_eq!(stated.map(|model| Name(model.name)), Some(Name::new("arm")));
 }
 
 /// The device that answered the greeting is exchanged for another one before the first tick.
@@ -232,8 +232,8 @@ fn the_device_that_is_meant_is_greeted_and_named() {
 fn a_device_that_is_not_the_one_that_was_greeted_gets_no_force() {
     let socket = Arc::new(Mutex::new(Plugged::new(model("right"))));
     let ends = ends_of(&socket, &Arc::new(()));
-    let name = Some(Name::new("left"));
-    let device = HidDevice::start(ends, Box::new(|| Err(NO_DEVICE)), profile(), 0, name);
+    let greeted = Some(model("left"));
+    let device = HidDevice::start(ends, Box::new(|| Err(NO_DEVICE)), profile(), 0, greeted);
     let mut device = device.expect("a thread");
     let mut now_ns = 0;
     until(&mut device, &mut now_ns, |_, device| {
