@@ -6,12 +6,6 @@
 //! 1999 and Allard et al. 2009, whose method the thesis takes. The triangles' frames are turned into the frame of one of
 //! them across the shared edges.
 //!
-//! **Corners.** The fan of a sharp notch's end contains the stress ahead, which opens it, and the flanks behind, along
-//! which the sheet is stretched. The mean of both is less than the stress of the next vertex on a flank, and its direction
-//! leads nowhere. So where the fan of a border vertex turns by more than [`CORNER`], the means over half planes count: the
-//! stress is the highest of them, and the tear leads into that one with the highest mean across its middle, as a crack turns
-//! by the largest hoop stress (Erdogan and Sih 1963).
-//!
 //! **Bound.** In plane stress `2 E W = s_1^2 + s_2^2 - 2 nu s_1 s_2`. For a given `s_1` the least value over `s_2` is at
 //! `s_2 = nu s_1`: `W >= s_1^2 (1 - nu^2) / (2 E)`. So a triangle with `W < strength^2 (1 - nu^2) / (2 E)` has
 //! `s_1 < strength`. The larger principal value is a convex function of the tensor, so that of a mean is at most the
@@ -21,13 +15,8 @@
 use super::fields::stretch;
 use super::law::TearMaterial;
 use super::rings::{Sheet, fan};
-use super::unfold::{multiply, turn};
+use super::unfold::turn;
 use crate::Vec3;
-use crate::topology::NONE;
-use core::f64::consts::{FRAC_PI_2, PI};
-
-/// The angle of the fan of a border vertex (rad) from which the vertex is the end of a notch: 225 degrees.
-pub const CORNER: f64 = 1.25 * PI;
 
 /// Symmetric 2 x 2 tensor: xx, xy, yy.
 pub type Symmetric = [f64; 3];
@@ -41,8 +30,7 @@ pub struct Candidate {
     pub triangle: u32,
     /// The larger principal stress (Pa).
     pub stress: f64,
-    /// The unit direction along which a tear opens: orthogonal to that of the larger principal stress. At a
-    /// [corner](CORNER) it leads into the sheet; elsewhere its sign is free.
+    /// The unit direction along which a tear opens: orthogonal to that of the larger principal stress. Its sign is free.
     pub along: [f64; 2],
 }
 
@@ -85,47 +73,16 @@ pub fn stresses(
 
 /// The stress of a vertex (Pa) from those of the triangles, in the frame of `triangle`, one of its fan.
 pub fn at_vertex(sheet: &Sheet, vertex: u32, triangle: u32, stress: &[Symmetric]) -> Symmetric {
-    mean(sheet, vertex, triangle, [0.0, f64::INFINITY], stress)
-}
-
-/// The mean stress (Pa) of some triangles in the fan of a vertex, in the frame of `triangle`: of those whose bisectors are
-/// within the angle `reach` (rad) of a direction at the angle `ahead` from the bisector of `triangle`, counterclockwise.
-fn mean(
-    sheet: &Sheet,
-    vertex: u32,
-    triangle: u32,
-    [ahead, reach]: [f64; 2],
-    stress: &[Symmetric],
-) -> Symmetric {
     let mut sum = [0.0; 3];
     let mut area = 0.0;
     let mut frame = [1.0, 0.0];
-    let part = reach.is_finite();
-    let half = |t: u32| {
-        if part {
-            0.5 * angle_at(sheet, vertex, t)
-        } else {
-            0.0
-        }
-    };
-    let (mut angle, mut sign) = (0.0, 1.0);
     fan(sheet, vertex, triangle, |t, from| {
         // A fan is walked from its first triangle in both directions, each step from the triangle before.
-        if let Some(before) = from {
-            if before == triangle {
-                (frame, angle) = ([1.0, 0.0], 0.0);
-                sign = if follows(sheet, vertex, triangle, t) {
-                    1.0
-                } else {
-                    -1.0
-                };
-            }
-            angle += sign * (half(before) + half(t));
-            frame = turn(sheet, before, t, frame);
-        }
-        if (angle - ahead).abs() > reach {
-            return;
-        }
+        frame = match from {
+            None => [1.0, 0.0],
+            Some(_) if from == Some(triangle) => turn(sheet, triangle, t, [1.0, 0.0]),
+            Some(before) => turn(sheet, before, t, frame),
+        };
         let weight = area_of(&sheet.shapes[t as usize]);
         let turned = rotated(stress[t as usize], frame);
         for (sum, value) in sum.iter_mut().zip(turned) {
@@ -159,7 +116,7 @@ pub fn highest(
             if known || !may_start(vertex) {
                 continue;
             }
-            let found = beginning(sheet, vertex, t, stress);
+            let found = candidate(sheet, vertex, t, stress);
             let higher = best.is_none_or(|best| {
                 found.stress > best.stress || (found.stress == best.stress && vertex < best.vertex)
             });
@@ -180,94 +137,6 @@ pub fn candidate(sheet: &Sheet, vertex: u32, triangle: u32, stress: &[Symmetric]
         stress: principal(tensor)[0],
         along: orthogonal(tensor),
     }
-}
-
-/// Where a tear would start at a vertex, in the frame of a triangle of its fan, which is `triangle` unless the vertex is a
-/// [corner](CORNER).
-fn beginning(sheet: &Sheet, vertex: u32, triangle: u32, stress: &[Symmetric]) -> Candidate {
-    let whole = candidate(sheet, vertex, triangle, stress);
-    if !is_corner(sheet, vertex, triangle) {
-        return whole;
-    }
-    let mut best = whole;
-    let mut highest = f64::NEG_INFINITY;
-    fan(sheet, vertex, triangle, |centre, _| {
-        let half = 0.5 * angle_at(sheet, vertex, centre);
-        // Half planes about the triangle, and about its two edges: that about the middle of a symmetric fan is among them.
-        for ahead in [0.0, half, -half] {
-            let tensor = mean(sheet, vertex, centre, [ahead, FRAC_PI_2], stress);
-            let middle = multiply(
-                [libm::cos(ahead), libm::sin(ahead)],
-                bisector(sheet, vertex, centre),
-            );
-            best.stress = best.stress.max(principal(tensor)[0]);
-            let across = across(tensor, middle);
-            if across > highest {
-                highest = across;
-                best.triangle = centre;
-                best.along = onwards(orthogonal(tensor), middle);
-            }
-        }
-    });
-    best
-}
-
-/// The stress (Pa) across a unit vector.
-fn across([xx, xy, yy]: Symmetric, [x, y]: [f64; 2]) -> f64 {
-    xx * y * y - 2.0 * xy * x * y + yy * x * x
-}
-
-/// Whether a vertex is on a border that turns inwards there by more than [`CORNER`].
-fn is_corner(sheet: &Sheet, vertex: u32, triangle: u32) -> bool {
-    let (mut turned, mut on_border) = (0.0, false);
-    fan(sheet, vertex, triangle, |t, _| {
-        turned += angle_at(sheet, vertex, t);
-        let corners = sheet.triangles[t as usize].iter();
-        let beside = corners.zip(sheet.neighbours[t as usize]);
-        on_border |= beside
-            .filter(|(corner, _)| **corner != vertex)
-            .any(|(_, next)| next == NONE);
-    });
-    on_border && turned > CORNER
-}
-
-/// The two edges of a triangle from a vertex, counterclockwise in its frame (m); `None` if it has no such corner.
-fn edges_at(sheet: &Sheet, vertex: u32, triangle: u32) -> Option<[[f64; 2]; 2]> {
-    let corners = &sheet.triangles[triangle as usize];
-    let corner = corners.iter().position(|&v| v == vertex)?;
-    let shape = &sheet.shapes[triangle as usize];
-    let at = shape[corner];
-    Some([1, 2].map(|next| {
-        let to = shape[(corner + next) % 3];
-        [to[0] - at[0], to[1] - at[1]]
-    }))
-}
-
-/// Whether `next` is the neighbour of a triangle on the counterclockwise side of a vertex.
-fn follows(sheet: &Sheet, vertex: u32, triangle: u32, next: u32) -> bool {
-    let corners = &sheet.triangles[triangle as usize];
-    let corner = corners.iter().position(|&v| v == vertex);
-    corner.is_some_and(|corner| sheet.neighbours[triangle as usize][(corner + 1) % 3] == next)
-}
-
-/// The angle of a triangle at a vertex (rad).
-fn angle_at(sheet: &Sheet, vertex: u32, triangle: u32) -> f64 {
-    edges_at(sheet, vertex, triangle).map_or(0.0, |[a, b]| {
-        libm::atan2((a[0] * b[1] - a[1] * b[0]).abs(), a[0] * b[0] + a[1] * b[1])
-    })
-}
-
-/// The unit vector from a vertex through the middle of a triangle's angle.
-fn bisector(sheet: &Sheet, vertex: u32, triangle: u32) -> [f64; 2] {
-    edges_at(sheet, vertex, triangle).map_or([0.0; 2], |[a, b]| {
-        let [a, b] = [a, b].map(|[x, y]| {
-            let length = libm::hypot(x, y);
-            [x / length, y / length]
-        });
-        let sum = [a[0] + b[0], a[1] + b[1]];
-        let length = libm::hypot(sum[0], sum[1]);
-        [sum[0] / length, sum[1] / length]
-    })
 }
 
 /// `along` or its opposite, whichever goes on in the direction `before`: a tear never goes backwards.
