@@ -50,6 +50,18 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         With("--duration 1"),
     ),
     (
+        "palpate device emulate --scene host/scenes/stretch.toml --name left --on tcp:4001 --protocol firmware",
+        Emulated("4001"),
+    ),
+    (
+        "palpate device emulate --scene host/scenes/stretch.toml --name right --on tcp:4002 --protocol firmware",
+        Emulated("4002"),
+    ),
+    (
+        "palpate run host/scenes/stretch.toml --device left=tcp:localhost:4001 --device right=tcp:localhost:4002 --clock real --armed",
+        With("--duration 1"),
+    ),
+    (
         "palpate device probe tcp:localhost:4000 --model falcon",
         Against("tcp:localhost:4000", "falcon --on tcp --protocol firmware"),
     ),
