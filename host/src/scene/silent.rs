@@ -142,6 +142,9 @@ model = 'MODEL'
 hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
 ";
 
+    /// A person holds the device.
+    const HELD: (&str, &str) = ("hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]", "");
+
     fn load(change: &[(&str, &str)]) -> Result<LoadedScene, SceneError> {
         let text = BODY.replace("MODEL", "omega3");
         let text = (change.iter()).fold(text, |text, (from, to)| text.replace(from, to));
@@ -206,7 +209,7 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
     fn a_falcon_that_is_connected_is_told_to_give_less_than_its_profile() {
         let falcon = |connect: &str| {
             let device = format!("model = 'falcon'\nconnect = '{connect}'");
-            warnings(&[("model = 'omega3'", &device)])
+            warnings(&[("model = 'omega3'", &device), HELD])
         };
         assert_eq!(falcon("sim"), [""; 0]);
         for connect in ["falcon", "emulated"] {
@@ -217,8 +220,8 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
             assert!(said[0].starts_with(expected), "{}", said[0]);
         }
         let within = "model = 'falcon'\nconnect = 'falcon'\nmax_force = 5";
-        assert_eq!(warnings(&[("model = 'omega3'", within)]), [""; 0]);
+        assert_eq!(warnings(&[("model = 'omega3'", within), HELD]), [""; 0]);
         let other = "model = 'omega3'\nconnect = 'emulated'";
-        assert_eq!(warnings(&[("model = 'omega3'", other)]), [""; 0]);
+        assert_eq!(warnings(&[("model = 'omega3'", other), HELD]), [""; 0]);
     }
 }

@@ -177,7 +177,7 @@ fn a_mesh_in_millimetres_is_refused_and_scaled_it_is_usual() {
     assert_eq!(
         judged(BASE, &millimetres),
         "error x.toml:6: body[0].mesh.file: found 80 m along the longest side of the mesh, allowed: 1e-6 to 20 m; is \
-         the mesh in millimetres? set mesh.scale = 0.001"
+         the mesh in millimetres (set mesh.scale = 0.001) or in centimetres (0.01)?"
     );
     let scaled = BASE.replace("\"organ.obj\" }", "\"organ.obj\", scale = 0.001 }");
     assert_eq!(judged(&scaled, &millimetres), "");
@@ -188,7 +188,7 @@ fn a_mesh_in_millimetres_is_refused_and_scaled_it_is_usual() {
     assert_eq!(
         large,
         "x.toml:6: body[0].mesh.file: found 8 m along the longest side of the mesh, usual: 0.001 to 3 m; is the mesh \
-         in millimetres? set mesh.scale = 0.001"
+         in millimetres (set mesh.scale = 0.001) or in centimetres (0.01)?"
     );
     // A mesh in metres that is scaled all the same.
     assert_eq!(
@@ -400,7 +400,7 @@ fn a_press_that_leaves_little_of_a_solid_is_warned_of() {
     };
     assert_eq!(
         pressed("[[0, 0, 0, 0], [1, 0, 0, -0.072]]"),
-        "x.toml:16: device[0].hand.waypoints[1]: found a motion of 0.0720 m towards supports that are 0.1000 m ahead, usual: \
+        "x.toml:17: device[0].hand.waypoints[1]: found a motion of 0.0720 m towards supports that are 0.1000 m ahead, usual: \
          up to 0.7 of that distance; is the value in metres? the body would be pressed nearly flat, and its elements may \
          invert"
     );
@@ -471,7 +471,8 @@ fn a_run_that_missed_most_of_its_readings_has_failed() {
     assert_eq!(
         summary.failures,
         [format!(
-            "device \"hand\" gave no usable reading in {missed} of 400 ticks: the device was silent, or moved as no hand can; \
+            "device \"hand\" gave no usable reading in {missed} of 400 ticks (1000 states a second, and its \
+             profile says 1000): the device was silent, or moved as no hand can; \
              are the motions of its hand in metres?"
         )]
     );

@@ -25,7 +25,7 @@ pub(super) fn check(page: &Page, folder: &Path) -> Vec<String> {
     let mut state = State {
         folder: folder.to_owned(),
         printed: String::new(),
-        emulated: None,
+        emulated: Vec::new(),
     };
     let mut comment = "";
     let mut faults = Vec::new();
@@ -52,8 +52,8 @@ struct State {
     folder: PathBuf,
     /// The output of the last command.
     printed: String,
-    /// An emulated device: its port in the book, its own port, and its process.
-    emulated: Option<(String, String, Started)>,
+    /// The emulated devices: the port in the book, the own port, and the process of each.
+    emulated: Vec<(String, String, Started)>,
 }
 
 /// A command in the background, which ends with its owner.
@@ -230,12 +230,12 @@ impl State {
         }
     }
 
-    /// The line, with the port of the emulated device.
+    /// The line, with the ports of the emulated devices.
     fn reached(&self, line: &str) -> String {
-        match &self.emulated {
-            Some((port, own, _)) => line.replace(&format!("localhost:{port}"), own),
-            None => line.to_owned(),
-        }
+        let devices = self.emulated.iter();
+        devices.fold(line.to_owned(), |line, (port, own, _)| {
+            line.replace(&format!("localhost:{port}"), own)
+        })
     }
 
     /// A line of the list.
@@ -264,7 +264,7 @@ impl State {
                 let started = Started::new(&self.folder, &free)?;
                 let own = started.connection()?.rsplit_once("tcp:");
                 let own = own.map_or("", |(_, address)| address).to_owned();
-                self.emulated = Some((port.to_owned(), own, started));
+                self.emulated.push((port.to_owned(), own, started));
                 Ok(())
             }
             Way::Against(place, emulator) => {

@@ -86,7 +86,7 @@ fn schemes_are_compared_with_the_reference_and_the_files_are_the_same_each_time(
     // A held force errs more than an extrapolated one, and a slow host more than a fast one.
     assert!(error(0) > error(2) && error(0) > 2.0 * error(1), "{json}");
     let plot = text(first[1].clone());
-    for label in ["touch, 50 Hz", "force error (N)", "capped", "reference"] {
+    for label in ["touch, 50 Hz", "Force error (N)", "capped", "reference"] {
         assert!(plot.contains(label), "{label}");
     }
     // One line for each tick, and the head.

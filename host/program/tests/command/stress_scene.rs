@@ -49,7 +49,7 @@ fn the_program_resumes_and_shows_one_world_whole() {
     );
     assert!(!shown.contains('{'), "{shown}");
     let svg = std::fs::read_to_string(&plot).expect("it was drawn");
-    assert!(svg.contains("net work on the hands (mJ)"));
+    assert!(svg.contains("Net work on the hands (mJ)"));
     // One line for each tick, and the head.
     let lines = std::fs::read_to_string(&log).expect("it was logged");
     assert_eq!(lines.lines().count(), 4501);

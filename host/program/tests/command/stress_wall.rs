@@ -63,7 +63,7 @@ fn cells_and_picture_are_written() {
     );
     let svg = text(&plot);
     assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
-    for part in ["falcon, 1 kHz", "touch, 1 kHz", "stiffness K (N/m)"] {
+    for part in ["falcon, 1 kHz", "touch, 1 kHz", "Stiffness K (N/m)"] {
         assert!(svg.contains(part), "{part} is missing from:\n{svg}");
     }
 }

@@ -152,7 +152,7 @@ fn without_a_terminal_it_prints_lines() {
         "{text}"
     );
     assert!(
-        text.contains("1.007 s  ticks 1,008  missed 0  lateness p99 40.0 us  left "),
+        text.contains("1.007 s  ticks 1,008  missed 0  lateness p99 40.0 µs  left "),
         "{text}"
     );
     assert!(
