@@ -405,7 +405,7 @@ fn a_press_that_leaves_little_of_a_solid_is_warned_of() {
          invert"
     );
     for row in [
-        "[[0, 0, 0, 0], [1, 0, 0, -0.07]]",
+        "[[0, 0, 0, 0], [1, 0, 0, -0.069]]",
         // Away from the table, and along it.
         "[[0, 0, 0, 0], [1, 0, 0, 0.073]]",
         "[[0, 0, 0, 0], [1, 0.073, 0, 0]]",
