@@ -13,6 +13,7 @@ use meshio::write_vtu::Snapshot;
 use meshio::{write_gmsh, write_vtk};
 use physics::mesh::quality::shapes;
 use physics::mesh::{Bounds, Field, Group, Mesh, TriMesh};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `palpate mesh`.
@@ -117,7 +118,7 @@ fn quality(needles: &Needles) -> String {
         "needles"
     );
     for &number in needles.worst.iter().take(WORST) {
-        text += &format!("  {:<10} {}\n", "worst", needles.described(number));
+        let _ = writeln!(text, "  {:<10} {}", "worst", needles.described(number));
     }
     text
 }

@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &SweepArguments) -> Result<(), CommandError> {
     let shown = Shown::new();
     let done = |fraction| shown.part(fraction);
     let found = sweep.run(arguments.seed, arguments.duration, &options, &done, |at| {
-        shown.show(at)
+        shown.show(at);
     });
     let Cells { cells, unwritten } = shown.end(found)?;
     let runs: Vec<&Swept> = cells.values().collect();

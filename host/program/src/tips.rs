@@ -41,12 +41,13 @@ fn no_command(program: &Command, given: &[String]) -> Option<String> {
              view {file}` plays a log back"
         ));
     }
-    if first.ends_with(".toml") {
+    let ending = Path::new(first).extension()?;
+    if ending == "toml" {
         return Some(format!(
             "found the scene {first} without a command, allowed: a command first, such as `palpate run {first}`"
         ));
     }
-    first.ends_with(".mcap").then(|| {
+    (ending == "mcap").then(|| {
         format!(
             "found the log {first} without a command, allowed: a command first, such as `palpate view {first}` or `palpate \
              run --replay {first}`"

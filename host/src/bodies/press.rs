@@ -84,5 +84,5 @@ pub(super) fn warnings(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<W
 fn height(held: &[Vec3], still: &[Vec3], along: &Vec3) -> Option<f64> {
     let front = held.iter().map(|p| p.dot(along)).reduce(f64::max)?;
     let back = still.iter().map(|p| p.dot(along)).reduce(f64::min)?;
-    (back > front).then(|| back - front)
+    (back > front).then_some(back - front)
 }

@@ -171,7 +171,7 @@ impl Sweep {
 
 fn swept(values: Vec<String>, loaded: &LoadedScene, part: Part, done: &dyn Fn(f64)) -> Swept {
     match run(loaded, &[], &|thousandths: u64| {
-        done(1e-3 * thousandths as f64)
+        done(1e-3 * thousandths as f64);
     }) {
         Ok(ran) => measured(values, loaded, part, &ran),
         Err(error) => Swept {

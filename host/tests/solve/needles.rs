@@ -41,7 +41,13 @@ fn staggered(along: usize, across: usize) -> String {
     let mut moved = vec![0.0];
     moved.extend(straight.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])));
     moved.push(LENGTH);
-    let row = |k: usize| if k % 2 == 0 { &straight } else { &moved };
+    let row = |k: usize| {
+        if k.is_multiple_of(2) {
+            &straight
+        } else {
+            &moved
+        }
+    };
     strip(&(0..=across).map(|k| row(k).clone()).collect::<Vec<_>>())
 }
 
