@@ -414,9 +414,9 @@ fn a_press_that_leaves_little_of_a_solid_is_warned_of() {
     }
     // The same motion of a support of `palpate solve`.
     let lid = "[[body.support]]\nname = 'lid'\ngroup = 'top'\ndisplacement = [0, 0, -0.08]\n";
-    assert!(judged(&block(lid), &[]).starts_with(
-        "x.toml:9: body[0].support[1].displacement: found a motion of 0.0800 m towards supports that are 0.1000 m ahead"
-    ));
+    let found = judged(&block(lid), &[]);
+    let told = "displacement: found a motion of 0.0800 m towards supports that are 0.1000 m ahead";
+    assert!(found.contains(told), "{found}");
 }
 
 #[test]
