@@ -196,11 +196,10 @@ def arrays_nobody_asked_for(data, count):
         data.AddArray(array)
 
 
-def by_vtk():
-    """Files of VTK: each format, version and encoding, Lagrange cells, and arrays that no mesh needs."""
-    middles = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+def second_order(middles):
+    """The points and the cells of second order: a vertex in the middle of each of the edges `middles` of a cell."""
     points = list(map(tuple, POINTS))
-    quadratic = []
+    cells = []
     for tet in TETS:
         cell = list(tet)
         for a, b in middles:
@@ -208,8 +207,14 @@ def by_vtk():
             if middle not in points:
                 points.append(middle)
             cell.append(points.index(middle))
-        quadratic.append(cell)
-    points, quadratic = np.array(points), np.array(quadratic)
+        cells.append(cell)
+    return np.array(points), np.array(cells)
+
+
+def by_vtk():
+    """Files of VTK: each format, version and encoding, Lagrange cells, and arrays that no mesh needs."""
+    middles = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+    points, quadratic = second_order(middles)
     for name, kind, at, cells in (
         ("linear", vtk.VTK_TETRA, POINTS, TETS),
         ("quadratic", vtk.VTK_QUADRATIC_TETRA, points, quadratic),
@@ -411,20 +416,6 @@ def more_by_trimesh():
     both = len(box.vertices) + len(ball.vertices), len(box.faces) + len(ball.faces)
     groups = [(name, len(part.vertices), len(part.faces)) for name, part in (("box", box), ("ball", ball))]
     hold("trimesh_scene.obj", "sheet", *both, box.area + ball.area, groups)
-
-
-def second_order(middles):
-    points = list(map(tuple, POINTS))
-    cells = []
-    for tet in TETS:
-        cell = list(tet)
-        for a, b in middles:
-            middle = tuple((POINTS[tet[a]] + POINTS[tet[b]]) / 2)
-            if middle not in points:
-                points.append(middle)
-            cell.append(points.index(middle))
-        cells.append(cell)
-    return np.array(points), np.array(cells)
 
 
 def more_by_vtk():
