@@ -53,6 +53,8 @@
 #![forbid(unsafe_code)]
 
 pub mod body;
+#[doc(hidden)]
+pub mod compiled;
 pub mod condense;
 pub mod cost;
 pub mod element;

@@ -392,7 +392,7 @@ impl<T: Precision> Solver for Frozen<T> {
         let limit = tearing.limit(
             body,
             &self.stepper,
-            |motion, node| shapes.displacement(motion, node),
+            &|motion, node| shapes.displacement(motion, node),
             slopes,
         )?;
         for ((handle, motion), found) in shapes.motions().zip(slopes) {

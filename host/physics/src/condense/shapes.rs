@@ -112,6 +112,7 @@ impl Shapes {
     /// # Errors
     ///
     /// [`CondenseError`].
+    #[inline(never)]
     pub fn condense<T: Precision>(
         &mut self,
         stepper: &mut Stepper<T>,

@@ -120,6 +120,7 @@ impl<T: Precision> Refresher<T> {
     /// # Errors
     ///
     /// [`CondenseError::NotPositiveDefinite`]; there is no factor to take then.
+    #[inline(never)]
     pub fn work(&mut self) -> Result<(), CondenseError> {
         self.matrix.clear();
         self.force.fill([T::ZERO; 4]);
@@ -153,6 +154,7 @@ impl<T: Precision> Refresher<T> {
     /// The caches of the core that made the factor hold its numbers. The first step that solves with these numbers on
     /// another core would wait for all of them. Calls of this function after the steps before, on the thread of the
     /// steps, share this wait among those steps. The results do not depend on these calls.
+    #[inline(never)]
     pub fn read_ahead(&mut self, parts: usize) -> bool {
         if self.done && self.read < parts {
             let part = self.read;

@@ -241,7 +241,7 @@ fn the_slope_by_each_motion_is_that_of_the_motion_alone() {
     };
     let mut slopes = [0.0; 3];
     let limit = (strip.tearing)
-        .limit(&strip.body, &strip.stepper, shape, &mut slopes)
+        .limit(&strip.body, &strip.stepper, &shape, &mut slopes)
         .expect("a driven tip");
     // At 60 % of the strain the root is about 60 % of the critical one.
     assert!(
@@ -251,7 +251,7 @@ fn the_slope_by_each_motion_is_that_of_the_motion_alone() {
     for (motion, slope) in slopes.into_iter().enumerate() {
         let mut alone = [0.0];
         let only = |_: usize, vertex: u32| shape(motion, vertex);
-        let same = (strip.tearing).limit(&strip.body, &strip.stepper, only, &mut alone);
+        let same = (strip.tearing).limit(&strip.body, &strip.stepper, &only, &mut alone);
         assert_eq!((same, alone), (Some(limit), [slope]), "motion {motion}");
     }
     // A root is not linear in motions that no equilibrium makes, but its slope is. The small displacement is 1 % of those

@@ -119,7 +119,7 @@ impl<T: Precision> Stepper<T> {
         h: f64,
         factors: (f64, f64),
         report: &mut StepperReport,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<(f64, Energy), StepError> {
         let goal = self.options.tolerance * report.reference;
         let mut result = None;
@@ -157,7 +157,7 @@ impl<T: Precision> Stepper<T> {
         h: f64,
         factors: (f64, f64),
         report: &mut StepperReport,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<(f64, Energy), StepError> {
         let goal = self.options.tolerance * report.reference;
         let limits = Limits {

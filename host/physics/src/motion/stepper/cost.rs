@@ -38,6 +38,7 @@ impl<T: Precision> Stepper<T> {
     ///
     /// The cost of a refresh counts the factorization and the panels. The assembly of the matrix is left out: it takes
     /// some hundredths of their operations.
+    #[inline(never)]
     pub fn cost(&self, part: Part) -> Option<Cost> {
         let node = size_of::<Node<T>>();
         let all = node * self.node.len();
@@ -86,6 +87,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`CondenseError::NotAssembled`] before the first step, and those of [`Refresher::work`](crate::Refresher::work).
+    #[inline(never)]
     pub fn repeat(&mut self, part: Part) -> Result<(), CondenseError> {
         let factors = self.factors.ok_or(CondenseError::NotAssembled)?;
         match part {
@@ -120,6 +122,7 @@ impl<T: Precision> Stepper<T> {
 
     /// Memory of the stepper (bytes): its own arrays and, unless it is lent, the refresher, without the shapes of local
     /// models.
+    #[inline(never)]
     pub fn bytes(&self) -> usize {
         let elements: usize = self.elements.iter().map(Divided::bytes).sum();
         let by_place = [

@@ -20,7 +20,7 @@ impl<T: Precision> Stepper<T> {
         targets: &[HandlePose],
         factors: (f64, f64),
         report: &mut StepperReport,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<(), StepError> {
         self.begin_account(body);
         let mut work = self.take(body, h, report)?;
@@ -114,7 +114,7 @@ impl<T: Precision> Stepper<T> {
         factors: (f64, f64),
         ((before, after), mut work): ((Energy, Energy), f64),
         report: &mut StepperReport,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<bool, StepError> {
         let mut guard = body.state.guard;
         guard.begin(before);

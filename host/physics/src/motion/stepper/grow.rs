@@ -174,6 +174,7 @@ impl<T: Precision> Stepper<T> {
     ///
     /// [`StepError::Stage`] for a stepper without a [factor](Self::prepare), and for one that has not followed all earlier
     /// edits. The stepper makes itself anew in its next step then.
+    #[inline(never)]
     pub fn grow(&mut self, body: &Body, done: &Done) -> Result<(), StepError> {
         let fail = |first| {
             Err(StepError::Stage {
@@ -283,6 +284,7 @@ impl<T: Precision> Stepper<T> {
 
     /// Computes forces, tangent and energy after edits, and joins the new vertices to the factor. The bound on the energy
     /// of the next step moves with the energy. Returns the change of the elastic energy (J).
+    #[inline(never)]
     pub fn settle(&mut self, body: &mut Body) -> f64 {
         if !self.is_due() {
             return 0.0;
@@ -347,6 +349,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`StepError::Stage`] if this stepper has no factor, or has not followed the same edits; nothing has changed then.
+    #[inline(never)]
     pub fn adopt(&mut self, running: &mut Self, body: &mut Body) -> Result<(), StepError> {
         let fail = |first| {
             Err(StepError::Stage {

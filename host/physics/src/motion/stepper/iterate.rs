@@ -36,7 +36,7 @@ impl<T: Precision> Stepper<T> {
         &mut self,
         (mass_factor, stiffness_factor): (f64, f64),
         limits: Limits,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) -> StepperReport {
         let free = self.free;
         for (inertia, mass) in self.inertia.iter_mut().zip(&self.mass) {

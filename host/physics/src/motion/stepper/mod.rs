@@ -188,6 +188,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`CondenseError::Symbolic`].
+    #[inline(never)]
     pub fn new(body: &Body, options: StepperOptions) -> Result<Self, CondenseError> {
         let count = body.state.x.len();
         let rows = &body.assembly.places;
@@ -336,6 +337,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`CondenseError::Symbolic`]; the stepper has not changed then.
+    #[inline(never)]
     pub fn follow(&mut self, body: &Body) -> Result<(), CondenseError> {
         if self.epoch != body.epoch() {
             // The count continues, so that no shapes of another epoch pass for those of this linearization.
@@ -368,6 +370,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`StepError::StepLength`] and [`StepError::Matrix`].
+    #[inline(never)]
     pub fn prepare(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
         if !(h > 0.0 && h.is_finite()) {
             return Err(StepError::StepLength { found: h });
@@ -451,6 +454,7 @@ impl<T: Precision> Stepper<T> {
     /// Lends the refresher if a new factor would pay. The caller runs [`work`](Refresher::work) on any thread and then
     /// [gives the refresher back](Self::give_back). With [`StepperOptions::refresh`] off, no step replaces an aged
     /// factor.
+    #[inline(never)]
     pub fn lend(&mut self) -> Option<Box<Refresher<T>>> {
         if !self.stale || self.has_grown() {
             return None;

@@ -316,7 +316,7 @@ impl<T: Precision> Stepper<T> {
         &mut self,
         factors: (f64, f64),
         limits: Limits,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) -> StepperReport {
         let mut report = StepperReport::default();
         // The change of the forces from which on they converge slowly (N).
@@ -370,7 +370,7 @@ impl<T: Precision> Stepper<T> {
         limits: Limits,
         (start, most): (f64, usize),
         report: &mut StepperReport,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) {
         let limits = Limits {
             start,
@@ -403,7 +403,7 @@ impl<T: Precision> Stepper<T> {
         factors: (f64, f64),
         limits: Limits,
         report: &mut StepperReport,
-        out_of_time: &mut impl FnMut() -> bool,
+        out_of_time: &mut dyn FnMut() -> bool,
     ) {
         let until = (limits.goal, limits.max_iterations);
         self.go_on(factors, limits, until, report, out_of_time);

@@ -59,6 +59,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`StepError::StepLength`] and [`StepError::Matrix`].
+    #[inline(never)]
     pub fn predict(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
         self.underway = None;
         Body::check_length(h)?;
@@ -96,6 +97,7 @@ impl<T: Precision> Stepper<T> {
     ///
     /// [`StepError::Targets`], [`StepError::Target`], [`StepError::Matrix`], and [`StepError::Stage`] if the step has
     /// not been predicted. After an error the step has to begin again.
+    #[inline(never)]
     pub fn constrain(&mut self, body: &mut Body, targets: &[HandlePose]) -> Result<(), StepError> {
         let mut step = self.underway(body, Stage::Predicted)?;
         body.check_targets(targets)?;
@@ -151,13 +153,22 @@ impl<T: Precision> Stepper<T> {
     ///
     /// [`StepError::Stage`] if the step has not been constrained.
     pub fn solve(&mut self, mut out_of_time: impl FnMut() -> bool) -> Result<(), StepError> {
+        self.solve_until(&mut out_of_time)
+    }
+
+    /// [`Self::solve`] with any function. Never inlined, see `compiled`.
+    #[inline(never)]
+    pub(crate) fn solve_until(
+        &mut self,
+        out_of_time: &mut dyn FnMut() -> bool,
+    ) -> Result<(), StepError> {
         let mut step = self.begun(Stage::Constrained)?;
         if !step.report.asleep {
             let reference = step.report.reference;
             step.report = if self.pairs.is_empty() {
-                self.iterate(step.factors, step.limits, &mut out_of_time)
+                self.iterate(step.factors, step.limits, out_of_time)
             } else {
-                self.let_go(step.factors, step.limits, &mut out_of_time)
+                self.let_go(step.factors, step.limits, out_of_time)
             };
             step.report.reference = reference;
             self.unfinished = !step.report.converged;
@@ -181,6 +192,16 @@ impl<T: Precision> Stepper<T> {
         body: &mut Body,
         mut out_of_time: impl FnMut() -> bool,
     ) -> Result<StepperReport, StepError> {
+        self.finish_until(body, &mut out_of_time)
+    }
+
+    /// [`Self::finish`] with any function. Never inlined, see `compiled`.
+    #[inline(never)]
+    pub(crate) fn finish_until(
+        &mut self,
+        body: &mut Body,
+        out_of_time: &mut dyn FnMut() -> bool,
+    ) -> Result<StepperReport, StepError> {
         let step = self.underway(body, Stage::Solved)?;
         let (h, mut report) = (step.h, step.report);
         if report.asleep {
@@ -193,7 +214,7 @@ impl<T: Precision> Stepper<T> {
             &targets,
             step.factors,
             &mut report,
-            &mut out_of_time,
+            out_of_time,
         );
         if ended.is_ok() {
             let speed = self.options.sleep_speed;

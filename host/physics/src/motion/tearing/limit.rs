@@ -30,11 +30,12 @@ impl Tearing {
     /// The tip that is nearest to going on, and the slopes of its root by motions of the handles (sqrt(J/m²) per m or
     /// rad). `shape` gives the displacement of a vertex for a motion, by the number of the motion. `None` under the law
     /// `thesis`, and where no tip can go on: all wait for pairs, or are hardly driven.
+    #[inline(never)]
     pub fn limit<T: Precision>(
         &mut self,
         body: &Body,
         stepper: &Stepper<T>,
-        shape: impl Fn(usize, u32) -> Vec3,
+        shape: &dyn Fn(usize, u32) -> Vec3,
         slopes: &mut [f64],
     ) -> Option<TearLimit> {
         let material = self.options.material;

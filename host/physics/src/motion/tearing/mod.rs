@@ -160,6 +160,7 @@ impl Tearing {
     }
 
     /// Lets the tears grow after a step of `stepper`. Returns what tore so far.
+    #[inline(never)]
     pub fn advance<T: Precision>(
         &mut self,
         body: &mut Body,
