@@ -85,7 +85,7 @@ impl Rig {
             publishes: true,
         };
         let start = self.watch.now_ns();
-        self.engine.step(due, &self.watch, |_, _| {});
+        self.engine.step(due, &self.watch, &mut |_, _| {});
         self.watch.now_ns() - start
     }
 }

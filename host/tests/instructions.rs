@@ -16,7 +16,7 @@ fn logged(instructions: FactorCode) -> Result<Vec<u8>, Box<dyn Error>> {
         instructions,
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&Scene::embedded_default()?, &options, |_| {})?;
+    run(&Scene::embedded_default()?, &options, &mut |_| {})?;
     Ok(fs::read(path)?)
 }
 

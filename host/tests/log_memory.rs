@@ -41,7 +41,7 @@ fn log_of(scene: &LoadedScene, duration: f64, path: &Path) -> Result<u64, Box<dy
         log: Some(path.to_owned()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(scene, &options, |_| {})?;
+    run(scene, &options, &mut |_| {})?;
     Ok(fs::metadata(path)?.len())
 }
 
@@ -50,7 +50,7 @@ fn replayed(path: &Path) -> Result<usize, Box<dyn Error>> {
     let once = || -> Result<u64, Box<dyn Error>> {
         let mut log = LogIndex::open(File::open(path)?)?;
         let scene = scene_of(&mut log, "a log")?;
-        let report = replay(&mut log, &scene, |_| {})?;
+        let report = replay(&mut log, &scene, &mut |_| {})?;
         assert!(report.is_exact(), "{report}");
         Ok(report.ticks)
     };

@@ -112,7 +112,7 @@ fn slice(seconds: f64, watched: bool) -> Result<RunSummary, Box<dyn Error>> {
         }
     }
     let mut stopped = false;
-    let summary = run(&Scene::embedded_default()?, &options, |progress| {
+    let summary = run(&Scene::embedded_default()?, &options, &mut |progress| {
         // All viewers are connected by then.
         if progress.fraction() > 0.1 && !stopped {
             stopped = true;
@@ -184,7 +184,7 @@ fn steps(quick: bool, random: &mut Random) -> Result<(), Box<dyn Error>> {
                 publishes: record.tick.is_multiple_of(8),
             };
             let start = Instant::now();
-            engine.step(due, &watch, |_, model| {
+            engine.step(due, &watch, &mut |_, model| {
                 black_box(model);
             });
             writer.after_step(due.time_ns, 0, &engine);

@@ -12,7 +12,7 @@ fn logged(path: &Path, seed: u64) -> Vec<u8> {
         log: Some(path.to_owned()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&loaded, &options, |_| {}).expect("the run succeeds");
+    run(&loaded, &options, &mut |_| {}).expect("the run succeeds");
     std::fs::read(path).expect("the log was written")
 }
 

@@ -43,7 +43,7 @@ fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
                 time_ns: 0,
                 publishes: true,
             };
-            engine.step(due, &watch, |body, model| {
+            engine.step(due, &watch, &mut |body, model| {
                 if !silent {
                     host.publish(body, model).expect("the tick takes models");
                 }

@@ -36,7 +36,7 @@ fn under(scheme: SchemeName, clock: Clock, faults: &[Fault]) -> (RunSummary, Log
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.age_limit = Some(AGE_LIMIT);
     scene.scene.realtime.scheme = scheme;
-    let summary = run(&scene, &options, |_| {}).expect("the run succeeds");
+    let summary = run(&scene, &options, &mut |_| {}).expect("the run succeeds");
     let bytes = std::fs::read(&path).expect("the log was written");
     assert!(!read_log(&bytes).expect("it can be read").is_empty());
     (summary, Log::parse(&bytes).expect("it can be read"))

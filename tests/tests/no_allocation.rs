@@ -50,7 +50,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
         time_ns: 0,
         publishes: true,
     };
-    engine.step(due, &WallStopwatch::start(), |_, published| {
+    engine.step(due, &WallStopwatch::start(), &mut |_, published| {
         model = *published;
     });
     assert_eq!(model.handle_count, 2);
@@ -123,7 +123,7 @@ fn steady_steps(scheme: SchemeName) {
             let telemetry = tick.tick(k * setup.timing.period_ns);
             engine.follow(&telemetry.tick_record());
             if k % 4 == 0 {
-                engine.step(due, &watch, |_, _| published += 1);
+                engine.step(due, &watch, &mut |_, _| published += 1);
             }
         }
     };

@@ -101,7 +101,7 @@ pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
         threads: arguments.threads,
     };
     let bar = progress_bar();
-    let found = compare(&loaded, &settings, |fraction| {
+    let found = compare(&loaded, &settings, &|fraction| {
         bar.set_position((1000.0 * fraction) as u64);
     });
     bar.finish_and_clear();

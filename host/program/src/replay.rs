@@ -50,7 +50,7 @@ pub(super) fn run(
     let _held = declared.file("--json", json, Format::Json).check()?;
     let bar = progress_bar();
     let begin = || ticks.observe(&loaded.scene, Observers::new());
-    let done = replay_watched(&mut log, &loaded, begin, |fraction| {
+    let done = replay_watched(&mut log, &loaded, &begin, &mut |fraction| {
         bar.set_position((1000.0 * fraction) as u64);
     });
     bar.finish_and_clear();

@@ -402,7 +402,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     }
     let bar = ProgressBar::begin(!arguments.report_progress);
     let mut warned = false;
-    let result = host::run::run(&loaded, &options, |progress| {
+    let result = host::run::run(&loaded, &options, &mut |progress| {
         // The devices are open now.
         if let Some(waiting) = waiting.take() {
             bar.say(&waiting);

@@ -71,8 +71,8 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let solution = solve(
         &loaded,
         frames.is_some(),
-        |fraction| bar.set_position((1000.0 * fraction) as u64),
-        |frame| match &mut frames {
+        &mut |fraction| bar.set_position((1000.0 * fraction) as u64),
+        &mut |frame| match &mut frames {
             Some(folder) => folder.keep(&frame),
             None => Ok(()),
         },

@@ -73,9 +73,15 @@ pub(super) fn run(arguments: &SweepArguments) -> Result<(), CommandError> {
     };
     let shown = Shown::new();
     let done = |fraction| shown.part(fraction);
-    let found = sweep.run(arguments.seed, arguments.duration, &options, &done, |at| {
-        shown.show(at);
-    });
+    let found = sweep.run(
+        arguments.seed,
+        arguments.duration,
+        &options,
+        &done,
+        &mut |at| {
+            shown.show(at);
+        },
+    );
     let Cells { cells, unwritten } = shown.end(found)?;
     let runs: Vec<&Swept> = cells.values().collect();
     print(&loaded.scene.name, sweep.fields(), &runs);

@@ -250,7 +250,7 @@ impl HostBody {
     }
 
     /// Begins a step towards the poses of the hands at the end of the step.
-    pub(super) fn predict(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
+    pub(super) fn predict(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
         self.tally = Tally::default();
         self.publishes = false;
         self.time_ns = self.newest_ns.map(|newest| self.clock.step(newest));
@@ -266,7 +266,7 @@ impl HostBody {
     }
 
     /// Sets up the step's equation. Does nothing where an earlier stage of the step failed.
-    pub(super) fn constrain(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
+    pub(super) fn constrain(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
         if core::mem::take(&mut self.sound) {
             self.solver
                 .constrain(&mut self.body, &self.targets, watch)?;
@@ -276,7 +276,7 @@ impl HostBody {
     }
 
     /// Solves the step's equation. Does nothing where an earlier stage of the step failed.
-    pub(super) fn solve(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
+    pub(super) fn solve(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
         if core::mem::take(&mut self.sound) {
             self.solver.solve(&mut self.body, watch)?;
             self.sound = true;
@@ -289,7 +289,7 @@ impl HostBody {
     pub(super) fn finish(
         &mut self,
         publishes: bool,
-        watch: &impl Stopwatch,
+        watch: &dyn Stopwatch,
     ) -> Result<(), StepFault> {
         if !self.sound {
             return Ok(());
@@ -445,7 +445,7 @@ impl HostBody {
     }
 
     /// Lets the tears grow. A torn body begins an epoch.
-    fn tear(&mut self, watch: &impl Stopwatch) {
+    fn tear(&mut self, watch: &dyn Stopwatch) {
         let Some(tears) = &mut self.tears else {
             return;
         };

@@ -133,12 +133,12 @@ impl Failing {
     pub(crate) fn step(
         &mut self,
         due: Due,
-        watch: &impl Stopwatch,
-        mut publish: impl FnMut(usize, &LocalModel),
+        watch: &dyn Stopwatch,
+        publish: &mut dyn FnMut(usize, &LocalModel),
     ) {
         let faults = &self.faults;
         faults.panic_if_due(due.time_ns);
-        self.engine.step(due, watch, |body, model| {
+        self.engine.step(due, watch, &mut |body, model| {
             let spoilt = faults.spoilt(due.time_ns, model);
             publish(body, spoilt.as_ref().unwrap_or(model));
         });

@@ -117,8 +117,8 @@ impl Engine {
     pub fn step(
         &mut self,
         due: Due,
-        watch: &impl Stopwatch,
-        mut publish: impl FnMut(usize, &LocalModel),
+        watch: &dyn Stopwatch,
+        publish: &mut dyn FnMut(usize, &LocalModel),
     ) {
         self.stats.steps += 1;
         let stats = &mut self.stats;

@@ -111,6 +111,6 @@ impl<'a> Rehearsal<'a> {
     fn step(&mut self, due: Due) {
         let engine = &mut self.engine;
         self.threads
-            .run(|| awake(|| engine.step(due, &ProcessorStopwatch, |_, _| {})));
+            .run(|| awake(|| engine.step(due, &ProcessorStopwatch, &mut |_, _| {})));
     }
 }

@@ -215,7 +215,7 @@ impl Progress {
 pub fn run(
     loaded: &LoadedScene,
     options: &RunOptions,
-    progress: impl FnMut(Progress),
+    progress: &mut dyn FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
     run_watched(loaded, options, Observers::new(), progress)
 }
@@ -228,7 +228,7 @@ pub fn run_watched(
     loaded: &LoadedScene,
     options: &RunOptions,
     others: Observers,
-    mut progress: impl FnMut(Progress),
+    progress: &mut dyn FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
     connections::check(loaded)?;
     let seed = options.seed.unwrap_or(loaded.scene.seed);
@@ -290,7 +290,7 @@ pub fn run_watched(
     };
     let of = prepared.timing.ticks;
     let found = prepared.slow.found();
-    let progress = |ticks| {
+    let mut progress = |ticks| {
         let logged = logged.load(Ordering::Relaxed);
         let slow = found.get().copied();
         progress(Progress {
@@ -301,9 +301,11 @@ pub fn run_watched(
         });
     };
     let mut parts = match options.clock {
-        Clock::Virtual => parts::under_virtual_time(prepared, &options.stop, observers, progress),
+        Clock::Virtual => {
+            parts::under_virtual_time(prepared, &options.stop, observers, &mut progress)
+        }
         Clock::Real => {
-            parts::under_the_real_clock(prepared, options, &reserved, observers, progress)?
+            parts::under_the_real_clock(prepared, options, &reserved, observers, &mut progress)?
         }
     };
     if let Some(writer) = writer {

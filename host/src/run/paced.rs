@@ -144,7 +144,7 @@ impl<L: HostLink> Host for Paced<L> {
         let arrival_ns = start + self.latency_ns;
         self.threads.run(|| {
             awake(|| {
-                engine.step(due, &ProcessorStopwatch, |body, model| {
+                engine.step(due, &ProcessorStopwatch, &mut |body, model| {
                     link.send(arrival_ns, body, model);
                 });
             });

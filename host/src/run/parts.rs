@@ -152,7 +152,7 @@ pub(super) fn under_virtual_time(
     prepared: Setup,
     stop: &Stop,
     mut observers: Observers,
-    progress: impl FnMut(u64),
+    progress: &mut dyn FnMut(u64),
 ) -> Parts {
     let planned = prepared.timing.ticks;
     let mut pace = prepared
@@ -213,7 +213,7 @@ pub(super) fn under_the_real_clock(
     options: &RunOptions,
     reserved: &Reserved,
     observers: Observers,
-    progress: impl FnMut(u64),
+    progress: &mut dyn FnMut(u64),
 ) -> Result<Parts, RunError> {
     let planned = prepared.timing.ticks;
     let stop = Arc::clone(&options.stop);

@@ -52,7 +52,7 @@ pub(super) fn run(
     config: RunnerConfig,
     stop: Arc<Stop>,
     observers: Observers,
-    mut progress: impl FnMut(u64),
+    progress: &mut dyn FnMut(u64),
 ) -> Result<RealRun, RunError> {
     let Setup {
         tick,
@@ -189,7 +189,7 @@ impl Hosting {
             let late_ns = now_ns.saturating_sub(due.time_ns);
             records.see(late_ns, |record| engine.follow(record));
             awake(|| {
-                engine.step(due, &watch, |body, model| {
+                engine.step(due, &watch, &mut |body, model| {
                     // The link counts a full ring.
                     let _ = end.publish(body, model);
                 });

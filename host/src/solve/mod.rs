@@ -69,8 +69,8 @@ pub enum SolveError<E> {
 pub fn solve<E>(
     loaded: &LoadedScene,
     wants_frames: bool,
-    mut progress: impl FnMut(f64),
-    mut frame: impl FnMut(Frame<'_>) -> Result<(), E>,
+    progress: &mut dyn FnMut(f64),
+    frame: &mut dyn FnMut(Frame<'_>) -> Result<(), E>,
 ) -> Result<Solution, SolveError<E>> {
     let scene = &loaded.scene;
     let count = scene.bodies.len();

@@ -130,7 +130,7 @@ pub fn run(
     duration: f64,
     rates: &[f64],
     blends: &[f64],
-    mut progress: impl FnMut(f64),
+    progress: &mut dyn FnMut(f64),
 ) -> Result<Extrapolation, StudyError> {
     let loaded = Scene::embedded_default()?;
     let gains = thesis_gains(&loaded)?;
@@ -168,8 +168,8 @@ pub fn run(
                 }
             }
         }
-        let report = |fraction: f64| progress(0.5 * (half as f64 + fraction));
-        let race = race(&loaded, motion, duration, rates, &mut rivals, report)?;
+        let mut report = |fraction: f64| progress(0.5 * (half as f64 + fraction));
+        let race = race(&loaded, motion, duration, rates, &mut rivals, &mut report)?;
         found.peak[half] = race.peak;
         found.worst_clip = found.worst_clip.max(race.worst_clip);
         found.rigid_stiffness = rates.iter().copied().zip(race.rigid_stiffness).collect();
@@ -213,7 +213,7 @@ fn race(
     duration: f64,
     rates: &[f64],
     rivals: &mut [Rival],
-    mut progress: impl FnMut(f64),
+    progress: &mut dyn FnMut(f64),
 ) -> Result<Race, StudyError> {
     let Built {
         body: mut sheet,

@@ -142,7 +142,7 @@ impl Sweep {
         duration: Option<f64>,
         options: &Options,
         done: &(dyn Fn(f64) + Sync),
-        progress: impl FnMut(&Progress<'_>),
+        progress: &mut dyn FnMut(&Progress<'_>),
     ) -> Result<Cells<Swept>, JobError> {
         let values: Vec<_> = self.cells.iter().map(|(values, _)| values).collect();
         let header = Header {
@@ -165,7 +165,7 @@ impl Sweep {
             loaded.scene.duration = duration.unwrap_or(loaded.scene.duration);
             swept(values.clone(), &loaded, self.part, done)
         };
-        jobs::run(&header, options, work, progress)
+        jobs::run(&header, options, &work, progress)
     }
 }
 

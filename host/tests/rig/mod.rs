@@ -76,7 +76,7 @@ impl Rig {
         };
         let published = &mut self.published;
         self.engine
-            .step(due, &Still, |_, model| published.push(*model));
+            .step(due, &Still, &mut |_, model| published.push(*model));
         self.published.len() - before
     }
 }

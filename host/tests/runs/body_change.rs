@@ -421,7 +421,7 @@ group = "left"
             time_ns: record.time_ns,
             publishes: true,
         };
-        engine.step(due, &Still, |body, _| published[body] += 1);
+        engine.step(due, &Still, &mut |body, _| published[body] += 1);
     }
     assert_eq!((published, engine.stats().faults), ([100, 0], 0));
     // The free end hangs or swings below the support.

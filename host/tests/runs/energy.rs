@@ -27,7 +27,7 @@ fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Err
         duration: Some(duration),
         ..RunOptions::new(Clock::Virtual)
     };
-    Ok(run(scene, &options, |_| {})?)
+    Ok(run(scene, &options, &mut |_| {})?)
 }
 
 /// The force on every hand in every tick.

@@ -58,10 +58,10 @@ fn logged(
         orders: orders.collect(),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(loaded, &options, |_| {})?;
+    let summary = run(loaded, &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(path)?)?;
     // The log holds the orders and the buttons: a replay engages at the same ticks.
-    let report = replay(&log, &scene_of(&log, "a log")?, |_| {})?;
+    let report = replay(&log, &scene_of(&log, "a log")?, &mut |_| {})?;
     assert!(report.is_exact());
     Ok((summary, log))
 }
@@ -190,7 +190,7 @@ fn wrong_values_name_their_field() {
         assert!(error.contains(expected), "{error}");
     }
     let heavy = scene("grip_weight = [0, 0, -9]", "").expect("it is read");
-    let error = run(&heavy, &RunOptions::new(Clock::Virtual), |_| {}).expect_err("refused");
+    let error = run(&heavy, &RunOptions::new(Clock::Virtual), &mut |_| {}).expect_err("refused");
     let said = error.to_string();
     assert!(
         said.contains("device[0].grip_weight: found a weight of 9.0 N"),

@@ -190,7 +190,8 @@ fn an_emulated_device_is_refused_under_the_real_clock() -> Outcome {
     let loaded = Scene::load_texts("x.toml", &text, &BTreeMap::new())?;
     let mut options = RunOptions::new(Clock::Real);
     options.duration = Some(0.01);
-    let error = run(&loaded, &options, |_| ()).expect_err("its protocol is computed in the tick");
+    let error =
+        run(&loaded, &options, &mut |_| ()).expect_err("its protocol is computed in the tick");
     assert_eq!(
         error.to_string(),
         "x.toml:12: device[0].connect: found emulated, allowed: an emulated device needs virtual time (`--clock virtual`); \

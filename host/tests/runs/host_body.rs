@@ -117,5 +117,5 @@ fn before_the_first_tick_no_model_is_published() {
         time_ns: 0,
         publishes: true,
     };
-    engine.step(due, &Still, |_, _| panic!("no tick has been recorded"));
+    engine.step(due, &Still, &mut |_, _| panic!("no tick has been recorded"));
 }

@@ -41,7 +41,7 @@ fn eight_hands_feel_eight_bodies() -> Result<(), Box<dyn Error>> {
             duration: Some(0.4),
             ..RunOptions::new(Clock::Virtual)
         };
-        Ok(run(&blocks(count)?, &options, |_| {})?)
+        Ok(run(&blocks(count)?, &options, &mut |_| {})?)
     };
     let (all, alone) = (of(8)?, of(1)?);
     let peaks: Vec<f64> = all.devices.iter().map(|device| device.peak_force).collect();

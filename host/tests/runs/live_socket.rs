@@ -78,7 +78,7 @@ impl Running {
         let options = options(Some(socket), pace);
         let thread = spawn(move || {
             let loaded = Scene::embedded_default()?;
-            run_watched(&loaded, &options, Observers::new().with(gate), |_| ())
+            run_watched(&loaded, &options, Observers::new().with(gate), &mut |_| ())
         });
         Self {
             reached: at,
@@ -313,7 +313,7 @@ fn a_run_has_the_same_log_whatever_its_viewers_do() -> Outcome {
         log: Some(at("plain.mcap")),
         ..options(None, 0.0)
     };
-    run(&loaded, &plain, |_| ())?;
+    run(&loaded, &plain, &mut |_| ())?;
 
     let socket = at("run.sock");
     let (reached, at_tick) = channel();
@@ -331,7 +331,7 @@ fn a_run_has_the_same_log_whatever_its_viewers_do() -> Outcome {
     };
     let thread = spawn(move || {
         let loaded = Scene::embedded_default()?;
-        run_watched(&loaded, &watched, Observers::new().with(gate), |_| ())
+        run_watched(&loaded, &watched, Observers::new().with(gate), &mut |_| ())
     });
     at_tick.recv()?;
     let mut reads = UnixStream::connect(&socket)?;
@@ -422,7 +422,7 @@ fn a_run_takes_no_socket_of_another_run_and_no_file() -> Outcome {
     let running = Running::begin(&socket, 0.0, &[10]);
     running.wait_for(10)?;
     let loaded = Scene::embedded_default()?;
-    let second = run(&loaded, &options(Some(&socket), 0.0), |_| ());
+    let second = run(&loaded, &options(Some(&socket), 0.0), &mut |_| ());
     let Err(RunError::View(error @ SocketError::Live { .. })) = second else {
         return Err(format!("{second:?}").into());
     };
@@ -438,13 +438,13 @@ fn a_run_takes_no_socket_of_another_run_and_no_file() -> Outcome {
 
     let file = folder.path().join("file");
     fs::write(&file, "text")?;
-    let refused = run(&loaded, &options(Some(&file), 0.0), |_| ());
+    let refused = run(&loaded, &options(Some(&file), 0.0), &mut |_| ());
     assert!(matches!(
         refused,
         Err(RunError::View(SocketError::NoSocket { .. }))
     ));
     let missing = folder.path().join("missing/run.sock");
-    let refused = run(&loaded, &options(Some(&missing), 0.0), |_| ());
+    let refused = run(&loaded, &options(Some(&missing), 0.0), &mut |_| ());
     assert!(matches!(
         refused,
         Err(RunError::View(SocketError::Bind { .. }))
@@ -453,7 +453,7 @@ fn a_run_takes_no_socket_of_another_run_and_no_file() -> Outcome {
     // The socket of a process that was killed is replaced.
     drop(std::os::unix::net::UnixListener::bind(&socket)?);
     fs::set_permissions(&socket, fs::Permissions::from_mode(0o600))?;
-    run(&loaded, &options(Some(&socket), 0.0), |_| ())?;
+    run(&loaded, &options(Some(&socket), 0.0), &mut |_| ())?;
     assert!(!socket.exists());
     Ok(())
 }

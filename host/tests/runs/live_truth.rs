@@ -62,7 +62,12 @@ fn frames_of(
         made: Arc::clone(&frames),
         plant,
     };
-    let summary = run_watched(loaded, options, Observers::new().with(observer), |_| {})?;
+    let summary = run_watched(
+        loaded,
+        options,
+        Observers::new().with(observer),
+        &mut |_| {},
+    )?;
     let frames = std::mem::take(&mut *frames.lock().expect("nothing panics"));
     Ok((frames, summary))
 }

@@ -35,7 +35,7 @@ fn logged(
         log_frames: rate,
         ..RunOptions::new(clock)
     };
-    let summary = run(loaded, &options, |_| {})?;
+    let summary = run(loaded, &options, &mut |_| {})?;
     assert_eq!(summary.failures, Vec::<String>::new());
     Ok((fs::read(path)?, summary.degradations))
 }
@@ -103,7 +103,7 @@ fn frames_change_nothing_else_and_two_runs_give_the_same_bytes() -> Outcome {
     let (without, _) = logged(&loaded, Clock::Virtual, None)?;
     let (with, without) = (Log::parse(&with)?, Log::parse(&without)?);
     assert!(with == without, "ticks, models, scene and files");
-    let report = replay(&with, &scene_of(&with, "a log")?, |_| {})?;
+    let report = replay(&with, &scene_of(&with, "a log")?, &mut |_| {})?;
     assert!(report.is_exact());
     Ok(())
 }

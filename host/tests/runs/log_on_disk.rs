@@ -19,7 +19,7 @@ fn at_most_half_a_second_is_not_on_disk() -> Result<(), Box<dyn Error>> {
         ..RunOptions::new(Clock::Virtual)
     };
     let mut looks = Vec::new();
-    run(&Scene::embedded_default()?, &options, |progress| {
+    run(&Scene::embedded_default()?, &options, &mut |progress| {
         let bytes = std::fs::read(&path).expect("the log is there");
         // The file can be read, although it has no end yet. Before the first chunk it has no channel either.
         let log = Log::parse(&bytes).unwrap_or_default();

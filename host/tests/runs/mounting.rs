@@ -29,7 +29,7 @@ fn moved(mounting: &str, aim: [f64; 3]) -> RunSummary {
     );
     let mut loaded = load(&device).unwrap();
     loaded.scene.duration = 0.5;
-    let summary = run(&loaded, &RunOptions::new(Clock::Virtual), |_| ()).unwrap();
+    let summary = run(&loaded, &RunOptions::new(Clock::Virtual), &mut |_| ()).unwrap();
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     summary
 }

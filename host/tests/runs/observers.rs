@@ -51,7 +51,7 @@ fn an_observer_sees_every_tick_and_its_models_before_it() -> Result<(), Box<dyn 
         };
         let seen = Arc::new(Mutex::new(Seen::default()));
         let others = Observers::new().with(Watcher(Arc::clone(&seen)));
-        let summary = run_watched(&loaded, &options, others, |_| {})?;
+        let summary = run_watched(&loaded, &options, others, &mut |_| {})?;
         // The summary is complete, and contains the failure that the observer reported.
         assert_eq!(summary.tick.records, 200);
         assert_eq!(summary.failures, ["the watcher fell asleep"]);

@@ -27,12 +27,12 @@ fn logged(loaded: &LoadedScene, clock: Clock, duration: f64) -> Result<Vec<u8>, 
         log: Some(path.clone()),
         ..RunOptions::new(clock)
     };
-    run(loaded, &options, |_| {})?;
+    run(loaded, &options, &mut |_| {})?;
     Ok(fs::read(path)?)
 }
 
 fn replayed(log: &Log) -> Result<ReplayReport, Box<dyn Error>> {
-    Ok(replay(log, &scene_of(log, "a log")?, |_| {})?)
+    Ok(replay(log, &scene_of(log, "a log")?, &mut |_| {})?)
 }
 
 /// The first difference that the replay reports.
@@ -187,7 +187,7 @@ fn another_parameter_of_the_controller_is_found_at_once() -> Outcome {
     let text = log.scene.replace("blend = 0.5 ", "blend = 1.0 ");
     assert_ne!(text, log.scene);
     let other = Scene::load_texts("another blend", &text, &log.files)?;
-    let report = replay(&log, &other, |_| {})?;
+    let report = replay(&log, &other, &mut |_| {})?;
     assert!(report.differing > 100, "{} ticks", report.differing);
     let found = first(&report);
     assert!(
@@ -202,7 +202,7 @@ fn a_log_without_a_tick_or_a_model_is_refused_and_the_missing_one_named() -> Out
     let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 0.3)?;
     let whole = Log::parse(&bytes)?;
     let scene = scene_of(&whole, "a log")?;
-    let refused = |log: &Log| replay(log, &scene, |_| {}).err();
+    let refused = |log: &Log| replay(log, &scene, &mut |_| {}).err();
 
     let mut log = whole.clone();
     log.rows.remove(77);

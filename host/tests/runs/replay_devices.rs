@@ -138,7 +138,7 @@ fn logged(case: &Case) -> Result<Log, Box<dyn Error>> {
 }
 
 fn replayed(log: &Log) -> Result<ReplayReport, Box<dyn Error>> {
-    Ok(replay(log, &scene_of(log, "a log")?, |_| {})?)
+    Ok(replay(log, &scene_of(log, "a log")?, &mut |_| {})?)
 }
 
 /// The greatest force on each hand in these ticks (N).
@@ -247,7 +247,7 @@ hand = { grip = "rigid", task = "press_and_hold", direction = [0, 0, -1], depth 
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&loaded, &options, |_| {})?;
+    run(&loaded, &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(path)?)?;
     assert_eq!(log.limits[0].max_force, 5.0);
     let held = log

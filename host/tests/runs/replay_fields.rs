@@ -180,7 +180,7 @@ fn logged() -> Result<(Log, LoadedScene), Box<dyn Error>> {
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&Scene::embedded_default()?, &options, |_| {})?;
+    run(&Scene::embedded_default()?, &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(path)?)?;
     let scene = scene_of(&log, "a log")?;
     Ok((log, scene))
@@ -192,7 +192,7 @@ const STRUCK: usize = 41;
 #[test]
 fn a_difference_in_any_field_is_found_and_named() -> Outcome {
     let (mut log, scene) = logged()?;
-    let replayed = |log: &Log| replay(log, &scene, |_| {});
+    let replayed = |log: &Log| replay(log, &scene, &mut |_| {});
     assert!(replayed(&log)?.is_exact());
     let whole = log.rows[STRUCK].clone();
     let count = leaves(&mut log.rows[STRUCK]).len();
@@ -219,7 +219,7 @@ fn a_difference_in_any_field_is_found_and_named() -> Outcome {
 fn a_device_or_a_body_too_many_is_found() -> Outcome {
     let (whole, scene) = logged()?;
     let first = |log: &Log| -> Result<String, ReplayError> {
-        let report = replay(log, &scene, |_| {})?;
+        let report = replay(log, &scene, &mut |_| {})?;
         Ok(report.first.map_or("nothing".into(), |f| f.to_string()))
     };
     let mut log = whole.clone();
@@ -243,13 +243,13 @@ fn another_number_of_a_tick_or_a_model_is_refused() -> Outcome {
     let mut log = whole.clone();
     log.rows[STRUCK].tick ^= 1;
     assert!(matches!(
-        replay(&log, &scene, |_| {}),
+        replay(&log, &scene, &mut |_| {}),
         Err(ReplayError::MissingTick { expected: 41, .. })
     ));
     let mut log = whole;
     log.rows[STRUCK].bodies[0].sequence += 1000;
     assert!(matches!(
-        replay(&log, &scene, |_| {}),
+        replay(&log, &scene, &mut |_| {}),
         Err(ReplayError::MissingModel { tick: 41, .. })
     ));
     Ok(())

@@ -47,7 +47,7 @@ fn frames_come_at_exact_times_and_do_not_disturb_the_run() -> Outcome {
     let at = |name: &str| folder.path().join(name);
     // The host makes 250 steps a second.
     for (name, rate, every) in [("all", 250.0, 0.004), ("some", 50.0, 0.02)] {
-        let summary = run(&loaded, &options(&at(name), rate), |_| ())?;
+        let summary = run(&loaded, &options(&at(name), rate), &mut |_| ())?;
         assert!(summary.failures.is_empty(), "{:?}", summary.failures);
         assert!(
             summary.degradations.is_empty(),
@@ -63,7 +63,7 @@ fn frames_come_at_exact_times_and_do_not_disturb_the_run() -> Outcome {
         }
     }
     // A rate that does not divide that of the steps takes the first step after the time.
-    run(&loaded, &options(&at("odd"), 60.0), |_| ())?;
+    run(&loaded, &options(&at("odd"), 60.0), &mut |_| ())?;
     let odd: Vec<f64> = list(&at("odd"))?.iter().map(|frame| frame.0).collect();
     assert_eq!(odd[..5], [0.0, 0.02, 0.036, 0.052, 0.068]);
 
@@ -79,7 +79,7 @@ fn frames_come_at_exact_times_and_do_not_disturb_the_run() -> Outcome {
         log: Some(at("plain.mcap")),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&loaded, &plain, |_| ())?;
+    run(&loaded, &plain, &mut |_| ())?;
     assert!(fs::read(at("plain.mcap"))? == fs::read(at("all.mcap"))?);
     Ok(())
 }
@@ -91,7 +91,7 @@ fn a_frame_shows_the_deformed_body() -> Outcome {
     let folder = tempfile::tempdir()?;
     let mut options = options(&folder.path().join("out"), 10.0);
     options.duration = Some(1.6);
-    run(&loaded, &options, |_| ())?;
+    run(&loaded, &options, &mut |_| ())?;
     let length = |number: usize| -> Result<f64, Box<dyn Error>> {
         let name = format!("sheet_{number:04}.vtu");
         let bytes = fs::read(folder.path().join("out").join(&name))?;
@@ -123,7 +123,11 @@ fn a_rate_above_that_of_the_steps_is_refused() -> Outcome {
     let loaded = Scene::embedded_default()?;
     let folder = tempfile::tempdir()?;
     for rate in [0.0, f64::NAN, 250.1] {
-        let error = run(&loaded, &options(&folder.path().join("out"), rate), |_| ());
+        let error = run(
+            &loaded,
+            &options(&folder.path().join("out"), rate),
+            &mut |_| (),
+        );
         let error = error.err().map(|e| e.to_string()).unwrap_or_default();
         assert_eq!(
             error,
@@ -147,7 +151,7 @@ fn the_frames_end_with_the_host() -> Outcome {
         at: 0.2,
         duration: 0.0,
     }];
-    let summary = run(&loaded, &options, |_| ())?;
+    let summary = run(&loaded, &options, &mut |_| ())?;
     assert_eq!(summary.tick.count, 500);
     let frames = list(&out)?;
     assert_eq!(frames.len(), 10, "up to 0.18 s");
@@ -162,7 +166,7 @@ fn a_frame_that_cannot_be_written_is_a_failure() -> Outcome {
     let out = folder.path().join("out");
     // No file can replace this folder.
     fs::create_dir_all(out.join("sheet_0003.vtu"))?;
-    let summary = run(&loaded, &options(&out, 50.0), |_| ())?;
+    let summary = run(&loaded, &options(&out, 50.0), &mut |_| ())?;
     assert_eq!(summary.tick.count, 500);
     let [failure] = &summary.failures[..] else {
         return Err(format!("{:?}", summary.failures).into());
@@ -186,7 +190,7 @@ fn the_real_clock_counts_what_is_missing() -> Outcome {
     let folder = tempfile::tempdir()?;
     let mut options = options(&folder.path().join("out"), 250.0);
     options.clock = Clock::Real;
-    let summary = run(&loaded, &options, |_| ())?;
+    let summary = run(&loaded, &options, &mut |_| ())?;
     let there = list(&folder.path().join("out"))?;
     let numbers = there.iter().map(|(_, file)| {
         let number = file.trim_start_matches("sheet_").trim_end_matches(".vtu");

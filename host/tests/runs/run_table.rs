@@ -54,7 +54,7 @@ fn the_table_holds_what_the_ticks_held() -> Outcome {
     options.duration = Some(0.7);
     options.ticks.csv = Some(path.clone());
     let others = Observers::new().with(Keep(Arc::clone(&ticks)));
-    run_watched(&loaded, &options, others, |_| ())?;
+    run_watched(&loaded, &options, others, &mut |_| ())?;
     let text = fs::read_to_string(&path)?;
     let table = read(&text);
     let ticks = ticks.lock().expect("nothing panics");
@@ -115,12 +115,12 @@ fn a_second_run_and_a_replay_give_the_same_bytes() -> Outcome {
             ticks: outputs(name),
             ..RunOptions::new(Clock::Virtual)
         };
-        let summary = run(&loaded, &options, |_| ())?;
+        let summary = run(&loaded, &options, &mut |_| ())?;
         assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     }
     let mut log = Log::parse(&fs::read(at("first.mcap"))?)?;
     let begin = || outputs("replay").observe(&loaded.scene, Observers::new());
-    let (report, observed) = replay_watched(&log, &loaded, begin, |_| ())?;
+    let (report, observed) = replay_watched(&log, &loaded, &begin, &mut |_| ())?;
     assert!(report.is_exact());
     assert!(observed.failures.is_empty());
     for ending in ["csv", "svg"] {
@@ -132,7 +132,7 @@ fn a_second_run_and_a_replay_give_the_same_bytes() -> Outcome {
     }
     // A log that cannot be replayed leaves the files of another replay as they are.
     log.rows.remove(7);
-    let refused = replay_watched(&log, &loaded, begin, |_| ());
+    let refused = replay_watched(&log, &loaded, &begin, &mut |_| ());
     assert!(matches!(refused, Err(ReplayError::MissingTick { .. })));
     assert!(fs::read(at("replay.csv"))? == fs::read(at("first.csv"))?);
     Ok(())
@@ -146,14 +146,16 @@ fn a_table_that_cannot_be_written_is_reported() -> Outcome {
     let mut options = RunOptions::new(Clock::Virtual);
     options.duration = Some(0.3);
     options.ticks.csv = Some("missing/run.csv".into());
-    let error = run(&loaded, &options, |_| ()).err().map(|e| e.to_string());
+    let error = run(&loaded, &options, &mut |_| ())
+        .err()
+        .map(|e| e.to_string());
     let error = error.unwrap_or_default();
     assert!(
         error.starts_with("cannot write missing/run.csv: "),
         "{error}"
     );
     options.ticks.csv = Some("/dev/full".into());
-    let summary = run(&loaded, &options, |_| ())?;
+    let summary = run(&loaded, &options, &mut |_| ())?;
     let [failure] = &summary.failures[..] else {
         return Err(format!("{:?}", summary.failures).into());
     };

@@ -37,7 +37,9 @@ fn published(scene: &LoadedScene) -> Result<LocalModel, Box<dyn Error>> {
             time_ns: 0,
             publishes: true,
         };
-        built.engine.step(due, &watch, |_, model| found = *model);
+        built
+            .engine
+            .step(due, &watch, &mut |_, model| found = *model);
     }
     Ok(found)
 }
@@ -49,7 +51,7 @@ fn every_scheme_runs_under_its_name() -> Result<(), Box<dyn Error>> {
             duration: Some(0.2),
             ..RunOptions::new(Clock::Virtual)
         };
-        let summary = run(&with(scheme, "")?, &options, |_| {})?;
+        let summary = run(&with(scheme, "")?, &options, &mut |_| {})?;
         assert_eq!(summary.scheme, scheme);
         assert_eq!(summary.tick.refused_models, 0, "{scheme}");
         assert!(

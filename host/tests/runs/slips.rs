@@ -115,7 +115,7 @@ fn logged(
         faults: stall.into_iter().collect(),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(loaded, &options, |_| {})?;
+    let summary = run(loaded, &options, &mut |_| {})?;
     Ok((summary, Log::parse(&std::fs::read(path)?)?))
 }
 

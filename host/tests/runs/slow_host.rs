@@ -44,7 +44,7 @@ fn a_run_whose_steps_are_too_slow_says_so() -> Result<(), Box<dyn Error>> {
             ..RunOptions::new(clock)
         };
         let mut told_at = None;
-        let summary = run(&scene, &options, |progress| {
+        let summary = run(&scene, &options, &mut |progress| {
             if progress.slow.is_some() {
                 told_at.get_or_insert(progress.ticks);
             }

@@ -23,7 +23,7 @@ fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Err
         duration: Some(duration),
         ..RunOptions::new(Clock::Virtual)
     };
-    Ok(run(scene, &options, |_| {})?)
+    Ok(run(scene, &options, &mut |_| {})?)
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn a_budget_ends_steps_early_and_the_summary_reports_it() -> Result<(), Box<dyn 
         duration: Some(0.5),
         ..RunOptions::new(Clock::Real)
     };
-    let real = run(&scene, &options, |_| {})?;
+    let real = run(&scene, &options, &mut |_| {})?;
     assert_eq!(real.host.iterations[2], 1, "one iteration, never more");
     assert!(real.host.unconverged_steps > 0);
     // Virtual time has no budget, so the two runs are the same.

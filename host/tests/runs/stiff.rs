@@ -94,7 +94,7 @@ fn forces(loaded: &LoadedScene, duration: f64) -> Result<(RunSummary, Forces), B
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(loaded, &options, |_| {})?;
+    let summary = run(loaded, &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(path)?)?;
     let devices = 0..loaded.scene.devices.len();
     let of = |device: usize| {

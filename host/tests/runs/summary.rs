@@ -39,7 +39,7 @@ fn logged(
         faults: faults.iter().map(fault).collect(),
         ..RunOptions::new(clock)
     };
-    let summary = run(scene, &options, |_| {})?;
+    let summary = run(scene, &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(&path)?)?;
     Ok((summary, log))
 }

@@ -57,7 +57,7 @@ fn logged(threads: usize) -> Vec<u8> {
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(&loaded, &options, |_| {}).expect("the run succeeds");
+    let summary = run(&loaded, &options, &mut |_| {}).expect("the run succeeds");
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     std::fs::read(path).expect("the log was written")
 }
@@ -81,7 +81,7 @@ fn a_run_under_the_real_clock_steps_on_its_threads() {
         duration: Some(0.2),
         ..RunOptions::new(Clock::Real)
     };
-    let summary = run(&loaded, &options, |_| {}).expect("the run succeeds");
+    let summary = run(&loaded, &options, &mut |_| {}).expect("the run succeeds");
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     assert!(summary.host.steps > 0);
 }

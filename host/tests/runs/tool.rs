@@ -94,7 +94,10 @@ fn a_solve_has_one_reaction_for_a_tool() {
         "group = 'bottom'\ndisplacement = [0.0, 0.0, 0.002]",
     );
     let loaded = pressed("omega3", &(body + &fork()));
-    let solution = solve(&loaded, false, |_| {}, |_| Ok::<(), Infallible>(())).unwrap();
+    let solution = solve(&loaded, false, &mut |_| {}, &mut |_| {
+        Ok::<(), Infallible>(())
+    })
+    .unwrap();
     assert_eq!(solution.failures, [""; 0]);
     let named = solution.bodies[0].reactions.iter().map(|one| &*one.name);
     let named: Vec<_> = named.collect();

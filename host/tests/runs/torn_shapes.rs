@@ -44,7 +44,7 @@ fn torn(folder: &Path, frames: bool) -> Result<RunSummary, Box<dyn Error>> {
         }),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(&scene()?, &options, |_| {})?;
+    let summary = run(&scene()?, &options, &mut |_| {})?;
     assert_eq!(summary.failures, Vec::<String>::new());
     assert_eq!(summary.degradations, Vec::<String>::new());
     assert!(summary.tears[0].edges > 5, "{:?}", summary.tears);
@@ -260,6 +260,6 @@ fn two_logs_of_a_torn_sheet_are_equal_and_a_log_can_be_replayed() -> Outcome {
     let bytes = logged()?;
     assert!(bytes == logged()?);
     let log = Log::parse(&bytes)?;
-    assert!(replay(&log, &scene_of(&log, "a log")?, |_| {})?.is_exact());
+    assert!(replay(&log, &scene_of(&log, "a log")?, &mut |_| {})?.is_exact());
     Ok(())
 }

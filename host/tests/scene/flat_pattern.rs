@@ -71,11 +71,11 @@ fn changed(change: impl Fn(String) -> String, obj: &str) -> Result<LoadedScene, 
 
 fn solved(loaded: &LoadedScene) -> (Solution, Vec<String>) {
     let mut frames = Vec::new();
-    let keep = |frame: Frame<'_>| {
+    let mut keep = |frame: Frame<'_>| {
         frames.push(frame.snapshot.vtu());
         Ok::<(), Infallible>(())
     };
-    let solution = solve(loaded, true, |_| {}, keep).unwrap();
+    let solution = solve(loaded, true, &mut |_| {}, &mut keep).unwrap();
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     (solution, frames)
 }

@@ -143,8 +143,10 @@ fn stretched(weave: &str, placement: &str, pull: &str) -> f64 {
          [[body.load]]\nname = 'pull'\ngroup = 'right'\nforce = {pull}\n"
     );
     let loaded = Scene::load_texts("p.toml", &text, &BTreeMap::new()).unwrap();
-    let solution =
-        host::solve::solve(&loaded, false, |_| {}, |_| Ok::<(), Infallible>(())).unwrap();
+    let solution = host::solve::solve(&loaded, false, &mut |_| {}, &mut |_| {
+        Ok::<(), Infallible>(())
+    })
+    .unwrap();
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     solution.bodies[0].displacement.value
 }

@@ -465,7 +465,7 @@ fn a_run_that_missed_most_of_its_readings_has_failed() {
     let loaded = Scene::load_texts("x.toml", &text, &files).unwrap();
     let mut options = RunOptions::new(Clock::Virtual);
     options.duration = Some(0.4);
-    let summary = run(&loaded, &options, |_| ()).unwrap();
+    let summary = run(&loaded, &options, &mut |_| ()).unwrap();
     let missed = summary.devices[0].missed_reads;
     assert!(missed > 200, "{missed}");
     assert_eq!(

@@ -17,8 +17,8 @@ fn load(text: &str, files: &[(&str, String)]) -> LoadedScene {
 }
 
 fn solved(loaded: &LoadedScene) -> BodySolution {
-    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    let solution = solve(loaded, false, |_| {}, keep).expect("a solution");
+    let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+    let solution = solve(loaded, false, &mut |_| {}, &mut keep).expect("a solution");
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     solution.bodies.into_iter().next().expect("a body")
 }

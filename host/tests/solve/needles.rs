@@ -104,8 +104,8 @@ fn beam(file: &str, axis: usize, border: &str) -> LoadedScene {
 }
 
 fn tip(loaded: &LoadedScene, axis: usize) -> f64 {
-    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    let solution = solve(loaded, false, |_| {}, keep).unwrap();
+    let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+    let solution = solve(loaded, false, &mut |_| {}, &mut keep).unwrap();
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     -force(&solution.bodies[0], "tip")[axis]
 }

@@ -8,8 +8,8 @@ use solve_support::{body, cube, force, load, solved};
 use std::convert::Infallible;
 
 fn refusal(text: &str) -> String {
-    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    match solve(&load(text), false, |_| {}, keep) {
+    let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+    match solve(&load(text), false, &mut |_| {}, &mut keep) {
         Ok(_) => "solved".to_owned(),
         Err(error) => error.to_string(),
     }
@@ -116,11 +116,11 @@ force = [{}, 0, 0]
             young * strain * thickness * 0.1
         );
         let mut faces = Vec::new();
-        let keep = |frame: Frame<'_>| {
+        let mut keep = |frame: Frame<'_>| {
             faces = frame.snapshot.in_cells;
             Ok::<(), Infallible>(())
         };
-        let solution = solve(&load(&text), true, |_| {}, keep).unwrap();
+        let solution = solve(&load(&text), true, &mut |_| {}, &mut keep).unwrap();
         assert!(solution.failures.is_empty(), "{:?}", solution.failures);
         let tensors = |name: &str| match faces.iter().find(|(other, _)| other == name) {
             Some((_, Values::Tensor(tensors))) => tensors.clone(),
@@ -353,11 +353,11 @@ fn a_damped_motion_ends_in_equilibrium() {
 #[test]
 fn frames_come_evenly_and_hold_the_state() {
     let mut frames = Vec::new();
-    let keep = |frame: Frame<'_>| {
+    let mut keep = |frame: Frame<'_>| {
         frames.push((frame.number, frame.at, frame.snapshot));
         Ok::<(), Infallible>(())
     };
-    let _ = solve(&load(HANGING), true, |_| {}, keep).unwrap();
+    let _ = solve(&load(HANGING), true, &mut |_| {}, &mut keep).unwrap();
     let times: Vec<_> = frames
         .iter()
         .map(|(number, at, _)| (*number, *at))
@@ -431,11 +431,11 @@ group = "left"
 "#
         );
         let mut last = None;
-        let keep = |frame: Frame<'_>| {
+        let mut keep = |frame: Frame<'_>| {
             last = Some((frame.number, frame.at));
             Ok::<(), Infallible>(())
         };
-        let solution = solve(&load(&text), true, |_| {}, keep).unwrap();
+        let solution = solve(&load(&text), true, &mut |_| {}, &mut keep).unwrap();
         let body = &solution.bodies[0];
         let row = body.steps.last().unwrap();
         // With 200 load steps, the solve comes to 0.4479. A load step is halved ten times.

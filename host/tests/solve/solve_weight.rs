@@ -130,13 +130,13 @@ fn there_is_no_stage_of_its_own_where_one_thing_acts() {
 #[test]
 fn the_settled_body_is_a_frame() {
     let mut frames = Vec::new();
-    let keep = |frame: Frame<'_>| {
+    let mut keep = |frame: Frame<'_>| {
         let lowest = frame.snapshot.positions.iter().map(|p| p.z);
         frames.push((frame.number, frame.at, lowest.fold(0.0, f64::min)));
         Ok::<(), Infallible>(())
     };
     let pulled = "[[body.load]]\nname = \"pull\"\ngroup = \"bottom\"\nforce = [0, 0, -2]\n";
-    let solution = solve(&load(&bar(2, pulled)), true, |_| {}, keep).expect("solved");
+    let solution = solve(&load(&bar(2, pulled)), true, &mut |_| {}, &mut keep).expect("solved");
     let times: Vec<_> = frames.iter().map(|frame| (frame.0, frame.1)).collect();
     assert_eq!(times, [(0, -1.0), (1, 0.0), (2, 0.5), (3, 1.0)]);
     assert!(frames.windows(2).all(|pair| pair[1].2 < pair[0].2));

@@ -13,8 +13,8 @@ pub(crate) fn load(text: &str) -> LoadedScene {
 }
 
 pub(crate) fn solved(text: &str) -> Solution {
-    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    match solve(&load(text), false, |_| {}, keep) {
+    let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+    match solve(&load(text), false, &mut |_| {}, &mut keep) {
         Ok(solution) => solution,
         Err(error) => panic!("{error}"),
     }

@@ -22,7 +22,7 @@ fn log(path: &Path) -> Outcome {
         log_frames: Some(100.0),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(&scene, &options, |_| {})?;
+    let summary = run(&scene, &options, &mut |_| {})?;
     assert_eq!(summary.failures, Vec::<String>::new());
     assert!(summary.tears[0].edges > 5);
     Ok(())

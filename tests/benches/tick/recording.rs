@@ -80,7 +80,7 @@ pub(crate) fn record() -> Recording {
                 time_ns: now,
                 publishes: true,
             };
-            engine.step(due, &watch, |_, model| {
+            engine.step(due, &watch, &mut |_, model| {
                 models[k + HOST_EVERY] = Some(*model);
             });
         }

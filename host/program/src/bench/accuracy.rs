@@ -29,7 +29,7 @@ pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .check()?;
     let level = level(arguments.quick);
-    let found = with_bar(|progress| accuracy::run(level, progress))?;
+    let found = with_bar(|progress| accuracy::run(level, &mut |done| progress(done)))?;
     print_series(&found);
     print_local_models(&found.local_models);
     let mut written = Written::default();

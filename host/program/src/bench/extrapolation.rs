@@ -30,7 +30,9 @@ pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError
         .file("--json", arguments.json.as_ref(), Format::Json)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .check()?;
-    let found = with_bar(|progress| extrapolation::run(DURATION, &RATES, &BLENDS, progress))?;
+    let found = with_bar(|progress| {
+        extrapolation::run(DURATION, &RATES, &BLENDS, &mut |done| progress(done))
+    })?;
     print_tables(&found);
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &found));

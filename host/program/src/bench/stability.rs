@@ -32,7 +32,11 @@ pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .check()?;
     let level = level(arguments.quick);
-    let report = with_bar(|progress| stability::run(level, arguments.family.as_deref(), progress));
+    let report = with_bar(|progress| {
+        stability::run(level, arguments.family.as_deref(), &mut |done| {
+            progress(done)
+        })
+    });
     print_families(&report);
     print_recovery(&report);
     print_failures(&report);

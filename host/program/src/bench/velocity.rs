@@ -19,7 +19,7 @@ pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
-    let found = with_bar(|progress| velocity::run(progress));
+    let found = with_bar(|progress| velocity::run(&mut |done| progress(done)));
     print_means(&found);
     print_devices(&found);
     if let Some(path) = &arguments.json {

@@ -30,7 +30,7 @@ pub(super) fn run(arguments: &ConnectionsArguments) -> Result<(), CommandError> 
     let shown = Shown::new();
     let work = |cell| connections::cell(seed, cell);
     let options = arguments.cells.options();
-    let cells = jobs::run(&header, &options, work, |at| shown.show(at));
+    let cells = jobs::run(&header, &options, &work, &mut |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);
     let failed = cells.values().filter(|cell| !cell.failures.is_empty());

@@ -280,7 +280,7 @@ pub(super) fn run(arguments: &EndingsArguments) -> Result<(), CommandError> {
         threads: Some(NonZero::<usize>::MIN),
         ..arguments.cells.options()
     };
-    let cells = jobs::run(&header, &options, work, |at| shown.show(at));
+    let cells = jobs::run(&header, &options, &work, &mut |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);
     let failed = cells.values().filter(|cell| !cell.failures.is_empty());
@@ -468,7 +468,7 @@ fn check_files(folder: &Path, way: Way) -> Result<u64, String> {
     // A run that is killed early has flushed no tick.
     if !log.rows.is_empty() {
         let scene = scene_of(&log, "the log").map_err(|error| error.to_string())?;
-        let report = replay(&log, &scene, |_| {}).map_err(|error| error.to_string())?;
+        let report = replay(&log, &scene, &mut |_| {}).map_err(|error| error.to_string())?;
         if !report.is_exact() {
             return Err(format!("the replay differs: {report}"));
         }

@@ -34,7 +34,9 @@ pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
     );
     let shown = Shown::new();
     let work = |cell| faults::run(common.cells.seed, cell, &devices);
-    let cells = jobs::run(&header, &common.cells.options(), work, |at| shown.show(at));
+    let cells = jobs::run(&header, &common.cells.options(), &work, &mut |at| {
+        shown.show(at)
+    });
     let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);
     let failed = cells.values().filter(|cell| !cell.passed()).count();

@@ -52,7 +52,7 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
     let shown = Shown::new();
     let work = |cell| tearing::cell(seed, cell);
     let options = arguments.cells.options();
-    let cells = jobs::run(&header, &options, work, |at| shown.show(at));
+    let cells = jobs::run(&header, &options, &work, &mut |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     let count = |is: fn(&tearing::CellResult) -> bool| cells.values().filter(|c| is(c)).count();
     outln!("{} runs, seed {seed}", cells.len());

@@ -40,7 +40,7 @@ pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
     let declared = declare_devices(Declared::default(), &named);
     let _held = common.declare(declared).check()?;
     let shown = Shown::new();
-    let cells = study.run(&common.cells.options(), |at| shown.show(at));
+    let cells = study.run(&common.cells.options(), &mut |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     let of = study.header().cells;
     if (cells.len() as u64) < of {

@@ -23,7 +23,7 @@ fn the_command_prints_writes_and_draws() {
     assert_eq!(read["schema"], "palpate.accuracy/2");
     assert_eq!(read["level"], "quick");
     let all = read["series"].as_array().expect("series");
-    let found = accuracy::run(Level::Quick, |_| ()).expect("all benchmarks can be computed");
+    let found = accuracy::run(Level::Quick, &mut |_| ()).expect("all benchmarks can be computed");
     assert_eq!(all.len(), found.series.len());
     for series in all {
         let title = series["title"].as_str().expect("a title");

@@ -41,7 +41,7 @@ fn sound(path: &Path) -> Result<Log, Box<dyn Error>> {
             .eq(0..log.rows.len() as u64)
     );
     if !log.rows.is_empty() {
-        let report = replay(&log, &scene_of(&log, "what is left")?, |_| {})?;
+        let report = replay(&log, &scene_of(&log, "what is left")?, &mut |_| {})?;
         assert!(report.is_exact(), "{report}");
     }
     Ok(log)

@@ -175,9 +175,11 @@ force = [{force:e}, 0, 0]
         let text = scene(far, 1e6, 1.0);
         let (printed, code) = solved(folder.path(), &text);
         assert_eq!(code, Some(0), "{printed}");
-        let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+        let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
         let loaded = Scene::load(&folder.path().join("scene.toml")).unwrap();
-        solve(&loaded, false, |_| {}, keep).unwrap().bodies[0]
+        solve(&loaded, false, &mut |_| {}, &mut keep)
+            .unwrap()
+            .bodies[0]
             .displacement
             .value
     };
@@ -250,8 +252,14 @@ poisson = 0.4
         let text = scene(&format!("file = \"{file}\""), fields, "", by[0], by[1]);
         let second = folder.path().join("second.toml");
         std::fs::write(&second, text).unwrap();
-        let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-        let solution = solve(&Scene::load(&second).unwrap(), false, |_| {}, keep).unwrap();
+        let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+        let solution = solve(
+            &Scene::load(&second).unwrap(),
+            false,
+            &mut |_| {},
+            &mut keep,
+        )
+        .unwrap();
         let found = &solution.bodies[0];
         assert_eq!(
             (found.elements, found.vertices),

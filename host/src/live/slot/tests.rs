@@ -41,7 +41,8 @@ impl Rig {
         let mut record = TickRecord::empty();
         (record.tick, record.time_ns) = (time_ns / 1_000_000, time_ns);
         self.engine.follow(&record);
-        self.engine.step(due, &WallStopwatch::start(), |_, _| {});
+        self.engine
+            .step(due, &WallStopwatch::start(), &mut |_, _| {});
         self.now += LATER;
         writer.after_step_at(self.now, time_ns, 5, &self.engine);
     }

@@ -213,9 +213,9 @@ pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, Repla
 pub fn replay(
     log: impl Recorded,
     loaded: &LoadedScene,
-    progress: impl FnMut(f64),
+    progress: &mut dyn FnMut(f64),
 ) -> Result<ReplayReport, ReplayError> {
-    let done = replay_watched(log, loaded, || Ok(Observers::new()), progress);
+    let done = replay_watched(log, loaded, &|| Ok(Observers::new()), progress);
     done.map(|(report, _)| report)
 }
 
@@ -227,14 +227,23 @@ pub fn replay(
 pub fn replay_watched(
     mut log: impl Recorded,
     loaded: &LoadedScene,
-    begin: impl FnOnce() -> Result<Observers, AtomicFileError>,
-    mut progress: impl FnMut(f64),
+    begin: &dyn Fn() -> Result<Observers, AtomicFileError>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<(ReplayReport, Observed), ReplayError> {
+    replay_any(&mut log, loaded, begin, progress)
+}
+
+fn replay_any(
+    log: &mut dyn Recorded,
+    loaded: &LoadedScene,
+    begin: &dyn Fn() -> Result<Observers, AtomicFileError>,
+    progress: &mut dyn FnMut(f64),
 ) -> Result<(ReplayReport, Observed), ReplayError> {
     let scene = &loaded.scene;
     let parts = log.parts();
     // The log is read twice.
     let mut done = |number: usize| progress(0.5 * number as f64 / parts.max(1) as f64);
-    let ticks = check(&mut log, &mut done)?;
+    let ticks = check(log, &mut done)?;
     let (feeds, devices) = devices::replayed(loaded, log.limits());
     let config = setup::controller(loaded, &devices)?;
     // At most one model per body and one record wait in the rings at a time.
@@ -297,7 +306,7 @@ pub fn replay_watched(
 
 /// Checks that the log holds every tick and every model that a tick used. Returns the number of ticks. `done` is given
 /// the number of parts that were read.
-fn check(log: &mut impl Recorded, mut done: impl FnMut(usize)) -> Result<u64, ReplayError> {
+fn check(log: &mut dyn Recorded, done: &mut dyn FnMut(usize)) -> Result<u64, ReplayError> {
     let mut expected = 0;
     let mut in_use = Vec::new();
     let mut waiting = Waiting::default();

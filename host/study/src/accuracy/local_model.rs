@@ -75,7 +75,7 @@ pub struct LocalModels {
 }
 
 /// Runs all cases. `progress` receives the fraction done.
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<LocalModels, StudyError> {
+pub(super) fn run(level: Level, progress: &mut dyn FnMut(f64)) -> Result<LocalModels, StudyError> {
     let (cells, steps_a_ms, dampings): (_, _, &[f64]) = match level {
         Level::Quick => (3, 2, &[0.0, 1e-2]),
         Level::Full => (5, 4, &[0.0, 1e-3, 1e-2, 0.1]),

@@ -121,7 +121,7 @@ type Benchmark = fn(Level) -> Result<Vec<Series>, StudyError>;
 ///
 /// # Errors
 /// [`StudyError`].
-pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Accuracy, StudyError> {
+pub fn run(level: Level, progress: &mut dyn FnMut(f64)) -> Result<Accuracy, StudyError> {
     // Each benchmark with its approximate fraction of the whole time. The local models take the rest.
     let benchmarks: [(Benchmark, f64); 8] = [
         (plate_hole::run, 0.01),
@@ -140,8 +140,9 @@ pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Accuracy, Stud
         series.extend(benchmark(level)?);
         done += fraction;
     }
-    let local_models =
-        local_model::run(level, |fraction| progress(done + (1.0 - done) * fraction))?;
+    let local_models = local_model::run(level, &mut |fraction| {
+        progress(done + (1.0 - done) * fraction)
+    })?;
     Ok(Accuracy {
         schema: "palpate.accuracy/2",
         level,

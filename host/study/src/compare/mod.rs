@@ -131,7 +131,7 @@ enum Done {
 pub fn compare(
     loaded: &LoadedScene,
     settings: &Settings,
-    progress: impl Fn(f64) + Sync,
+    progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Comparison, StudyError> {
     let mut loaded = loaded.clone();
     loaded.scene.seed = settings.seed.unwrap_or(loaded.scene.seed);
@@ -157,7 +157,7 @@ pub fn compare(
         let before = done.fetch_add(thousandths, Ordering::Relaxed);
         progress((before + thousandths) as f64 / of);
     };
-    let found = in_threads(settings.threads, &jobs, workers::STACK, |job| match job {
+    let found = in_threads(settings.threads, &jobs, workers::STACK, &|job| match job {
         None => {
             let found = reference::run(&world).map(|trace| Record::of_reference(&trace));
             add(1000);
@@ -279,7 +279,7 @@ pub(crate) struct Ran {
 pub(crate) fn run(
     loaded: &LoadedScene,
     faults: &[HostFault],
-    add: &impl Fn(u64),
+    add: &dyn Fn(u64),
 ) -> Result<Ran, StudyError> {
     let scene = &loaded.scene;
     let mut prepared = setup::setup(loaded, scene.duration, scene.seed)?;
@@ -320,7 +320,7 @@ fn in_threads<J: Sync, D: Send>(
     threads: Option<NonZero<usize>>,
     jobs: &[J],
     stack: usize,
-    work: impl Fn(&J) -> D + Sync,
+    work: &(dyn Fn(&J) -> D + Sync),
 ) -> Vec<D> {
     let threads = workers::count(threads, jobs.len());
     let next = AtomicUsize::new(0);

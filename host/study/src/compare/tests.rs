@@ -18,7 +18,7 @@ fn sheet() -> LoadedScene {
 }
 
 fn compared(settings: &Settings) -> Comparison {
-    compare(&sheet(), settings, |_| ()).expect("it runs")
+    compare(&sheet(), settings, &|_| ()).expect("it runs")
 }
 
 fn of<'a>(found: &'a Comparison, scheme: &str, rate: f64) -> &'a Run {
@@ -50,7 +50,7 @@ fn each_run_is_the_run_of_the_scene_under_that_scheme() {
             duration: Some(1.2),
             ..RunOptions::new(Clock::Virtual)
         };
-        let expected = host::run::run(&loaded, &options, |_| ()).expect("it runs");
+        let expected = host::run::run(&loaded, &options, &mut |_| ()).expect("it runs");
         assert_eq!(run.scheme, expected.scheme);
         for (device, expected) in run.measures.devices.iter().zip(&expected.devices) {
             // Devices are not scaled here, and no limit acts: the motors hold what the tick commands.
@@ -149,7 +149,7 @@ fn a_late_held_force_throws_the_hands_and_an_extrapolated_one_does_not() {
         duration: Some(3.0),
         ..Settings::default()
     };
-    let found = compare(&late, &settings, |_| ()).expect("it runs");
+    let found = compare(&late, &settings, &|_| ()).expect("it runs");
     let [held, linear] = ["hold", "linear"].map(|scheme| of(&found, scheme, 20.0));
     // Joules, against the allowance of the stress studies.
     assert!(held.measures.net_energy > 0.1, "{:?}", held.measures);
@@ -166,7 +166,7 @@ fn a_rate_at_which_the_host_cannot_publish_is_refused() {
         publish_rates: vec![60.0],
         ..Settings::default()
     };
-    let refused = compare(&sheet(), &settings, |_| ()).expect_err("1000 / 60 is not whole");
+    let refused = compare(&sheet(), &settings, &|_| ()).expect_err("1000 / 60 is not whole");
     assert_eq!(
         refused.to_string(),
         "--publish-rates: found 60.0, allowed: host.step_rate of the scene, 1000.0, divided by a whole number"
@@ -203,7 +203,7 @@ fn without_threads_the_calling_thread_does_the_work() {
     let jobs = [1, 2, 3];
     for stack in [workers::STACK, usize::MAX / 2] {
         let threads = NonZero::new(2);
-        let done = in_threads(threads, &jobs, stack, |job| {
+        let done = in_threads(threads, &jobs, stack, &|job| {
             (10 * job, std::thread::current().id())
         });
         let here = done
@@ -260,7 +260,7 @@ fn the_reference_tears_as_the_run_does() {
             schemes: vec![SchemeName::Capped],
             ..Settings::default()
         };
-        compare(&loaded.expect("the scene is sound"), &settings, |_| ()).expect("it runs")
+        compare(&loaded.expect("the scene is sound"), &settings, &|_| ()).expect("it runs")
     };
     let torn = compared(CLOTH);
     let whole = compared(&CLOTH.replace("toughness = 500.0", "toughness = 5e5"));

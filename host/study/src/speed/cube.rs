@@ -206,7 +206,7 @@ fn harder(n: u32, level: Level) -> Result<Vec<Scene>, StudyError> {
 }
 
 /// All scenes of the cube on all paths. `tell` is given the fraction done, and each row.
-pub(super) fn run(level: Level, mut tell: impl FnMut(Told<'_>)) -> Result<Vec<Row>, StudyError> {
+pub(super) fn run(level: Level, tell: &mut dyn FnMut(Told<'_>)) -> Result<Vec<Row>, StudyError> {
     // Each mesh with its approximate fraction of the time.
     let (presses, others, duration) = match level {
         Level::Quick => ([(6, 0.25), (8, 0.2), (10, 0.4)], &[(4, 0.15)][..], 0.5),

@@ -65,7 +65,7 @@ struct Task {
 
 pub(super) fn run(
     level: Level,
-    mut progress: impl FnMut(f64),
+    progress: &mut dyn FnMut(f64),
 ) -> Result<Vec<KernelRow>, StudyError> {
     let (cells, steps, time) = match level {
         Level::Quick => (4, 15, 0.02),

@@ -151,7 +151,7 @@ pub enum Told<'a> {
 pub fn run(
     level: Level,
     only: Option<Section>,
-    mut tell: impl FnMut(Told<'_>),
+    tell: &mut dyn FnMut(Told<'_>),
 ) -> Result<Speed, StudyError> {
     // Each part ends at an approximate fraction of the whole time.
     let [cube_end, sheets_end, scaling_end, precision_end, parts_end] = match level {
@@ -178,28 +178,28 @@ pub fn run(
         other => tell(other),
     };
     if wanted(Section::Cube) {
-        found.cube = cube::run(level, |told| within(0.0, cube_end, told))?;
+        found.cube = cube::run(level, &mut |told| within(0.0, cube_end, told))?;
     }
     if wanted(Section::Sheets) {
-        found.sheets = sheets::run(level, |told| within(cube_end, sheets_end, told))?;
+        found.sheets = sheets::run(level, &mut |told| within(cube_end, sheets_end, told))?;
     }
     if wanted(Section::Scaling) {
-        found.scaling = scaling::run(level, |told| within(sheets_end, scaling_end, told))?;
+        found.scaling = scaling::run(level, &mut |told| within(sheets_end, scaling_end, told))?;
     }
     if wanted(Section::Skips) {
         found.skips = skips::run(level)?;
     }
     if wanted(Section::Precision) {
-        let report = |fraction| within(scaling_end, precision_end, Told::Fraction(fraction));
-        found.precision = precision::run(level, report)?;
+        let mut report = |fraction| within(scaling_end, precision_end, Told::Fraction(fraction));
+        found.precision = precision::run(level, &mut report)?;
     }
     if wanted(Section::Parts) {
-        found.parts = parts::run(level, |fraction| {
+        found.parts = parts::run(level, &mut |fraction| {
             within(precision_end, parts_end, Told::Fraction(fraction));
         })?;
     }
     if wanted(Section::Kernels) {
-        found.kernels = kernels::run(level, |fraction| {
+        found.kernels = kernels::run(level, &mut |fraction| {
             within(parts_end, 1.0, Told::Fraction(fraction));
         })?;
     }

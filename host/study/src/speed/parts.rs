@@ -126,7 +126,7 @@ impl Peaks {
     }
 }
 
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Parts, StudyError> {
+pub(super) fn run(level: Level, progress: &mut dyn FnMut(f64)) -> Result<Parts, StudyError> {
     let (cells, steps, time) = match level {
         Level::Quick => (6, 20, 0.02),
         Level::Full => (10, 150, 0.4),

@@ -46,7 +46,7 @@ pub struct Curve {
     pub settings: Vec<Setting>,
 }
 
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Curve>, StudyError> {
+pub(super) fn run(level: Level, progress: &mut dyn FnMut(f64)) -> Result<Vec<Curve>, StudyError> {
     let mut curves = Vec::new();
     progress(0.0);
     curves.extend(solvers(level)?);

@@ -46,7 +46,7 @@ const STEPS: usize = 15;
 /// Each path on each mesh. `tell` is given the fraction done, and each mesh.
 pub(super) fn run(
     level: Level,
-    mut tell: impl FnMut(Told<'_>),
+    tell: &mut dyn FnMut(Told<'_>),
 ) -> Result<Vec<Scaling>, StudyError> {
     // 6, 20, 64 and 197 thousand tetrahedra; quickly 1 and 3 thousand. The time grows with the exponent 1.3.
     let meshes: &[(u32, f64)] = match level {

@@ -19,7 +19,7 @@ pub(super) const SIDE: f64 = 0.2;
 const MESHES: [(u32, u32); 3] = [(26, 27), (31, 31), (40, 41)];
 
 /// All scenes of the sheets on all paths. `tell` is given the fraction done, and each row.
-pub(super) fn run(level: Level, mut tell: impl FnMut(Told<'_>)) -> Result<Vec<Row>, StudyError> {
+pub(super) fn run(level: Level, tell: &mut dyn FnMut(Told<'_>)) -> Result<Vec<Row>, StudyError> {
     let mut rows = Vec::new();
     let (meshes, steps) = match level {
         Level::Quick => (&MESHES[..1], 50),

@@ -257,7 +257,7 @@ fn plans(level: Level) -> Vec<Plan> {
 }
 
 /// Runs the suite, or the family named `only`. `progress` receives the fraction done.
-pub fn run(level: Level, only: Option<&str>, mut progress: impl FnMut(f64)) -> Report {
+pub fn run(level: Level, only: Option<&str>, progress: &mut dyn FnMut(f64)) -> Report {
     let mut plans = plans(level);
     plans.retain(|plan| only.is_none_or(|name| name == plan.name));
     let jobs = plans.iter().flat_map(|plan| &plan.jobs);

@@ -191,8 +191,8 @@ struct Cell<R> {
 pub fn run<R: Serialize + DeserializeOwned + Send>(
     header: &Header,
     options: &Options,
-    work: impl Fn(u64) -> R + Sync,
-    mut progress: impl FnMut(&Progress<'_>),
+    work: &(dyn Fn(u64) -> R + Sync),
+    progress: &mut dyn FnMut(&Progress<'_>),
 ) -> Result<Cells<R>, JobError> {
     let mut done = BTreeMap::new();
     let mut file = None;
@@ -238,7 +238,7 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
         // The receiver is dropped with the scope's closure, so that after an error each worker ends with its current
         // cell.
         let results = results;
-        let (next, left, work) = (&next, &left, &work);
+        let (next, left) = (&next, &left);
         let started = workers::start(scope, threads, STACK, || {
             let sender = sender.clone();
             move || {

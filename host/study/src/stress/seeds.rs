@@ -357,7 +357,7 @@ mod tests {
             beyond: u64::from(cell < failed),
             ..faults::Outcome::default()
         };
-        jobs::run(&header, &options, work, |_| {}).expect("cells");
+        jobs::run(&header, &options, &work, &mut |_| {}).expect("cells");
         path
     }
 

@@ -162,7 +162,7 @@ pub struct VelocityStudy {
 }
 
 /// Runs the study. `progress` receives the fraction done.
-pub fn run(mut progress: impl FnMut(f64)) -> VelocityStudy {
+pub fn run(progress: &mut dyn FnMut(f64)) -> VelocityStudy {
     let mut rows = Vec::new();
     let models: Vec<_> = DeviceModel::spatial().collect();
     let all = models.len() * RATES.len() * CANDIDATES.len();

@@ -4,8 +4,9 @@ use std::sync::LazyLock;
 use study::Level;
 use study::accuracy::{self, Accuracy, Series};
 
-static FOUND: LazyLock<Accuracy> =
-    LazyLock::new(|| accuracy::run(Level::Quick, |_| ()).expect("all benchmarks can be computed"));
+static FOUND: LazyLock<Accuracy> = LazyLock::new(|| {
+    accuracy::run(Level::Quick, &mut |_| ()).expect("all benchmarks can be computed")
+});
 
 fn series(name: &str) -> &'static Series {
     FOUND.get(name).expect("the study has the series")

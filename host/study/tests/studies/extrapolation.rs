@@ -5,7 +5,7 @@ use study::extrapolation::{Motion, run};
 
 #[test]
 fn linear_bridges_the_gap_at_60_hz() {
-    let found = run(3.0, &[60.0], &[0.5], |_| {}).expect("the study runs");
+    let found = run(3.0, &[60.0], &[0.5], &mut |_| {}).expect("the study runs");
     let rms = |motion, scheme| found.rms(motion, 60.0, scheme, 0.5).expect("was measured");
 
     let (hold, linear) = (rms(Motion::Apart, "hold"), rms(Motion::Apart, "linear"));

@@ -25,7 +25,7 @@ const ENDS: [&str; 6] = [
 fn run(names: &[&str]) -> Vec<Family> {
     let mut families = Vec::new();
     for name in names {
-        let report: Report = stability::run(Level::Quick, Some(name), |_| ());
+        let report: Report = stability::run(Level::Quick, Some(name), &mut |_| ());
         let failures: Vec<String> = report
             .failures()
             .map(|(_, case)| format!("{case:?}"))

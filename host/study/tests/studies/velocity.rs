@@ -4,7 +4,7 @@ use rt_core::velocity::{Method, VelocityEstimator, most_damping};
 use std::sync::LazyLock;
 use study::velocity::{CANDIDATES, Mean, Motion, VelocityStudy, run};
 
-static FOUND: LazyLock<VelocityStudy> = LazyLock::new(|| run(|_| {}));
+static FOUND: LazyLock<VelocityStudy> = LazyLock::new(|| run(&mut |_| {}));
 
 fn of(method: &str) -> &'static Mean {
     let mut means = FOUND.means.iter();

@@ -31,7 +31,7 @@ fn logged() -> &'static (Vec<u8>, Log, host::run::summary::RunSummary) {
         let text = text.replace("max_force = 8.0", "max_force = 0.5");
         let scene = Scene::load_texts("stretch.toml", &text, &std::collections::BTreeMap::new());
         let scene = scene.expect("the scene is sound");
-        let summary = run(&scene, &options, |_| ()).expect("a run");
+        let summary = run(&scene, &options, &mut |_| ()).expect("a run");
         let bytes = std::fs::read(&path).expect("the log");
         let log = Log::parse(&bytes).expect("a log");
         (bytes, log, summary)

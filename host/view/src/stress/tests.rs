@@ -46,7 +46,7 @@ fn the_stresses_are_those_of_the_frames_for_paraview() -> Outcome {
             folder: folder.path().to_owned(),
             rate: 2.0,
         });
-        run(&loaded, &options, |_| {})?;
+        run(&loaded, &options, &mut |_| {})?;
         let file = folder.path().join(format!("{body}_0002.vtu"));
         let mesh = meshio::read_mesh("frame.vtu", &std::fs::read(file)?)?;
         let fields = mesh.fields().iter();

@@ -153,7 +153,7 @@ pub(crate) fn run_with_log(seconds: f64, log: &Path) -> Vec<Frame> {
     options.log = Some(log.to_owned());
     let observers = Observers::new().with(Keep(Arc::clone(&kept)));
     let scene = Scene::embedded_default().expect("the built-in scene");
-    run_watched(&scene, &options, observers, |_| ()).expect("a run");
+    run_watched(&scene, &options, observers, &mut |_| ()).expect("a run");
 
     let mut frames = vec![Frame::default()];
     let mut ticks = 0;

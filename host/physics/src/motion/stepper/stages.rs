@@ -208,14 +208,7 @@ impl<T: Precision> Stepper<T> {
             return Ok(report);
         }
         let targets = core::mem::take(&mut self.targets);
-        let ended = self.end(
-            body,
-            h,
-            &targets,
-            step.factors,
-            &mut report,
-            out_of_time,
-        );
+        let ended = self.end(body, h, &targets, step.factors, &mut report, out_of_time);
         if ended.is_ok() {
             let speed = self.options.sleep_speed;
             if speed > 0.0 && report.converged {

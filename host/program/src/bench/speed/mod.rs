@@ -78,7 +78,7 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     let bar = progress_bar();
     let mut live = table::Live::default();
     let only = arguments.only.map(Section::from);
-    let found = speed::run(level, only, |told| match told {
+    let found = speed::run(level, only, &mut |told| match told {
         Told::Fraction(fraction) => bar.set_position((1000.0 * fraction) as u64),
         told => bar.above(|| live.print(told)),
     })?;

@@ -35,7 +35,7 @@ fn options((index, count): (u64, u64), threads: usize, file: &Path) -> Options {
 }
 
 fn run_all(options: &Options) -> Result<BTreeMap<u64, Square>, JobError> {
-    whole_file(run(&header(), options, square, |_| {}))
+    whole_file(run(&header(), options, &square, &mut |_| {}))
 }
 
 /// The cells of a run whose file holds all of them.
@@ -61,7 +61,7 @@ fn any_number_of_threads_gives_the_same_cells() {
             ..Options::default()
         };
         let mut steps = Vec::new();
-        let found = run(&header(), &options, square, |at| {
+        let found = run(&header(), &options, &square, &mut |at| {
             steps.push((at.done, at.of));
         });
         assert_eq!(summary(&found.expect("cells").cells), summary(&whole()));
@@ -86,7 +86,7 @@ fn shards_add_up_to_the_whole() {
     fs::write(&merged, &text).expect("merged");
     // No cell is left to be run.
     let never = |cell| -> Square { panic!("cell {cell} was there") };
-    let found = run(&header(), &options((1, 1), 2, &merged), never, |_| {}).expect("cells");
+    let found = run(&header(), &options((1, 1), 2, &merged), &never, &mut |_| {}).expect("cells");
     assert_eq!(summary(&found.cells), summary(&whole()));
     assert_eq!(read::<Square>(&merged, &header()).expect("cells"), whole());
     assert_eq!(fs::read(&merged).expect("merged"), text);
@@ -106,7 +106,8 @@ fn a_run_cut_off_at_any_byte_is_resumed() {
             ran.fetch_add(1, Ordering::Relaxed);
             square(cell)
         };
-        let found = run(&header(), &options((1, 1), 1, &path), counted, |_| {}).expect("cells");
+        let found =
+            run(&header(), &options((1, 1), 1, &path), &counted, &mut |_| {}).expect("cells");
         assert_eq!(summary(&found.cells), summary(&whole()), "cut at {cut}");
         // No cell of the file is run again, except one whose line may be incomplete.
         let left = 24 - whole_lines.max(1) as u64;
@@ -162,7 +163,7 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
         },
     ];
     for other in others {
-        let refused = run(&other, &options((2, 2), 1, &path), never, |_| {});
+        let refused = run(&other, &options((2, 2), 1, &path), &never, &mut |_| {});
         assert!(
             matches!(refused, Err(JobError::Header { line: 1, .. })),
             "{refused:?}"
@@ -178,7 +179,8 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
     merged.extend(serde_json::to_vec(&other).expect("a header"));
     merged.push(b'\n');
     fs::write(&path, &merged).expect("merged");
-    let refused = run(&header(), &options((1, 1), 1, &path), never, |_| {}).expect_err("refused");
+    let refused =
+        run(&header(), &options((1, 1), 1, &path), &never, &mut |_| {}).expect_err("refused");
     let said = refused.to_string();
     assert!(
         said.contains(
@@ -197,14 +199,14 @@ fn a_file_of_fewer_cells_is_extended_and_its_cells_stay_as_they_are() {
         ..header()
     };
     let all = options((1, 1), 1, &path);
-    run(&few, &all, square, |_| {}).expect("nine cells");
+    run(&few, &all, &square, &mut |_| {}).expect("nine cells");
     let short = fs::read_to_string(&path).expect("the file");
     // The nine cells are not run again.
     let beyond = |cell| {
         assert!(cell >= 9, "cell {cell} was there");
         square(cell)
     };
-    let found = whole_file(run(&header(), &all, beyond, |_| {})).expect("the rest");
+    let found = whole_file(run(&header(), &all, &beyond, &mut |_| {})).expect("the rest");
     assert_eq!(summary(&found), summary(&whole()));
     let long = fs::read_to_string(&path).expect("the file");
     let added = long.strip_prefix(&short).expect("the older lines are kept");
@@ -220,7 +222,7 @@ fn a_file_of_fewer_cells_is_extended_and_its_cells_stay_as_they_are() {
     assert_eq!([&lines(&short)[1..], &lines(added)[1..]].concat(), cells);
     // A run of fewer cells finds its own, and leaves the file as it is.
     let never = |cell| -> Square { panic!("cell {cell} was there") };
-    let found = whole_file(run(&few, &all, never, |_| {})).expect("nine cells");
+    let found = whole_file(run(&few, &all, &never, &mut |_| {})).expect("nine cells");
     assert_eq!(found.len(), 9);
     assert_eq!(fs::read_to_string(&path).expect("the file"), long);
     assert_eq!(header_of(&path).expect("a header"), header());
@@ -272,7 +274,7 @@ fn a_result_that_json_cannot_hold_is_an_error() {
         x: if cell == 5 { f64::NAN } else { 0.0 },
         name: String::new(),
     };
-    let refused = run(&header(), &Options::default(), nan, |_| {});
+    let refused = run(&header(), &Options::default(), &nan, &mut |_| {});
     assert!(
         matches!(refused, Err(JobError::Result { cell: 5, .. })),
         "{refused:?}"

@@ -329,11 +329,11 @@ impl Study {
     pub fn run(
         &self,
         options: &Options,
-        progress: impl FnMut(&Progress<'_>),
+        progress: &mut dyn FnMut(&Progress<'_>),
     ) -> Result<Cells<Outcome>, JobError> {
         let tasks = self.tasks();
         let work = |cell: u64| self.work(&tasks[cell as usize], cell);
-        jobs::run(&self.header(), options, work, progress)
+        jobs::run(&self.header(), options, &work, progress)
     }
 
     fn work(&self, task: &Task, cell: u64) -> Outcome {

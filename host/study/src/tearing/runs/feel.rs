@@ -118,7 +118,7 @@ impl Rival {
             let [free, limited] = self.couplings.as_mut_slice() else {
                 return;
             };
-            self.engine.step(due, watch, |_, model| {
+            self.engine.step(due, watch, &mut |_, model| {
                 // A refusal would appear as an error of the force.
                 let _ = free.accept(&unlimited(model));
                 let _ = limited.accept(model);

@@ -148,7 +148,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Ro
         }
         engine.follow(&hands.record(steps.len() as u64, due.time_ns));
         let began = cpu_time();
-        engine.step(due, &ThreadTime, |_, _| {});
+        engine.step(due, &ThreadTime, &mut |_, _| {});
         let total = cpu_time() - began;
         let after = Sums::of(engine.stats());
         steps.push(Step {
