@@ -3,6 +3,9 @@
 //! On a border one tip starts there. Inside the sheet a slit of two edges with two tips starts. The direction is
 //! orthogonal to the largest principal stress. Vertices about a tip do not count: the stress at a tip grows with finer
 //! triangles without limit, and the energy release rate decides about the tip.
+//!
+//! For the same reason the end of a sharp notch in the mesh is a tip from the beginning. The mean stress of its fan holds the
+//! unloaded flanks, too: it is less than that of a vertex beside the end.
 
 use super::tips::ahead;
 use super::{Course, MOST_TIPS, Tearing, sheet};
@@ -12,6 +15,17 @@ use crate::motion::stepper::Stepper;
 use crate::tear::RINGS;
 use crate::tear::strength::{Candidate, cannot_start, highest, stresses};
 use crate::topology::{Edit, Growth, NONE, Surface};
+
+/// The angle of the fan of a border vertex (rad) from which the vertex is the end of a sharp notch: 300 degrees. The flanks
+/// of the notch then meet at 60 degrees or less, and the stress grows towards the end by the power 0.49 of the distance or
+/// more, where that about a crack grows by 0.5 (Williams, "Stress singularities resulting from various boundary conditions
+/// in angular corners of plates in extension", 1952).
+const SHARP: f64 = 5.0 / 3.0 * core::f64::consts::PI;
+
+/// Whether a vertex is the free end of a sharp notch in the mesh.
+pub(super) fn is_sharp(body: &Body, surface: &Surface, vertex: u32) -> bool {
+    surface.on_border(vertex) && surface.total_angle(vertex) >= SHARP && !body.is_held(vertex)
+}
 
 impl Tearing {
     /// Starts a tear where the stress is highest, if it reaches the strength.
