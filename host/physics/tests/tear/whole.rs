@@ -165,6 +165,56 @@ fn a_tear_in_a_long_strip_starts_at_the_strain_of_griffith() {
     }
 }
 
+/// A strip with a notch in its mesh, of which [`Tearing`] is told nothing, so that it has to find the tip.
+fn notched(starts: Starts, cells: [u32; 2]) -> Pulled {
+    let mut strip = Pulled::new([0.2, 0.06], cells, 200.0, |body| {
+        notch(body, -0.02);
+        Vec::new()
+    });
+    let mut options = *strip.tearing.options();
+    options.starts = starts;
+    // The stress of the strip without a notch is 86 kPa at the expected strain.
+    options.material.strength = 120e3;
+    strip.tearing = Tearing::new(&strip.body, options, &[]).expect("tears");
+    strip
+}
+
+#[test]
+fn a_tear_starts_at_the_end_of_a_sharp_notch_in_the_mesh_and_runs_straight_on() {
+    for cells in [[30, 8], [30, 12]] {
+        let mut strip = notched(Starts::Anywhere, cells);
+        // Neither the corners of the strip nor those at the notch's mouth are ends of notches.
+        let ends = strip.tearing.tips().iter().map(|tip| tip.vertex);
+        let ends: Vec<u32> = ends.collect();
+        let rest = strip.body.rest_positions();
+        let places: Vec<Vec3> = ends.iter().map(|&end| rest[end as usize]).collect();
+        assert!(
+            places.len() == 1 && (places[0] + Vec3::x() * 0.02).norm() < 1e-9,
+            "{cells:?}: {places:?}"
+        );
+        let (mut start, mut opened, mut step) = (0.0, 0, 0);
+        while opened < 5 && step < 4000 {
+            let strain = 1.2 * f64::from(step) / 4000.0;
+            opened = strip.tear(strain);
+            start = if opened == 0 { strain } else { start };
+            step += 1;
+        }
+        // As for a strip with a tip that is given.
+        assert!((start - 1.0).abs() < 0.03, "{cells:?}: {start}");
+        let grown = strip.tearing.grown();
+        assert!(grown.len() >= 5, "{cells:?}: {} edges", grown.len());
+        assert_eq!(grown[0].from, ends[0], "{cells:?}");
+        assert_eq!(strip.tearing.report().started, 0, "{cells:?}");
+        // The mesh is symmetric, so the path needs no cut and stays on its line.
+        let rest = strip.body.rest_positions();
+        for edge in grown {
+            let aside = rest[edge.from as usize].y;
+            assert!(aside.abs() < 1e-9, "{cells:?}: {aside}");
+        }
+    }
+    assert!(notched(Starts::Tips, [30, 8]).tearing.tips().is_empty());
+}
+
 /// The edits of a sheet that two hands pull until it tears from nothing.
 fn torn_from_nothing(material: Material, pattern: Pattern, skips: bool) -> Vec<Edit> {
     let mesh = sheet(0.12, 0.08, 12, 8, pattern).expect("a sheet");

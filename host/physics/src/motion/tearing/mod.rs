@@ -19,6 +19,7 @@ pub use grown::Grown;
 pub use limit::TearLimit;
 pub use tips::{Course, TipState};
 
+use self::start::is_sharp;
 use super::stepper::{Pair, Stepper};
 use crate::Vec3;
 use crate::body::Body;
@@ -51,7 +52,7 @@ pub enum Starts {
     /// Only tips that exist go on. Stress is not computed.
     #[default]
     Tips,
-    /// Tears start where the stress reaches the strength.
+    /// Tears also start where the stress reaches the strength, and the ends of sharp notches in the mesh are tips.
     Anywhere,
 }
 
@@ -119,7 +120,8 @@ pub struct Tearing {
 }
 
 impl Tearing {
-    /// The tears of a [tearable](Body::make_tearable) body that begin at `tips`: vertices on a border of its surface.
+    /// The tears of a [tearable](Body::make_tearable) body that begin at `tips`: vertices on a border of its surface. If tears
+    /// may start [anywhere](Starts::Anywhere), the ends of sharp notches in the mesh become tips as well.
     ///
     /// # Errors
     ///
@@ -136,23 +138,25 @@ impl Tearing {
             return Err(TearingError::Tip { vertex });
         }
         let limits = surface.limits();
-        let mut all = Vec::with_capacity(MOST_TIPS.max(tips.len()));
-        all.extend(tips.iter().map(|&vertex| TipState::new(vertex)));
         let starts = options.starts == Starts::Anywhere;
+        let sharp = (0..surface.vertex_count() as u32)
+            .filter(|vertex| starts && is_sharp(body, surface, *vertex) && !tips.contains(vertex));
+        let mut all = Vec::with_capacity(MOST_TIPS.max(tips.len()));
+        all.extend(tips.iter().copied().chain(sharp).map(TipState::new));
         let vertices = if starts { limits.vertices } else { 0 };
         let by_stress = starts || options.material.law == TearLaw::Thesis;
         let triangles = if by_stress { limits.triangles } else { 0 };
         Ok(Self {
             options,
-            tips: all,
             patch: Patch::new(limits.vertices, limits.triangles),
             stress: vec![[0.0; 3]; triangles],
             near: vec![false; vertices],
             displaced: Vec::with_capacity(limits.vertices),
             report: TearReport {
-                tips: tips.len(),
+                tips: all.len(),
                 ..TearReport::default()
             },
+            tips: all,
             // Every edit adds a vertex.
             journal: Vec::with_capacity(limits.vertices - surface.vertex_count()),
             grown: Vec::with_capacity(limits.vertices - surface.vertex_count()),

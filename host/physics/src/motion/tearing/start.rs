@@ -3,6 +3,9 @@
 //! On a border one tip starts there. Inside the sheet a slit of two edges with two tips starts. The direction is
 //! orthogonal to the largest principal stress. Vertices about a tip do not count: the stress at a tip grows with finer
 //! triangles without limit, and the energy release rate decides about the tip.
+//!
+//! For the same reason the end of a sharp notch in the mesh is a tip from the beginning. The mean stress of its fan holds the
+//! unloaded flanks, too: it is less than that of a vertex beside the end.
 
 use super::tips::ahead;
 use super::{Course, MOST_TIPS, Tearing, sheet};
@@ -12,6 +15,22 @@ use crate::motion::stepper::Stepper;
 use crate::tear::RINGS;
 use crate::tear::strength::{Candidate, cannot_start, highest, stresses};
 use crate::topology::{Edit, Growth, NONE, Surface};
+
+/// The angle of the fan of a border vertex (rad) from which the vertex is the end of a sharp notch: 300 degrees. The flanks
+/// of the notch then meet at 60 degrees or less, and the stress grows towards the end by the power 0.49 of the distance or
+/// more, where that about a crack grows by 0.5 (Williams, "Stress singularities resulting from various boundary conditions
+/// in angular corners of plates in extension", 1952).
+const SHARP: f64 = 5.0 / 3.0 * core::f64::consts::PI;
+
+/// How far from a tip the elastic stress may exceed the strength while the tip rests, in Irwin lengths `E G_c / strength^2`.
+/// About a crack that is opened by `K` the principal stress is at most `sqrt(27 / 16) K / sqrt(2 pi r)`, at 60 degrees from
+/// straight ahead, and `K^2 = E G_c` when the tip goes on.
+const STRESSED: f64 = 27.0 / 16.0 / core::f64::consts::TAU;
+
+/// Whether a vertex is the free end of a sharp notch in the mesh.
+pub(super) fn is_sharp(body: &Body, surface: &Surface, vertex: u32) -> bool {
+    surface.on_border(vertex) && surface.total_angle(vertex) >= SHARP && !body.is_held(vertex)
+}
 
 impl Tearing {
     /// Starts a tear where the stress is highest, if it reaches the strength.
@@ -28,7 +47,7 @@ impl Tearing {
         if self.options.skips && cannot_start(density, &material) {
             return;
         }
-        self.mark_tips(surface);
+        self.mark_tips(body, surface);
         let may_start = |vertex: u32| !body.is_held(vertex) && !self.near[vertex as usize];
         let Some(found) = highest(&view, &self.stress, material.strength, may_start) else {
             return;
@@ -88,13 +107,19 @@ impl Tearing {
         Some((edit, courses))
     }
 
-    /// Marks the vertices about each tip, up to the ring after the last one of the integrals.
-    fn mark_tips(&mut self, surface: &Surface) {
+    /// Marks the vertices about each tip: up to the ring after the last one of the integrals, and as far as the stress may
+    /// reach the strength before the tip goes on.
+    fn mark_tips(&mut self, body: &Body, surface: &Surface) {
         self.near.fill(false);
+        let reach = STRESSED * self.options.material.irwin_length();
+        let rest = body.rest_positions();
         for tip in &self.tips {
             let Some(tip) = ahead(surface, tip.vertex) else {
                 continue;
             };
+            for (near, place) in self.near.iter_mut().zip(rest) {
+                *near |= (place - rest[tip.vertex as usize]).norm() <= reach;
+            }
             if self
                 .patch
                 .find(&sheet(surface), &tip, RINGS, |_| false)
