@@ -2,26 +2,25 @@
 //!
 //! The program `palpate` is in `program`, the studies are in `study`.
 //!
-//! - [`scene`]: TOML files that describe a run.
+//! - [`scene`]: TOML files that describe a run; a crate of its own.
 //! - [`bodies`]: builds the bodies of the physics from those of a scene.
 //! - [`engine`]: the work of the host loop. It joins physics and tick.
 //! - [`run`]: runs a scene from beginning to end, under virtual or real time.
 //! - [`solve`]: solves a scene without devices for equilibrium or motion.
 //! - [`live`]: a run as viewers see it.
-//! - [`log`], [`plot`]: the record and the picture of a run.
+//! - [`log`]: the record of a run; [`plot`]: its pictures, a crate of its own.
 #![forbid(unsafe_code)]
 
-pub mod atomic_file;
 pub mod bodies;
 pub mod engine;
 pub mod live;
 pub mod log;
 pub mod machine;
-pub mod plot;
 pub mod run;
-pub mod scene;
 pub mod solve;
 pub mod stage;
 pub mod table;
 
 pub use devices::input;
+pub use plot::atomic_file;
+pub use {plot, scene};

@@ -168,8 +168,10 @@ const OUTPUTS: [Output; 24] = [
 const OTHERS: [&str; 2] = ["palpate.view/1", "palpate.overview/1"];
 
 /// The crates whose types are written, by name and folder.
-const CRATES: [(&str, &str); 8] = [
+const CRATES: [(&str, &str); 10] = [
     ("host", "host/src"),
+    ("scene", "host/scene/src"),
+    ("plot", "host/plot/src"),
     ("palpate", "host/program/src"),
     ("study", "host/study/src"),
     ("physics", "host/physics/src"),

@@ -133,8 +133,8 @@ pub fn options(spec: &TearSpec) -> TearOptions {
             },
         },
         starts: match spec.starts {
-            crate::scene::spec::Starts::Tips => Starts::Tips,
-            crate::scene::spec::Starts::Anywhere => Starts::Anywhere,
+            scene::spec::Starts::Tips => Starts::Tips,
+            scene::spec::Starts::Anywhere => Starts::Anywhere,
         },
         snapping: spec.snapping,
         skips: true,

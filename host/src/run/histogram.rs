@@ -164,7 +164,7 @@ mod tests {
     fn the_picture_has_a_line_at_the_period() {
         let histogram = histogram();
         let svg = picture("a", 1e3, &[("lateness".to_owned(), &histogram)]);
-        assert_eq!(crate::plot::collisions(&svg), [""; 0]);
+        assert_eq!(plot::collisions(&svg), [""; 0]);
         for text in ["Time (µs)", "lateness, 100 ticks", "period of the ticks"] {
             assert!(svg.contains(text), "{text}");
         }

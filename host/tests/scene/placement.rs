@@ -1,6 +1,7 @@
 //! Placement: the scale of a mesh file, and the position and the rotation of a body.
 
 use host::bodies;
+use host::scene::spec::Rotation;
 use host::scene::{LoadedScene, Scene};
 use physics::Vec3;
 use std::collections::BTreeMap;
@@ -102,7 +103,7 @@ fn a_turn_and_its_negative_cancel_and_full_turns_do_nothing() {
         assert_eq!(positions(&turned), start);
     }
     for degrees in [33.3, 90.0, 180.0, 270.0, 1234.5] {
-        let rotation = |degrees| host::scene::spec::Rotation {
+        let rotation = |degrees| Rotation {
             axis: [0.3, -1.0, 2.0],
             degrees,
         };

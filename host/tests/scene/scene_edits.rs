@@ -1,8 +1,9 @@
 //! Damaged scenes: no edit of a scene's text makes the reader panic, and every error is short.
 
-use host::scene::{Scene, recording};
+use host::scene::{LoadedScene, Override, Scene, recording};
 use proptest::collection::vec;
 use proptest::prelude::*;
+use std::collections::BTreeMap;
 
 const SCENES: [&str; 2] = [
     include_str!("../../scenes/stretch.toml"),
@@ -144,4 +145,25 @@ proptest! {
             prop_assert!(is_readable(&message), "{message}");
         }
     }
+}
+
+/// What only the mesh tells is found after the scene was read.
+#[test]
+fn an_error_that_is_found_later_names_the_line_of_the_original_text() {
+    let support = "[[body.support]]\nname = \"s\"\ngroup = \"nowhere\"\n";
+    let body = "[[body]]\nname = \"b\"\nmesh.box = { size = [0.1, 0.1, 0.1], cells = [1, 1, 1] }\n\
+                material = { young = 1e3, poisson = 0.3, density = 1000 }\n";
+    let text = format!("name = \"a\"\n[loop]\nblend = 0.4\n{body}{support}");
+    let scene = Scene::load_texts("a.toml", &text, &BTreeMap::new()).expect("a scene");
+    let one = [Override::number("loop", "rate", 500.0)];
+    let two = [Override::word("loop", "scheme", "hold")];
+    let once = scene.overridden(&one).expect("a scene");
+    let twice = once.overridden(&two).expect("a scene");
+    let said = |scene: &LoadedScene| {
+        let error = host::bodies::build(scene, 0).expect_err("no such group");
+        error.to_string()
+    };
+    assert!(said(&scene).starts_with("a.toml:10: "), "{}", said(&scene));
+    assert_eq!(said(&once), said(&scene));
+    assert_eq!(said(&twice), said(&scene));
 }

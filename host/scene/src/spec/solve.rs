@@ -1,6 +1,6 @@
 //! `[solve]`: equilibrium or motion without devices.
 
-use crate::scene::check;
+use crate::check;
 use serde::Deserialize;
 
 /// `[solve]`: the settings of `palpate solve`.

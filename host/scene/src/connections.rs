@@ -35,7 +35,7 @@ pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Override, Scene};
+    use crate::{Override, Scene};
     use std::collections::BTreeMap;
 
     /// A scene with devices of these connections.

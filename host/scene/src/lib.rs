@@ -9,15 +9,15 @@ mod check;
 pub mod connections;
 mod consistency;
 mod device_file;
-pub(crate) mod drivers;
+pub mod drivers;
 mod error;
 mod field;
 mod load;
 mod overrides;
-pub(crate) mod plausible;
+pub mod plausible;
 pub mod recording;
 mod silent;
-pub(crate) mod source;
+pub mod source;
 pub mod spec;
 
 pub use device_file::NamedDevice;

@@ -125,7 +125,7 @@ fn across(at: &str, hand: &Hand, model: &DeviceModel, source: &Source) -> Result
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::{LoadedScene, Scene, SceneError};
+    use crate::{LoadedScene, Scene, SceneError};
     use std::collections::BTreeMap;
 
     const BODY: &str = "name = 'a'

@@ -22,7 +22,7 @@ pub struct Source {
 
 impl Source {
     /// The text of a file.
-    pub(crate) fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
+    pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self {
             name: name.into(),
             text: text.into(),
@@ -55,7 +55,7 @@ impl Source {
     }
 
     /// An error about a field whose fault is a sentence, and not a value.
-    pub(crate) fn problem(&self, field: &str, problem: impl Into<String>) -> SceneError {
+    pub fn problem(&self, field: &str, problem: impl Into<String>) -> SceneError {
         SceneError::Malformed {
             place: self.place(field),
             problem: problem.into(),
@@ -64,7 +64,7 @@ impl Source {
 
     /// An error about a field that a table such as `body[0].material` needs and lacks, where only the rest of the scene
     /// tells that the table needs the field.
-    pub(crate) fn missing(&self, table: &str, name: &str) -> SceneError {
+    pub fn missing(&self, table: &str, name: &str) -> SceneError {
         SceneError::Missing {
             place: self.place(table),
             name: format!("`{name}`"),
@@ -136,7 +136,7 @@ pub(super) fn quoted(text: &str) -> String {
 }
 
 /// A text from outside as a message quotes it: one line of at most `most` characters, without control characters.
-pub(crate) fn cut(text: &str, most: usize) -> String {
+pub fn cut(text: &str, most: usize) -> String {
     let text = text.trim();
     let line = text.lines().next().unwrap_or_default();
     let mut chars = line.chars();

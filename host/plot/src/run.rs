@@ -18,7 +18,7 @@ const HEIGHT: i32 = 560;
 
 /// The data of a run that are drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct PlotData {
+pub struct PlotData {
     /// The title: scene and scheme.
     pub title: String,
     /// The smaller line under the title.
@@ -35,7 +35,7 @@ pub(crate) struct PlotData {
 
 /// One device of a [`PlotData`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct DeviceSeries {
+pub struct DeviceSeries {
     /// Its name in the legend.
     pub name: String,
     /// Force on the hand at each time (N).
@@ -46,7 +46,7 @@ pub(crate) struct DeviceSeries {
 
 /// An interval in which the force was not that of the newest model, or in which a tear grew.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Mark {
+pub struct Mark {
     /// Its beginning (s).
     pub from: f64,
     /// End of the interval (s).
@@ -59,7 +59,7 @@ pub(crate) struct Mark {
 
 /// What acted on the force. A cause has the same colour in every picture, which is not that of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Cause {
+pub enum Cause {
     /// The host published no model for long.
     Stalled,
     /// The force faded: the model was too old, or the device too fast or out of reach.
@@ -120,7 +120,7 @@ impl Cause {
 
 /// Draws force and displacement of all devices over time, 800 by 560 pixels. What is not a number is
 /// left out.
-pub(crate) fn force_and_position_svg(data: &PlotData) -> String {
+pub fn force_and_position_svg(data: &PlotData) -> String {
     let devices = data.devices.iter();
     let devices: Vec<_> = devices
         .map(|series| Trace::new(series, data.part))

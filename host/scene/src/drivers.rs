@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// The drivers, where `held` holds the simulated devices, by index in the scene, and files are relative to `folder`.
 /// Names need neither.
-pub(crate) fn drivers(held: Vec<Held>, folder: &Path) -> Registry {
+pub fn drivers(held: Vec<Held>, folder: &Path) -> Registry {
     let simulated = Registry::new()
         .with(Simulated::new(held.clone()))
         .with(EmulatedDriver::new(held));

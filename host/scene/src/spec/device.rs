@@ -1,7 +1,7 @@
 //! `[[device]]`: haptic devices.
 
 use super::{Hand, Rotation, one};
-use crate::scene::check;
+use crate::check;
 use devices::Connection;
 use serde::Deserialize;
 

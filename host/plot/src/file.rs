@@ -26,7 +26,7 @@ pub fn write_picture(path: &Path, svg: &str) -> Result<(), AtomicFileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plot::line_chart_svg;
+    use crate::line_chart_svg;
 
     #[test]
     fn the_ending_selects_the_format() {

@@ -1,6 +1,6 @@
 //! `[device.hand]`: the hands that hold devices, with their grips and tasks.
 
-use crate::scene::check;
+use crate::check;
 use serde::Deserialize;
 use sim::{Arm, TaskKind, Wrist};
 

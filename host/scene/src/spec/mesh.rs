@@ -1,6 +1,6 @@
 //! `body.mesh`: the source of a body's mesh.
 
-use crate::scene::check;
+use crate::check;
 use physics::mesh::generate_plate::{HoledPlate, Rays};
 use serde::Deserialize;
 

@@ -38,7 +38,7 @@ pub struct LoadCurve {
 impl LoadCurve {
     /// The curve of a motion over `position` (m) under the forces `force` on the body (N): along the principal direction
     /// of the force, without force that of the motion. It points to where the motion is farthest from its start.
-    pub(crate) fn of_motion(name: &str, position: &[[f64; 3]], force: &[[f64; 3]]) -> Self {
+    pub fn of_motion(name: &str, position: &[[f64; 3]], force: &[[f64; 3]]) -> Self {
         let start = first_usable(position);
         let moved = position.iter().map(|p| Vector3::from(*p) - start);
         let moved: Vec<[f64; 3]> = moved.map(Into::into).collect();
@@ -83,7 +83,7 @@ impl LoadCurve {
 
     /// The curve of a part that is displaced by `fractions` of `displacement` (m) under the forces `force` on the body
     /// (N).
-    pub(crate) fn of_support(
+    pub fn of_support(
         name: &str,
         displacement: [f64; 3],
         fractions: &[f64],

@@ -1,6 +1,6 @@
 //! `[body.tear]`: what tears a sheet, and the notches from which tears grow.
 
-use crate::scene::check;
+use crate::check;
 use serde::{Deserialize, Serialize};
 
 /// Distance of a snap, as a fraction of the edge, where the scene gives none.

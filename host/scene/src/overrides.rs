@@ -167,7 +167,7 @@ impl LoadedScene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::Scene;
     use std::collections::BTreeMap;
 
     const BODY: &str = "\
@@ -200,7 +200,7 @@ material = { young = 1e3, poisson = 0.3, density = 1000 }
             let after = before.overridden(&overrides).expect("a scene");
             let (old, new) = (&before.scene.realtime, &after.scene.realtime);
             assert_eq!(new.rate, 2000.0, "{}", after.source.text);
-            assert_eq!(new.scheme, crate::scene::spec::SchemeName::Hold);
+            assert_eq!(new.scheme, crate::spec::SchemeName::Hold);
             assert_eq!(after.scene.host.latency, 0.0125);
             assert_eq!(new.blend, old.blend);
             assert_eq!(after.scene.bodies.len(), 1);
@@ -259,10 +259,7 @@ material = { young = 1e3, poisson = 0.3, density = 1000 }
         let after = set("gravity=[0, -9.81, 0]").expect("a scene");
         assert_eq!(after.scene.gravity, [0.0, -9.81, 0.0]);
         let after = set("loop.scheme=hold").expect("a scene");
-        assert_eq!(
-            after.scene.realtime.scheme,
-            crate::scene::spec::SchemeName::Hold
-        );
+        assert_eq!(after.scene.realtime.scheme, crate::spec::SchemeName::Hold);
         let after = set("body[0].damping.mass=2").expect("a scene");
         assert_eq!(after.scene.bodies[0].damping.mass, 2.0);
 
@@ -299,25 +296,5 @@ material = { young = 1e3, poisson = 0.3, density = 1000 }
             let error = text.parse::<Field>().expect_err(text).to_string();
             assert!(error.contains("allowed: a field of the scene"), "{error}");
         }
-    }
-
-    /// What only the mesh tells is found after the scene was read.
-    #[test]
-    fn an_error_that_is_found_later_names_the_line_of_the_original_text() {
-        let support = "[[body.support]]\nname = \"s\"\ngroup = \"nowhere\"\n";
-        let scene = load(&format!(
-            "name = \"a\"\n[loop]\nblend = 0.4\n{BODY}{support}"
-        ));
-        let one = [Override::number("loop", "rate", 500.0)];
-        let two = [Override::word("loop", "scheme", "hold")];
-        let once = scene.overridden(&one).expect("a scene");
-        let twice = once.overridden(&two).expect("a scene");
-        let said = |scene: &LoadedScene| {
-            let error = crate::bodies::build(scene, 0).expect_err("no such group");
-            error.to_string()
-        };
-        assert!(said(&scene).starts_with("a.toml:10: "), "{}", said(&scene));
-        assert_eq!(said(&once), said(&scene));
-        assert_eq!(said(&twice), said(&scene));
     }
 }

@@ -1,6 +1,6 @@
 //! `[[body]]`: a deformable body: its mesh, its material, its handles, its supports and its loads.
 
-use crate::scene::check;
+use crate::check;
 use serde::Deserialize;
 
 use super::mesh::Mesh;

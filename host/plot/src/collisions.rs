@@ -97,7 +97,7 @@ fn written(element: &str, scale: f64) -> Option<Written> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plot::page;
+    use crate::page;
 
     #[test]
     fn collisions_and_cut_texts_are_found() {

@@ -3,7 +3,7 @@
 //! An axis and an angle have one meaning, whereas three angles have one for each order of the axes. The angle is in
 //! degrees because placements turn by quarters and by thirds of a turn, which radians cannot write exactly.
 
-use crate::scene::check;
+use crate::check;
 use nalgebra::{Rotation3, UnitQuaternion};
 use physics::{Mat3, Vec3};
 use serde::Deserialize;

@@ -295,7 +295,7 @@ pub(super) fn example(field: &str, allowed: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::Scene;
     use std::collections::BTreeMap;
 
     const SCENE: &str = "\

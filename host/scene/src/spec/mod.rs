@@ -3,12 +3,12 @@
 //! Each field that has a range checks the range while the file is read, so that the error names the line of the
 //! file and the path of the field.
 
-pub(crate) mod body;
+pub mod body;
 mod device;
 mod hand;
 mod mesh;
 mod placement;
-pub(crate) mod solve;
+pub mod solve;
 mod tear;
 
 use super::check;

@@ -1,5 +1,6 @@
 //! Pictures of runs and of benchmarks. A picture is drawn as SVG; a file of it is SVG or PNG.
 
+pub mod atomic_file;
 mod axis;
 mod chart;
 mod collisions;
@@ -30,7 +31,7 @@ pub use moment::{MomentPicture, Ribbons, moment_svg};
 pub use page::Marker;
 pub use panels::{Panel, panels_svg};
 pub use png::png;
-pub(crate) use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position_svg};
+pub use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position_svg};
 pub use view::{HandMark, Shape};
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ impl fmt::Display for Warning {
 
 /// A quantity of a scene: its ranges, and the likely causes of a value outside them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Quantity {
+pub struct Quantity {
     unit: &'static str,
     /// Beyond this range a value is warned of.
     usual: [f64; 2],
@@ -54,7 +54,7 @@ pub(crate) struct Quantity {
 
 impl Quantity {
     /// The quantity, usual up to `most`.
-    pub(crate) fn up_to(self, most: f64) -> Self {
+    pub fn up_to(self, most: f64) -> Self {
         let usual = [self.usual[0], most.min(self.allowed[1])];
         Self { usual, ..self }
     }
@@ -63,7 +63,7 @@ impl Quantity {
     ///
     /// # Errors
     /// [`SceneError::Value`] for a value beyond the allowed range.
-    pub(crate) fn judge(
+    pub fn judge(
         &self,
         source: &Source,
         field: &str,
@@ -137,7 +137,7 @@ fn in_words([low, high]: [f64; 2], unit: &str) -> String {
 }
 
 /// The longest side of a mesh from a file, after `mesh.scale`.
-pub(crate) const EXTENT_OF_FILE: Quantity = Quantity {
+pub const EXTENT_OF_FILE: Quantity = Quantity {
     unit: "m",
     usual: [1e-3, 3.0],
     allowed: [1e-6, 20.0],
@@ -145,7 +145,7 @@ pub(crate) const EXTENT_OF_FILE: Quantity = Quantity {
     large: "is the mesh in millimetres (set mesh.scale = 0.001) or in centimetres (0.01)?",
 };
 /// The longest side of a built-in mesh.
-pub(crate) const EXTENT: Quantity = Quantity {
+pub const EXTENT: Quantity = Quantity {
     small: "lengths are in metres: 1 mm is 0.001",
     large: "is the value in millimetres? lengths are in metres: 1 mm is 0.001",
     ..EXTENT_OF_FILE
@@ -240,7 +240,7 @@ const REACH: Quantity = Quantity {
     large: "is the value in millimetres? motions of hands are in metres of the device",
 };
 /// The distance of a handle at rest from the origin of its device. The usual range ends at the workspace of the device.
-pub(crate) const START: Quantity = Quantity {
+pub const START: Quantity = Quantity {
     unit: "m",
     usual: [0.0, 2.0],
     allowed: [0.0, f64::INFINITY],
@@ -390,7 +390,7 @@ const DEVICE: [DeviceNumber; 7] = [
 
 /// The quantity of a material that a field of the mesh or the scene gives by `name`; `None` for a quantity that has a
 /// strict range of its own.
-pub(crate) fn of_material(body: &Body, name: &str) -> Option<&'static Quantity> {
+pub fn of_material(body: &Body, name: &str) -> Option<&'static Quantity> {
     // Threads alone have a cross-section, and sheets alone a thickness: the material was checked, or will be.
     let material = &body.material;
     Some(match name {
@@ -560,7 +560,7 @@ fn norm([x, y, z]: [f64; 3]) -> f64 {
     x.hypot(y).hypot(z)
 }
 
-/// The warnings about the fields of a scene. Those that need a mesh are in [`crate::bodies::warnings`].
+/// The warnings about the fields of a scene. Those that need a mesh are in `host::bodies::warnings`.
 ///
 /// # Errors
 /// [`SceneError::Value`] for the first value that no scene can mean.
