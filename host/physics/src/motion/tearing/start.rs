@@ -118,7 +118,7 @@ impl Tearing {
                 continue;
             };
             for (near, place) in self.near.iter_mut().zip(rest) {
-                *near |= (place - rest[tip.vertex as usize]).norm() <= reach;
+                *near |= (place - rest[tip.vertex as usize]).norm_squared() <= reach * reach;
             }
             if self
                 .patch
