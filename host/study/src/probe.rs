@@ -293,7 +293,7 @@ mod tests {
         assert_eq!(good.longest_silence, 5);
         assert_eq!(
             good.verdict(),
-            "ready: a state in 998 ticks a second, without errors"
+            "ready: a state in 997 ticks a second, without errors"
         );
         let slow = every(2, 0..0).verdict();
         assert_eq!(
