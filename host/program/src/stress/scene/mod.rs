@@ -162,6 +162,13 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         return show_cell(arguments, &study, cell);
     }
     let shown = Shown::new();
+    if header.cells > 1 {
+        shown.say(&format!(
+            "{} worlds, each with a reference and {} schemes; fewer --runs or --schemes, or a lower --rate, take less time",
+            header.cells,
+            schemes.len()
+        ));
+    }
     let work = |cell| study.cell_told(cell, &schemes, &|part| shown.part(part));
     let cells = jobs::run(&header, &common.cells.options(), &work, &mut |at| {
         shown.show(at)
