@@ -34,7 +34,7 @@ pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
     let level = level(arguments.quick);
     let report = with_bar(|progress| {
         stability::run(level, arguments.family.as_deref(), &mut |done| {
-            progress(done)
+            progress(done);
         })
     });
     print_families(&report);

@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
     let shown = Shown::new();
     let work = |cell| faults::run(common.cells.seed, cell, &devices);
     let cells = jobs::run(&header, &common.cells.options(), &work, &mut |at| {
-        shown.show(at)
+        shown.show(at);
     });
     let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);

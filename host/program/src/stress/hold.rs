@@ -81,7 +81,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let shown = Shown::new();
     let work = |cell| study.cell(cell, &SCHEMES);
     let cells = jobs::run(&header, &common.cells.options(), &work, &mut |at| {
-        shown.show(at)
+        shown.show(at);
     });
     let Cells { cells, unwritten } = shown.end(cells)?;
     outln!("{} cells, seed {}\n", cells.len(), common.cells.seed);

@@ -141,7 +141,7 @@ pub fn run(level: Level, progress: &mut dyn FnMut(f64)) -> Result<Accuracy, Stud
         done += fraction;
     }
     let local_models = local_model::run(level, &mut |fraction| {
-        progress(done + (1.0 - done) * fraction)
+        progress(done + (1.0 - done) * fraction);
     })?;
     Ok(Accuracy {
         schema: "palpate.accuracy/2",

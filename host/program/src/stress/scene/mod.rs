@@ -171,7 +171,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     }
     let work = |cell| study.cell_told(cell, &schemes, &|part| shown.part(part));
     let cells = jobs::run(&header, &common.cells.options(), &work, &mut |at| {
-        shown.show(at)
+        shown.show(at);
     });
     let Cells { cells, unwritten } = shown.end(cells)?;
     // The scheme of the scene is judged, or each scheme that was run in its place.

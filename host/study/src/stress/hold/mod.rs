@@ -191,7 +191,7 @@ impl Study {
     }
 
     /// A cell that was not run.
-    fn empty(&self, cell: u64) -> CellResult {
+    fn empty(self, cell: u64) -> CellResult {
         let draw = self.draw(cell);
         let case = CASES.get(cell as usize);
         let rate = case.map(|(_, _, rate)| *rate);
