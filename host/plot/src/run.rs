@@ -72,6 +72,8 @@ pub enum Cause {
     Limited,
     /// The device was not armed, stopped, or without its dead-man button.
     Disengaged,
+    /// The force came in after the device was engaged.
+    Engaging,
     /// The device gave no state.
     Silent,
     /// The device said that it renders no force.
@@ -93,6 +95,7 @@ impl Cause {
             Self::Capped => "force capped",
             Self::Limited => "force or slew limited",
             Self::Disengaged => "device disengaged",
+            Self::Engaging => "force coming in",
             Self::Silent => "device silent",
             Self::LetGo => "device let go",
             Self::Fault => "fault of the device",
@@ -109,6 +112,7 @@ impl Cause {
             Self::Capped => ink::PURPLE,
             Self::Limited => ink::SKY,
             Self::Disengaged => RGBColor(200, 120, 150),
+            Self::Engaging => RGBColor(235, 185, 140),
             Self::Silent => RGBColor(0, 0, 0),
             Self::LetGo => RGBColor(60, 60, 120),
             Self::Fault => RGBColor(190, 30, 30),

@@ -66,6 +66,8 @@ pub(super) enum DeviceCommandError {
     NoMotion(String),
     #[error("the device gave no state in {0} s; see the errors above")]
     NoState(f64),
+    #[error("the device is not ready for a run; the verdict above says why")]
+    NotReady,
 }
 
 impl DeviceCommandError {

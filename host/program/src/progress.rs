@@ -144,10 +144,11 @@ impl Shared {
         let seconds = self.start.elapsed().as_secs_f64();
         let position = self.position.load(Ordering::Relaxed);
         if self.draws {
-            let template = if position == NONE {
-                "{spinner} {msg} {elapsed}"
-            } else {
-                "{bar:40} {percent:>3} %  {elapsed} so far, {eta} left"
+            let template = match position {
+                NONE => "{spinner} {msg} {elapsed}",
+                // Nothing tells yet how long the rest takes.
+                0 => "{bar:40} {percent:>3} %  {elapsed} so far",
+                _ => "{bar:40} {percent:>3} %  {elapsed} so far, {eta} left",
             };
             if let Ok(style) = ProgressStyle::with_template(template) {
                 self.bar.set_style(style);

@@ -119,6 +119,10 @@ fn print(scene: &str, fields: &[String], runs: &[&Swept]) {
     if tears {
         heads.push("tear: start N (at s), peak N, plateau N, mm2, mJ".to_owned());
     }
+    let limited = (runs.iter().flat_map(|run| &run.devices)).any(|device| device.limited > 0.0);
+    if limited {
+        heads.push("limited by the device: s, by at most N".to_owned());
+    }
     outln!("| {} |", heads.join(" | "));
     outln!("|{}", "---|".repeat(heads.len()));
     for run in runs {
@@ -139,6 +143,14 @@ fn print(scene: &str, fields: &[String], runs: &[&Swept]) {
                     1e6 * tear.area,
                     1e3 * tear.energy
                 )
+            });
+            row.push(each.collect::<Vec<_>>().join("; "));
+        }
+        if limited {
+            let each = run.devices.iter().filter(|device| device.limited > 0.0);
+            let each = each.map(|device| {
+                let (name, time, most) = (&device.name, device.limited, device.held_back);
+                format!("{name} {time:.3}, {most:.2}")
             });
             row.push(each.collect::<Vec<_>>().join("; "));
         }

@@ -130,6 +130,12 @@ pub(super) enum ViewError {
     NothingToWrite,
     #[error("the log has no tick, and so no moment")]
     NoMoment,
+    #[error("--{option}: found {found} s, allowed: up to the end of the log at {end:.3} s")]
+    AfterTheLog {
+        option: &'static str,
+        found: f64,
+        end: f64,
+    },
     #[error(transparent)]
     File(#[from] AtomicFileError),
 }
@@ -137,7 +143,7 @@ pub(super) enum ViewError {
 impl ViewError {
     pub(super) fn exit_code(&self) -> u8 {
         match self {
-            Self::NothingToWrite => 2,
+            Self::NothingToWrite | Self::AfterTheLog { .. } => 2,
             _ => 1,
         }
     }
@@ -218,7 +224,17 @@ fn playback(log: &Path, arguments: &ViewArguments) -> Result<Box<dyn Feed>, View
     if let Some(factor) = arguments.speed {
         player.command(&Command::Speed { factor });
     }
-    if let Some(seconds) = arguments.from.or(arguments.at) {
+    let moments = [("from", arguments.from), ("at", arguments.at)];
+    let moments = moments.into_iter();
+    for (option, seconds) in moments.filter_map(|(option, given)| Some((option, given?))) {
+        let end = player.end();
+        if seconds > end {
+            return Err(ViewError::AfterTheLog {
+                option,
+                found: seconds,
+                end,
+            });
+        }
         let time_ns = (seconds * 1e9).round() as u64;
         player.command(&Command::Seek { time_ns });
     }

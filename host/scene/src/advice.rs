@@ -31,6 +31,17 @@ const SYNONYMS: [(&str, &str); 26] = [
     ("scale", "motion_scale"),
 ];
 
+/// Names that people use for the contact of bodies and tools with each other, which does not exist.
+const CONTACT: [&str; 7] = [
+    "contact",
+    "contacts",
+    "collision",
+    "collisions",
+    "self_contact",
+    "self_collision",
+    "tool",
+];
+
 /// The fields of each table.
 const TABLES: [(&str, &[&str]); 14] = [
     (
@@ -271,6 +282,11 @@ pub(super) fn of_field(field: &str, allowed: &str) -> String {
         })
         .collect();
     match lives.as_slice() {
+        [] if CONTACT.contains(&name) => {
+            "; contact between bodies and tools is not implemented yet: a device feels a body \
+                                          by a [[body.handle]] only"
+                .to_owned()
+        }
         [] => meant(name, allowed),
         tables => format!("; did you mean {}?", tables.join(" or ")),
     }
@@ -393,6 +409,9 @@ model = 'falcon'
             ("", "hand = {}", "; did you mean `device.hand`?"),
             ("body", "notch = []", "; did you mean `body.tear.notch`?"),
             ("host", "rate = 100", "; did you mean `loop.rate`?"),
+            ("", "collision = {}", "by a [[body.handle]] only"),
+            ("", "tool = []", "by a [[body.handle]] only"),
+            ("body", "contact = true", "by a [[body.handle]] only"),
             ("", "zzzzzz = 1", "`device`"),
             (
                 "body",

@@ -201,6 +201,17 @@ fn check_supports(at: &str, body: &Body) -> Check {
         body.supports.iter().map(|support| &support.name),
     )?;
     for (index, support) in body.supports.iter().enumerate() {
+        let mut handles = body.handles.iter();
+        let same = handles.position(|handle| handle.name == support.name);
+        require(
+            same.is_none(),
+            &format!("{at}.support[{index}].name"),
+            format!("{:?}", support.name),
+            format!(
+                "another name than that of {at}.handle[{}]",
+                same.unwrap_or(0)
+            ),
+        )?;
         let at = format!("{at}.support[{index}]");
         check_where(&at, support.group.as_ref(), support.in_box)?;
         let all = support.axes == [true; 3];

@@ -37,7 +37,7 @@ pub(super) fn check(
                 &format!("device[{index}]"),
                 format!("no handle of the device {:?}", device.name),
                 "a [[body.handle]] with this `device`",
-                "the device would feel no force",
+                "the device would feel no force: devices do not touch bodies without a handle",
             );
         }
         let Some(hand) = &device.hand else { continue };
@@ -63,7 +63,7 @@ pub(super) fn check(
     Ok(warnings)
 }
 
-/// The warnings about real devices that their drivers command less force than their profiles have.
+/// The warnings about devices that give less force than the scene asks for: by their profiles, or by their drivers.
 pub(super) fn weaker(scene: &Scene, source: &Source, profiles: &[DeviceFile]) -> Vec<Warning> {
     let devices = scene.devices.iter().zip(profiles).enumerate();
     let weaker = devices.filter_map(|(index, (device, profile))| {
@@ -72,7 +72,16 @@ pub(super) fn weaker(scene: &Scene, source: &Source, profiles: &[DeviceFile]) ->
             "emulated" => profile.protocol.as_deref() == Some("falcon"),
             _ => false,
         };
-        let most = device.max_force.unwrap_or(profile.model.max_force);
+        let own = profile.model.max_force;
+        let most = device.max_force.unwrap_or(own);
+        if most > own {
+            return Some(Warning {
+                place: source.place(&format!("device[{index}].max_force")),
+                found: format!("{most} N"),
+                usual: format!("at most {own} N, the largest force of {}", profile.name),
+                advice: "the device gives no more, and larger forces of the body are cut off".to_owned(),
+            });
+        }
         (is_falcon && most > MOST_FORCE).then(|| Warning {
             place: source.place(&format!("device[{index}].connect")),
             found: format!("a Falcon with up to {most} N"),
@@ -203,7 +212,7 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
     }
 
     #[test]
-    fn a_falcon_that_is_connected_is_told_to_give_less_than_its_profile() {
+    fn a_device_that_gives_less_than_the_scene_asks_for_is_told() {
         let device = |device: &str| {
             let change = ("model = 'omega3'", device);
             // A person holds a device that is not simulated.
@@ -228,5 +237,9 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
         let within = "model = 'falcon'\nconnect = 'falcon'\nmax_force = 5";
         assert_eq!(device(within), [""; 0]);
         assert_eq!(device("model = 'omega3'\nconnect = 'emulated'"), [""; 0]);
+        let more = device("model = 'omega3'\nmax_force = 50");
+        let said = "a.toml:12: device[0].max_force: found 50 N, usual: at most 12 N, the largest force of Force Dimension \
+                    omega.3; ";
+        assert!(more.len() == 1 && more[0].starts_with(said), "{more:?}");
     }
 }

@@ -49,7 +49,8 @@ impl Marks {
     pub(super) fn take(&mut self, telemetry: &Telemetry) {
         let time = telemetry.time_ns as f64 * 1e-9;
         let device = telemetry.devices().map(|device| match device.safety {
-            SafetyState::Normal | SafetyState::Recovering | SafetyState::Engaging => None,
+            SafetyState::Normal | SafetyState::Recovering => None,
+            SafetyState::Engaging => Some((Cause::Engaging, time)),
             SafetyState::Limited | SafetyState::Slewed | SafetyState::Hot => {
                 Some((Cause::Limited, time))
             }
@@ -215,6 +216,21 @@ mod tests {
                 (Cause::Fading, 1.1, 1.3),
                 (Cause::Held, 1.3, 1.5),
             ],
+        );
+    }
+
+    #[test]
+    fn the_ramp_after_the_engagement_is_marked() {
+        let found = marks(|t, telemetry| {
+            telemetry.devices[0].safety = match t {
+                t if t < 0.5 => SafetyState::Disarmed,
+                t if t < 0.8 => SafetyState::Engaging,
+                _ => SafetyState::Normal,
+            };
+        });
+        near(
+            &found,
+            &[(Cause::Disengaged, 0.0, 0.5), (Cause::Engaging, 0.5, 0.8)],
         );
     }
 

@@ -142,7 +142,10 @@ fn devices(loaded: &LoadedScene, parts: &Parts) -> Vec<DeviceSummary> {
                 read: measured(index, |times| &times.read),
                 write: measured(index, |times| &times.write),
                 motion_to_force: measured(index, |times| &times.motion_to_force),
-                first_trip: trip.map(|trip| trip_summary(&trip, scene.realtime.rate)),
+                first_trip: trip.map(|trip| {
+                    let most = device.capabilities().max_moment;
+                    trip_summary(&trip, most, scene.realtime.rate)
+                }),
             },
         )
         .collect()
@@ -180,7 +183,7 @@ fn held_back(scene: &Scene, parts: &Parts) -> Vec<HeldBackSummary> {
     )
 }
 
-/// The faults and orders on purpose, then what the observers saw.
+/// The faults and orders on purpose and what the observers saw, by the time at which they began.
 fn events(options: &RunOptions, parts: &Parts) -> Vec<EventSummary> {
     let injected = options.faults.iter().map(|fault| EventSummary {
         from: fault.at,
@@ -197,7 +200,9 @@ fn events(options: &RunOptions, parts: &Parts) -> Vec<EventSummary> {
         to: span.to,
         description: span.description.clone(),
     });
-    injected.chain(ordered).chain(met).collect()
+    let mut all: Vec<_> = injected.chain(ordered).chain(met).collect();
+    all.sort_by(|a, b| a.from.total_cmp(&b.from));
+    all
 }
 
 fn dropped(parts: &Parts) -> DroppedSummary {
@@ -254,7 +259,8 @@ fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<E
     summaries.collect()
 }
 
-fn trip_summary(trip: &Trip, rate: f64) -> TripSummary {
+/// The trip of a device whose largest moment is `max_moment` (N m), in words.
+fn trip_summary(trip: &Trip, max_moment: f64, rate: f64) -> TripSummary {
     let (event, unit) = match trip.state {
         SafetyState::Hot => ("motors hot", "N"),
         SafetyState::Normal
@@ -264,7 +270,11 @@ fn trip_summary(trip: &Trip, rate: f64) -> TripSummary {
         | SafetyState::Disarmed
         | SafetyState::Stopped
         | SafetyState::LetGo => ("nothing", ""),
-        SafetyState::Limited => ("force or moment limited", "N or N m"),
+        // A trip holds the limit itself.
+        SafetyState::Limited if trip.limit.to_bits() == max_moment.to_bits() => {
+            ("moment limited", "N m")
+        }
+        SafetyState::Limited => ("force limited", "N"),
         SafetyState::Slewed => ("force at its slew limit", "N/s"),
         SafetyState::TooFast => ("too fast", "m/s"),
         SafetyState::OutOfReach => ("out of reach", "m"),
@@ -399,5 +409,26 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected, part: Part)
         devices: series.collect(),
         marks: collected.marks.clone(),
         part,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_trip_at_a_limit_has_the_unit_of_that_limit() {
+        let trip = |limit| Trip {
+            state: SafetyState::Limited,
+            tick: 500,
+            found: 1.5 * limit,
+            limit,
+        };
+        let said = |limit| {
+            let summary = trip_summary(&trip(limit), 0.5, 1000.0);
+            (summary.event, summary.unit)
+        };
+        assert_eq!(said(5.0), ("force limited", "N"));
+        assert_eq!(said(0.5), ("moment limited", "N m"));
     }
 }

@@ -13,6 +13,9 @@ pub struct Seen {
     errors: u64,
     /// Errors after the first state. An operator may have to calibrate the device before.
     lost: u64,
+    /// Ticks since the last state, and the most between two states.
+    silent: u64,
+    longest_silence: u64,
     last_error: Option<DeviceError>,
 }
 
@@ -28,8 +31,15 @@ impl Seen {
     /// Takes the reading of the tick at `now_ns`.
     pub fn take(&mut self, now_ns: u64, reading: &Result<DeviceState, DeviceError>) {
         self.ticks += 1;
+        self.silent += 1;
         match reading {
-            Ok(state) => self.states.push((now_ns, *state)),
+            Ok(state) => {
+                if !self.states.is_empty() {
+                    self.longest_silence = self.longest_silence.max(self.silent - 1);
+                }
+                self.silent = 0;
+                self.states.push((now_ns, *state));
+            }
             Err(DeviceError::NoReport) => self.missing += 1,
             Err(error) => {
                 self.errors += 1;
@@ -88,8 +98,6 @@ impl From<Response> for Motion {
 
 /// A part of its profile's rate below which a device is too slow. Clocks of devices differ by less.
 const SLOW: f64 = 0.9;
-/// A gap between two states of so many periods of the profile is told. From five periods on, a run takes its force away.
-const GAP: f64 = 5.0;
 
 /// What is known of a device beside its states.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -110,6 +118,8 @@ pub struct Known {
     pub position_step: f64,
     /// Rate of states by the profile (Hz).
     pub profile_rate: f64,
+    /// Number of ticks in a row for which a run lets the device stay silent before its force is removed.
+    pub patience: u64,
 }
 
 /// What a device's states say about it.
@@ -133,9 +143,12 @@ pub struct Probed {
     pub errors: u64,
     /// Ticks with an error after the first state.
     pub lost: u64,
+    /// Most ticks in a row without a state, between two states.
+    pub longest_silence: u64,
     /// The last error.
     pub last_error: Option<String>,
-    /// States by time, from the first to the last (Hz); zero where there are fewer than two.
+    /// Ticks with a state by time, from the first to the last (Hz); zero where there are fewer than two. Of a device that is
+    /// faster than the ticks, a tick reads the newest state only.
     pub rate: f64,
     /// Times between successive states, by the clock of the device.
     pub interval: Option<Interval>,
@@ -181,6 +194,7 @@ impl Probed {
             missing: seen.missing,
             errors: seen.errors,
             lost: seen.lost,
+            longest_silence: seen.longest_silence,
             last_error: seen.last_error.map(|error| error.to_string()),
             rate,
             interval: (!intervals.is_empty()).then(|| Interval {
@@ -205,7 +219,7 @@ impl Probed {
         let expected = self.device.profile_rate.min(self.tick_rate);
         if self.rate < SLOW * expected {
             problems.push(format!(
-                "{:.0} states a second where its profile lets expect {expected:.0}",
+                "a state in {:.0} ticks a second, where its profile lets expect {expected:.0}",
                 self.rate
             ));
         }
@@ -215,12 +229,10 @@ impl Probed {
                 self.lost
             ));
         }
-        let most = GAP / self.device.profile_rate;
-        if let Some(interval) = self.interval.filter(|interval| interval.longest > most) {
+        if self.longest_silence > self.device.patience {
             problems.push(format!(
-                "a gap of {:.1} ms between two states, where a run takes the force away after {:.1} ms",
-                1e3 * interval.longest,
-                1e3 * most
+                "{} ticks in a row without a state, where a run takes the force away after {}",
+                self.longest_silence, self.device.patience
             ));
         }
         problems
@@ -230,7 +242,10 @@ impl Probed {
     pub fn verdict(&self) -> String {
         let problems = self.problems();
         if problems.is_empty() {
-            format!("ready: {:.0} states a second, without errors", self.rate)
+            format!(
+                "ready: a state in {:.0} ticks a second, without errors",
+                self.rate
+            )
         } else {
             format!("NOT ready: {}", problems.join("; "))
         }
@@ -252,42 +267,46 @@ mod tests {
             workspace_radius: 0.04,
             position_step: 4e-5,
             profile_rate: 1000.0,
+            patience: 5,
         }
     }
 
-    /// A device whose states come `every` ns for two seconds, but for a gap of `gap_ns` after a second.
-    fn every(every_ns: u64, gap_ns: u64) -> Probed {
+    /// A device that gives a state in every tick of `every`, but in no tick of `gap`, in two seconds.
+    fn every(every: u64, gap: std::ops::Range<u64>) -> Probed {
         let mut seen = Seen::new(0);
-        let mut now = 0;
-        while now < 2_000_000_000 {
+        for tick in 0..2000 {
+            let now = tick * 1_000_000;
             let state = DeviceState {
                 device_time_ns: now,
                 ..DeviceState::resting()
             };
-            seen.take(now, &Ok(state));
-            now += if now == 1_000_000_000 {
-                gap_ns
-            } else {
-                every_ns
-            };
+            let comes = tick.is_multiple_of(every) && !gap.contains(&tick);
+            seen.take(now, &comes.then_some(state).ok_or(DeviceError::NoReport));
         }
         Probed::new("x", known(), 1000.0, &seen)
     }
 
     #[test]
     fn the_verdict_holds_the_rate_against_the_profile_and_names_what_is_wrong() {
-        let good = every(1_000_000, 1_000_000);
+        // A run bears as many ticks without a state as its patience.
+        let good = every(1, 1000..1005);
+        assert_eq!(good.longest_silence, 5);
         assert_eq!(
             good.verdict(),
-            "ready: 1000 states a second, without errors"
+            "ready: a state in 997 ticks a second, without errors"
         );
-        let slow = every(2_000_000, 2_000_000).verdict();
+        let slow = every(2, 0..0).verdict();
         assert_eq!(
             slow,
-            "NOT ready: 500 states a second where its profile lets expect 1000"
+            "NOT ready: a state in 500 ticks a second, where its profile lets expect 1000"
         );
-        let gap = every(1_000_000, 20_000_000).verdict();
-        assert!(gap.starts_with("NOT ready: a gap of 20.0 ms"), "{gap}");
+        let gap = every(1, 1000..1006).verdict();
+        assert_eq!(
+            gap,
+            "NOT ready: 6 ticks in a row without a state, where a run takes the force away after 5"
+        );
+        // The ticks before the first state are those of an operator who calibrates the device.
+        assert_eq!(every(1, 0..100).longest_silence, 0);
         let none = Probed::new("x", known(), 1000.0, &Seen::new(0)).verdict();
         assert_eq!(none, "NOT ready: it gave no state");
     }

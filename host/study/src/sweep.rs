@@ -14,7 +14,7 @@ use physics::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// Version of the lines of a sweep.
-const SCHEMA: u32 = 2;
+const SCHEMA: u32 = 3;
 /// Largest number of points of a force over time.
 const POINTS: usize = 640;
 
@@ -63,6 +63,10 @@ pub struct SweptDevice {
     pub peak: f64,
     /// The time of the largest force (s).
     pub peak_time: f64,
+    /// Time in which the largest force of the device held a part of the force back (s).
+    pub limited: f64,
+    /// The most that it held back (N).
+    pub held_back: f64,
     /// Its force over time (s, N): the norm, or the component along the axis of the scene that was asked for; peaks are kept.
     pub force: Vec<(f64, f64)>,
 }
@@ -200,6 +204,8 @@ fn measured(values: Vec<String>, loaded: &LoadedScene, part: Part, ran: &Ran) ->
             name: device.name.clone(),
             peak: norms.get(peak).copied().unwrap_or(0.0),
             peak_time: peak as f64 * record.period,
+            limited: found.held_back.ticks as f64 * record.period,
+            held_back: found.held_back.most,
             force: thin(record.period, &drawn, POINTS),
         }
     });

@@ -108,6 +108,12 @@ fn a_device_waits_to_be_armed_stops_on_an_order_and_waits_again() -> Result<(), 
             summary.events
         );
     }
+    // Events are told in the order in which they began.
+    assert!(
+        summary.events.is_sorted_by(|a, b| a.from <= b.from),
+        "{:?}",
+        summary.events
+    );
     // The bar of the project for the net energy at a hand.
     assert!(summary.energy[0].most_out < 1e-3);
     Ok(())

@@ -42,9 +42,14 @@ pub(super) fn device(
         }
         .into());
     };
-    let refused = |error: OpenError| DeviceCommandError::Open {
-        connect: connect.to_owned(),
-        problem: error.to_string(),
+    let refused = |error: OpenError| {
+        let problem = error.to_string();
+        // The connection names the address already.
+        let rest = problem.strip_prefix(&format!("{}: ", connection.address));
+        DeviceCommandError::Open {
+            connect: connect.to_owned(),
+            problem: rest.unwrap_or(&problem).to_owned(),
+        }
     };
     driver.accepts(&file).map_err(refused)?;
     let notes = Notes::default();

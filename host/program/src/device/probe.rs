@@ -9,6 +9,7 @@ use super::open::{self, Opened};
 use devices::DeviceModel;
 use devices::response::{Pulses, Response, ResponseError};
 use host::atomic_file::write_json;
+use host::run::setup::patience;
 use rt_core::{Device, Wrench};
 use runner::Stop;
 use runner::schedule::realtime;
@@ -90,23 +91,30 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
         workspace_radius: capabilities.workspace_radius,
         position_step: capabilities.position_step,
         profile_rate: f64::from(file.model.rate_hz),
+        patience: patience(&file.model, period.as_secs_f64()).into(),
     };
     let tick_rate = 1.0 / period.as_secs_f64();
     let mut probed = Probed::new(&arguments.connect, known, tick_rate, &seen);
+    let mut unmoved = None;
     if arguments.pulse && probed.states > 0 && !stop.is_requested() {
-        let found = pulses(&mut *device, &file.model, stop);
-        let failed = |error: ResponseError| DeviceCommandError::NoMotion(error.to_string());
-        probed.motion = found.transpose().map_err(failed)?.map(Motion::from);
+        match pulses(&mut *device, &file.model, stop) {
+            Some(Ok(response)) => probed.motion = Some(Motion::from(response)),
+            Some(Err(error)) => unmoved = Some(DeviceCommandError::NoMotion(error.to_string())),
+            None => {}
+        }
     }
     drop(device);
     bar.finish_and_clear();
-    ending.result()?;
     print(&probed);
     if let Some(path) = &arguments.json {
         write_json(path, &probed)?;
     }
-    if probed.states == 0 {
-        return Err(DeviceCommandError::NoState(arguments.duration).into());
+    ending.result()?;
+    if let Some(error) = unmoved {
+        return Err(error.into());
+    }
+    if !probed.problems().is_empty() {
+        return Err(DeviceCommandError::NotReady.into());
     }
     Ok(())
 }
@@ -165,8 +173,15 @@ fn print(probed: &Probed) {
     line(
         "states",
         format!(
-            "{} ({:.1} a second, {:.0} by the profile), {} ticks without a state, {} with an error",
-            probed.states, probed.rate, device.profile_rate, probed.missing, probed.errors
+            "read {:.1} times a second, at {:.0} ticks a second (the profile: {:.0} states a second)",
+            probed.rate, probed.tick_rate, device.profile_rate
+        ),
+    );
+    line(
+        "ticks",
+        format!(
+            "{} with a state, {} without, {} with an error; at most {} in a row without a state",
+            probed.states, probed.missing, probed.errors, probed.longest_silence
         ),
     );
     if let Some(error) = &probed.last_error {

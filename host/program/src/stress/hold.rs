@@ -1,6 +1,6 @@
 //! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind.
 
-use super::scene::{log, picture, write_scene};
+use super::scene::{cell, log, picture, write_scene};
 use super::{CommandError, Common, Declared, Format, Shown, Values, Written, scheme_of};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
@@ -57,6 +57,9 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     if let Some(path) = &arguments.file {
         let cell = judge(arguments.values.load(Some(path), Vec::new())?)?;
+        if cell.moves {
+            outln!("a hand moves in the last second; the hold is not judged");
+        }
         return finish(&BTreeMap::from([(0, cell)]));
     }
     let declared = Declared::default()
@@ -195,13 +198,17 @@ fn print_failures(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResul
             },
         );
         for (scheme, outcome) in &cell.schemes {
+            let held = |fraction: f64| {
+                let percent = format!("{:.2}", 100.0 * fraction);
+                if cell.moves { "-".to_owned() } else { percent }
+            };
             let names = failures(cell, scheme).into_iter().map(Failure::name);
             outln!(
-                "| {number} | {name} | {:.0} | {scheme} | {} | {:.2} | {:.2} | {:.1} | {:.3} | {:.3} | {:.2} | {:.1} | {:.2} |",
+                "| {number} | {name} | {:.0} | {scheme} | {} | {} | {} | {:.1} | {:.3} | {:.3} | {:.2} | {:.1} | {:.2} |",
                 cell.rate,
                 names.collect::<Vec<_>>().join(", "),
-                100.0 * outcome.force_errors.hold_error,
-                100.0 * outcome.force_errors.leaves,
+                held(outcome.force_errors.hold_error),
+                held(outcome.force_errors.leaves),
                 100.0 * outcome.force_errors.run_error,
                 outcome.force_errors.worst_ripple,
                 outcome.stillness.ripple,
@@ -245,32 +252,44 @@ fn rows(first: &str, cells: &BTreeMap<u64, CellResult>, which: impl Fn(&CellResu
 /// Runs one cell under one scheme and prints its outcome.
 fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), CommandError> {
     let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
-    let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
-    let scheme = known.map_or("", |(_, name)| name);
     if let Some(path) = &arguments.write {
         write_scene(path, &study.written(cell, wanted)?)?;
     }
-    let traces = study.traces(cell, &[wanted])?;
-    let draw = study.draw(cell);
-    let title = match (&draw, CASES.get(cell as usize)) {
+    // The verdict compares with `linear`.
+    let mut schemes: Vec<_> = SCHEMES.into_iter().collect();
+    schemes.retain(|(name, _)| *name == wanted || *name == SchemeName::Linear);
+    schemes.sort_by_key(|(name, _)| *name != wanted);
+    let names: Vec<_> = schemes.iter().map(|(scheme, _)| *scheme).collect();
+    let traces = study.traces(cell, &names)?;
+    let result = study.result(cell, &traces, &schemes);
+    let title = match (&result.draw, &result.case) {
         (Some(draw), _) => {
-            outln!("{draw:#?}");
+            cell::print_specimen(cell, arguments.common.cells.seed, draw);
             format!(
                 "Cell {cell}: {}, {}",
                 draw.kind.name(),
                 draw.hands[0].device
             )
         }
-        (None, case) => format!("Cell {cell}: {}", case.map_or("", |(name, ..)| name)),
+        (None, case) => {
+            let title = format!("Cell {cell}: {}", case.as_deref().unwrap_or_default());
+            outln!("{title}");
+            title
+        }
     };
-    for (run, outcome) in traces.runs.iter().zip(traces.outcomes()) {
-        outln!("{title}\n{scheme}: {outcome:#?}");
-        outln!(
-            "one count: {:.3} N; reference: net energy {:.3} mJ, {:#?}",
-            traces.count,
-            1e3 * traces.reference.net_energy(),
-            traces.reference.stillness()
-        );
+    if let (Some(run), Some((_, scheme))) = (traces.runs.first(), schemes.first()) {
+        let outcome = &result.schemes[*scheme];
+        let failed: Vec<_> = failures(&result, scheme)
+            .into_iter()
+            .map(Failure::name)
+            .collect();
+        let verdict = if failed.is_empty() {
+            "within all limits".to_owned()
+        } else {
+            format!("beyond the limits of {}", failed.join(", "))
+        };
+        cell::print_outcome(&format!("{scheme}: {verdict}"), outcome, &traces.reference);
+        outln!("  one count  changes the force by {:.3} N", traces.count);
         let mut written = Written::default();
         written.write(arguments.common.plot.as_ref(), |path| {
             let subtitle = format!(

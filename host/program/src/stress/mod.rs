@@ -196,6 +196,11 @@ impl Shown {
         self.draw();
     }
 
+    /// Writes a line to the standard error, above the bar.
+    fn say(&self, text: &str) {
+        self.bar.say(text);
+    }
+
     fn draw(&self) {
         let number = |counter: &AtomicU64| counter.load(Ordering::Relaxed) as f64;
         let parts = number(&self.before) + number(&self.millionths) / MILLION;

@@ -220,6 +220,35 @@ fn a_sweep_is_one_run_for_each_value_and_goes_on_where_it_stopped() -> Outcome {
     Ok(())
 }
 
+/// A sweep tells where the peak is that of the device, for as long and by as much as the run.
+#[test]
+fn a_sweep_tells_what_the_limit_of_a_device_held_back() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("s.toml"), SCENE)?;
+    let lines = [
+        "run s.toml --duration 0.3 --set device[left].max_force=1 --json one.json",
+        "sweep s.toml --duration 0.3 --set device[left].max_force=8,1",
+    ];
+    let [_, swept] = lines.map(|line| palpate(folder.path(), line));
+    let table = String::from_utf8_lossy(&swept?.stdout).into_owned();
+    let one: serde_json::Value = serde_json::from_slice(&fs::read(at("one.json"))?)?;
+    let held = one["held_back"].as_array().ok_or("a list")?;
+    let held = held.iter().find(|held| held["cause"] == "force limit");
+    let number = |name: &str| held.and_then(|held| held[name].as_f64());
+    let time = number("duration").ok_or("no time")?;
+    let most = number("most").ok_or("no force")?;
+    let row = |start: &str| table.lines().find(|row| row.starts_with(start));
+    let limited = row("| 1 | 1.000 (").ok_or("no row")?;
+    let end = format!("| left {time:.3}, {most:.2} |");
+    assert!(limited.ends_with(&end), "{limited} {end}");
+    assert!(
+        row("| 8 |").is_some_and(|row| row.ends_with("|  |")),
+        "{table}"
+    );
+    Ok(())
+}
+
 /// The tear of a run has the same start, peak and plateau in its summary and in a sweep, and each is that of the table of the
 /// run.
 #[test]
@@ -241,6 +270,8 @@ fn a_tear_has_one_start_one_peak_and_one_plateau() -> Outcome {
     ] {
         let ran = palpate(folder.path(), line)?;
         assert_eq!(ran.status.code(), Some(0), "{}", said(&ran).1);
+        let printed = String::from_utf8_lossy(&ran.stdout).into_owned();
+        assert!(!printed.contains("limited by the device"), "{printed}");
     }
     let summary: serde_json::Value = serde_json::from_slice(&fs::read(at("run.json"))?)?;
     let force = &summary["tears"][0]["force"];

@@ -33,7 +33,8 @@ fn the_program_resumes_and_shows_one_cell_whole() {
         &[("--plot", &plot), ("--log", &log), ("--write", &scene)],
     );
     assert_eq!(code, Some(0));
-    assert!(shown.contains("linear: Outcome"), "{shown}");
+    assert!(shown.contains("cell 7 of seed 1: "), "{shown}");
+    assert!(shown.contains("\nlinear: within all limits\n"), "{shown}");
     let svg = std::fs::read_to_string(&plot).expect("it was drawn");
     assert!(svg.contains("own along this run"));
     // One line for each tick, and the head.
@@ -42,6 +43,23 @@ fn the_program_resumes_and_shows_one_cell_whole() {
     // The drawn cell is a scene like any other, and has the same verdict.
     let (code, judged) = palpate(&["stress", "hold", scene.to_str().expect("a path")], &[]);
     assert_eq!(code, Some(0), "{judged}");
+    assert!(!judged.contains("not judged"), "{judged}");
     let (code, _) = palpate(&["plan", scene.to_str().expect("a path")], &[]);
     assert_eq!(code, Some(0));
+}
+
+#[test]
+fn the_hold_of_a_hand_that_moves_is_not_judged() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/pantograph.toml");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    let output = command.args(["stress", "hold", scene]).output();
+    let output = output.expect("the program starts");
+    let text = String::from_utf8(output.stdout).expect("it prints UTF-8");
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    let said = "a hand moves in the last second; the hold is not judged\n";
+    assert!(text.starts_with(said), "{text}");
+    assert!(
+        text.contains("| pantograph | 250 | capped |  | - | - |"),
+        "{text}"
+    );
 }

@@ -10,7 +10,7 @@ use host::scene::Scene;
 use physics::{Body, Vec3};
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
-use rt_core::{Telemetry, Withheld};
+use rt_core::{HeldBack, Telemetry, Withheld};
 use runner::TickLoop;
 
 /// A run, tick by tick.
@@ -35,6 +35,8 @@ pub struct DeviceRecord {
     pub position: Vec<Vec3>,
     /// Ticks in which the force was reduced to the limit of the device.
     pub limited: u64,
+    /// What the largest force of the device held back; nothing in a reference, which has no controller.
+    pub held_back: HeldBack,
 }
 
 /// One body.
@@ -64,6 +66,7 @@ impl Record {
             force: device.force.clone(),
             position: device.position.clone(),
             limited: device.limited.iter().filter(|limited| **limited).count() as u64,
+            held_back: HeldBack::default(),
         });
         Self {
             period: trace.period,
@@ -132,6 +135,10 @@ impl Recorder {
 
     /// The whole record, with the counts of the tick at the end, and the force at the tears of each body.
     pub(super) fn finish(mut self, tick: &TickLoop) -> (Record, Vec<Option<TearForce>>) {
+        let devices = self.record.devices.iter_mut();
+        for (device, found) in devices.zip(tick.controller.held_back_by_devices()) {
+            device.held_back = found.limited;
+        }
         let each = self.record.bodies.iter_mut();
         let each = each
             .zip(tick.controller.energy())

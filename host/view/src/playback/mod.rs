@@ -91,6 +91,15 @@ impl Player<File> {
 }
 
 impl<R: Read + Seek + Send> Player<R> {
+    /// The end of the log (s): a period after its last tick.
+    pub fn end(&self) -> f64 {
+        let period = match &self.hello {
+            Message::Hello(hello) => 1.0 / hello.tick_rate,
+            _ => 0.0,
+        };
+        self.to_ns as f64 * 1e-9 + period
+    }
+
     /// Moves the clock by `wall`. While the log plays, the tick that is then due is shown, at most sixty times a second.
     pub fn advance(&mut self, wall: Duration) {
         if !self.playing || self.failed.is_some() {

@@ -471,15 +471,20 @@ impl Screen<'_> {
         shown.max(self.model.hello.bodies.len())
     }
 
+    /// The histograms of a log are those of the whole log.
+    fn whole_log(&self) -> &'static str {
+        self.model.playback.as_ref().map_or("", |_| "whole log")
+    }
+
     fn lateness(&self, buffer: &mut Buffer, area: Rect) {
-        let inner = self.title(buffer, area, "lateness of ticks", "");
+        let inner = self.title(buffer, area, "lateness of ticks", self.whole_log());
         if let Some(frame) = &self.model.frame {
             histogram::draw(buffer, inner, self.palette, &frame.totals.lateness_bins);
         }
     }
 
     fn durations(&self, buffer: &mut Buffer, area: Rect) {
-        let inner = self.title(buffer, area, "tick time", "");
+        let inner = self.title(buffer, area, "tick time", self.whole_log());
         if let Some(frame) = &self.model.frame {
             histogram::draw(buffer, inner, self.palette, &frame.totals.duration_bins);
         }

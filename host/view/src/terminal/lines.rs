@@ -106,7 +106,8 @@ fn line(model: &Model) -> String {
         count(totals.missed)
     );
     if let Some(lateness) = &totals.lateness {
-        let _ = write!(text, "  lateness p99 {}", time(lateness.p99));
+        let whole = model.playback.as_ref().map_or("", |_| ", whole log");
+        let _ = write!(text, "  lateness p99 {}{whole}", time(lateness.p99));
     }
     for (index, hand) in frame.hands.iter().enumerate() {
         let norm = hand.force.iter().map(|f| f * f).sum::<f64>().sqrt();
@@ -116,7 +117,10 @@ fn line(model: &Model) -> String {
         let _ = write!(text, "  model age {}", time(body.age));
     }
     if let Some(host) = &frame.host {
-        let _ = write!(text, "  host {:.1} Hz", host.step_rate);
+        // The first frame of a run has no step before it.
+        if host.step_rate > 0.0 {
+            let _ = write!(text, "  host {:.1} Hz", host.step_rate);
+        }
     }
     text.push('\n');
     text

@@ -73,14 +73,23 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, rows: &[Row], palette: Palet
     }
 }
 
-fn distribution(row: Row, times: Option<&Distribution>, without: &str) -> Row {
+/// The times of a distribution: those up to now in a run, those of the whole log in a log.
+fn distribution(row: Row, model: &Model, times: Option<&Distribution>, without: &str) -> Row {
     match times {
         None => row.value(without),
-        Some(times) => row
+        Some(times) => whole_log(row, model)
             .value(format!("p50 {}", time(times.p50)))
             .value(format!("p99 {}", time(times.p99)))
             .value(format!("max {}", time(times.max)))
             .value(format!("p99.9 {}", time(times.p99_9))),
+    }
+}
+
+/// The row, which says so where its times are those of a whole log.
+fn whole_log(row: Row, model: &Model) -> Row {
+    match model.playback {
+        Some(_) => row.value("whole log:"),
+        None => row,
     }
 }
 
@@ -118,11 +127,13 @@ pub(super) fn ticks(model: &Model, palette: Palette) -> Vec<Row> {
         row,
         distribution(
             Row::new("lateness", palette.label()),
+            model,
             totals.lateness.as_ref(),
             without,
         ),
         distribution(
             Row::new("tick time", palette.label()),
+            model,
             totals.duration.as_ref(),
             without,
         ),
@@ -186,7 +197,7 @@ pub(super) fn models(model: &Model, palette: Palette) -> Vec<Row> {
             row
         };
         match frame.totals.model_age.get(index) {
-            Some(ages) => row
+            Some(ages) => whole_log(row, model)
                 .value(format!("p99 {}", time(ages.p99)))
                 .value(format!("max {}", time(ages.max))),
             None => row,

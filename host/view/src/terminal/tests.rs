@@ -407,6 +407,19 @@ fn the_keys_of_a_log_move_through_it() {
 }
 
 #[test]
+fn the_times_of_a_log_say_that_they_are_those_of_the_whole_log() {
+    let (run, mut model) = (synthetic(300), log());
+    let frame = run.frame.clone().unwrap();
+    model.take(Message::Frame(Box::new(frame)), Instant::now());
+    let times = |model: &Model| {
+        let text = shown(model, &View::default(), (200, 60));
+        text.matches("whole log:").count()
+    };
+    // Lateness, tick time, and the age of the models of one body.
+    assert_eq!((times(&run), times(&model)), (0, 3));
+}
+
+#[test]
 fn a_message_of_playback_without_lists_keeps_the_lists() {
     let mut model = log();
     let playback = Playback {

@@ -15,7 +15,7 @@ const BAUD: u32 = 115_200;
 /// Error number for a connection that has no error number of its own (ENODEV).
 const NO_DEVICE: i32 = 19;
 /// The allowed addresses.
-const TTY: &str = "tty:PATH, the path of a serial line or a pty (tty:/dev/ttyACM0), or tty:PATH@BAUD, with the speed of \
+const TTY: &str = "tty:PATH, the absolute path of a serial line or a pty (tty:/dev/ttyACM0), or tty:PATH@BAUD, with the speed of \
                    the line in bits a second (tty:/dev/ttyUSB0@1000000)";
 /// The allowed addresses.
 const TCP: &str = "tcp:HOST:PORT, with a port from 1 to 65535 (tcp:localhost:4000)";

@@ -1,8 +1,8 @@
-//! One world of `palpate stress scene` in words: what was drawn, and what was measured.
+//! One world of `palpate stress scene`, or one cell of `palpate stress hold`, in words: what was drawn, and what was measured.
 
 use study::stress::scene::draw::{Draw, Span, Task};
 use study::stress::scene::measure::{Outcome, Stillness, Trace};
-use study::stress::scene::verdict::of_outcome;
+use study::stress::specimen::{self, Cause};
 
 /// Prints what was drawn for the world `cell`.
 pub(super) fn print_draw(cell: u64, seed: u64, draw: &Draw) {
@@ -60,11 +60,69 @@ pub(super) fn print_draw(cell: u64, seed: u64, draw: &Draw) {
     }
 }
 
-/// Prints what was measured under `scheme`, beside the reference.
-pub(super) fn print_outcome(scheme: &str, outcome: &Outcome, reference: &Trace) {
+/// Prints what was drawn for the cell `cell` of `palpate stress hold`.
+pub(in crate::stress) fn print_specimen(cell: u64, seed: u64, draw: &specimen::Draw) {
+    let task = match draw.task {
+        specimen::Task::Press => "press, then stay",
+        specimen::Task::Tremble => "press, then stay with tremor",
+        specimen::Task::Rub => "press, then rub slowly across, then stay",
+        specimen::Task::Stages => "press in three stages, then stay",
+    };
+    outln!("cell {cell} of seed {seed}: {}", draw.kind.name());
+    outln!(
+        "  body       {}, {}, {}; the stiffest motion is {:.2} times what the devices render",
+        if draw.supported {
+            "fixed, too"
+        } else {
+            "between hands alone"
+        },
+        if draw.weight {
+            "with weight"
+        } else {
+            "without weight"
+        },
+        if draw.quadratic {
+            "quadratic elements"
+        } else {
+            "linear elements"
+        },
+        draw.ratio
+    );
+    outln!(
+        "  host       {:.0} models a second, {:.0} steps a second, latency {:.1} ms",
+        draw.rate,
+        draw.step_rate,
+        1e3 * draw.latency
+    );
+    outln!(
+        "  hands      {task}; to {:.0} % of the largest force of a device, haste {:.2} of 1",
+        100.0 * draw.force,
+        draw.haste
+    );
+    match draw.cause {
+        Cause::Nothing => {}
+        Cause::Slew => outln!(
+            "  disturbed  slew limit: the whole force of a device takes {:.3} s",
+            draw.span.duration
+        ),
+        cause => outln!("  disturbed  {} {}", cause.name(), between(&draw.span)),
+    }
+    for (number, hand) in (1..).zip(&draw.hands) {
+        let [x, y, z] = hand.direction;
+        outln!(
+            "  hand {number}     {}, motion scale {:.2}, along ({x:.2}, {y:.2}, {z:.2}) for {:.0} % of the way",
+            hand.device,
+            hand.scale,
+            100.0 * hand.share
+        );
+    }
+}
+
+/// Prints what was measured beside the reference, under the line `head`.
+pub(in crate::stress) fn print_outcome(head: &str, outcome: &Outcome, reference: &Trace) {
     let percent = |fraction: f64| format!("{:.2} %", 100.0 * fraction);
     let or_none = |fraction: Option<f64>| fraction.map_or("no time".to_owned(), percent);
-    outln!("{scheme}: {}", of_outcome(outcome));
+    outln!("{head}");
     outln!(
         "  energy     {:.3} mJ net (the reference {:.3}); a cap acted in {} of the ticks",
         1e3 * outcome.net_energy,

@@ -1,6 +1,6 @@
 //! `palpate stress scene`: runs a scene with many kinds of hands, rates and faults.
 
-mod cell;
+pub(super) mod cell;
 pub(super) mod picture;
 mod table;
 
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use study::stress::jobs::{self, Cells, Header};
 use study::stress::scene::draw::{Choice, Trouble};
 use study::stress::scene::measure::{Outcome, Trace};
-use study::stress::scene::verdict::Verdict;
+use study::stress::scene::verdict::{Verdict, of_outcome};
 use study::stress::scene::written::Written as WrittenScene;
 use study::stress::scene::{SCHEMES, STEP_RATE, Study};
 
@@ -162,6 +162,13 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         return show_cell(arguments, &study, cell);
     }
     let shown = Shown::new();
+    if header.cells > 1 {
+        shown.say(&format!(
+            "{} worlds, each with a reference and {} schemes; fewer --runs or --schemes, or a lower --rate, take less time",
+            header.cells,
+            schemes.len()
+        ));
+    }
     let work = |cell| study.cell_told(cell, &schemes, &|part| shown.part(part));
     let cells = jobs::run(&header, &common.cells.options(), &work, &mut |at| {
         shown.show(at);
@@ -219,7 +226,8 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
     cell::print_draw(cell, arguments.common.cells.seed, &draw);
     for run in &runs {
         let outcome = Outcome::of(run, &reference, &draw);
-        cell::print_outcome(scheme, &outcome, &reference);
+        let verdict = of_outcome(&outcome);
+        cell::print_outcome(&format!("{scheme}: {verdict}"), &outcome, &reference);
         let mut written = Written::default();
         written.write(arguments.common.plot.as_ref(), |path| {
             let title = format!("Cell {cell} under \"{scheme}\"");

@@ -14,16 +14,18 @@ pub mod verdict;
 
 use super::chance::Chance;
 use super::scene::draw::{Draw as HostDraw, Span};
-use super::scene::measure::{Outcome, Stillness, Trace};
+use super::scene::measure::{HOLD, Outcome, Stillness, Trace};
 use super::scene::world::World;
 use super::scene::written::Written;
 use super::scene::{reference, run};
 use super::specimen::{Cause, Draw};
 use crate::StudyError;
+use host::run::simulated_hand;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use serde::{Deserialize, Serialize};
+use sim::Hand;
 use std::collections::BTreeMap;
 
 /// The schemes that are compared.
@@ -67,7 +69,7 @@ pub const CASES: [(&str, &str, f64); 6] = [
 ];
 
 /// The result of one cell.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CellResult {
     /// The name of the case, for a scene of a file.
     pub case: Option<String>,
@@ -83,6 +85,9 @@ pub struct CellResult {
     pub reference: Stillness,
     /// Net energy of the reference (J).
     pub reference_net_energy: f64,
+    /// Whether a hand moves in the last second. The hold is then not judged.
+    #[serde(default)]
+    pub moves: bool,
     /// The result under each scheme, by the name of the scheme.
     pub schemes: BTreeMap<String, Outcome>,
     /// Why the cell could not be run, if it could not.
@@ -97,6 +102,8 @@ pub struct Traces {
     pub runs: Vec<Trace>,
     /// Change of the force by one count of the encoder (N), as in [`CellResult::count`].
     pub count: f64,
+    /// Whether a hand moves in the last second, as in [`CellResult::moves`].
+    pub moves: bool,
     host: HostDraw,
 }
 
@@ -169,6 +176,22 @@ impl Study {
     /// Runs a cell under each of `schemes`.
     pub fn cell(&self, cell: u64, schemes: &[(SchemeName, &str)]) -> CellResult {
         let names: Vec<_> = schemes.iter().map(|(scheme, _)| *scheme).collect();
+        match self.traces(cell, &names) {
+            Ok(traces) => self.result(cell, &traces, schemes),
+            Err(error) => CellResult {
+                failed: Some(error.to_string()),
+                ..self.empty(cell)
+            },
+        }
+    }
+
+    /// The result of a cell, whose runs under `schemes` are `traces`.
+    pub fn result(&self, cell: u64, traces: &Traces, schemes: &[(SchemeName, &str)]) -> CellResult {
+        self.empty(cell).with(traces, schemes)
+    }
+
+    /// A cell that was not run.
+    fn empty(self, cell: u64) -> CellResult {
         let draw = self.draw(cell);
         let case = CASES.get(cell as usize);
         let rate = case.map(|(_, _, rate)| *rate);
@@ -176,7 +199,7 @@ impl Study {
             case: case.map(|(name, _, _)| (*name).to_owned()),
             rate: rate.or(draw.as_ref().map(|draw| draw.rate)).unwrap_or(0.0),
             draw,
-            ..CellResult::of(self.traces(cell, &names), schemes)
+            ..CellResult::default()
         }
     }
 }
@@ -189,28 +212,17 @@ impl CellResult {
             .is_none_or(|draw| draw.cause == Cause::Nothing)
     }
 
-    fn of(traces: Result<Traces, StudyError>, schemes: &[(SchemeName, &str)]) -> Self {
-        let mut result = Self {
-            case: None,
-            rate: 0.0,
-            draw: None,
-            count: 0.0,
-            reference: Stillness::default(),
-            reference_net_energy: 0.0,
-            schemes: BTreeMap::new(),
-            failed: None,
-        };
-        match traces {
-            Ok(traces) => {
-                result.count = traces.count;
-                result.reference = traces.reference.stillness();
-                result.reference_net_energy = traces.reference.net_energy();
-                let named = schemes.iter().map(|(_, name)| (*name).to_owned());
-                result.schemes = named.zip(traces.outcomes()).collect();
-            }
-            Err(error) => result.failed = Some(error.to_string()),
+    /// The cell with the measurements of `traces`, whose runs are those under `schemes`.
+    fn with(self, traces: &Traces, schemes: &[(SchemeName, &str)]) -> Self {
+        let named = schemes.iter().map(|(_, name)| (*name).to_owned());
+        Self {
+            count: traces.count,
+            moves: traces.moves,
+            reference: traces.reference.stillness(),
+            reference_net_energy: traces.reference.net_energy(),
+            schemes: named.zip(traces.outcomes()).collect(),
+            ..self
         }
-        result
     }
 }
 
@@ -228,11 +240,12 @@ pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
         &SCHEMES.map(|(scheme, _)| scheme),
         Chance::new(0, 0),
     )?;
-    Ok(CellResult {
+    let cell = CellResult {
         case,
         rate,
-        ..CellResult::of(Ok(found), &SCHEMES)
-    })
+        ..CellResult::default()
+    };
+    Ok(cell.with(&found, &SCHEMES))
 }
 
 /// The world of a scene at the rates and the latency of the scene, without faults but `stalls` of the host.
@@ -265,8 +278,32 @@ fn traces(world: World, schemes: &[SchemeName], chance: Chance) -> Result<Traces
         reference,
         runs,
         count,
+        moves: moves(&world)?,
         host: world.draw,
     })
+}
+
+/// Whether the aim of a hand moves in the last second by more than a count of its device. A tremor is a part of a hold.
+fn moves(world: &World) -> Result<bool, StudyError> {
+    let loaded = &world.loaded;
+    let end = loaded.scene.duration;
+    for (device, model) in loaded.models.iter().enumerate() {
+        let (hand, _) = simulated_hand(loaded, device, loaded.scene.seed)?;
+        let Some(hand) = hand else { continue };
+        let hand = Hand {
+            tremor: None,
+            ..hand
+        };
+        let (last, _) = hand.aim(end);
+        let far = |tick: u32| {
+            let time = (end - f64::from(tick) * world.period()).max(0.0);
+            (hand.aim(time).0 - last).norm() > model.position_step
+        };
+        if (0..(HOLD / world.period()).round() as u32).any(far) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 /// Change of the force by one count of an encoder (N) in the present state of `bodies`. A damper counts only as far as the

@@ -60,7 +60,7 @@ pub fn worst<'a>(
 ) -> Vec<(u64, &'a CellResult, Vec<Failure>)> {
     let each = cells.iter().map(|(number, cell)| {
         let most = cell.schemes.get(scheme).map_or(f64::INFINITY, |outcome| {
-            ratios(outcome, cell.count).into_iter().fold(0.0, f64::max)
+            ratios(cell, outcome).into_iter().fold(0.0, f64::max)
         });
         (most, *number, cell, failures(cell, scheme))
     });

@@ -75,16 +75,20 @@ impl Failure {
     }
 }
 
-/// The ratios of hold, run and ripple to their limits, for a change of the force by `count` (N) per count of the
-/// encoder.
+/// The ratios of hold, run and ripple to their limits in a cell. That of the hold is zero where a hand moves.
 ///
 /// A force that alternates by a count, half of the time each, has a root mean square of half of that change: no encoder
 /// resolves less. The limit of a run is at least this root mean square; the limit of ripple is at least twice as much.
-pub fn ratios(outcome: &Outcome, count: f64) -> [f64; 3] {
-    let errors = &outcome.force_errors;
+pub fn ratios(cell: &CellResult, outcome: &Outcome) -> [f64; 3] {
+    let (errors, count) = (&outcome.force_errors, cell.count);
+    let hold = if cell.moves {
+        0.0
+    } else {
+        errors.hold_error.max(errors.leaves)
+    };
     let run = RUN.max(0.5 * count / errors.peak.max(f64::MIN_POSITIVE));
     [
-        errors.hold_error.max(errors.leaves) / HOLD,
+        hold / HOLD,
         errors.run_error / run,
         errors.worst_ripple / RIPPLE.max(count),
     ]
@@ -92,7 +96,7 @@ pub fn ratios(outcome: &Outcome, count: f64) -> [f64; 3] {
 
 /// Whether the hands hold still and gain no energy.
 pub(crate) fn is_stable(cell: &CellResult, outcome: &Outcome) -> bool {
-    let [_, _, ripple] = ratios(outcome, cell.count);
+    let [_, _, ripple] = ratios(cell, outcome);
     ripple < 1.0
         && outcome.stillness.motion < cell.reference.motion + MOST_MOTION
         && outcome.net_energy < NET_ENERGY
@@ -103,11 +107,11 @@ pub fn failures(cell: &CellResult, scheme: &str) -> Vec<Failure> {
     let Some(outcome) = cell.schemes.get(scheme) else {
         return vec![Failure::Broken];
     };
-    let found = ratios(outcome, cell.count);
+    let found = ratios(cell, outcome);
     let linear = cell.schemes.get("linear");
     let stable = linear.filter(|linear| is_stable(cell, linear));
     let worse = stable.is_some_and(|linear| {
-        let linear = ratios(linear, cell.count);
+        let linear = ratios(cell, linear);
         found.iter().zip(linear).any(|(a, b)| *a > b + WORSE)
     });
     let [hold, run, ripple] = found.map(|ratio| ratio.is_nan() || ratio >= 1.0);

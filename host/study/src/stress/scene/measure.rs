@@ -18,7 +18,7 @@ const BAND: [f64; 2] = [20.0, 400.0];
 /// Errors are not related to forces below this (N), about as large as the friction of a device.
 pub(crate) const LEAST_FORCE: f64 = 0.1;
 /// Length of the hold at the end of a run (s).
-pub(super) const HOLD: f64 = 1.0;
+pub(crate) const HOLD: f64 = 1.0;
 
 /// One device in a run, one value for each tick.
 #[derive(Clone, Debug, Default)]

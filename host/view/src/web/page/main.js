@@ -86,6 +86,7 @@ on(Kind.PLAYBACK, (playback) => {
   const turned = first || state.playback.playing !== playback.playing;
   state.playback = playback;
   timeline.take(playback);
+  if (first) panel.wholeLog();
   if (playback.events.length > 0) panel.replaceEvents(playback.events);
   // While the log plays, its numbers change ten times a second: a person cannot read faster ones.
   clearTimeout(state.playbackTimer);

@@ -45,7 +45,14 @@ export class Panel {
     this.more = 0;
     this.recent = [];
     this.shown = null;
+    this.whole = "";
     this.build();
+  }
+
+  /** Says that the times are those of the whole log, at every moment of the log. */
+  wholeLog() {
+    this.whole = "whole log";
+    this.times.textContent = this.whole;
   }
 
   build() {
@@ -57,7 +64,7 @@ export class Panel {
       ["ticks", "Ticks"], ["rate", "Rate"], ["missed", "Missed deadlines"], ["longest", "Longest in a row"], ["lost", "Records lost", "minor"],
       ["trips", "Trips"], ["stale", "Models too old"],
     ]);
-    this.table("Times", ["", "p50", "p99", "max"], [["lateness", "Lateness"], ["duration", "Tick time"], ...hello.bodies.map(({ name }, i) => [`age${i}`, hello.bodies.length > 1 ? `Age, ${name}` : "Model age"])]);
+    this.table("Times", ["", "p50", "p99", "max"], [["lateness", "Lateness"], ["duration", "Tick time"], ...hello.bodies.map(({ name }, i) => [`age${i}`, hello.bodies.length > 1 ? `Age, ${name}` : "Model age"])], this.whole);
     this.table("Hands", ["", "Force", "Peak", "Speed", "State"], hello.devices.map(({ name }, i) => [`hand${i}`, name, SHAPES[i], handColour(i)]), "N, N, m/s");
     for (const [i, { name, kind, vertices, elements }] of hello.bodies.entries()) {
       this.group(`${name}`, [
@@ -118,7 +125,9 @@ export class Panel {
       });
       return element("tr", {}, first, ...cells);
     });
-    this.root.append(element("section", { class: "group wide" }, element("h2", { text: title }, element("small", { text: note })), element("table", {}, element("thead", {}, head), element("tbody", {}, ...body))));
+    const small = element("small", { text: note });
+    if (title === "Times") this.times = small;
+    this.root.append(element("section", { class: "group wide" }, element("h2", { text: title }, small), element("table", {}, element("thead", {}, head), element("tbody", {}, ...body))));
   }
 
   /** Writes a value. `value` is the number itself, for programs that read the page. */
