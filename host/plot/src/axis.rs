@@ -82,9 +82,10 @@ impl Axis {
         let beyond = |end: f64| if is_tick(end) { short } else { pad.max(short) };
         (from, to) = (from - beyond(from), to + beyond(to));
         let step = round_step((to - from) / marks);
-        // A sum of periods may lie beyond its round end by the rounding.
-        from = (from / step + 1e-9).floor() * step;
-        to = (to / step - 1e-9).ceil() * step;
+        // The rounding of a sum of periods, or a last tick that is late, may lie beyond a round end. A hundredth of a step is
+        // less than a line is thick.
+        from = (from / step + 0.01).floor() * step;
+        to = (to / step - 0.01).ceil() * step;
         let ticks = multiples(step, from, to);
         Self {
             from,

@@ -28,7 +28,7 @@ pub struct Series {
 /// the number of omitted points.
 ///
 /// ```
-/// use host::plot::{Marker, Series, line_chart_svg};
+/// use plot::{Marker, Series, line_chart_svg};
 ///
 /// let series = Series {
 ///     name: "linear".to_owned(),

@@ -48,12 +48,12 @@ impl NamedDevice {
     /// line and field if the file is no device file, or states a number that no device has.
     ///
     /// ```
-    /// use host::scene::NamedDevice;
+    /// use scene::NamedDevice;
     ///
     /// assert_eq!(NamedDevice::load("touch")?.name, "touch");
     /// let error = NamedDevice::load("tuch").expect_err("there is no such device");
     /// assert!(error.to_string().contains("falcon, touch"));
-    /// # Ok::<(), host::scene::SceneError>(())
+    /// # Ok::<(), scene::SceneError>(())
     /// ```
     pub fn load(text: &str) -> Result<Self, SceneError> {
         if let Some(found) = Self::built_in().find(|device| device.name == text) {

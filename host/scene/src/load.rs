@@ -89,7 +89,7 @@ impl Scene {
     /// [`SceneError`] with the line, the field, the value found and the allowed values.
     ///
     /// ```
-    /// use host::scene::Scene;
+    /// use scene::Scene;
     ///
     /// let error = Scene::parse("name = 7", "my.toml").expect_err("a name is text");
     /// assert!(error.to_string().starts_with("my.toml:1: name: found 7"));

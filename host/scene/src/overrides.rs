@@ -128,13 +128,13 @@ impl LoadedScene {
     /// in errors and warnings that are found later.
     ///
     /// ```
-    /// use host::scene::{Override, Scene};
+    /// use scene::{Override, Scene};
     ///
     /// let scene = Scene::embedded_default()?;
     /// let faster = scene.overridden(&[Override::number("loop", "rate", 2000.0)])?;
     /// assert_eq!(faster.scene.realtime.rate, 2000.0);
     /// assert!(scene.overridden(&[Override::number("loop", "rate", 1.0)]).is_err());
-    /// # Ok::<(), host::scene::SceneError>(())
+    /// # Ok::<(), scene::SceneError>(())
     /// ```
     pub fn overridden(&self, overrides: &[Override]) -> Result<Self, SceneError> {
         // The scene was read before: its text is TOML.

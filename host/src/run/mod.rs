@@ -208,7 +208,7 @@ impl Progress {
 /// // A twentieth of a second of the built-in scene, under virtual time.
 /// let mut options = RunOptions::new(Clock::Virtual);
 /// options.duration = Some(0.05);
-/// let summary = run(&Scene::embedded_default()?, &options, |_| ())?;
+/// let summary = run(&Scene::embedded_default()?, &options, &mut |_| ())?;
 /// assert_eq!(summary.tick.count, 50);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

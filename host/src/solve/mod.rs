@@ -62,7 +62,7 @@ pub enum SolveError<E> {
 /// use std::convert::Infallible;
 ///
 /// let loaded = Scene::embedded_default()?;
-/// let solution = solve(&loaded, false, |_| {}, |_| Ok::<(), Infallible>(()))?;
+/// let solution = solve(&loaded, false, &mut |_| {}, &mut |_| Ok::<(), Infallible>(()))?;
 /// assert!(solution.failures.is_empty());
 /// # Ok::<(), SolveError<Infallible>>(())
 /// ```

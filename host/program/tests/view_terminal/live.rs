@@ -367,7 +367,7 @@ fn the_key_s_saves_the_moment_of_a_run_and_of_a_log() {
     terminal.press("C-c");
     terminal.ends_with("130");
     let log = terminal.folder().join("run.mcap");
-    let options = format!("{} --from 0.3", log.display());
+    let options = format!("{} --from 0.05", log.display());
     let Some(terminal) = view_in_terminal(terminal.folder(), &options) else {
         return;
     };

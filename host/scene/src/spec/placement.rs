@@ -52,7 +52,7 @@ impl Rotation {
     /// The matrix of the rotation, by Rodrigues' formula `c I + s [k] + (1 - c) k k^T`.
     ///
     /// ```
-    /// use host::scene::spec::Rotation;
+    /// use scene::spec::Rotation;
     /// use physics::Vec3;
     ///
     /// let turn = Rotation { axis: [0.0, 0.0, 2.0], degrees: 90.0 };
