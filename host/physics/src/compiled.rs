@@ -4,6 +4,7 @@
 //! linked, if a crate below has compiled it. The outer functions of a step are therefore never inlined, and this module
 //! names them for both precisions. Crates that step bodies compile faster, and their steps are the same machine code.
 
+use crate::cost::ceiling::multiply_and_add;
 use crate::{Refresher, Shapes, Stepper, Tearing};
 
 macro_rules! functions {
@@ -28,6 +29,7 @@ macro_rules! functions {
             Shapes::condense::<$type> as *const (),
             Tearing::advance::<$type> as *const (),
             Tearing::limit::<$type> as *const (),
+            multiply_and_add::<$type> as *const (),
         )*]
     };
 }
@@ -35,6 +37,6 @@ macro_rules! functions {
 /// The addresses of the functions. Nothing calls this function: the compiler compiles all functions that it names.
 #[doc(hidden)]
 #[inline(never)]
-pub fn functions_of_a_step() -> [*const (); 38] {
+pub fn functions_of_a_step() -> [*const (); 40] {
     functions!(f32, f64)
 }

@@ -1,5 +1,7 @@
 //! Bytes and operations of a pass over arrays.
 
+pub mod ceiling;
+
 use core::ops::Add;
 
 /// What a pass must do.
