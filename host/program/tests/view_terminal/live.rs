@@ -153,10 +153,13 @@ fn the_keys_of_its_display_stop_and_arm_the_devices_of_a_run() {
     terminal.wait_until_restored();
     terminal.press("C-c");
     let screen = terminal.ends_with("130");
-    // The summary tells what the orders did: both devices stopped, and force came in again after the order to arm.
-    let events = |text: &str| screen.matches(text).count();
-    assert_eq!(events(": emergency stop, no force"), 2, "{screen}");
-    assert_eq!(events(": engaging, force coming in"), 2, "{screen}");
+    // The summary tells what the orders did: both devices stopped, and force came in again after the order to arm. A busy
+    // machine interrupts either, and it begins again.
+    for device in ["left", "right"] {
+        for event in ["emergency stop, no force", "engaging, force coming in"] {
+            assert!(screen.contains(&format!(": {device}: {event}")), "{screen}");
+        }
+    }
 }
 
 #[test]
@@ -179,8 +182,10 @@ fn lines_stop_and_arm_the_devices_after_the_display_has_ended() {
         terminal.wait_for("stopped: found \"halt\"");
         terminal.press("C-c");
         let screen = terminal.ends_with("130");
-        let events = screen.matches(": emergency stop, no force").count();
-        assert_eq!(events, 2, "killed: {killed}: {screen}");
+        for device in ["left", "right"] {
+            let event = format!(": {device}: emergency stop, no force");
+            assert!(screen.contains(&event), "killed: {killed}: {screen}");
+        }
     }
 }
 
