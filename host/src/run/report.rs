@@ -229,11 +229,10 @@ fn tears(parts: &Parts) -> Vec<TearSummary> {
     let torn = bodies.filter_map(|(index, body)| {
         let tears = body.tears()?;
         let time = stats.tear.summary().into();
-        let report = tears.tearing().report();
         let force = forces.get(index).cloned().flatten();
         Some(TearSummary::new(
             body.name(),
-            report,
+            tears,
             force,
             time,
             stats.renewed,

@@ -63,6 +63,9 @@ pub enum StudyError {
     /// A mesh has no border.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A mesh of a specimen cannot be read.
+    #[error(transparent)]
+    File(#[from] meshio::MeshFileError),
     /// A body cannot be built or changed.
     #[error(transparent)]
     Body(#[from] BodyError),

@@ -5,6 +5,10 @@
 //! displacement: `H = Q U - I` with `Q` the rotation by the spin. The spin of a triangle differs from that of its
 //! neighbour by the angle that is left when the neighbour is unfolded about the shared edge. The mean over the patch is
 //! taken off. So a turn of the sheet in space, and a fold or a roll of it, add nothing to `H`.
+//!
+//! In a sheet that is bent in two directions these angles do not sum to zero about a vertex (Gauss). The spins are then
+//! those with the least sum of squares of what remains at the edges: no way through the patch is preferred, and the path of
+//! a tear has no side.
 
 use super::law::{TearError, TearMaterial};
 use super::rings::Patch;
@@ -127,6 +131,9 @@ pub(super) struct Field {
     /// Of each triangle, the angle of its middle about the tip (rad), counted on along the patch.
     pub(super) angles: Vec<f64>,
     pub(super) nodes: Vec<Node>,
+    /// Room for the [spins](Patch::even_spins): of each triangle what the spin leaves at its edges, the direction of a search
+    /// and the change of the remainder along it.
+    search: Vec<[f64; 3]>,
     pub(super) young: f64,
     pub(super) poisson: f64,
 }
@@ -159,6 +166,7 @@ impl Field {
             triangles: Vec::with_capacity(triangles),
             angles: Vec::with_capacity(triangles),
             nodes: Vec::with_capacity(vertices),
+            search: Vec::with_capacity(triangles),
             young: 1.0,
             poisson: 0.0,
         }
@@ -168,8 +176,13 @@ impl Field {
         self.triangles.clear();
         self.angles.clear();
         self.nodes.clear();
+        self.search.clear();
     }
 }
+
+/// Most iterations for the spins, and the sum of squares (rad²) of what they leave out of balance at the end.
+const MOST_SEARCHES: usize = 200;
+const BALANCED: f64 = 1e-16;
 
 impl Patch {
     /// Computes the states of the triangles of the patch at the positions `x` of the sheet's vertices (m).
@@ -187,17 +200,19 @@ impl Patch {
             });
         }
         (self.field.young, self.field.poisson) = (material.young, material.poisson);
-        let (mut spin, mut area) = (0.0, 0.0);
         for laid in &self.triangles {
             let mut state = stretch(&laid.shape, self.corners_at(laid, x), material);
             if laid.parent != NONE {
                 let parent = &self.field.triangles[laid.parent as usize];
                 state.spin = parent.spin + state.spin_against(parent);
             }
-            spin += state.area * state.spin;
-            area += state.area;
             self.field.triangles.push(state);
         }
+        self.even_spins();
+        let states = self.field.triangles.iter();
+        let (spin, area) = states.fold((0.0, 0.0), |(spin, area), state| {
+            (spin + state.area * state.spin, area + state.area)
+        });
         let mean = if area > 0.0 { spin / area } else { 0.0 };
         for state in &mut self.field.triangles {
             state.spin -= mean;
@@ -205,6 +220,66 @@ impl Patch {
         self.sum_nodes();
         self.count_angles();
         Ok(())
+    }
+
+    /// Calls `visit` with the places of the two triangles at each inner edge of the patch.
+    fn inner_edges(&self, mut visit: impl FnMut(usize, usize)) {
+        for (place, laid) in self.triangles.iter().enumerate() {
+            for next in laid.neighbours {
+                if let Some(other) = self.place_of(next)
+                    && other > place
+                {
+                    visit(place, other);
+                }
+            }
+        }
+    }
+
+    /// Gives the triangles the spins with the least sum of squares of `s_i - s_j - turn_ij` over the inner edges, where
+    /// `turn_ij` is the angle by which triangle `i` is turned against `j`. The normal equations are solved by conjugate
+    /// gradients from the spins that are carried along the triangles in the order in which they were found: in a sheet that
+    /// is flat or bent in one direction these are exact.
+    fn even_spins(&mut self) {
+        let mut search = core::mem::take(&mut self.field.search);
+        search.resize(self.triangles.len(), [0.0; 3]);
+        let states = &self.field.triangles;
+        self.inner_edges(|i, j| {
+            let left = states[i].spin_against(&states[j]) - (states[i].spin - states[j].spin);
+            // The spins along two ways may differ by whole turns.
+            let left = left - core::f64::consts::TAU * libm::round(left / core::f64::consts::TAU);
+            search[i][0] += left;
+            search[j][0] -= left;
+        });
+        let mut size: f64 = search.iter().map(|[left, ..]| left * left).sum();
+        for entry in &mut search {
+            entry[1] = entry[0];
+        }
+        for _ in 0..MOST_SEARCHES {
+            // The comparison is false for a value that is not a number.
+            if !(size > BALANCED) {
+                break;
+            }
+            for entry in &mut search {
+                entry[2] = 0.0;
+            }
+            self.inner_edges(|i, j| {
+                let change = search[i][1] - search[j][1];
+                search[i][2] += change;
+                search[j][2] -= change;
+            });
+            let along: f64 = search.iter().map(|entry| entry[1] * entry[2]).sum();
+            let length = size / along;
+            for (state, entry) in self.field.triangles.iter_mut().zip(&mut search) {
+                state.spin += length * entry[1];
+                entry[0] -= length * entry[2];
+            }
+            let before =
+                core::mem::replace(&mut size, search.iter().map(|[left, ..]| left * left).sum());
+            for entry in &mut search {
+                entry[1] = entry[0] + size / before * entry[1];
+            }
+        }
+        self.field.search = search;
     }
 
     /// The unit normal of the sheet at the tip, by the triangles at it; zero before [`Patch::measure`].
@@ -233,7 +308,8 @@ impl Patch {
                 let Some(node) = self.field.nodes.get_mut(place as usize) else {
                     continue;
                 };
-                node.on_border |= laid.open[(k + 1) % 3] || laid.open[(k + 2) % 3];
+                let beside = [(k + 1) % 3, (k + 2) % 3];
+                node.on_border |= beside.iter().any(|&side| laid.neighbours[side] == NONE);
                 node.force -= state.traction_in_space(g) * state.area;
                 let planar = state.traction(g);
                 node.planar[0] -= planar[0] * state.area;
@@ -245,16 +321,26 @@ impl Patch {
         }
     }
 
-    /// The angle of a triangle's middle differs by less than half a turn from that of the triangle before.
+    /// The angle of a triangle's middle differs by less than half a turn from that of the middle of the edge which it shares
+    /// with the triangle before, and so does the angle of the triangle before. Two large triangles at the tip differ by more.
     fn count_angles(&mut self) {
         for laid in &self.triangles {
-            let middle = [0, 1].map(|j| (0..3).map(|k| laid.shape[k][j]).sum::<f64>() / 3.0);
-            let angle = if laid.parent == NONE {
-                angle_from(self.along, middle)
-            } else {
-                let before = self.field.angles[laid.parent as usize];
-                before + angle_from(direction(self.along, before), middle)
+            let middle_of = |corners: &[[f64; 2]]| {
+                [0, 1].map(|j| corners.iter().map(|at| at[j]).sum::<f64>() / corners.len() as f64)
             };
+            let middle = middle_of(&laid.shape);
+            let mut angle = 0.0;
+            if laid.parent != NONE {
+                let parent = &self.triangles[laid.parent as usize].corners;
+                let alone = laid
+                    .corners
+                    .iter()
+                    .position(|place| !parent.contains(place));
+                let first = alone.map_or(0, |alone| alone + 1);
+                let shared = [0, 1].map(|k| laid.shape[(first + k) % 3]);
+                angle = self.angle_of(laid.parent as usize, middle_of(&shared));
+            }
+            angle += angle_from(direction(self.along, angle), middle);
             self.field.angles.push(angle);
         }
     }

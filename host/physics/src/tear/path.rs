@@ -31,6 +31,9 @@ use super::fields::{contract, times};
 use super::rings::Patch;
 use super::strength::Symmetric;
 
+/// The largest factor [by the turn](Intensity::by_turn), for `K_II = sqrt(3) K_I`. In pure sliding the factor is 4/3.
+pub const MOST_BY_TURN: f64 = 27.0 / 16.0;
+
 /// Stress intensities at a tip (Pa m^(1/2)).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Intensity {
@@ -48,6 +51,17 @@ impl Intensity {
         let root = libm::sqrt(self.k1 * self.k1 + 8.0 * self.k2 * self.k2);
         // tan(a / 2) = (K_I - root) / (4 K_II), without the difference.
         2.0 * libm::atan2(-2.0 * self.k2, self.k1 + root)
+    }
+
+    /// The factor by which a tear that turns is driven more than straight ahead: the square of the intensity of the largest
+    /// hoop stress, over the sum of the squares of both intensities. The tear starts where that intensity is `K_I` of a tear
+    /// that starts straight ahead (Erdogan and Sih 1963). The factor is between 1 and [`MOST_BY_TURN`] while `K_I` is not
+    /// negative; 1 without a stress.
+    pub fn by_turn(&self) -> f64 {
+        let (half, both) = (0.5 * self.kink(), self.k1.powi(2) + self.k2.powi(2));
+        let (sine, cosine) = (libm::sin(half), libm::cos(half));
+        let hoop = cosine * cosine * (self.k1 * cosine - 3.0 * self.k2 * sine);
+        if both > 0.0 { hoop * hoop / both } else { 1.0 }
     }
 
     /// The energy release rate that belongs to these intensities, straight ahead (J/m^2).
@@ -162,11 +176,6 @@ impl Patch {
                 }
             }
             self.border_of(laid, |length, normal, q, [a, b]| {
-                // The two edges at the tip are the faces of the tear, on which the known field has no traction.
-                let least = libm::hypot(a[0], a[1]).min(libm::hypot(b[0], b[1]));
-                if least < 1e-9 * length {
-                    return;
-                }
                 let normal = self.by_tear(normal);
                 for half in HALVES {
                     let point = [0, 1].map(|j| a[j] + half * (b[j] - a[j]));

@@ -105,8 +105,8 @@ pub struct Laid {
     pub corners: [u32; 3],
     /// Positions of the corners at rest, from the tip (m), in the frame of the tip's triangle.
     pub shape: [[f64; 2]; 3],
-    /// Whether the edge opposite to each corner is on a border.
-    pub open: [bool; 3],
+    /// The triangle of the sheet across the edge opposite to each corner, [`NONE`] on a border.
+    pub neighbours: [u32; 3],
     placement: Placement,
 }
 
@@ -325,7 +325,7 @@ impl Patch {
             parent,
             corners,
             shape: sheet.shapes[t as usize].map(|p| placement.apply(p)),
-            open: sheet.neighbours[t as usize].map(|next| next == NONE),
+            neighbours: sheet.neighbours[t as usize],
             placement,
         });
     }
@@ -343,6 +343,12 @@ impl Patch {
     /// The vertices of these triangles, ring by ring.
     pub fn vertices(&self) -> impl ExactSizeIterator<Item = u32> + '_ {
         self.vertices.iter().map(|&[vertex, _]| vertex)
+    }
+
+    /// The place of a triangle of the sheet in the patch, or `None`.
+    pub(super) fn place_of(&self, triangle: u32) -> Option<usize> {
+        let place = *self.place_of_triangle.get(triangle as usize)? as usize;
+        (place < self.triangles.len()).then_some(place)
     }
 
     /// `q` at a vertex of the patch, by its place.

@@ -1,8 +1,8 @@
 //! The tears of a body in the summary of a run.
 
 use super::Distribution;
+use crate::engine::tears::BodyTears;
 use crate::run::tear_force::TearForce;
-use physics::TearReport;
 use serde::Serialize;
 use std::fmt;
 
@@ -25,6 +25,19 @@ pub struct TearSummary {
     pub area: f64,
     /// The energy that the torn area takes (J): toughness times area. Zero under the law `thesis`.
     pub energy: f64,
+    /// The energy that hands supplied and that the body does not store at the end (J): the energy of the torn area, damping,
+    /// and what the time steps lose.
+    pub spent: f64,
+    /// The part of the energy of the torn area that went into motion and damping about the tips (J): they moved on inside edges.
+    pub slackened: f64,
+    /// The largest flow of energy to a tip at the end (J/m²).
+    pub driving: f64,
+    /// The toughness (J/m²).
+    pub toughness: f64,
+    /// Number of tips that rest at the end because their vertex is held.
+    pub held: usize,
+    /// Number of tips that rest at the end because no edge leads on from them.
+    pub blocked: usize,
     /// The change of the body's energy by edits (J).
     pub edits: f64,
     /// The force of the device that pulled hardest while the body tore; `None` where no edge opened or no device holds the
@@ -39,14 +52,15 @@ pub struct TearSummary {
 }
 
 impl TearSummary {
-    /// The summary of the tears of `body` from their report.
+    /// The summary of the `tears` of `body`.
     pub(crate) fn new(
         body: &str,
-        report: &TearReport,
+        tears: &BodyTears,
         force: Option<TearForce>,
         time: Distribution,
         renewed: u64,
     ) -> Self {
+        let report = tears.tearing().report();
         Self {
             body: body.to_owned(),
             edges: report.opened,
@@ -56,11 +70,38 @@ impl TearSummary {
             tips: report.tips,
             area: report.area,
             energy: report.due,
+            spent: tears.spent(),
+            slackened: report.slackened,
+            driving: report.driving,
+            toughness: tears.tearing().options().material.toughness,
+            held: report.held,
+            blocked: report.blocked,
             edits: report.edits,
             force,
             full: report.full,
             time,
             renewed,
+        }
+    }
+
+    /// Why the tears do not run on at the end.
+    fn rest(&self) -> String {
+        let percent = 100.0 * self.driving / self.toughness;
+        if self.blocked > 0 {
+            format!(
+                "at the end no edge leads on from {} of the tips: divide the triangles there",
+                self.blocked
+            )
+        } else if self.held == self.tips {
+            "at the end every tip is at a vertex that is held: no tear goes through one".to_owned()
+        } else if percent >= 100.0 {
+            format!(
+                "at the end a tear runs: the flow of energy to its tip is {percent:.0} % of the toughness"
+            )
+        } else {
+            format!(
+                "at the end the tears rest: the flow of energy to a tip is at most {percent:.0} % of the toughness"
+            )
         }
     }
 
@@ -85,6 +126,19 @@ impl TearSummary {
                 "             from {:.3} to {:.3} s by {}: {:.2} N at the first edge, peak {:.2} N, plateau {:.2} N (median)",
                 force.from, force.to, force.device, force.start, force.peak, force.plateau
             )?;
+        }
+        if self.edges > 0 && self.energy > 0.0 {
+            writeln!(
+                f,
+                "             the hands supplied {:.1} mJ that are not stored, {:.2} of what the torn area takes; of that, \
+                 {:.0} % went into motion and damping at the tips",
+                self.spent * 1e3,
+                self.spent / self.energy,
+                100.0 * self.slackened / self.energy
+            )?;
+        }
+        if self.tips > 0 && self.energy > 0.0 && !self.full {
+            writeln!(f, "             {}", self.rest())?;
         }
         if self.full {
             writeln!(

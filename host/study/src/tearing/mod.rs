@@ -4,6 +4,7 @@
 //! - `rig`: a sheet that tears, with its stepper. `pull`: a notched sheet that two hands tear.
 //! - [`meshes`]: force and energy of a tear on different meshes. [`strip`]: the start of a tear in a long strip.
 //!   [`trousers`]: the force of a trousers test.
+//! - [`running`]: the displacement at which a tear runs through a strip.
 //! - [`kinks`]: the first kink of a crack at an angle to the load.
 //! - [`energy`]: the account of the energy of a tear.
 //! - [`edits`]: what tears do to a mesh.
@@ -17,6 +18,7 @@ pub mod meshes;
 mod patterns;
 mod pull;
 pub(crate) mod rig;
+pub mod running;
 pub mod runs;
 mod specimen;
 pub mod strip;

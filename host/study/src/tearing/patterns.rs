@@ -126,9 +126,40 @@ impl Rectangle<'_> {
             let (along, across) = (cosine * x + sine * y, cosine * y - sine * x);
             [along - SHEAR * across, across]
         });
-        let mut triangles = triangulate(&sheared.collect::<Vec<_>>());
+        let triangles = triangulate(&sheared.collect::<Vec<_>>());
+        self.cut(points, triangles, &slits)
+    }
+
+    /// The mesh `of` the rectangle without slits, of which vertices lie along the slits.
+    ///
+    /// # Errors
+    /// [`StudyError::Slit`] for a slit that is not made of edges, and [`StudyError::Mesh`].
+    pub fn of(&self, of: &TriMesh) -> Result<Patterned, StudyError> {
+        let points: Vec<[f64; 2]> = of.positions.iter().map(|at| [at.x, at.y]).collect();
+        let slits = self.slits.iter().map(|slit| {
+            let near = 1e-6 * distance(slit.from, slit.to);
+            let mut on_slit: Vec<u32> = (0_u32..)
+                .zip(&points)
+                .filter(|(_, point)| to_slit(slit, **point) < near)
+                .map(|(vertex, _)| vertex)
+                .collect();
+            let along = |vertex: &u32| distance(slit.from, points[*vertex as usize]);
+            on_slit.sort_by(|a, b| along(a).total_cmp(&along(b)));
+            on_slit
+        });
+        let slits: Vec<_> = slits.collect();
+        self.cut(points, of.triangles.clone(), &slits)
+    }
+
+    /// The mesh of these points and triangles, cut along the vertices of each slit.
+    fn cut(
+        &self,
+        mut points: Vec<[f64; 2]>,
+        mut triangles: Vec<[u32; 3]>,
+        slits: &[Vec<u32>],
+    ) -> Result<Patterned, StudyError> {
         let mut tips = Vec::new();
-        for on_slit in &slits {
+        for on_slit in slits {
             open(on_slit, &mut points, &mut triangles)?;
             let ends = [on_slit.first(), on_slit.last()];
             let ends = ends.into_iter().flatten().copied();
@@ -154,7 +185,7 @@ impl Rectangle<'_> {
         Ok(Patterned {
             mesh,
             tips,
-            spacing,
+            spacing: self.spacing(),
         })
     }
 

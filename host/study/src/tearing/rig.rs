@@ -21,29 +21,41 @@ pub(super) struct Rig {
     pub(super) tearing: Tearing,
     /// The account of all steps.
     pub(super) ledger: Ledger,
+    /// Length of a step (s).
+    step: f64,
     /// Kinetic and elastic energy and energy of the weight at the start (J).
     begin: f64,
 }
 
 impl Rig {
-    /// A sheet whose tears begin at `tips`.
+    /// A sheet whose tears begin at `tips`, with steps of a millisecond.
     pub(super) fn new(
-        mut body: Body,
+        body: Body,
         material: TearMaterial,
         snapping: f64,
         tips: &[u32],
     ) -> Result<Self, StudyError> {
-        let room = body.vertex_count().max(400);
-        body.make_tearable(Reserve {
-            vertices: room,
-            triangles: 2 * room,
-        })?;
         let options = TearOptions {
             material,
             starts: Starts::Tips,
             snapping,
             skips: true,
         };
+        Self::with(body, options, tips, STEP)
+    }
+
+    /// A sheet whose tears begin at `tips`, with steps of `step` (s).
+    pub(super) fn with(
+        mut body: Body,
+        options: TearOptions,
+        tips: &[u32],
+        step: f64,
+    ) -> Result<Self, StudyError> {
+        let room = body.vertex_count().max(400);
+        body.make_tearable(Reserve {
+            vertices: room,
+            triangles: 2 * room,
+        })?;
         let tearing = Tearing::new(&body, options, tips)?;
         let options = StepperOptions {
             tolerance: 1e-8,
@@ -52,12 +64,13 @@ impl Rig {
         let mut stepper = Stepper::new(&body, options)?;
         stepper.reserve_pairs(MOST_PAIRS);
         stepper.keep_ledger(true);
-        stepper.prepare(&body, STEP)?;
+        stepper.prepare(&body, step)?;
         let mut rig = Self {
             body,
             stepper,
             tearing,
             ledger: Ledger::default(),
+            step,
             begin: 0.0,
         };
         rig.begin = rig.stored();
@@ -66,8 +79,10 @@ impl Rig {
 
     /// Makes a step with the handles at `targets` at its end.
     pub(super) fn step(&mut self, targets: &[HandlePose]) -> Result<StepperReport, StudyError> {
-        renew(&mut self.body, &mut self.stepper, STEP)?;
-        let report = self.stepper.step(&mut self.body, STEP, targets, || false)?;
+        renew(&mut self.body, &mut self.stepper, self.step)?;
+        let report = self
+            .stepper
+            .step(&mut self.body, self.step, targets, || false)?;
         if let Some(ledger) = self.stepper.ledger() {
             self.ledger += *ledger;
         }

@@ -360,6 +360,11 @@ impl<T: Precision> Stepper<T> {
         self.factors.is_some()
     }
 
+    /// The length of the last step (s); 0 before the first step, and after an edit.
+    pub(crate) fn step_length(&self) -> f64 {
+        self.stepped.map_or(0.0, |step| step.length)
+    }
+
     /// Elastic energy (J) at the end of the last step; 0 before the first linearization.
     pub fn elastic_energy(&self) -> f64 {
         self.elastic

@@ -18,6 +18,9 @@
 //! vanish once the sheet moves a little. A [weakening](Pair::weakening) pair forgets such a force: where it unloads, its
 //! strength follows the force.
 //!
+//! **Slackening.** A tip that moves on inside the edge leaves less of the edge closed. The pair then [loses](Pair::slacken)
+//! strength, whatever its opening, and the energy that its law would still have taken.
+//!
 //! **Energy.** The force of a pair that opens further is the work of its law over the step divided by the change of the
 //! opening. A pair that closes takes the force at the end of the step, which lets no oscillation last. After each step
 //! `d_c` is chosen so that the area that is left below the law is the energy that the pair has not yet taken. The work of
@@ -97,6 +100,33 @@ impl Pair {
     #[must_use]
     pub fn weakening(self, floor: f64) -> Self {
         Self { floor, ..self }
+    }
+
+    /// Lets the strength fall by `loss` (N), at most to zero, where the pair has let go. The opening at which the force is
+    /// lost stays. Returns by how much the energy of the pair falls (J).
+    pub fn slacken(&mut self, loss: f64) -> f64 {
+        // The comparison is false for a value that is not a number.
+        if !(loss > 0.0) {
+            return 0.0;
+        }
+        let before = self.area();
+        self.strength -= loss.min(self.strength);
+        self.is_dropped |= self.strength <= 0.0;
+        self.across = self.slope();
+        self.force = self.across * self.opening();
+        let lost = before - self.area();
+        self.energy -= lost;
+        lost
+    }
+
+    /// The force at the largest opening (N).
+    pub fn strength(&self) -> f64 {
+        self.strength
+    }
+
+    /// The area that is left below the law (J).
+    fn area(&self) -> f64 {
+        self.below() + 0.5 * self.strength * (self.critical - self.largest)
     }
 
     /// Whether the pair has let go.

@@ -79,6 +79,11 @@ impl<T: Precision> Stepper<T> {
         &self.pairs.list
     }
 
+    /// The pair of these vertices, if it has not let go.
+    pub fn pair(&self, nodes: [u32; 2]) -> Option<&Pair> {
+        self.pairs.list.iter().find(|pair| pair.nodes == nodes)
+    }
+
     /// Forgets all pairs: they let go at once.
     pub fn clear_pairs(&mut self) {
         self.pairs.list.clear();
@@ -91,9 +96,27 @@ impl<T: Precision> Stepper<T> {
         self.pairs.surplus
     }
 
-    /// Returns the [surplus](Self::surplus), and begins anew.
-    pub fn take_surplus(&mut self) -> f64 {
-        core::mem::take(&mut self.pairs.surplus)
+    /// Returns the [surplus](Self::surplus), at most `most` (J) of either sign. Of the rest, at most `kept` stays for the next
+    /// pair.
+    pub fn take_surplus(&mut self, most: f64, kept: f64) -> f64 {
+        let taken = self.pairs.surplus.clamp(-most, most);
+        self.pairs.surplus = (self.pairs.surplus - taken).clamp(-kept, kept);
+        taken
+    }
+
+    /// Lets the pair of these vertices [lose](Pair::slacken) the strength `loss` (N), and forgets a pair that has let go.
+    /// Returns by how much the energy of the pair falls (J).
+    pub fn slacken(&mut self, nodes: [u32; 2], loss: f64) -> f64 {
+        let Some(at) = self.pairs.list.iter().position(|pair| pair.nodes == nodes) else {
+            return 0.0;
+        };
+        let lost = self.pairs.list[at].slacken(loss);
+        if self.pairs.list[at].is_over() {
+            self.pairs.list.remove(at);
+            self.pairs.forget_responses();
+        }
+        self.sleep.wake();
+        lost
     }
 
     /// Adds a pair. Returns whether there was [room](Self::reserve_pairs).
@@ -111,21 +134,22 @@ impl<T: Precision> Stepper<T> {
     /// together, after the edit that parted them has been [settled](Self::settle): elastic forces and loads, and the
     /// common acceleration.
     pub fn force_between(&self, body: &Body, nodes: [u32; 2]) -> Vec3 {
-        let acting = nodes.map(|node| {
-            let node = node as usize;
-            let elastic = to_vec(&self.force[self.place[node] as usize]);
-            elastic + body.model.external[node] * body.model.load_factor
-        });
+        let acting = nodes.map(|node| self.acting(body, node));
         let mass = nodes.map(|node| body.model.mass[node as usize]);
         (acting[0] + acting[1]) * (mass[0] / (mass[0] + mass[1])) - acting[0]
     }
 
-    /// By how much (m/N) the distance of two vertices along a unit direction grows where a force that holds them together
-    /// falls. The value is that of the factor, for one step.
-    pub fn response_between(&mut self, nodes: [u32; 2], direction: &Vec3) -> f64 {
-        self.push_apart(nodes, direction);
-        let [a, b] = nodes.map(|node| self.responded(node));
-        direction.dot(&(b - a))
+    /// Elastic force and loads on a vertex (N) at the end of the last step: what inertia, damping and the pairs balance.
+    fn acting(&self, body: &Body, node: u32) -> Vec3 {
+        let elastic = to_vec(&self.force[self.place[node as usize] as usize]);
+        elastic + body.model.external[node as usize] * body.model.load_factor
+    }
+
+    /// As [`acting`](Self::acting), along the axes of the vertex that no support guides (N).
+    pub(crate) fn unbalanced(&self, body: &Body, node: u32) -> Vec3 {
+        let acting = self.acting(body, node);
+        let mask = self.mask.get(self.place[node as usize] as usize);
+        mask.map_or(acting, |mask| acting.component_mul(&to_vec(mask)))
     }
 
     /// Solves, in `z`, for the displacements under a unit force that parts two vertices.

@@ -1,10 +1,11 @@
 //! How far handles can move before the next tear goes on.
 //!
-//! In a linear sheet the stress intensities, and with them `sqrt(G)`, are linear in the displacements of the handles. The
-//! slope of `sqrt(G)` by each motion of a handle therefore says how far the handle can move until `G` reaches the
-//! toughness. It is the difference of `sqrt(G)` between the present positions and positions displaced by a small part of
-//! the shape of the motion.
+//! In a linear sheet the stress intensities, and with them the root of the rate that drives a tip (`G` of a tip that rests,
+//! `J` of a tip that runs), are linear in the displacements of the handles. The slope of the root by each motion of a handle
+//! therefore says how far the handle can move until the rate reaches the toughness. It is the difference of the root
+//! between the present positions and positions displaced by a small part of the shape of the motion.
 
+use super::tips::{Drive, MARGIN};
 use super::{Tearing, TipState};
 use crate::Vec3;
 use crate::body::Body;
@@ -20,16 +21,16 @@ const LEAST: f64 = 0.01;
 /// The tip that is nearest to going on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TearLimit {
-    /// The root of the energy release rate (sqrt(J/m²)).
+    /// The root of the rate that drives the tip (sqrt(J/m²)).
     pub root: f64,
-    /// The root of the toughness (sqrt(J/m²)).
+    /// The root at which the tip goes on (sqrt(J/m²)).
     pub critical: f64,
 }
 
 impl Tearing {
     /// The tip that is nearest to going on, and the slopes of its root by motions of the handles (sqrt(J/m²) per m or
     /// rad). `shape` gives the displacement of a vertex for a motion, by the number of the motion. `None` under the law
-    /// `thesis`, and where no tip can go on: all wait for pairs, or are hardly driven.
+    /// `thesis`, and where all tips are hardly driven.
     #[inline(never)]
     pub fn limit<T: Precision>(
         &mut self,
@@ -42,22 +43,31 @@ impl Tearing {
         if material.law == TearLaw::Thesis {
             return None;
         }
-        let mut nearest: Option<(TipState, f64)> = None;
+        let mut nearest: Option<(TipState, Drive, f64)> = None;
         for number in 0..self.tips.len() {
             let tip = self.tips[number];
-            if tip
-                .pair
-                .is_some_and(|nodes| stepper.pairs().iter().any(|pair| pair.nodes == nodes))
-            {
+            let Some(drive) = self.drive(body, stepper, &tip) else {
                 continue;
-            }
-            let rate = self.drive(body, &tip).map_or(0.0, |drive| drive.rate);
-            if rate > nearest.map_or(LEAST * material.toughness, |(_, rate)| rate) {
-                nearest = Some((tip, rate));
+            };
+            let rate = self.counts(&tip, &drive);
+            if rate > (nearest.as_ref()).map_or(LEAST * material.toughness, |&(.., rate)| rate) {
+                nearest = Some((tip, drive, rate));
             }
         }
-        let (tip, rate) = nearest?;
-        let bending = self.drive(body, &tip)?.bending;
+        let (tip, mut drive, rate) = nearest?;
+        // The patch is that of the last tip.
+        let _ = self.drive(body, stepper, &tip)?;
+        // The turn of the tear and the shares of bending and inertia change little over so small a motion.
+        let (present, bending) = (drive.rate, drive.bending);
+        let mut root_at = |driving: f64| {
+            drive.rate = driving + bending;
+            let moved = if tip.pair.is_some() {
+                drive.flow()
+            } else {
+                drive.rate * rate / present
+            };
+            libm::sqrt(moved.max(0.0))
+        };
         let root = libm::sqrt(rate);
         let x = body.node_positions();
         self.displaced.clear();
@@ -67,14 +77,14 @@ impl Tearing {
                 self.displaced[vertex as usize] += shape(motion, vertex) * SMALL;
             }
             self.patch.measure(&self.displaced, &material).ok()?;
-            // The share of bending changes little over so small a motion.
-            let moved = self.patch.driving().rate() + bending;
-            *slope = (libm::sqrt(moved.max(0.0)) - root) / SMALL;
+            *slope = (root_at(self.patch.driving().rate()) - root) / SMALL;
             for vertex in self.patch.vertices() {
                 self.displaced[vertex as usize] = x[vertex as usize];
             }
         }
-        let critical = libm::sqrt(material.toughness);
+        let waits = tip.pair.and_then(|nodes| stepper.pair(nodes));
+        let margin = if waits.is_some() { 1.0 + MARGIN } else { 1.0 };
+        let critical = libm::sqrt(margin * material.toughness);
         Some(TearLimit { root, critical })
     }
 }

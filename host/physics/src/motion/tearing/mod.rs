@@ -34,12 +34,10 @@ pub const MOST_TIPS: usize = 32;
 /// Most edges by which a tip goes on after one step.
 const MOST_EDGES: usize = 4;
 
-/// The largest factor by which a pair's first force is larger than the present force. A force that falls linearly from
-/// twice the present force has the present force as its mean.
-const MOST_STRONGER: f64 = 2.0;
+/// The largest part of its own energy by which a pair makes good the errors of earlier pairs.
+const MOST_SURPLUS: f64 = 0.1;
 
-/// The largest opening at which a pair out of the plane has let go, in lengths of its edge. With 2, the sides of
-/// trousers without stiffness against bending hold on until the legs have stretched, and the force is 20 % larger.
+/// The largest opening at which a pair out of the plane has let go, in lengths of its edge.
 const WIDEST: f64 = 4.0 / 3.0;
 
 /// How far an edge that opens may lead off the path, as a fraction of its length (8.6 degrees). The torn area is larger
@@ -90,10 +88,17 @@ pub struct TearReport {
     pub area: f64,
     /// The energy that the torn area takes (J): the toughness times the area; zero under the law `thesis`.
     pub due: f64,
+    /// The part of this energy that pairs no longer take, because their tips moved on inside edges (J): it goes into motion
+    /// and damping about the tips.
+    pub slackened: f64,
     /// The change of energy by edits (J): kinetic energy, energy of the loads, elastic energy.
     pub edits: f64,
-    /// The largest energy release rate of a tip after the last step (J/m²); 0 without a tip.
+    /// The largest flow of energy to a tip, `J`, after the last step (J/m²); 0 without a tip.
     pub driving: f64,
+    /// Number of tips that rest because their vertex is held, after the last step.
+    pub held: usize,
+    /// Number of tips that rest although they are driven, because no edge leads on from them, after the last step.
+    pub blocked: usize,
     /// The largest principal stress after the last step (Pa), where it was computed; otherwise 0.
     pub stress: f64,
     /// Whether a tear rests because the reserve of vertices or triangles is used up.
@@ -105,6 +110,8 @@ pub struct TearReport {
 pub struct Tearing {
     options: TearOptions,
     tips: Vec<TipState>,
+    /// The speed of waves `sqrt(E / density)` (m/s).
+    wave_speed: f64,
     patch: Patch,
     /// The stress of each triangle (Pa); empty where no stress is needed.
     stress: Vec<Symmetric>,
@@ -148,6 +155,9 @@ impl Tearing {
         let triangles = if by_stress { limits.triangles } else { 0 };
         Ok(Self {
             options,
+            wave_speed: libm::sqrt(
+                options.material.young / density(body, surface, options.material.thickness),
+            ),
             patch: Patch::new(limits.vertices, limits.triangles),
             stress: vec![[0.0; 3]; triangles],
             near: vec![false; vertices],
@@ -170,8 +180,8 @@ impl Tearing {
         body: &mut Body,
         stepper: &mut Stepper<T>,
     ) -> &TearReport {
-        self.report.driving = 0.0;
-        self.report.stress = 0.0;
+        (self.report.driving, self.report.stress) = (0.0, 0.0);
+        (self.report.held, self.report.blocked) = (0, 0);
         match self.options.material.law {
             TearLaw::Toughness => self.advance_by_energy(body, stepper),
             TearLaw::Thesis => self.advance_by_stress(body, stepper),
@@ -264,6 +274,7 @@ impl Tearing {
         for (end, &vertex) in ends.iter_mut().zip(&done.surface.tips) {
             *end = TipState {
                 pair,
+                edge: length,
                 ..TipState::new(vertex)
             };
         }
@@ -290,20 +301,19 @@ impl Tearing {
             return None;
         }
         // Vertices that were doubled share the energy of the edges. In most edits there is only one, the old tip. The
-        // errors of earlier pairs are made good.
+        // errors of earlier pairs are made good, by a small part at a time: they change the force that tears.
         let twins = done.vertices.clone();
         let twins = twins.filter_map(|vertex| body.twin_of(vertex).map(|of| [of, vertex]));
         let due = material.toughness * material.thickness * length;
-        let energy = (due + stepper.take_surplus()).max(0.5 * due);
+        let energy = due + stepper.take_surplus(MOST_SURPLUS * due, due);
         let count = twins.clone().count().max(1) as f64;
         let (energy, length) = (energy / count, length / count);
         let normal = self.patch.normal();
         let mut first = None;
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
-            let strength = strength(stepper, nodes, &force, (energy, length), &normal);
-            if let Some(pair) = Pair::new(nodes, &(force * strength.factor), energy)
-                && stepper.add_pair(pair.weakening(strength.least))
+            if let Some(pair) = Pair::new(nodes, &force, energy)
+                && stepper.add_pair(pair.weakening(floor(&force, (energy, length), &normal)))
             {
                 first = first.or(Some(nodes));
             }
@@ -312,63 +322,29 @@ impl Tearing {
     }
 }
 
-/// The strength of a new pair.
-struct Strength {
-    /// The first force, as a multiple of the present force.
-    factor: f64,
-    /// The force to which a pair weakens that unloads (N).
-    least: f64,
-}
-
-/// The strength of a pair, so that the pair lets go once the sheet gives up its energy. The pair is rigid below its first
-/// force, so nothing jumps. The first force is the present one, or larger by a factor of at most [`MOST_STRONGER`].
+/// The strength to which the pair of a new edge of this `length` (m) may weaken (N). The pair keeps the present force, so
+/// nothing jumps.
 ///
-/// **In the plane.** A sheet whose opening responds by `R` to a force gives up `R f^2 / 2` where a force `f` falls. On an
-/// uneven mesh this can be much less than the energy, although the tip is driven by the toughness. A pair with the
-/// present force would then hold on until its opening is far larger than a crack opens, and the tip would wait for it.
-///
-/// **Out of the plane,** as trousers tear, the sheet gives up almost no energy of its own: the hands supply the energy at
-/// about the present force, and a larger force would only hold them back. But the two sides of an edge of the length `a`
-/// are `2 a` apart at most when the tip has reached the next vertex. The pair has to let go before: an opening of
-/// [`WIDEST`] takes the energy if the first force is large enough. A larger force than that comes from the bending of
-/// short edges beside the tip. It vanishes as the sheet moves, and the pair weakens with it: otherwise the hands would
-/// have to raise it again.
-///
-/// A force that is inclined to the sheet by 30 degrees or more counts as out of the plane. Below, the square of its part
-/// across the sheet mixes both.
-fn strength<T: Precision>(
-    stepper: &mut Stepper<T>,
-    nodes: [u32; 2],
-    force: &Vec3,
-    (energy, length): (f64, f64),
-    normal: &Vec3,
-) -> Strength {
+/// Out of the plane the present force may be several times that of the hands: it then comes from the bending of short edges
+/// beside the tip. It vanishes as the sheet moves, and the pair weakens with it, down to the force with which an opening of
+/// [`WIDEST`] takes the energy: otherwise the hands would have to raise it again. In the plane a pair does not weaken.
+fn floor(force: &Vec3, (energy, length): (f64, f64), normal: &Vec3) -> f64 {
     let size = force.norm();
-    let direction = force / size;
-    let response = stepper.response_between(nodes, &direction);
-    let by_response = at_least_one((2.0 * energy / response).sqrt() / size);
-    // The force with which an opening of the widest length takes the energy.
     let least = 2.0 * energy / (WIDEST * length);
-    let by_length = at_least_one(least / size);
-    // A square of 1/4 is 30 degrees.
-    let across = (4.0 * direction.dot(normal).powi(2)).min(1.0);
-    let factor = by_response + (by_length - by_response) * across;
-    // The comparison is false for a value that is not a number.
-    let factor = if factor > 1.0 { factor } else { 1.0 };
-    let first = size * factor;
-    Strength {
-        factor,
-        least: first + (least.min(first) - first) * across,
-    }
+    size + (least.min(size) - size) * across(&(force / size), normal)
 }
 
-/// A factor between 1 and [`MOST_STRONGER`]; 1 for a value that is not a number.
-fn at_least_one(factor: f64) -> f64 {
-    if factor > 1.0 {
-        factor.min(MOST_STRONGER)
-    } else {
-        1.0
-    }
+/// How far the unit direction of a force is across the sheet: 1 where the force is inclined to the sheet by 30 degrees or
+/// more, below by the square of its part across the sheet.
+fn across(direction: &Vec3, normal: &Vec3) -> f64 {
+    // A square of 1/4 is 30 degrees.
+    (4.0 * direction.dot(normal).powi(2)).min(1.0)
+}
+
+/// The mean density of a sheet of this `thickness` (kg/m³).
+fn density(body: &Body, surface: &Surface, thickness: f64) -> f64 {
+    let areas = (0..surface.triangle_count() as u32).map(|triangle| surface.area(triangle));
+    body.total_mass() / (areas.sum::<f64>() * thickness)
 }
 
 /// The surface as the room `tear` takes it.

@@ -61,7 +61,7 @@ impl Tearing {
         };
         self.report.started += 1;
         for (tip, course) in tips.iter_mut().zip(courses) {
-            tip.course = course;
+            (tip.course, tip.bridge) = (course, tip.pair);
         }
         let new = tips.into_iter().filter(|tip| tip.vertex != NONE);
         self.tips.extend(new);

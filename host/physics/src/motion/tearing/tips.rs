@@ -1,16 +1,58 @@
 //! The tips: their driving force, their direction, and the edges by which they go on.
+//!
+//! **Two rates.** `G` is the energy that the sheet about the tip gives up for a unit of torn area: the vertex sum of
+//! [`driving`](crate::tear::driving) takes off the work of inertia, damping and pairs. While an edge opens, these hide a part
+//! of the energy that flows from afar. `J` is that flow: of the forces on the vertices only the loads are taken off
+//!
+//! ```text
+//! J = G - sum q_i (F e)_i . (f_i + p_i) / t
+//! ```
+//!
+//! with the elastic force `f_i`, bending included, and the load `p_i` at the end of the step. A tip that rests goes on by
+//! `G`, a tip that runs by `J`.
+//!
+//! **Inside an edge.** The pair behind a tip loses its force as it opens. Where `J` is the toughness, each opening of the pair
+//! is in balance, and the damping alone would say how fast the tip runs. The tip therefore also moves on inside the edge, at
+//! a speed by which the flow grows over the toughness, and the pair loses its force with the length that is left:
+//!
+//! ```text
+//! x = 1 - (1 + m) G_c / J        v = k sqrt(E / density) x        strength -= (v h / a) first
+//! ```
+//!
+//! (after L. B. Freund, "Dynamic Fracture Mechanics", 1990: `J (1 - v / c_R) = G_c`).
+//!
+//! **A tear that pairs bridge.** A tear that has just started at the strength is no crack yet: pairs hold its faces together
+//! with the strength. Its tips go on where the stress reaches the strength, as the front of a cohesive zone does. So a sheet
+//! bears the strength times its section at most, however large its toughness. When the first pair has let go, the tear is a
+//! crack.
 
-use super::{MOST_EDGES, Tearing, sheet};
+use super::{MOST_EDGES, Tearing, across, sheet};
 use crate::body::Body;
 use crate::element::precision::Precision;
-use crate::motion::stepper::Stepper;
+use crate::motion::stepper::{Pair, Stepper};
 use crate::tear::fields::stretch;
+use crate::tear::path::MOST_BY_TURN;
 use crate::tear::strength::{candidate, onwards};
 use crate::tear::{Intensity, RINGS, Tip};
 use crate::topology::{Edit, NONE, Surface};
 
 /// The largest angle by which an edge turns back to the path (rad): 45 degrees.
 const MOST_BACK: f64 = core::f64::consts::FRAC_PI_4;
+
+/// The part by which the flow of energy exceeds the toughness before a tip moves on inside an edge: `m`. The flow errs by
+/// so much on meshes without order.
+pub(super) const MARGIN: f64 = 0.01;
+
+/// The speed inside an edge over the speed of waves `sqrt(E / density)` and over `x`: it grows with `x` up to that of
+/// Rayleigh's waves, so that a tear that just goes on does not overshoot. Bending waves are slow: across the sheet the
+/// factor is [`ACROSS`].
+fn swiftness(x: f64, across: f64) -> f64 {
+    let in_plane = (0.1 + 5.0 * x).min(0.57);
+    in_plane + (ACROSS - in_plane) * across
+}
+
+/// The factor of [`swiftness`] where a sheet is torn across its plane.
+const ACROSS: f64 = 0.02;
 
 /// A tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +62,11 @@ pub struct TipState {
     /// The pair of vertices behind the tip that lets each other go; `None` at the end of a notch and under a law without
     /// letting go.
     pub pair: Option<[u32; 2]>,
+    /// The length of the edge behind the tip (m), infinite at the end of a notch.
+    pub edge: f64,
+    /// The first pair of a tear that started at the strength; `None` at a notch. As long as this pair has not let go, pairs
+    /// bridge the whole tear.
+    pub bridge: Option<[u32; 2]>,
     /// Where the path of the tear runs.
     pub course: Course,
 }
@@ -56,12 +103,21 @@ impl Course {
     }
 }
 
+impl Drive {
+    /// The flow of energy to the tip from afar, `J` (J/m²).
+    pub(super) fn flow(&self) -> f64 {
+        self.rate + self.hidden
+    }
+}
+
 impl TipState {
     /// A tip at the end of a notch.
     pub(super) fn new(vertex: u32) -> Self {
         Self {
             vertex,
             pair: None,
+            edge: f64::INFINITY,
+            bridge: None,
             course: Course::default(),
         }
     }
@@ -69,10 +125,12 @@ impl TipState {
 
 /// What drives a tip.
 pub(super) struct Drive {
-    /// The energy release rate along its path, with bending (J/m²).
+    /// The energy release rate `G` along its path, with bending (J/m²).
     pub(super) rate: f64,
     /// The share of bending (J/m²).
     pub(super) bending: f64,
+    /// By how much the flow of energy from afar exceeds `G` (J/m²): the share of inertia, damping and pairs.
+    pub(super) hidden: f64,
     /// The fan angle of the path (rad).
     pub(super) direction: f64,
 }
@@ -92,7 +150,12 @@ impl Tearing {
     ///
     /// The tear counts as straight along its path. The direction of the last edge would make the stress intensities err
     /// by the angle between both: triangles do not resolve the field about a kink of one edge.
-    pub(super) fn drive(&mut self, body: &Body, tip: &TipState) -> Option<Drive> {
+    pub(super) fn drive<T: Precision>(
+        &mut self,
+        body: &Body,
+        stepper: &Stepper<T>,
+        tip: &TipState,
+    ) -> Option<Drive> {
         let surface = body.surface()?;
         let vertex = tip.vertex;
         let direction = surface.straight_ahead(vertex) + tip.course.turned;
@@ -108,9 +171,16 @@ impl Tearing {
         measured.ok()?;
         let material = &self.options.material;
         let bending = body.bending_release(&mut self.patch) / material.thickness;
+        let vertices = self.patch.vertices();
+        let work = vertices.map(|vertex| {
+            let motion = self.patch.motion(vertex);
+            motion.dot(&stepper.unbalanced(body, vertex))
+        });
+        let hidden = -work.sum::<f64>() / material.thickness;
         Some(Drive {
             rate: self.patch.driving().rate() + bending,
             bending,
+            hidden,
             direction,
         })
     }
@@ -138,48 +208,106 @@ impl Tearing {
         Some((edit, tip.course.after(angle, length, path)))
     }
 
-    /// The angle by which a tip turns that is driven by the energy release rate `rate` (J/m²).
+    /// The stress intensities that say how a tip turns that is driven by the energy release rate `rate` (J/m²).
     ///
-    /// The stress intensities are those in the plane of the sheet. Where hands tear a sheet out of its plane, most of the
+    /// They are those in the plane of the sheet. Where hands tear a sheet out of its plane, most of the
     /// energy comes from the tearing mode and from bending, which drive the tip straight ahead. This part counts with the
     /// opening mode: `K_I` is replaced by `sqrt(E G - K_II^2)` where that is larger. In the plane the two are equal.
-    fn kink(&self, rate: f64) -> f64 {
+    fn intensity(&self, rate: f64) -> Intensity {
         let found = self.patch.intensity();
         let ahead = self.options.material.young * rate - found.k2 * found.k2;
         let k1 = found.k1.max(libm::sqrt(ahead.max(0.0)));
-        Intensity { k1, ..found }.kink()
+        Intensity { k1, ..found }
     }
 
-    /// Lets the tips go on whose energy release rate is at least the toughness. A tip waits until the pair behind it has
-    /// let go.
+    /// What is compared with the toughness at a tip with this drive, which the patch holds. The first edge of a tip goes by
+    /// `G`, and by the criterion that says where it turns: a tear that turns starts at a smaller load. The further edges go
+    /// by `J`.
+    pub(super) fn counts(&self, tip: &TipState, drive: &Drive) -> f64 {
+        if tip.pair.is_some() {
+            return drive.flow();
+        }
+        // A rate that no turn could make the toughness needs no intensities.
+        if drive.rate * MOST_BY_TURN < self.options.material.toughness {
+            return drive.rate;
+        }
+        drive.rate * self.intensity(drive.rate).by_turn()
+    }
+
+    /// Lets the pair behind a tip lose force as the tip moves on inside the edge, where the flow of energy `flow` (J/m²) asks
+    /// for it. `length` is that of the step (s). Returns whether the pair has let go.
+    fn slacken<T: Precision>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        tip: &TipState,
+        nodes: [u32; 2],
+        (flow, length): (f64, f64),
+    ) -> bool {
+        let material = &self.options.material;
+        let x = 1.0 - (1.0 + MARGIN) * material.toughness / flow;
+        // The comparison is false for a flow that is no number.
+        let (Some(pair), true) = (stepper.pair(nodes), flow > 0.0 && x > 0.0) else {
+            return false;
+        };
+        let across = across(&pair.direction(), &self.patch.normal());
+        let speed = swiftness(x, across) * self.wave_speed * x;
+        // A tip moves on by one edge in a step at most.
+        let part = (speed * length / tip.edge).min(1.0);
+        let loss = part * pair.first;
+        self.report.slackened += stepper.slacken(nodes, loss);
+        stepper.pair(nodes).is_none()
+    }
+
+    /// Lets the tips go on that the toughness cannot hold. A tip waits until the pair behind it has let go.
     pub(super) fn advance_by_energy<T: Precision>(
         &mut self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
     ) {
+        let length = stepper.step_length();
         let mut number = 0;
         while let Some(&(mut tip)) = self.tips.get(number) {
+            let mut left = length;
             for _ in 0..MOST_EDGES {
-                let Some(drive) = self.drive(body, &tip) else {
+                let Some(drive) = self.drive(body, stepper, &tip) else {
+                    self.report.held += 1;
                     break;
                 };
-                self.report.driving = self.report.driving.max(drive.rate);
-                let waits = tip
-                    .pair
-                    .is_some_and(|nodes| stepper.pairs().iter().any(|pair| pair.nodes == nodes));
-                // The comparison is false for a rate that is no number.
-                let goes_on = drive.rate >= self.options.material.toughness;
-                if waits || !goes_on {
-                    break;
-                }
-                let path = drive.direction + self.kink(drive.rate);
-                let Some((edit, course)) = self.growth_along(body, &tip, path) else {
+                self.report.driving = self.report.driving.max(drive.flow());
+                let waits = tip.pair.and_then(|nodes| stepper.pair(nodes));
+                let bridge = tip.bridge.and_then(|nodes| stepper.pair(nodes));
+                let path = if bridge.is_some() {
+                    let Some((stress, direction)) = self.stressed(body, tip.vertex) else {
+                        break;
+                    };
+                    if stress < self.options.material.strength {
+                        break;
+                    }
+                    direction
+                } else {
+                    if let Some(&Pair { nodes, .. }) = waits {
+                        let step = (drive.flow(), core::mem::take(&mut left));
+                        if !self.slacken(stepper, &tip, nodes, step) {
+                            break;
+                        }
+                    }
+                    // The comparison is false for a rate that is no number.
+                    let goes_on = self.counts(&tip, &drive) >= self.options.material.toughness;
+                    if !goes_on {
+                        break;
+                    }
+                    drive.direction + self.intensity(drive.rate).kink()
+                };
+                let edit = self.growth_along(body, &tip, path);
+                let made = edit.and_then(|(edit, course)| {
+                    let [tip, _] = self.make(body, stepper, &edit)?;
+                    Some((tip, course))
+                });
+                let Some((mut next, course)) = made else {
+                    self.report.blocked += 1;
                     break;
                 };
-                let Some([mut next, _]) = self.make(body, stepper, &edit) else {
-                    break;
-                };
-                next.course = course;
+                (next.course, next.bridge) = (course, tip.bridge);
                 // A met tip before this one has been removed.
                 number = self
                     .tips
@@ -202,6 +330,23 @@ impl Tearing {
         }
     }
 
+    /// The principal stress at the tip of a tear (Pa), and the fan angle of the direction orthogonal to it that goes on (rad).
+    fn stressed(&mut self, body: &Body, vertex: u32) -> Option<(f64, f64)> {
+        let surface = body.surface()?;
+        let from = ahead(surface, vertex)?;
+        let view = sheet(surface);
+        for corner in surface.fan(vertex) {
+            let triangle = corner.triangle as usize;
+            let x = view.triangles[triangle].map(|vertex| body.node_positions()[vertex as usize]);
+            self.stress[triangle] =
+                stretch(&view.shapes[triangle], x, &self.options.material).stress;
+        }
+        let found = candidate(&view, vertex, from.triangle, &self.stress);
+        let along = onwards(found.along, from.along);
+        let direction = surface.fan_angle(vertex, from.triangle, along)?;
+        Some((found.stress, direction))
+    }
+
     /// The law of the thesis: of all tips, the one with the highest principal stress goes on by one edge, if that stress is
     /// at least the strength, orthogonal to the direction of the stress and never backwards (Le Gouis et al. 2017).
     pub(super) fn advance_by_stress<T: Precision>(
@@ -209,31 +354,16 @@ impl Tearing {
         body: &mut Body,
         stepper: &mut Stepper<T>,
     ) {
-        let Some(surface) = body.surface() else {
-            return;
-        };
         let mut highest: Option<(usize, f64, f64)> = None;
-        for (number, tip) in self.tips.iter().enumerate() {
-            let Some(from) = ahead(surface, tip.vertex) else {
+        for number in 0..self.tips.len() {
+            let Some((stress, direction)) = self.stressed(body, self.tips[number].vertex) else {
                 continue;
             };
-            let view = sheet(surface);
-            for corner in surface.fan(tip.vertex) {
-                let triangle = corner.triangle as usize;
-                let x =
-                    view.triangles[triangle].map(|vertex| body.node_positions()[vertex as usize]);
-                self.stress[triangle] =
-                    stretch(&view.shapes[triangle], x, &self.options.material).stress;
-            }
-            let found = candidate(&view, tip.vertex, from.triangle, &self.stress);
-            self.report.stress = self.report.stress.max(found.stress);
-            let along = onwards(found.along, from.along);
-            let direction = surface.fan_angle(tip.vertex, from.triangle, along);
-            if found.stress >= self.options.material.strength
-                && highest.is_none_or(|(_, stress, _)| found.stress > stress)
-                && let Some(direction) = direction
+            self.report.stress = self.report.stress.max(stress);
+            if stress >= self.options.material.strength
+                && highest.is_none_or(|(_, highest, _)| stress > highest)
             {
-                highest = Some((number, found.stress, direction));
+                highest = Some((number, stress, direction));
             }
         }
         let Some((number, _, direction)) = highest else {
