@@ -215,7 +215,7 @@ impl Equilibrium {
         self.load(body, factors, at);
     }
 
-    /// Whether the body does not return to its place before the last load step, from `done` to `next`, when that step is
+    /// Whether the body does not return to its balance before the last load step, from `done` to `next`, when that step is
     /// taken back. A body that cannot be taken back has not been seen to snap. The body keeps its state.
     fn has_snapped(
         &mut self,
@@ -226,19 +226,27 @@ impl Equilibrium {
     ) -> bool {
         let there = body.state.x.clone();
         self.aim(body, targets, factors, done);
-        let back = self
-            .newton
-            .solve(body, None, &self.held, Guide::To(&self.last));
+        let mut balance = |body: &mut Body| {
+            let report = self
+                .newton
+                .solve(body, None, &self.held, Guide::To(&self.last));
+            report.is_ok_and(|report| report.converged)
+        };
+        let returned = balance(body);
+        let back = body.state.x.clone();
+        // The places before the first load step need not be in balance: a flat pattern draws its mesh to another shape.
+        body.state.x.copy_from_slice(&self.last);
+        let returned = returned && balance(body);
         let distance = |a: &[Vec3], b: &[Vec3]| {
             let apart = a.iter().zip(b).map(|(a, b)| (a - b).norm());
             apart.fold(0.0, f64::max)
         };
         let moved = distance(&there, &self.last);
-        let apart = distance(&body.state.x, &self.last);
+        let apart = distance(&back, &body.state.x);
         body.state.x = there;
         self.aim(body, targets, factors, next);
         body.assemble_with(Tangent::Exact);
-        back.is_ok_and(|back| back.converged) && apart > RETURNED * moved
+        returned && apart > RETURNED * moved
     }
 
     /// Takes the load steps. After an error, `last` has the positions after the last load step that succeeded.

@@ -301,12 +301,18 @@ fn guided(mesh: &TriMesh, body: &mut Body) {
     }
 }
 
-/// Brings a sleeve of 32 cells around to equilibrium, which is a cylinder with the radius of its pattern.
+/// Brings a sleeve of 32 cells around to equilibrium, which is a cylinder with the radius of its pattern. The places of the
+/// mesh are not in balance, so the way from there is no snap.
 fn relax_to_pattern(body: &mut Body) {
-    Equilibrium::new(body, EquilibriumOptions::default())
+    let options = EquilibriumOptions {
+        find_snaps: true,
+        ..EquilibriumOptions::default()
+    };
+    let report = Equilibrium::new(body, options)
         .unwrap()
         .solve(body, &[], 1.0)
         .unwrap();
+    assert_eq!(report.snapped, None);
     // The polygon of 32 sides is 0.16 % further out than the circle of the same length. The moment presses the sheet by
     // the square of thickness over radius, 1e-4 over 12.
     for x in body.positions() {
@@ -318,7 +324,7 @@ fn relax_to_pattern(body: &mut Body) {
 fn a_sleeve_relaxes_to_the_radius_of_its_pattern() {
     let material = rubber(0.0);
     let exact = 0.5 * material.bending_rigidity() * (TAU * 0.1 * 0.3) / 0.01;
-    for start in [0.09, 0.125] {
+    for start in [0.08, 0.09, 0.125] {
         let mesh = sleeve(pieces()[1].1, 32, start);
         let mut body = Body::sheet(&mesh, &[material], bending(), &[]).unwrap();
         guided(&mesh, &mut body);

@@ -96,6 +96,14 @@ pub(super) const WAYS: &[(&str, Way)] = &[
     ("palpate view run.mcap", With("--speed 100")),
     // Runs whose length is not their point.
     (
+        "palpate run --clock real --duration 60 --histogram idle.svg",
+        Changed(&[("60", "1")]),
+    ),
+    (
+        "for core in $(seq \"$(nproc)\"); do timeout 60 yes > /dev/null & done; palpate run --clock real --duration 60 --histogram loaded.svg",
+        Changed(&[("60", "1")]),
+    ),
+    (
         "palpate run --clock real --log run.mcap",
         With("--duration 1"),
     ),
