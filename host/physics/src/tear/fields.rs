@@ -254,11 +254,10 @@ impl Patch {
         for entry in &mut search {
             entry[1] = entry[0];
         }
-        for _ in 0..MOST_SEARCHES {
-            // The comparison is false for a value that is not a number.
-            if !(size > BALANCED) {
-                break;
-            }
+        let mut searches = 0;
+        // The comparison is false for a value that is not a number.
+        while size > BALANCED && searches < MOST_SEARCHES {
+            searches += 1;
             for entry in &mut search {
                 entry[2] = 0.0;
             }

@@ -11,6 +11,7 @@ use study::tearing::edits::Mesh;
 use study::tearing::energy::Account;
 use study::tearing::kinks::Kink;
 use study::tearing::meshes::{MeshStudy, Tear};
+use study::tearing::running::{self, Run};
 use study::tearing::runs::RunPart;
 use study::tearing::{self, Part};
 
@@ -23,8 +24,8 @@ pub(super) struct TearingArguments {
     /// Write the tables as JSON as well
     #[arg(long, value_name = "FILE")]
     pub(super) json: Option<PathBuf>,
-    /// Draw the force of each law against the number of triangles, or the force over a tear (SVG or PNG; parts `mesh`
-    /// and `figure`)
+    /// Draw the force of each law against the number of triangles, the displacement of the strips, or the force over a
+    /// tear (SVG or PNG; parts `mesh`, `running` and `figure`)
     #[arg(long, value_name = "FILE")]
     pub(super) plot: Option<PathBuf>,
     /// Use only coarse meshes and short runs, in seconds instead of minutes
@@ -37,6 +38,8 @@ pub(super) struct TearingArguments {
 enum PartName {
     /// Force, energy and start of tears on meshes of several sizes and patterns
     Mesh,
+    /// The displacement at which a tear runs through a clamped strip, whatever mesh, damping and steps
+    Running,
     /// The direction of a crack at an angle to the load
     Path,
     /// The account of the energy of a tear
@@ -61,6 +64,7 @@ impl PartName {
     fn part(self) -> Either {
         match self {
             Self::Mesh => Either::Sheets(Part::Mesh),
+            Self::Running => Either::Sheets(Part::Running),
             Self::Path => Either::Sheets(Part::Path),
             Self::Energy => Either::Sheets(Part::Energy),
             Self::Meshes => Either::Sheets(Part::Meshes),
@@ -86,6 +90,9 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
     if let Some(mesh) = &found.mesh {
         print_mesh(mesh);
     }
+    if let Some(runs) = &found.running {
+        print_running(runs);
+    }
     if let Some(kinks) = &found.path {
         print_path(kinks);
     }
@@ -100,6 +107,10 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
     if let Some(mesh) = &found.mesh {
         written.write(arguments.plot.as_ref(), |path| {
             plot::write_picture(path, &chart(&mesh.tears))
+        });
+    } else if let Some(runs) = &found.running {
+        written.write(arguments.plot.as_ref(), |path| {
+            plot::write_picture(path, &running_chart(runs))
         });
     }
     written.end()?;
@@ -187,14 +198,95 @@ fn print_path(kinks: &[Kink]) {
     outln!();
 }
 
+fn print_running(runs: &[Run]) {
+    outln!(
+        "Displacement of a clamped strip over the exact one, at the first edge and where parts of the strip are torn\n"
+    );
+    let parts: Vec<String> = running::TORN
+        .iter()
+        .map(|part| format!("{:.0} %", 100.0 * part))
+        .collect();
+    outln!(
+        "| mesh | edges across | Hz | damping ms | toughness J/m² | first edge | {} | work / (G_c t A) |",
+        parts.join(" | ")
+    );
+    outln!(
+        "|---|---|---|---|---|---|{}---|",
+        "---|".repeat(parts.len())
+    );
+    let value = |value: Option<f64>| {
+        value.map_or_else(|| "rests".to_owned(), |value| format!("{value:.3}"))
+    };
+    for run in runs {
+        let torn: Vec<String> = run.displacement.iter().copied().map(value).collect();
+        outln!(
+            "| {} | {} | {} | {} | {} | {} | {} | {} |",
+            run.mesh,
+            run.across,
+            run.rate,
+            1e3 * run.damping,
+            run.toughness,
+            value(run.start),
+            torn.join(" | "),
+            value(run.work)
+        );
+    }
+    let all = || runs.iter().flat_map(|run| run.displacement);
+    let rests = all().filter(Option::is_none).count();
+    let [least, most] =
+        [f64::min, f64::max].map(|of: fn(f64, f64) -> f64| all().flatten().reduce(of));
+    let [less, more] = [f64::min, f64::max]
+        .map(|of: fn(f64, f64) -> f64| runs.iter().filter_map(|run| run.work).reduce(of));
+    outln!(
+        "\n{} strips: displacement {} to {}, work {} to {}; {rests} rest\n",
+        runs.len(),
+        value(least),
+        value(most),
+        value(less),
+        value(more)
+    );
+}
+
+/// The displacement over the torn part: a line for each strip.
+fn running_chart(runs: &[Run]) -> String {
+    let lines = runs.iter().enumerate().map(|(place, run)| {
+        let start = run.start.map(|start| (0.0, start));
+        let torn = running::TORN.iter().zip(run.displacement);
+        Series {
+            name: format!(
+                "{}, {} edges, {} Hz, damping {} ms",
+                run.mesh,
+                run.across,
+                run.rate,
+                1e3 * run.damping
+            ),
+            points: (start.into_iter())
+                .chain(torn.filter_map(|(part, at)| Some((100.0 * part, at?))))
+                .collect(),
+            marker: Marker::by_place(place),
+            role: Role::Number(place),
+            ..Series::default()
+        }
+    });
+    plot::line_chart_svg(
+        "A tear through a clamped strip",
+        "Torn part (%)",
+        "Displacement over the exact one",
+        false,
+        false,
+        &lines.collect::<Vec<_>>(),
+    )
+}
+
 fn print_energy(accounts: &[Account]) {
     type Term = (&'static str, fn(&Account) -> f64);
-    let terms: [Term; 12] = [
+    let terms: [Term; 13] = [
         ("supplied", |a| a.supplied),
         ("stored: kinetic, elastic, weight", |a| a.stored),
         ("damping", |a| a.damping),
         ("toughness times torn area", |a| a.due),
         ("of it, still to be taken", |a| a.pending),
+        ("of it, into motion and damping at the tip", |a| a.slackened),
         ("taken by letting go", |a| a.released),
         ("edits (source)", |a| a.edits),
         ("implicit Euler", |a| a.integrator),

@@ -28,6 +28,8 @@ pub struct TearSummary {
     /// The energy that hands supplied and that the body does not store at the end (J): the energy of the torn area, damping,
     /// and what the time steps lose.
     pub spent: f64,
+    /// The part of the energy of the torn area that open edges have still to take at the end (J).
+    pub pending: f64,
     /// The part of the energy of the torn area that went into motion and damping about the tips (J): they moved on inside edges.
     pub slackened: f64,
     /// The largest flow of energy to a tip at the end (J/m²).
@@ -71,6 +73,7 @@ impl TearSummary {
             area: report.area,
             energy: report.due,
             spent: tears.spent(),
+            pending: report.pending,
             slackened: report.slackened,
             driving: report.driving,
             toughness: tears.tearing().options().material.toughness,
@@ -130,10 +133,10 @@ impl TearSummary {
         if self.edges > 0 && self.energy > 0.0 {
             writeln!(
                 f,
-                "             the hands supplied {:.1} mJ that are not stored, {:.2} of what the torn area takes; of that, \
-                 {:.0} % went into motion and damping at the tips",
+                "             the hands supplied {:.1} mJ that are not stored, {:.2} of what the torn area took so far; of \
+                 that energy {:.0} % went into motion and damping at the tips",
                 self.spent * 1e3,
-                self.spent / self.energy,
+                self.spent / (self.energy - self.pending),
                 100.0 * self.slackened / self.energy
             )?;
         }

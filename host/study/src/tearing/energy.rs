@@ -31,6 +31,8 @@ pub struct Account {
     pub due: f64,
     /// The part of it that pairs of vertices have still to take at the end (J).
     pub pending: f64,
+    /// The part of it that pairs did not take, because the tip moved on inside edges (J).
+    pub slackened: f64,
     /// What the pairs took (J).
     pub released: f64,
     /// Increase of the energy by edits, a source (J).
@@ -49,13 +51,14 @@ impl Account {
     /// What the account lacks if the pairs' own work takes the place of the energy of the tear, as a fraction of the
     /// supplied energy: rounding.
     pub fn rounding(&self) -> f64 {
-        self.missing() + (self.due - self.pending - self.released) / self.supplied
+        self.missing() + (self.due - self.pending - self.slackened - self.released) / self.supplied
     }
 
     /// What the account lacks, as a fraction of the supplied energy.
     pub fn missing(&self) -> f64 {
         let sources = self.supplied + self.edits + self.guard + self.solver;
-        let sinks = self.stored + self.damping + self.due - self.pending + self.integrator;
+        let sinks =
+            self.stored + self.damping + self.due - self.pending - self.slackened + self.integrator;
         (sources - sinks - self.linearization) / self.supplied
     }
 }

@@ -39,6 +39,8 @@ const SIZES: [usize; 4] = [700, 1400, 2800, 5600];
 pub enum Part {
     /// Force, energy and start on different meshes.
     Mesh,
+    /// The displacement at which a tear runs through a strip.
+    Running,
     /// The direction of a tear.
     Path,
     /// The account of the energy.
@@ -49,7 +51,13 @@ pub enum Part {
 
 impl Part {
     /// All parts, in their order.
-    pub const ALL: [Self; 4] = [Self::Mesh, Self::Path, Self::Energy, Self::Meshes];
+    pub const ALL: [Self; 5] = [
+        Self::Mesh,
+        Self::Running,
+        Self::Path,
+        Self::Energy,
+        Self::Meshes,
+    ];
 }
 
 /// The results of the study. A part that did not run is missing.
@@ -61,6 +69,8 @@ pub struct TearingStudy {
     pub level: Level,
     /// Force, energy and start on different meshes.
     pub mesh: Option<meshes::MeshStudy>,
+    /// The tears through strips.
+    pub running: Option<Vec<running::Run>>,
     /// The first kinks of cracks.
     pub path: Option<Vec<kinks::Kink>>,
     /// The accounts of the energy.
@@ -82,6 +92,7 @@ pub fn run(
         schema: "palpate.tearing/1",
         level,
         mesh: None,
+        running: None,
         path: None,
         energy: None,
         meshes: None,
@@ -91,6 +102,7 @@ pub fn run(
         let progress = |done: f64| progress((number as f64 + done) / count);
         match part {
             Part::Mesh => found.mesh = Some(meshes::run(level, &progress)?),
+            Part::Running => found.running = Some(running::run(level, &progress)?),
             Part::Path => found.path = Some(kinks::run(level, &progress)?),
             Part::Energy => found.energy = Some(energy::run(level, &progress)?),
             Part::Meshes => found.meshes = Some(edits::run(level, &progress)?),

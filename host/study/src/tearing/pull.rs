@@ -225,7 +225,7 @@ impl Pull {
                 break;
             }
         }
-        torn.pending = rig.pending();
+        torn.pending = rig.stepper.pending();
         torn.ledger = rig.ledger;
         torn.iterations[0] /= torn.moments.len().max(1) as f64;
         let last = surface_of(&rig.body);

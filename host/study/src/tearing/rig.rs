@@ -2,7 +2,7 @@
 
 use crate::StudyError;
 use host::engine::tears::MOST_PAIRS;
-use physics::motion::stepper::{Ledger, Pair};
+use physics::motion::stepper::Ledger;
 use physics::tear::TearMaterial;
 use physics::topology::Reserve;
 use physics::{
@@ -98,12 +98,6 @@ impl Rig {
     pub(super) fn stored(&self) -> f64 {
         let elastic = self.stepper.elastic_energy();
         self.body.kinetic_energy() + elastic + self.body.load_potential() - self.begin
-    }
-
-    /// The energy that pairs of vertices have still to take (J), with the error of those that have let go.
-    pub(super) fn pending(&self) -> f64 {
-        let pairs = self.stepper.pairs().iter();
-        pairs.map(Pair::left).sum::<f64>() + self.stepper.surplus()
     }
 
     /// The force of the sheet on a hand (N).

@@ -81,8 +81,8 @@ pub struct Case {
 /// How the tear ran through one strip.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
-    /// How the triangles lie.
-    pub pattern: String,
+    /// The name of the mesh.
+    pub mesh: String,
     /// Number of edges across the strip.
     pub across: usize,
     /// Steps in a second (Hz).
@@ -163,7 +163,7 @@ impl Case {
         let whole = LENGTH - NOTCH;
         let exact = HEIGHT * stuff.strip_strain(HEIGHT);
         let mut run = Run {
-            pattern: name,
+            mesh: name,
             across: self.across,
             rate: self.rate,
             damping: self.damping,

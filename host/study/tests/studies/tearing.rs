@@ -1,7 +1,7 @@
 //! The quick parts of the study of tearing against fracture mechanics.
 
 use study::Level;
-use study::tearing::{edits, energy, kinks, meshes};
+use study::tearing::{edits, energy, kinks, meshes, running};
 
 #[test]
 fn a_crack_at_an_angle_to_the_load_turns_as_the_largest_hoop_stress_says() {
@@ -35,6 +35,24 @@ fn the_mesh_matters_little_under_the_law_of_toughness() {
 }
 
 #[test]
+fn a_tear_runs_through_a_strip_at_the_displacement_at_which_it_starts() {
+    for run in running::run(Level::Quick, &|_| ()).expect("strips") {
+        let start = run.start.expect("a tear");
+        // The third ring errs by -4.4 to +0.5 % in the energy release rate, so by up to 2.2 % in the displacement.
+        assert!((start - 1.0).abs() < 0.022, "{run:?}");
+        for displacement in run.displacement {
+            // A tip goes on where the flow exceeds the toughness by a hundredth, and a tear that runs needs an excess: 6 %
+            // is what the book promises.
+            let found = displacement.unwrap_or(f64::INFINITY);
+            assert!(found > start - 1e-9 && found < 1.06, "{run:?}");
+        }
+        // The supplied energy grows with the square of the displacement.
+        let work = run.work.expect("a torn strip");
+        assert!(work > 0.95 && work < 1.06 * 1.06, "{run:?}");
+    }
+}
+
+#[test]
 fn the_account_of_a_whole_tear_closes() {
     for account in energy::run(Level::Quick, &|_| ()).expect("accounts") {
         // The sum of some thousand steps.
@@ -45,12 +63,12 @@ fn the_account_of_a_whole_tear_closes() {
 #[test]
 fn letting_go_takes_the_toughness_times_the_torn_area() {
     for account in energy::run(Level::Quick, &|_| ()).expect("accounts") {
-        let taken = (account.released + account.pending) / account.due;
+        let taken = (account.released + account.slackened + account.pending) / account.due;
         // The sum of some thousand steps.
         assert!((taken - 1.0).abs() < 1e-9, "{account:?}");
-        // The work of the pairs alone; their last steps err. A tenth of a percent is the bound of the whole account.
+        // The work of the pairs alone: in a tear that hands hold in balance a tenth goes into motion at the most.
         let alone = account.released / account.due;
-        assert!((alone - 1.0).abs() < 1e-3, "{account:?}");
+        assert!(alone > 0.9 && alone < 1.001, "{account:?}");
     }
 }
 

@@ -105,12 +105,9 @@ impl Pair {
     /// Lets the strength fall by `loss` (N), at most to zero, where the pair has let go. The opening at which the force is
     /// lost stays. Returns by how much the energy of the pair falls (J).
     pub fn slacken(&mut self, loss: f64) -> f64 {
-        // The comparison is false for a value that is not a number.
-        if !(loss > 0.0) {
-            return 0.0;
-        }
         let before = self.area();
-        self.strength -= loss.min(self.strength);
+        // A value that is not a number counts as zero.
+        self.strength -= loss.max(0.0).min(self.strength);
         self.is_dropped |= self.strength <= 0.0;
         self.across = self.slope();
         self.force = self.across * self.opening();

@@ -96,6 +96,11 @@ impl<T: Precision> Stepper<T> {
         self.pairs.surplus
     }
 
+    /// The energy that pairs have still to take (J), with the error of those that have let go.
+    pub fn pending(&self) -> f64 {
+        self.pairs.list.iter().map(Pair::left).sum::<f64>() + self.pairs.surplus
+    }
+
     /// Returns the [surplus](Self::surplus), at most `most` (J) of either sign. Of the rest, at most `kept` stays for the next
     /// pair.
     pub fn take_surplus(&mut self, most: f64, kept: f64) -> f64 {

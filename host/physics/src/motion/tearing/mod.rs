@@ -91,6 +91,8 @@ pub struct TearReport {
     /// The part of this energy that pairs no longer take, because their tips moved on inside edges (J): it goes into motion
     /// and damping about the tips.
     pub slackened: f64,
+    /// The part of the energy of the torn area that pairs have still to take (J).
+    pub pending: f64,
     /// The change of energy by edits (J): kinetic energy, energy of the loads, elastic energy.
     pub edits: f64,
     /// The largest flow of energy to a tip, `J`, after the last step (J/m²); 0 without a tip.
@@ -190,6 +192,7 @@ impl Tearing {
             self.start(body, stepper);
         }
         self.report.tips = self.tips.len();
+        self.report.pending = stepper.pending();
         &self.report
     }
 
