@@ -100,6 +100,7 @@ fn account(pattern: Pattern, triangles: usize) -> Result<Account, StudyError> {
         damping: ledger.mass_damping + ledger.stiffness_damping,
         due: torn.report.due,
         pending: torn.pending,
+        slackened: torn.report.slackened,
         released: ledger.release,
         edits: torn.report.edits,
         integrator: ledger.euler_kinetic + ledger.euler_elastic,
