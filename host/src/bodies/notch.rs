@@ -53,6 +53,12 @@ impl Moved {
 }
 
 impl Cuts {
+    /// The number of ends inside the sheet of the notch of this number.
+    pub(super) fn tips_of(&self, number: usize) -> usize {
+        let of = |tip: &&u32| self.along.binary_search(&(**tip, number)).is_ok();
+        self.tips.iter().filter(of).count()
+    }
+
     /// Notes that a cut of the notch of this number, which the scene says is `length` (m) long, ends where its `tips` are. The
     /// scene says `wanted`.
     fn note(&mut self, number: usize, length: f64, wanted: [Vec3; 2], tips: [Option<Vec3>; 2]) {

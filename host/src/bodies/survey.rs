@@ -24,6 +24,7 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
         warnings.extend(held_twice(loaded, index, &mesh));
         warnings.extend(tear::coarse(loaded, index, &mesh));
         warnings.extend(notch::moved(loaded, index, &cuts));
+        warnings.extend(tear::short(loaded, index, &mesh, &cuts));
         warnings.extend(press::warnings(loaded, index, &mesh));
         warnings.extend(material::locks(loaded, index, &mesh));
         warnings.extend(shapes::needles(loaded, index, &mesh));
