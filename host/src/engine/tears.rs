@@ -64,11 +64,6 @@ impl BodyTears {
         self.parting.pieces()
     }
 
-    /// The energy that hands supplied and that the body does not store (J): tears, damping, and what the time steps lose.
-    pub fn spent(&self) -> f64 {
-        self.balance.spent()
-    }
-
     /// Tips and edits.
     pub fn tearing(&self) -> &Tearing {
         &self.tearing

@@ -72,7 +72,7 @@ impl TearSummary {
             tips: report.tips,
             area: report.area,
             energy: report.due,
-            spent: tears.spent(),
+            spent: report.spent,
             pending: report.pending,
             slackened: report.slackened,
             driving: report.driving,

@@ -93,6 +93,9 @@ pub struct TearReport {
     pub slackened: f64,
     /// The part of the energy of the torn area that pairs have still to take (J).
     pub pending: f64,
+    /// The energy that hands supplied and that the body does not store (J): tears, damping, and what the time steps lose.
+    /// Supports that move are not counted.
+    pub spent: f64,
     /// The change of energy by edits (J): kinetic energy, energy of the loads, elastic energy.
     pub edits: f64,
     /// The largest flow of energy to a tip, `J`, after the last step (J/m²); 0 without a tip.
@@ -114,6 +117,8 @@ pub struct Tearing {
     tips: Vec<TipState>,
     /// The speed of waves `sqrt(E / density)` (m/s).
     wave_speed: f64,
+    /// The kinetic, elastic and potential energy of the body at the end of the last step (J); `None` before it.
+    energy: Option<f64>,
     patch: Patch,
     /// The stress of each triangle (Pa); empty where no stress is needed.
     stress: Vec<Symmetric>,
@@ -160,6 +165,7 @@ impl Tearing {
             wave_speed: libm::sqrt(
                 options.material.young / density(body, surface, options.material.thickness),
             ),
+            energy: None,
             patch: Patch::new(limits.vertices, limits.triangles),
             stress: vec![[0.0; 3]; triangles],
             near: vec![false; vertices],
@@ -182,6 +188,7 @@ impl Tearing {
         body: &mut Body,
         stepper: &mut Stepper<T>,
     ) -> &TearReport {
+        self.follow(body, stepper);
         (self.report.driving, self.report.stress) = (0.0, 0.0);
         (self.report.held, self.report.blocked) = (0, 0);
         match self.options.material.law {
@@ -194,6 +201,20 @@ impl Tearing {
         self.report.tips = self.tips.len();
         self.report.pending = stepper.pending();
         &self.report
+    }
+
+    /// Follows the balance of energy of the body over a step. The power of a hand is that at the end of the step.
+    fn follow<T: Precision>(&mut self, body: &Body, stepper: &Stepper<T>) {
+        let reports = (0..).map_while(|handle| body.handle_report(handle));
+        let power = reports.map(|report| {
+            report.reaction.force.dot(&report.linear_velocity)
+                + report.reaction.moment.dot(&report.angular_velocity)
+        });
+        let work = power.sum::<f64>() * stepper.step_length();
+        let now = stepper.elastic_energy() + body.kinetic_energy() + body.load_potential();
+        if let Some(before) = self.energy.replace(now) {
+            self.report.spent += work - (now - before);
+        }
     }
 
     /// What tore so far.

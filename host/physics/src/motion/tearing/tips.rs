@@ -21,6 +21,12 @@
 //!
 //! (after L. B. Freund, "Dynamic Fracture Mechanics", 1990: `J (1 - v / c_R) = G_c`).
 //!
+//! **Out of the plane** a sheet bends beside the tip within a length that may be shorter than its edges. The flow then rises
+//! and falls as the bend moves from vertex to vertex, and the mean of what is measured exceeds the energy that hands supply:
+//! for a sheet of 0.5 mm on edges of 3.7 mm by 27 %. The balance of the whole body tells this error. A tip out of the plane
+//! therefore moves on inside an edge only where the flow also exceeds a part of the energy that hands have still to supply
+//! for the area torn so far.
+//!
 //! **A tear that pairs bridge.** A tear that has just started at the strength is no crack yet: pairs hold its faces together
 //! with the strength. Its tips go on where the stress reaches the strength, as the front of a cohesive zone does. So a sheet
 //! bears the strength times its section at most, however large its toughness. When the first pair has let go, the tear is a
@@ -50,6 +56,12 @@ fn swiftness(x: f64, across: f64) -> f64 {
     let in_plane = (0.1 + 5.0 * x).min(0.57);
     in_plane + (ACROSS - in_plane) * across
 }
+
+/// By which part of the toughness a tip out of the plane moves on later for each edge whose energy the hands have not
+/// supplied, and the most such edges that count. With 1 the mean force of trousers is nearer to that of the formula, and
+/// rises and falls more.
+const STIFFER: f64 = 0.5;
+const MOST_LACKING: f64 = 4.0;
 
 /// The factor of [`swiftness`] where a sheet is torn across its plane.
 const ACROSS: f64 = 0.02;
@@ -244,12 +256,20 @@ impl Tearing {
         (flow, length): (f64, f64),
     ) -> bool {
         let material = &self.options.material;
-        let x = 1.0 - (1.0 + MARGIN) * material.toughness / flow;
-        // The comparison is false for a flow that is no number.
-        let (Some(pair), true) = (stepper.pair(nodes), flow > 0.0 && x > 0.0) else {
-            return false;
+        let Some(pair) = stepper.pair(nodes) else {
+            return true;
         };
         let across = across(&pair.direction(), &self.patch.normal());
+        // The energy that hands have still to supply for the torn area, in edges.
+        let taken = self.report.due - stepper.pending();
+        let due = material.toughness * material.thickness * tip.edge;
+        let lacking = ((taken - self.report.spent) / due).clamp(0.0, MOST_LACKING);
+        let least = (1.0 + MARGIN) * (1.0 + STIFFER * lacking * across) * material.toughness;
+        // The comparison is false for a flow that is no number.
+        if !(flow > least) {
+            return false;
+        }
+        let x = 1.0 - least / flow;
         let speed = swiftness(x, across) * self.wave_speed * x;
         // A tip moves on by one edge in a step at most.
         let part = (speed * length / tip.edge).min(1.0);
