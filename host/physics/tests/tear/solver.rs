@@ -409,7 +409,34 @@ fn a_pair_that_slackens_gives_up_the_area_that_it_loses() {
     }
 }
 
-/// A sheet whose tear has just moved on by a vertex, pulled until the pair behind the tip has let go.
+#[test]
+fn a_stepper_forgets_a_pair_that_has_lost_its_strength() {
+    let mut run = Run::new(0.0, 1e-6);
+    run.stepper.reserve_pairs(8);
+    let nodes = [[40, 41], [100, 101]];
+    let energy = 1e-3;
+    for nodes in nodes {
+        let pair = Pair::new(nodes, &(Vec3::y() * 2.0), energy).unwrap();
+        assert!(run.stepper.add_pair(pair));
+    }
+    assert_eq!(run.stepper.slacken([40, 101], 1.0), 0.0);
+    // A quarter of the strength is a quarter of the energy of a pair that has not opened, and the rest is the rest.
+    for (loss, part, left) in [(0.5, 0.25, 2), (9.0, 0.75, 1), (9.0, 0.0, 1)] {
+        let before = run.stepper.pending();
+        let lost = run.stepper.slacken(nodes[0], loss);
+        assert!((lost - part * energy).abs() < 1e-15, "{lost}");
+        assert!((before - run.stepper.pending() - lost).abs() < 1e-15);
+        assert_eq!(run.stepper.pairs().len(), left);
+    }
+    // What slackening takes is not for the next pair, and the other pair keeps its energy.
+    assert_eq!(run.stepper.surplus(), 0.0);
+    assert_eq!(
+        (run.stepper.pairs()[0].nodes, run.stepper.pending()),
+        (nodes[1], energy)
+    );
+    assert!(run.stepper.pair(nodes[0]).is_none());
+}
+
 #[test]
 fn a_weakening_pair_keeps_its_force_and_forgets_its_strength() {
     let force = Vec3::y() * 10.0;
@@ -429,6 +456,7 @@ fn a_weakening_pair_keeps_its_force_and_forgets_its_strength() {
     }
 }
 
+/// A sheet whose tear has just moved on by a vertex, pulled until the pair behind the tip has let go.
 #[test]
 fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
     for energy in [1e-7, 1e-5, 1e-4] {

@@ -354,6 +354,25 @@ fn vertices_that_an_edit_doubles_share_the_energy_of_its_edges() {
 }
 
 #[test]
+fn a_tear_runs_at_the_strain_at_which_it_started() {
+    let sides = [0.4, 0.06];
+    let mut strip = Pulled::new(sides, [60, 8], 200.0, |body| vec![notch(body, -0.1)]);
+    // A third of what is left ahead of the notch, in which the strip counts as long.
+    let area = 0.1 * CLOTH.thickness;
+    let (mut strain, mut start) = (0.9, 0.0);
+    while strip.tearing.report().area < area {
+        strain += 1e-4;
+        assert!(strain < 1.2, "{:?}", strip.tearing.report());
+        if strip.tear(strain) == 0 {
+            start = strain;
+        }
+    }
+    println!("from {start} to {strain}: {:?}", strip.tearing.report());
+    // A tip that waits until its pair has let go runs at 1.09.
+    assert!(strain < 1.03 * start, "from {start} to {strain}");
+}
+
+#[test]
 fn a_pair_makes_good_at_most_a_tenth_of_its_energy() {
     let mut strip = Pulled::new([0.1, 0.06], [12, 8], 200.0, |body| vec![notch(body, -0.02)]);
     // A pair between the hands, which part across its direction in one step, takes far more than its energy.
@@ -396,32 +415,64 @@ fn a_pair_makes_good_at_most_a_tenth_of_its_energy() {
     }
 }
 
+/// A strip of 80 mm x 20 mm without a notch, whose ends part, and its section (m²).
+fn whole_strip(toughness: f64) -> (Pulled, f64) {
+    let width = 0.02;
+    let mut strip = Pulled::new([width, 0.08], [6, 24], toughness, |_| Vec::new());
+    let mut options = *strip.tearing.options();
+    (options.starts, options.material.strength) = (Starts::Anywhere, STRENGTH);
+    strip.tearing = Tearing::new(&strip.body, options, &[]).expect("tears");
+    (strip, width * CLOTH.thickness)
+}
+
+/// The strength of a strip without a notch (Pa), reached at a strain of 15 %.
+const STRENGTH: f64 = 150e3;
+
 #[test]
 fn a_strip_without_a_notch_bears_its_strength_times_its_section() {
-    let (width, strength) = (0.02, 150e3);
-    let mut strip = Pulled::new([width, 0.08], [6, 24], 150.0, |_| Vec::new());
-    let mut options = *strip.tearing.options();
-    options.starts = Starts::Anywhere;
-    options.material.strength = strength;
-    strip.tearing = Tearing::new(&strip.body, options, &[]).expect("tears");
-    let section = width * CLOTH.thickness;
-    let mut most = 0.0_f64;
-    let mut force = 0.0;
-    // Up to a strain of 30 %: twice that at which the stress is the strength.
-    for step in 0..3000 {
-        strip.tear(0.3 / strip.expected * f64::from(step) / 3000.0);
-        let report = strip.body.handle_report(1).expect("a handle");
-        force = report.wrench_on_hand.force.norm();
-        most = most.max(force);
+    for toughness in [150.0, 400.0] {
+        let (mut strip, section) = whole_strip(toughness);
+        let mut most = 0.0_f64;
+        let mut force = 0.0;
+        for step in 0..3000 {
+            strip.tear(0.3 / strip.expected * f64::from(step) / 3000.0);
+            let report = strip.body.handle_report(1).expect("a handle");
+            force = report.wrench_on_hand.force.norm();
+            most = most.max(force);
+        }
+        let report = strip.tearing.report();
+        println!("{most} N, then {force} N: {report:?}");
+        // The stress at the clamps is higher than the mean, so the tear may start below.
+        assert!((most / (STRENGTH * section) - 1.0).abs() < 0.05, "{most} N");
+        assert!(
+            report.parted > 0 && force < 0.01 * most,
+            "{force} N, {report:?}"
+        );
     }
-    let report = strip.tearing.report();
-    println!("{most} N, then {force} N: {report:?}");
-    // The stress at the clamps is higher than the mean, so the tear may start below.
-    assert!((most / (strength * section) - 1.0).abs() < 0.05, "{most} N");
-    assert!(
-        report.parted > 0 && force < 0.01 * most,
-        "{force} N, {report:?}"
-    );
+}
+
+#[test]
+fn a_tear_is_a_crack_when_its_first_pair_has_let_go() {
+    // The toughness is far above what any flow of energy to the tip reaches.
+    let opened = |lets_go: bool| {
+        let (mut strip, _) = whole_strip(1e5);
+        let mut strain = 0.12 / strip.expected;
+        while strip.tearing.report().started == 0 {
+            strain += 2e-4 / strip.expected;
+            strip.tear(strain);
+        }
+        if lets_go {
+            strip.stepper.clear_pairs();
+        }
+        let before = strip.tearing.report().opened;
+        for _ in 0..100 {
+            strain += 1e-4 / strip.expected;
+            strip.tear(strain);
+        }
+        strip.tearing.report().opened - before
+    };
+    assert_eq!(opened(true), 0);
+    assert!(opened(false) > 0);
 }
 
 #[test]
