@@ -112,7 +112,7 @@ impl Pulled {
         let tearing = Tearing::new(&body, options, &tips).expect("tears");
         body.reassemble();
         let mut stepper = Stepper::new(&body, StepperOptions::default()).expect("a stepper");
-        stepper.reserve_pairs(16);
+        stepper.reserve_pairs(64);
         let height = sides[1];
         Self {
             body,
