@@ -8,6 +8,7 @@ use alloc_count::calls::count;
 use common::{Random, Split, grid, on_border, tight};
 use physics::mesh::TriMesh;
 use physics::tear::fields::stretch;
+use physics::tear::path::MOST_BY_TURN;
 use physics::tear::strength::{cannot_start, highest, onwards, principal, stresses};
 use physics::tear::{Candidate, Patch, RINGS, Sheet, TearError, TearLaw, TearMaterial, Tip};
 use physics::topology::{Edit, Growth, NONE, Origin, Reserve, Surface};
@@ -514,6 +515,177 @@ fn a_tear_at_an_angle_to_the_load_turns_as_the_largest_hoop_stress_says() {
     }
 }
 
+/// The radius of a [`disc`] (m).
+const RIM: f64 = 6.0;
+
+/// A disc with a tear from its rim to its middle, the tip, along x from the left. `spokes` are the angles (rad) and lengths
+/// (m) of the edges at the tip, from face to face. Even rings of small triangles lie around them. Returns the angle of each
+/// vertex, too.
+fn disc(spokes: &[[f64; 2]]) -> (Flat, Vec<f64>) {
+    let even = |radius: f64| -> Vec<[f64; 2]> {
+        let angle = |k: i32| std::f64::consts::PI * f64::from(k) / 24.0;
+        (-24..=24).map(|k| [angle(k), radius]).collect()
+    };
+    let mut mesh = TriMesh::default();
+    mesh.positions.push(Vec3::zeros());
+    let mut angles = vec![0.0];
+    let around = [1.5, 2.0, 2.6, 3.4, 4.5, RIM].map(even);
+    let mut before: Vec<(u32, f64)> = Vec::new();
+    for ring in [spokes.to_vec()].iter().chain(&around) {
+        let first = mesh.positions.len() as u32;
+        let places = ring
+            .iter()
+            .map(|[angle, radius]| Vec3::new(radius * angle.cos(), radius * angle.sin(), 0.0));
+        mesh.positions.extend(places);
+        angles.extend(ring.iter().map(|at| at[0]));
+        let now: Vec<(u32, f64)> = (first..).zip(ring.iter().map(|at| at[0])).collect();
+        if before.is_empty() {
+            let edges = now.windows(2);
+            mesh.triangles
+                .extend(edges.map(|two| [0, two[0].0, two[1].0]));
+        } else {
+            // The chain whose next vertex comes first goes on.
+            let (mut a, mut b) = (0, 0);
+            while a + 1 < before.len() || b + 1 < now.len() {
+                let next = |chain: &[(u32, f64)], at: usize| chain.get(at + 1).map(|next| next.1);
+                let outer = match (next(&before, a), next(&now, b)) {
+                    (Some(inner), Some(outer)) => outer <= inner,
+                    (_, outer) => outer.is_some(),
+                };
+                let third = if outer { now[b + 1].0 } else { before[a + 1].0 };
+                mesh.triangles.push([before[a].0, now[b].0, third]);
+                (a, b) = if outer { (a, b + 1) } else { (a + 1, b) };
+            }
+        }
+        before = now;
+    }
+    (Flat::new(mesh), angles)
+}
+
+#[test]
+fn large_triangles_at_a_tip_do_not_lose_a_turn() {
+    let turn = |degrees: f64, length: f64| [degrees.to_radians(), length];
+    let fine: Vec<[f64; 2]> = (-12..=12).map(|k| turn(15.0 * f64::from(k), 1.0)).collect();
+    // The middles of the second and the third triangle are 103 degrees to both sides of the edge which they share.
+    let coarse = [
+        turn(-180.0, 1.0),
+        turn(-120.0, 1.0),
+        turn(0.0, 0.3),
+        turn(120.0, 1.0),
+        turn(180.0, 1.0),
+    ];
+    // Strains of 1e-4.
+    let (k1, k2) = (100.0, 60.0);
+    let (young, nu) = (RUBBER.young, RUBBER.poisson);
+    let kappa = (3.0 - nu) / (1.0 + nu);
+    for spokes in [&fine[..], &coarse] {
+        let (flat, angles) = disc(spokes);
+        // The field of Williams is prescribed at the rim.
+        let moved = |(x, &angle): (&Vec3, &f64)| {
+            let (s, c) = (0.5 * angle).sin_cos();
+            let cosine = angle.cos();
+            let size = (1.0 + nu) / young * (x.norm() / std::f64::consts::TAU).sqrt();
+            let aside = [
+                k1 * c * (kappa - cosine) + k2 * s * (kappa + 2.0 + cosine),
+                k1 * s * (kappa - cosine) - k2 * c * (kappa - 2.0 + cosine),
+            ];
+            x + Vec3::new(aside[0], aside[1], 0.0) * size
+        };
+        let x: Vec<Vec3> = flat.mesh.positions.iter().zip(&angles).map(moved).collect();
+        let mut body = flat.body(Vec3::zeros());
+        body.set_positions(&x).unwrap();
+        body.add_support(&flat.chosen(|_| true), [false, false, true])
+            .unwrap();
+        body.add_support(&flat.chosen(|x| x.norm() > RIM - 1e-9), [true; 3])
+            .unwrap();
+        Equilibrium::new(&body, EquilibriumOptions::default())
+            .unwrap()
+            .solve(&mut body, &[], 1.0)
+            .unwrap();
+        let x: Vec<Vec3> = body.positions().collect();
+        for triangle in 0..spokes.len() as u32 - 1 {
+            let tip = Tip {
+                vertex: 0,
+                triangle,
+                along: [1.0, 0.0],
+            };
+            let found = intensity(&flat, &tip, &x, RINGS);
+            println!("{} edges at the tip, {triangle}: {found:?}", spokes.len());
+            // Triangles at the tip act like a tip about half an edge behind it, seen from a rim at six edges. A lost turn
+            // reverses the known field in a half of the disc.
+            assert!((found.k1 / k1 - 1.0).abs() < 0.08, "{found:?}");
+            assert!((found.k2 / k2 - 1.0).abs() < 0.08, "{found:?}");
+        }
+    }
+}
+
+#[test]
+fn no_triangle_at_the_tip_is_preferred_in_a_sheet_bent_in_two_directions() {
+    let (flat, tip, x) = strip(12, 0.2, 0.02, Vec3::zeros());
+    let at = flat.mesh.positions[tip.vertex as usize];
+    for (along, across) in [(2.0, 2.0), (2.0, -2.0)] {
+        // Radii of 0.25 m, where the patch reaches 0.03 m to each side.
+        let bent = |x: &Vec3| {
+            let [dx, dy] = [x.x - at.x, x.y - at.y];
+            Vec3::new(x.x, x.y, along * dx * dx + across * dy * dy)
+        };
+        let x: Vec<Vec3> = x.iter().map(bent).collect();
+        let first = (0_u32..).zip(&flat.mesh.triangles);
+        let found: Vec<_> = first
+            .filter(|(_, corners)| corners.contains(&tip.vertex))
+            .map(|(triangle, _)| intensity(&flat, &Tip { triangle, ..tip }, &x, RINGS))
+            .collect();
+        println!("{found:?}");
+        assert!(found.len() > 4);
+        for mode in &found {
+            // The spins are found to 1e-8 rad, where the strains are 2e-2.
+            assert!((mode.k1 - found[0].k1).abs() < 1e-6 * found[0].k1);
+            assert!((mode.k2 - found[0].k2).abs() < 1e-6 * found[0].k1);
+        }
+    }
+}
+
+#[test]
+fn the_faces_at_the_tip_give_nothing_where_the_path_turns() {
+    let strain = 0.01;
+    let exact =
+        0.5 * RUBBER.young * strain * strain * HEIGHT / (1.0 - RUBBER.poisson * RUBBER.poisson);
+    let cell = HEIGHT / 16.0;
+    for degrees in [20.0_f64, -20.0] {
+        let mesh = grid(64, 16, LENGTH, HEIGHT, Split::Alternating);
+        let middle = 0.5 * LENGTH;
+        let mut flat = Flat::torn(mesh, 0.5 * HEIGHT, |x| x < middle - 1e-9);
+        let tip = flat.tip([middle, 0.5 * HEIGHT], [1.0, 0.0]);
+        // The last edge turns, and the path goes straight on.
+        flat.mesh.positions[tip.vertex as usize].y += cell * degrees.to_radians().tan();
+        let flat = Flat::new(flat.mesh);
+        let x = clamped(&flat, strain, Vec3::zeros());
+        for rings in [2, 3, 4] {
+            let parts = rate(&flat, &tip, &x, rings);
+            println!("{degrees}, {rings}: {:.4} {parts:?}", parts.rate() / exact);
+            assert_eq!(parts.border, 0.0);
+            // The rings of straight tears err as much.
+            assert!((parts.rate() / exact - 1.0).abs() < 0.03, "{parts:?}");
+        }
+    }
+}
+
+#[test]
+fn a_turn_drives_a_tear_by_the_hoop_stress() {
+    let factor = |k1: f64, k2: f64| physics::tear::Intensity { k1, k2 }.by_turn();
+    for sign in [1.0, -1.0] {
+        for (k1, k2, expected) in [
+            (0.0, 0.0, 1.0),
+            (2.0, 0.0, 1.0),
+            (0.0, 2.0, 4.0 / 3.0),
+            (2.0, 12.0_f64.sqrt(), 27.0 / 16.0),
+        ] {
+            let found = factor(k1, sign * k2);
+            assert!((found - expected).abs() < 1e-14, "{k1} {k2}: {found}");
+        }
+    }
+}
+
 #[test]
 fn fewer_rings_are_taken_where_a_vertex_is_in_the_way() {
     let flat = Flat::torn(grid(12, 12, 0.12, 0.12, Split::Alternating), 0.06, |x| {
@@ -787,7 +959,9 @@ proptest! {
         k1 in 0.0..1.0_f64,
         k2 in -1.0..1.0_f64,
     ) {
-        let a = physics::tear::Intensity { k1, k2 }.kink();
+        let both = physics::tear::Intensity { k1, k2 };
+        let (a, by_turn) = (both.kink(), both.by_turn());
+        prop_assert!((1.0 - 1e-12..MOST_BY_TURN + 1e-12).contains(&by_turn), "{}", by_turn);
         let (s, c) = a.sin_cos();
         prop_assert!((k1 * s + k2 * (3.0 * c - 1.0)).abs() < 1e-12);
         let hoop = |a: f64| (0.5 * a).cos() * (k1 * (0.5 * a).cos().powi(2) - 1.5 * k2 * a.sin());

@@ -359,7 +359,84 @@ fn a_pair_takes_its_energy_on_every_path() {
     }
 }
 
-/// A sheet whose tear has just moved on by a vertex, pulled until the pair behind the tip has let go.
+#[test]
+fn a_pair_that_slackens_gives_up_the_area_that_it_loses() {
+    let mut random = Random(23);
+    for path in 0..400 {
+        let force = random.vector() * 3.0;
+        let energy = 1e-3;
+        let mut pair = Pair::new([0, 1], &force, energy).unwrap();
+        let mut lost = 0.0;
+        while !pair.is_over() {
+            let before = pair;
+            for nothing in [0.0, -1.0, f64::NEG_INFINITY, f64::NAN] {
+                assert_eq!(pair.slacken(nothing), 0.0);
+                assert_eq!(
+                    (pair.strength(), pair.energy),
+                    (before.strength(), before.energy)
+                );
+            }
+            // Now and then more than there is.
+            let loss = force.norm() * 0.6 * random.signed().powi(4);
+            let part = (loss / before.strength()).min(1.0);
+            lost += pair.slacken(loss);
+            let same = |a: f64, b: f64, size: f64| (a - b).abs() <= 1e-12 * size;
+            assert_eq!(
+                (pair.critical, pair.largest),
+                (before.critical, before.largest)
+            );
+            assert_eq!((pair.apart, pair.work), (before.apart, before.work));
+            assert!(same(pair.force, before.force * (1.0 - part), before.force));
+            // The triangle below the law, without that below the present opening.
+            let opening = pair.opening();
+            let slope = pair.strength() / pair.largest;
+            let area = 0.5 * (pair.strength() * pair.critical - slope * opening * opening);
+            assert!(same(pair.left(), area, energy), "{path}: {pair:?}");
+            assert_eq!(pair.is_over(), part >= 1.0);
+            if pair.is_over() {
+                break;
+            }
+            let change = pair.critical * (0.02 + 0.2 * random.signed());
+            let next = f64::max(0.0, opening + change);
+            let force = pair.step_force(next);
+            pair.advance(force, &(pair.direction() * (next - opening)));
+        }
+        // Sums of some hundred terms of up to 1e-3 J.
+        assert!(
+            (pair.work + lost - energy).abs() < 1e-15,
+            "{path}: {pair:?}"
+        );
+    }
+}
+
+#[test]
+fn a_stepper_forgets_a_pair_that_has_lost_its_strength() {
+    let mut run = Run::new(0.0, 1e-6);
+    run.stepper.reserve_pairs(8);
+    let nodes = [[40, 41], [100, 101]];
+    let energy = 1e-3;
+    for nodes in nodes {
+        let pair = Pair::new(nodes, &(Vec3::y() * 2.0), energy).unwrap();
+        assert!(run.stepper.add_pair(pair));
+    }
+    assert_eq!(run.stepper.slacken([40, 101], 1.0), 0.0);
+    // A quarter of the strength is a quarter of the energy of a pair that has not opened, and the rest is the rest.
+    for (loss, part, left) in [(0.5, 0.25, 2), (9.0, 0.75, 1), (9.0, 0.0, 1)] {
+        let before = run.stepper.pending();
+        let lost = run.stepper.slacken(nodes[0], loss);
+        assert!((lost - part * energy).abs() < 1e-15, "{lost}");
+        assert!((before - run.stepper.pending() - lost).abs() < 1e-15);
+        assert_eq!(run.stepper.pairs().len(), left);
+    }
+    // What slackening takes is not for the next pair, and the other pair keeps its energy.
+    assert_eq!(run.stepper.surplus(), 0.0);
+    assert_eq!(
+        (run.stepper.pairs()[0].nodes, run.stepper.pending()),
+        (nodes[1], energy)
+    );
+    assert!(run.stepper.pair(nodes[0]).is_none());
+}
+
 #[test]
 fn a_weakening_pair_keeps_its_force_and_forgets_its_strength() {
     let force = Vec3::y() * 10.0;
@@ -379,6 +456,7 @@ fn a_weakening_pair_keeps_its_force_and_forgets_its_strength() {
     }
 }
 
+/// A sheet whose tear has just moved on by a vertex, pulled until the pair behind the tip has let go.
 #[test]
 fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
     for energy in [1e-7, 1e-5, 1e-4] {
