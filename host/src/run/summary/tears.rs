@@ -32,9 +32,9 @@ pub struct TearSummary {
     pub pending: f64,
     /// The part of the energy of the torn area that went into motion and damping about the tips (J): they moved on inside edges.
     pub slackened: f64,
-    /// The largest flow of energy to a tip at the end (J/m²).
+    /// The largest flow of energy to a tip at the end (J/m^2).
     pub driving: f64,
-    /// The toughness (J/m²).
+    /// The toughness (J/m^2).
     pub toughness: f64,
     /// Number of tips that rest at the end because their vertex is held.
     pub held: usize,

@@ -74,7 +74,7 @@ pub struct Case {
     pub rate: f64,
     /// Stiffness damping (s).
     pub damping: f64,
-    /// Toughness (J/m²).
+    /// Toughness (J/m^2).
     pub toughness: f64,
 }
 
@@ -89,15 +89,15 @@ pub struct Run {
     pub rate: f64,
     /// Stiffness damping (s).
     pub damping: f64,
-    /// Toughness (J/m²).
+    /// Toughness (J/m^2).
     pub toughness: f64,
-    /// The displacement at the first edge, over `d0`.
+    /// The displacement at the first edge, relative to `d0`.
     pub start: Option<f64>,
-    /// The displacements at which a tenth, three, six and nine tenths of the strip were torn, over `d0`; missing where the
-    /// tear did not come so far.
+    /// The displacements at which a tenth, three, six and nine tenths of the strip were torn, relative to `d0`; missing
+    /// where the tear did not come so far.
     pub displacement: [Option<f64>; 4],
-    /// The energy that was supplied and not stored between the first and the last of them, over `G_c t` times the torn
-    /// area.
+    /// The energy that was supplied and not stored between the first and the last of them, relative to `G_c t` times the
+    /// torn area.
     pub work: Option<f64>,
 }
 
