@@ -176,11 +176,12 @@ fn a_note_that_tears_out_of_its_plane_is_felt_as_paper() -> Outcome {
     let mut loaded = Scene::load(&scenes.join("banknote_shear.toml"))?;
     loaded.scene.seed = 700_101;
     let (summary, forces) = forces(&loaded, 2.2)?;
-    // With shapes to a thousandth, the peak is 2.2 N and the largest jump 0.3 N.
+    // The peak is 3.0 N. A tear that runs on lets a part of this force go within a step, 0.8 N at the most: the tip moves on
+    // inside its edge by what the flow of energy exceeds the toughness.
     for forces in forces {
         let most = forces.iter().map(Vec3::norm).fold(0.0, f64::max);
-        assert!(most < 2.6, "{most} N");
-        assert!(jump(&forces) < 0.5, "{} N", jump(&forces));
+        assert!(most < 3.6, "{most} N");
+        assert!(jump(&forces) < 1.0, "{} N", jump(&forces));
     }
     let account = &summary.energy[0];
     assert_eq!(account.capped_ticks, 0);

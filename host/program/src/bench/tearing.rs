@@ -247,19 +247,22 @@ fn print_running(runs: &[Run]) {
     );
 }
 
-/// The displacement over the torn part: a line for each strip.
+/// Most lines of a chart.
+const MOST_LINES: usize = 9;
+
+/// The displacement over the torn part: a line for each strip of three meshes with the most edges up to 10 and steps
+/// of a millisecond.
 fn running_chart(runs: &[Run]) -> String {
-    let lines = runs.iter().enumerate().map(|(place, run)| {
+    let drawn = runs.iter().filter(|run| {
+        let is_drawn = ["0°", "scattered", "Frontal"].contains(&&*run.mesh);
+        is_drawn && run.across <= 10 && run.rate >= 1000.0
+    });
+    let skipped = drawn.clone().count().saturating_sub(MOST_LINES);
+    let lines = drawn.skip(skipped).enumerate().map(|(place, run)| {
         let start = run.start.map(|start| (0.0, start));
         let torn = running::TORN.iter().zip(run.displacement);
         Series {
-            name: format!(
-                "{}, {} edges, {} Hz, damping {} ms",
-                run.mesh,
-                run.across,
-                run.rate,
-                1e3 * run.damping
-            ),
+            name: format!("{}, damping {} ms", run.mesh, 1e3 * run.damping),
             points: (start.into_iter())
                 .chain(torn.filter_map(|(part, at)| Some((100.0 * part, at?))))
                 .collect(),

@@ -30,7 +30,7 @@ pub struct TearLimit {
 impl Tearing {
     /// The tip that is nearest to going on, and the slopes of its root by motions of the handles (sqrt(J/m²) per m or
     /// rad). `shape` gives the displacement of a vertex for a motion, by the number of the motion. `None` under the law
-    /// `thesis`, and where all tips are hardly driven.
+    /// `thesis`, and where no tip is driven by it, or all are hardly driven.
     #[inline(never)]
     pub fn limit<T: Precision>(
         &mut self,
@@ -46,6 +46,13 @@ impl Tearing {
         let mut nearest: Option<(TipState, Drive, f64)> = None;
         for number in 0..self.tips.len() {
             let tip = self.tips[number];
+            // The strength drives the tips of a tear that pairs bridge.
+            if tip
+                .bridge
+                .is_some_and(|nodes| stepper.pair(nodes).is_some())
+            {
+                continue;
+            }
             let Some(drive) = self.drive(body, stepper, &tip) else {
                 continue;
             };
