@@ -265,11 +265,10 @@ impl Tearing {
         let due = material.toughness * material.thickness * tip.edge;
         let lacking = ((taken - self.report.spent) / due).clamp(0.0, MOST_LACKING);
         let least = (1.0 + MARGIN) * (1.0 + STIFFER * lacking * across) * material.toughness;
-        // The comparison is false for a flow that is no number.
-        if !(flow > least) {
+        let x = 1.0 - least / flow;
+        if x.is_nan() || flow <= least {
             return false;
         }
-        let x = 1.0 - least / flow;
         let speed = swiftness(x, across) * self.wave_speed * x;
         // A tip moves on by one edge in a step at most.
         let part = (speed * length / tip.edge).min(1.0);
