@@ -234,6 +234,7 @@ impl HostBody {
         if let Some(tears) = &mut self.tears {
             // The same shape stores another energy.
             tears.balance = Balance::default();
+            tears.tearing.begin_balance();
         }
         Ok(())
     }

@@ -203,6 +203,12 @@ impl Tearing {
         &self.report
     }
 
+    /// Begins the balance of energy anew at the end of the next step, for a body whose state or material was exchanged: the
+    /// same shape stores another energy, which no hand supplied.
+    pub fn begin_balance(&mut self) {
+        self.energy = None;
+    }
+
     /// Follows the balance of energy of the body over a step. The power of a hand is that at the end of the step.
     fn follow<T: Precision>(&mut self, body: &Body, stepper: &Stepper<T>) {
         let reports = (0..).map_while(|handle| body.handle_report(handle));
