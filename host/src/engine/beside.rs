@@ -105,16 +105,17 @@ impl<W: Work> Beside<W> {
         }
     }
 
-    /// Called once a step: the work that has been done since the last step, if any. Each piece is returned once.
+    /// Called once a step: the work that has been done since the last step, if any. Each piece is returned once. In virtual
+    /// time the step counts as one that has taken the time of `passed` steps.
     ///
     /// # Errors
     /// [`Lost`].
-    pub(super) fn done(&mut self) -> Result<Option<W>, Lost> {
+    pub(super) fn done(&mut self, passed: u32) -> Result<Option<W>, Lost> {
         match self {
             Self::AtAStep { begun, .. } => Ok(match begun.take() {
-                Some((0 | 1, work)) => Some(work),
+                Some((steps, work)) if steps <= passed => Some(work),
                 Some((steps, work)) => {
-                    *begun = Some((steps - 1, work));
+                    *begun = Some((steps - passed, work));
                     None
                 }
                 None => None,
@@ -156,16 +157,20 @@ mod tests {
     #[test]
     fn in_virtual_time_work_lands_at_its_step() {
         let mut beside = Beside::new(false, 4e-3);
-        assert!(beside.done().unwrap().is_none());
+        assert!(beside.done(1).unwrap().is_none());
         beside.begin(Count(0));
-        let landed: Vec<bool> = (0..5).map(|_| beside.done().unwrap().is_some()).collect();
+        let landed: Vec<bool> = (0..5).map(|_| beside.done(1).unwrap().is_some()).collect();
         // 10 ms are two and a half steps, rounded up.
         assert_eq!(landed, [false, false, true, false, false]);
+        // A step that takes the time of two.
+        beside.begin(Count(0));
+        let landed = [1, 2, 1].map(|passed| beside.done(passed).unwrap().is_some());
+        assert_eq!(landed, [false, true, false]);
     }
 
     fn wait(beside: &mut Beside<Count>) -> Result<Count, Lost> {
         loop {
-            if let Some(work) = beside.done()? {
+            if let Some(work) = beside.done(1)? {
                 return Ok(work);
             }
             thread::yield_now();
@@ -178,7 +183,7 @@ mod tests {
         beside.begin(Count(0));
         let work = wait(&mut beside).unwrap();
         assert_eq!(work.0, 1);
-        assert!(beside.done().unwrap().is_none());
+        assert!(beside.done(1).unwrap().is_none());
         beside.drop(work);
         beside.begin(Count(2));
         assert_eq!(wait(&mut beside).err(), Some(Lost));

@@ -125,15 +125,16 @@ impl<T: Precision> Renewals<T> {
         self.beside.begin(renewal);
     }
 
-    /// Takes a stepper that has been made since the last call, and lets it take over the motion of `stepper`. Returns
-    /// whether it did. A renewal that failed leaves the old stepper in use.
+    /// Takes a stepper that has been made since the last call, and lets it take over the motion of `stepper`; the step took the
+    /// time of `passed` steps. Returns whether it did. A renewal that failed leaves the old stepper in use.
     pub(super) fn land(
         &mut self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
         journal: &[Edit],
+        passed: u32,
     ) -> Result<bool, Lost> {
-        let Some(mut renewal) = self.beside.done()? else {
+        let Some(mut renewal) = self.beside.done(passed)? else {
             return Ok(false);
         };
         let landed = match renewal.made.take() {

@@ -13,6 +13,9 @@ use rt_core::MAX_HANDLES;
 /// A step of a sheet that tears has much work if it took more iterations than this number, or if it made an edit. Its model
 /// has the shapes of the model before, so that the longest steps are shorter.
 const MUCH_WORK: usize = 3;
+/// Time in which an iteration of a sheet that tears counts in virtual time (s): a step of many iterations takes longer than
+/// its length, and the work beside it goes on meanwhile.
+const ITERATION: f64 = 0.25e-3;
 /// Most models in turn with the same shapes.
 const MOST_KEPT: usize = 2;
 
@@ -230,6 +233,8 @@ pub(super) struct Frozen<T> {
     /// Whether the present step of a body that tears has much work, and the number of models in turn with the same shapes.
     is_busy: bool,
     kept: usize,
+    /// Number of steps whose time the present step takes in virtual time.
+    passed: u32,
     /// Length of a step (s).
     h: f64,
     /// Whether the run is under the real clock.
@@ -261,6 +266,7 @@ impl<T: Precision> Frozen<T> {
             renewals: None,
             is_busy: false,
             kept: 0,
+            passed: 1,
             h,
             real,
         }
@@ -270,11 +276,14 @@ impl<T: Precision> Frozen<T> {
     fn receive(&mut self) {
         if self.made.is_none() {
             // If the thread has ended, the factor in use stays in use.
-            self.made = self.beside.done().unwrap_or_default();
+            self.made = self.beside.done(self.passed).unwrap_or_default();
             self.lent &= self.made.is_none();
         }
         if let Some(refresher) = &mut self.made {
-            self.read = refresher.read_ahead(self.parts);
+            // A step that takes longer than it should waits for no factor that is there.
+            for _ in 0..self.passed {
+                self.read = refresher.read_ahead(self.parts);
+            }
         }
     }
 }
@@ -333,6 +342,10 @@ impl<T: Precision> Solver for Frozen<T> {
         let report = self.spent.count(watch, || stepper.finish(body, late))?;
         tally.solve = Some(self.spent.0);
         self.is_busy = self.renewals.is_some() && report.iterations > MUCH_WORK;
+        if self.renewals.is_some() {
+            let time = report.iterations as f64 * ITERATION;
+            self.passed = ((time / self.h) as u32).max(1);
+        }
         tally.solved = Some((
             report.iterations,
             report.converged,
@@ -367,7 +380,7 @@ impl<T: Precision> Solver for Frozen<T> {
         tearing.advance(body, &mut self.stepper);
         if let Some(renewals) = &mut self.renewals {
             // If the thread has ended, the stepper in use stays in use.
-            let landed = renewals.land(body, &mut self.stepper, tearing.journal());
+            let landed = renewals.land(body, &mut self.stepper, tearing.journal(), self.passed);
             if landed.unwrap_or(false) {
                 tally.renewed += 1;
                 // A factor that is still made belongs to the stepper before.

@@ -670,6 +670,65 @@ fn a_torn_sheet_takes_few_iterations_more() {
     }
 }
 
+/// Iterations of a sheet of two pieces that turns freely about an axis in its plane, with the factor of its first state:
+/// the most of each quarter of the steps. Where it `can_tear`, pairs join its pieces.
+fn turning(can_tear: bool) -> Vec<usize> {
+    let mesh = torn_mesh(&grid(NX, NY, 0.15, 0.12, Split::Alternating), NX + 1);
+    let config = BodyConfig {
+        bending: 1.0,
+        gravity: Vec3::zeros(),
+        stiffness_damping: 1e-4,
+        ..BodyConfig::default()
+    };
+    let mut body = Body::sheet(&mesh, &[cloth()], config, &[]).unwrap();
+    if can_tear {
+        let reserve = Reserve {
+            vertices: 10,
+            triangles: 20,
+        };
+        body.make_tearable(reserve).unwrap();
+    }
+    let options = StepperOptions {
+        refresh: false,
+        ..StepperOptions::default()
+    };
+    let mut stepper = Stepper::<f64>::new(&body, options).unwrap();
+    stepper.prepare(&body, 1e-3).unwrap();
+    if can_tear {
+        stepper.reserve_pairs(8);
+        for vertex in [3, 20] {
+            let nodes = [NY / 2 * (NX + 1) + vertex, (NX + 1) * (NY + 1) + vertex];
+            let pair = Pair::new(nodes, &(Vec3::y() * 0.1), 1e-3).unwrap();
+            assert!(stepper.add_pair(pair));
+        }
+    }
+    // A turn of a radian in twenty steps, and a ripple across the sheet.
+    let ripple = |x: &Vec3| Vec3::z() * (0.1 * libm::sin(120.0 * x.x) * libm::cos(90.0 * x.y));
+    let at = mesh.positions.iter();
+    let v: Vec<Vec3> = at.map(|x| Vec3::y().cross(x) * 50.0 + ripple(x)).collect();
+    body.set_velocities(&v).unwrap();
+    let mut most = Vec::new();
+    for _ in 0..4 {
+        let steps = (0..30).map(|_| {
+            let report = stepper.step(&mut body, 1e-3, &[], || false).unwrap();
+            assert!(report.converged || !can_tear, "{report:?}");
+            report.iterations
+        });
+        most.push(steps.max().unwrap());
+    }
+    most
+}
+
+#[test]
+fn the_factor_turns_with_a_sheet_that_can_tear() {
+    let (turned, frozen) = (turning(true), turning(false));
+    println!("iterations {turned:?}, and {frozen:?} with a factor that does not turn");
+    // The first steps let the pairs go. The others have the ripple, which the state of the factor lacks: 15 iterations. The
+    // frozen factor leaves a residual after all iterations that the options allow.
+    assert!(turned.iter().all(|&most| most <= 30), "{turned:?}");
+    assert!(frozen.iter().all(|&most| most == 100), "{frozen:?}");
+}
+
 #[test]
 fn nothing_is_allocated_while_a_stepper_grows_and_steps() {
     let mut run = Run::new(0.0, 1e-6);

@@ -69,7 +69,7 @@ impl HostBody {
         if self.joining.is_none() {
             return Ok(false);
         }
-        let done = match self.beside.as_mut().map(Beside::done) {
+        let done = match self.beside.as_mut().map(|beside| beside.done(1)) {
             Some(Ok(None)) => return Ok(false),
             Some(Ok(done)) => done,
             Some(Err(_)) | None => None,

@@ -11,6 +11,7 @@
 //! [`TornFactor`]: crate::linear::torn::TornFactor
 
 use super::Stepper;
+use super::turns::Turns;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::element;
@@ -30,9 +31,11 @@ pub(super) struct Growth<T> {
     /// Number of places of the factor.
     first: usize,
     /// Displacement of each place at the state of the factor (m).
-    state: Vec<Node<T>>,
+    pub(super) state: Vec<Node<T>>,
     /// Triangles that have a part in the rows that have changed.
     near: Vec<u32>,
+    /// The rotations since that state.
+    pub(super) turns: Turns,
     /// Whether the elements have followed an edit since they were linearized.
     is_due: bool,
 }
@@ -63,6 +66,7 @@ impl<T: Precision> Growth<T> {
             first,
             state: vec![[T::ZERO; 4]; places],
             near: Vec::with_capacity(surface.limits().triangles),
+            turns: Turns::new(places),
             is_due: false,
         }))
     }
@@ -75,12 +79,14 @@ impl<T: Precision> Growth<T> {
     /// Takes the displacements (m) at which a factor was made.
     pub(super) fn take_state(&mut self, d: &[Node<T>]) {
         self.state.copy_from_slice(d);
+        self.turns.note_change();
     }
 
     /// [`take_state`](Self::take_state), from the displacements of free places and those of held places.
     pub(super) fn take_loaded(&mut self, d: &[Node<T>], free: usize, held: usize) {
         self.state[..free].copy_from_slice(&d[..free]);
         self.state[held..].copy_from_slice(&d[free..]);
+        self.turns.note_change();
     }
 
     /// Applies the preconditioner in place; `solve` solves with the factor.
@@ -90,7 +96,18 @@ impl<T: Precision> Growth<T> {
         mask: &[Node<T>],
         solve: impl FnOnce(&mut [Node<f32>]),
     ) {
-        self.factor.apply(z, mask, solve);
+        self.turns.back(z);
+        if self.has_grown() {
+            self.factor.apply(z, mask, solve);
+        } else {
+            solve(z);
+        }
+        self.turns.forth(z);
+    }
+
+    /// Whether the factor alone is the preconditioner.
+    pub(super) fn is_plain(&self) -> bool {
+        !self.has_grown() && !self.turns.in_use()
     }
 
     /// Empties the rows of the new vertices that the latest edit may have changed: those of the touched triangles, and
@@ -243,6 +260,7 @@ impl<T: Precision> Stepper<T> {
         let moved = done.moved.iter().flatten().next().is_some();
         growth.begin_rows(surface, &self.place, moved);
         growth.is_due = true;
+        growth.turns.note_change();
         self.growth = Some(growth);
         self.forget_solves();
         Ok(())
@@ -373,6 +391,9 @@ impl<T: Precision> Stepper<T> {
         }
         (self.options, self.team, self.state) = (running.options, running.team, running.state);
         (self.unfinished, self.is_hard) = (running.unfinished, running.is_hard);
+        if let (Some(new), Some(old)) = (&mut self.growth, &running.growth) {
+            new.turns.follow(&old.turns);
+        }
         self.stepped = None;
         self.underway = None;
         self.stale = false;

@@ -152,7 +152,7 @@ impl<T: Precision> Stepper<T> {
         vectors::filter(&self.mask, z);
         let (team, solves) = (self.team, &mut self.solves);
         match &mut self.growth {
-            Some(growth) if growth.has_grown() => {
+            Some(growth) if !growth.is_plain() => {
                 growth.apply(z, &self.mask, |z| solves.solve(team, z));
             }
             _ => solves.solve(team, z),

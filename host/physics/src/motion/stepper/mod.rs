@@ -31,6 +31,7 @@ mod options;
 mod pair;
 mod release;
 mod stages;
+mod turns;
 
 pub use cost::Part;
 pub(crate) use iterate::{Limits, Solved};

@@ -121,6 +121,7 @@ impl<T: Precision> Stepper<T> {
         }
         self.stepped = None;
         self.prescribe(body, h, targets);
+        self.turn(body);
         self.respond();
         self.follow_pairs();
         let reference = self.start(body, h, factors.0, factors.1);
@@ -174,6 +175,7 @@ impl<T: Precision> Stepper<T> {
             self.unfinished = !step.report.converged;
             self.is_hard = step.report.iterations > EASY;
             self.stale |= self.is_slow(&step.report);
+            self.ask_for_turns(step.report.iterations);
         }
         step.stage = Stage::Solved;
         self.underway = Some(step);
