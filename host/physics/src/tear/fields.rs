@@ -191,22 +191,14 @@ impl Patch {
     ///
     /// [`TearError::Positions`] for fewer positions than the vertices of the patch need. The states are empty then.
     pub fn measure(&mut self, x: &[Vec3], material: &TearMaterial) -> Result<(), TearError> {
-        self.field.clear();
-        let needed = self.vertices().max().map_or(0, |last| last as usize + 1);
-        if x.len() < needed {
-            return Err(TearError::Positions {
-                needed,
-                found: x.len(),
-            });
-        }
-        (self.field.young, self.field.poisson) = (material.young, material.poisson);
-        for laid in &self.triangles {
-            let mut state = stretch(&laid.shape, self.corners_at(laid, x), material);
-            if laid.parent != NONE {
-                let parent = &self.field.triangles[laid.parent as usize];
-                state.spin = parent.spin + state.spin_against(parent);
+        self.stretch(x, material)?;
+        for place in 0..self.triangles.len() {
+            let parent = self.triangles[place].parent;
+            if parent != NONE {
+                let (before, rest) = self.field.triangles.split_at_mut(place);
+                let parent = &before[parent as usize];
+                rest[0].spin = parent.spin + rest[0].spin_against(parent);
             }
-            self.field.triangles.push(state);
         }
         self.even_spins();
         let states = self.field.triangles.iter();
@@ -219,6 +211,39 @@ impl Patch {
         }
         self.sum_nodes();
         self.count_angles();
+        Ok(())
+    }
+
+    /// As [`measure`](Self::measure), for the [driving](Self::driving) alone, which needs no spins and no angles.
+    ///
+    /// # Errors
+    ///
+    /// As [`measure`](Self::measure).
+    pub(crate) fn measure_driving(
+        &mut self,
+        x: &[Vec3],
+        material: &TearMaterial,
+    ) -> Result<(), TearError> {
+        self.stretch(x, material)?;
+        self.sum_nodes();
+        Ok(())
+    }
+
+    /// Computes the states of the triangles without spins.
+    fn stretch(&mut self, x: &[Vec3], material: &TearMaterial) -> Result<(), TearError> {
+        self.field.clear();
+        let needed = self.vertices().max().map_or(0, |last| last as usize + 1);
+        if x.len() < needed {
+            return Err(TearError::Positions {
+                needed,
+                found: x.len(),
+            });
+        }
+        (self.field.young, self.field.poisson) = (material.young, material.poisson);
+        for laid in &self.triangles {
+            let state = stretch(&laid.shape, self.corners_at(laid, x), material);
+            self.field.triangles.push(state);
+        }
         Ok(())
     }
 

@@ -312,6 +312,31 @@ fn the_slope_by_each_motion_is_that_of_the_motion_alone() {
 }
 
 #[test]
+fn the_limit_after_a_step_is_that_of_the_present_state() {
+    let mut strip = Pulled::new([0.2, 0.06], [30, 8], 200.0, |body| vec![notch(body, -0.02)]);
+    for step in 0..300 {
+        strip.tear(0.6 * f64::from(step) / 300.0);
+    }
+    let shape = |_: usize, vertex: u32| Vec3::y() * f64::from(vertex % 2);
+    let limit = |strip: &mut Pulled| {
+        let mut slopes = [0.0];
+        let limit = (strip.tearing).limit(&strip.body, &strip.stepper, &shape, &mut slopes);
+        (limit.expect("a driven tip"), slopes)
+    };
+    // What the step found, and the same found anew.
+    let kept = limit(&mut strip);
+    let x = strip.body.node_positions().to_vec();
+    strip.body.set_positions(&x).expect("finite positions");
+    assert_eq!(limit(&mut strip), kept);
+    // What the step found is of no use for other positions.
+    let stretched: Vec<Vec3> = x.iter().map(|x| x.component_mul(&Vec3::new(1.0, 1.01, 1.0))).collect();
+    strip.body.set_positions(&stretched).expect("finite positions");
+    let (before, after) = (kept.0.root, limit(&mut strip).0.root);
+    // A strain of a hundredth more than that of some hundredths.
+    assert!(after > 1.05 * before, "{before} {after}");
+}
+
+#[test]
 fn energy_that_an_exchange_of_the_body_brings_was_not_supplied_by_hands() {
     let spent = |begins: bool| {
         let mut strip = Pulled::new([0.2, 0.06], [30, 8], 200.0, |body| vec![notch(body, -0.02)]);

@@ -53,17 +53,16 @@ impl Tearing {
             {
                 continue;
             }
-            let Some(drive) = self.drive(body, stepper, &tip) else {
+            let Some((drive, rate)) = self.driven(body, stepper, &tip) else {
                 continue;
             };
-            let rate = self.counts(&tip, &drive);
             if rate > (nearest.as_ref()).map_or(LEAST * material.toughness, |&(.., rate)| rate) {
                 nearest = Some((tip, drive, rate));
             }
         }
         let (tip, mut drive, rate) = nearest?;
-        // The patch is that of the last tip.
-        let _ = self.drive(body, stepper, &tip)?;
+        // The patch is that of the last tip, or of none.
+        self.lay_patch(body, &tip)?;
         // The turn of the tear and the shares of bending and inertia change little over so small a motion.
         let (present, bending) = (drive.rate, drive.bending);
         let mut root_at = |driving: f64| {
@@ -83,7 +82,9 @@ impl Tearing {
             for vertex in self.patch.vertices() {
                 self.displaced[vertex as usize] += shape(motion, vertex) * SMALL;
             }
-            self.patch.measure(&self.displaced, &material).ok()?;
+            self.patch
+                .measure_driving(&self.displaced, &material)
+                .ok()?;
             *slope = (root_at(self.patch.driving().rate()) - root) / SMALL;
             for vertex in self.patch.vertices() {
                 self.displaced[vertex as usize] = x[vertex as usize];

@@ -20,6 +20,7 @@ pub use limit::TearLimit;
 pub use tips::{Course, TipState};
 
 use self::start::is_sharp;
+use self::tips::Driven;
 use super::stepper::{Pair, Stepper};
 use crate::Vec3;
 use crate::body::Body;
@@ -124,6 +125,8 @@ pub struct Tearing {
     stress: Vec<Symmetric>,
     /// Whether each vertex is about a tip; empty where no tear can start.
     near: Vec<bool>,
+    /// What drives the tips after the last step.
+    driven: Vec<Driven>,
     /// Room for displaced positions (m).
     displaced: Vec<Vec3>,
     report: TearReport,
@@ -169,6 +172,7 @@ impl Tearing {
             patch: Patch::new(limits.vertices, limits.triangles),
             stress: vec![[0.0; 3]; triangles],
             near: vec![false; vertices],
+            driven: Vec::with_capacity(MOST_EDGES * MOST_TIPS.max(all.len())),
             displaced: Vec::with_capacity(limits.vertices),
             report: TearReport {
                 tips: all.len(),

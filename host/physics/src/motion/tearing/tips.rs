@@ -136,6 +136,7 @@ impl TipState {
 }
 
 /// What drives a tip.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
     /// The energy release rate `G` along its path, with bending (J/m²).
     pub(super) rate: f64,
@@ -145,6 +146,22 @@ pub(super) struct Drive {
     pub(super) hidden: f64,
     /// The fan angle of the path (rad).
     pub(super) direction: f64,
+}
+
+/// What drove a tip when it was found to wait.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Driven {
+    tip: TipState,
+    /// The topology epoch of the body, and the numbers of its motions and of changes from outside.
+    at: [u64; 3],
+    pub(super) drive: Drive,
+    /// What is compared with the toughness (J/m²).
+    pub(super) rate: f64,
+}
+
+/// The state of a body to which a [`Driven`] belongs.
+fn state_of(body: &Body) -> [u64; 3] {
+    [body.epoch(), body.state.motions, body.state.revision]
 }
 
 /// The direction straight ahead of a tip.
@@ -168,15 +185,7 @@ impl Tearing {
         stepper: &Stepper<T>,
         tip: &TipState,
     ) -> Option<Drive> {
-        let surface = body.surface()?;
-        let vertex = tip.vertex;
-        let direction = surface.straight_ahead(vertex) + tip.course.turned;
-        let tip = Tip::at(surface, vertex, direction)?;
-        let others = &self.tips;
-        let barred = |found: u32| {
-            body.is_held(found) || (found != vertex && others.iter().any(|tip| tip.vertex == found))
-        };
-        self.patch.find(&sheet(surface), &tip, RINGS, barred).ok()?;
+        let direction = self.lay_patch(body, tip)?;
         let measured = self
             .patch
             .measure(body.node_positions(), &self.options.material);
@@ -195,6 +204,37 @@ impl Tearing {
             hidden,
             direction,
         })
+    }
+
+    /// Finds the patch about a tip. Returns the fan angle of its path (rad).
+    pub(super) fn lay_patch(&mut self, body: &Body, tip: &TipState) -> Option<f64> {
+        let surface = body.surface()?;
+        let vertex = tip.vertex;
+        let direction = surface.straight_ahead(vertex) + tip.course.turned;
+        let tip = Tip::at(surface, vertex, direction)?;
+        let others = &self.tips;
+        let barred = |found: u32| {
+            body.is_held(found) || (found != vertex && others.iter().any(|tip| tip.vertex == found))
+        };
+        self.patch.find(&sheet(surface), &tip, RINGS, barred).ok()?;
+        Some(direction)
+    }
+
+    /// What drives a tip, and what is compared with the toughness: as found after the last step, or now if anything has changed.
+    pub(super) fn driven<T: Precision>(
+        &mut self,
+        body: &Body,
+        stepper: &Stepper<T>,
+        tip: &TipState,
+    ) -> Option<(Drive, f64)> {
+        let now = state_of(body);
+        let known = self.driven.iter();
+        let mut known = known.filter(|known| known.at == now && known.tip == *tip);
+        if let Some(known) = known.next() {
+            return Some((known.drive, known.rate));
+        }
+        let drive = self.drive(body, stepper, tip)?;
+        Some((drive, self.counts(tip, &drive)))
     }
 
     /// The edit by which the tip at `vertex` goes on in the direction of a fan angle (rad). A vertex snaps only where
@@ -284,6 +324,7 @@ impl Tearing {
         stepper: &mut Stepper<T>,
     ) {
         let length = stepper.step_length();
+        self.driven.clear();
         let mut number = 0;
         while let Some(&(mut tip)) = self.tips.get(number) {
             let mut left = length;
@@ -293,6 +334,13 @@ impl Tearing {
                     break;
                 };
                 self.report.driving = self.report.driving.max(drive.flow());
+                let rate = self.counts(&tip, &drive);
+                self.driven.push(Driven {
+                    tip,
+                    at: state_of(body),
+                    drive,
+                    rate,
+                });
                 let waits = tip.pair.and_then(|nodes| stepper.pair(nodes));
                 let bridge = tip.bridge.and_then(|nodes| stepper.pair(nodes));
                 let path = if bridge.is_some() {
@@ -311,7 +359,7 @@ impl Tearing {
                         }
                     }
                     // The comparison is false for a rate that is no number.
-                    let goes_on = self.counts(&tip, &drive) >= self.options.material.toughness;
+                    let goes_on = rate >= self.options.material.toughness;
                     if !goes_on {
                         break;
                     }
