@@ -339,17 +339,13 @@ fn the_account_of_every_step_closes() {
 #[test]
 fn a_pair_takes_its_energy_on_every_path() {
     let mut random = Random(17);
-    for path in 0..400 {
+    for _ in 0..400 {
         let force = random.vector() * 3.0;
         let mut pair = Pair::new([0, 1], &force, 1e-3).unwrap();
-        // Every other pair weakens where it unloads.
-        if path % 2 == 1 {
-            pair = pair.weakening(0.3 * force.norm());
-        }
         while !pair.is_over() {
             // The opening grows and shrinks along the line between the vertices.
             let opening = pair.opening();
-            let change = pair.critical * (0.02 + 0.2 * random.signed());
+            let change = pair.critical() * (0.02 + 0.2 * random.signed());
             let next = f64::max(0.0, opening + change);
             let force = pair.step_force(next);
             pair.advance(force, &(pair.direction() * (next - opening)));
@@ -377,26 +373,29 @@ fn a_pair_that_slackens_gives_up_the_area_that_it_loses() {
                 );
             }
             // Now and then more than there is.
-            let loss = force.norm() * 0.6 * random.signed().powi(4);
-            let part = (loss / before.strength()).min(1.0);
-            lost += pair.slacken(loss);
+            let edge = 0.6 * random.signed().powi(4);
+            let part = (edge * force.norm() / before.strength()).min(1.0);
+            lost += pair.slacken(edge);
             let same = |a: f64, b: f64, size: f64| (a - b).abs() <= 1e-12 * size;
-            assert_eq!(
-                (pair.critical, pair.largest),
-                (before.critical, before.largest)
-            );
+            assert_eq!(pair.largest, before.largest);
+            let critical = if part < 1.0 {
+                before.critical()
+            } else {
+                before.largest
+            };
+            assert!(same(pair.critical(), critical, critical));
             assert_eq!((pair.apart, pair.work), (before.apart, before.work));
             assert!(same(pair.force, before.force * (1.0 - part), before.force));
             // The triangle below the law, without that below the present opening.
             let opening = pair.opening();
             let slope = pair.strength() / pair.largest;
-            let area = 0.5 * (pair.strength() * pair.critical - slope * opening * opening);
+            let area = 0.5 * (pair.strength() * pair.critical() - slope * opening * opening);
             assert!(same(pair.left(), area, energy), "{path}: {pair:?}");
             assert_eq!(pair.is_over(), part >= 1.0);
             if pair.is_over() {
                 break;
             }
-            let change = pair.critical * (0.02 + 0.2 * random.signed());
+            let change = pair.critical() * (0.02 + 0.2 * random.signed());
             let next = f64::max(0.0, opening + change);
             let force = pair.step_force(next);
             pair.advance(force, &(pair.direction() * (next - opening)));
@@ -421,9 +420,9 @@ fn a_stepper_forgets_a_pair_that_has_lost_its_strength() {
     }
     assert_eq!(run.stepper.slacken([40, 101], 1.0), 0.0);
     // A quarter of the strength is a quarter of the energy of a pair that has not opened, and the rest is the rest.
-    for (loss, part, left) in [(0.5, 0.25, 2), (9.0, 0.75, 1), (9.0, 0.0, 1)] {
+    for (edge, part, left) in [(0.25, 0.25, 2), (4.5, 0.75, 1), (4.5, 0.0, 1)] {
         let before = run.stepper.pending();
-        let lost = run.stepper.slacken(nodes[0], loss);
+        let lost = run.stepper.slacken(nodes[0], edge);
         assert!((lost - part * energy).abs() < 1e-15, "{lost}");
         assert!((before - run.stepper.pending() - lost).abs() < 1e-15);
         assert_eq!(run.stepper.pairs().len(), left);
@@ -437,23 +436,88 @@ fn a_stepper_forgets_a_pair_that_has_lost_its_strength() {
     assert!(run.stepper.pair(nodes[0]).is_none());
 }
 
+/// Opens a pair by `change` (m) along its direction in a step.
+fn open(pair: &mut Pair, change: f64) {
+    let force = pair.step_force(pair.opening() + change);
+    pair.advance(force, &(pair.direction() * change));
+}
+
 #[test]
-fn a_weakening_pair_keeps_its_force_and_forgets_its_strength() {
-    let force = Vec3::y() * 10.0;
-    let pair = Pair::new([0, 1], &force, 1e-3).unwrap();
-    let half = -pair.apart * 0.5;
-    for (floor, strength) in [(0.0, 5.0), (8.0, 8.0), (f64::INFINITY, 10.0)] {
-        let mut pair = pair.weakening(floor);
-        pair.advance(7.5, &half);
-        // On the unloading line, whatever its end.
-        assert!((pair.force - 5.0).abs() < 1e-12, "{pair:?}");
-        let highest = pair.step_force(pair.largest);
-        // The mean of the present force and the strength.
-        assert!(
-            (highest - 0.5 * (5.0 + strength)).abs() < 1e-12,
-            "{highest}"
-        );
+fn a_paced_pair_loses_its_force_as_the_tip_asks() {
+    let (first, energy, length) = (2.0, 1e-3, 1e-3);
+    let new = || Pair::new([0, 1], &(Vec3::y() * first), energy).unwrap();
+    // The force would be lost within 1 mm. The tip asks for 4/3 mm at least: the force falls by 1.5 N in 4/3 mm.
+    let fall = 1.5 / (4e-3 / 3.0);
+    let change = 1e-5;
+    for pace in [-1e9, -1.0, 0.0, 0.5, 1.0, 1.5] {
+        let mut pair = new().paced(length);
+        let spring = first / pair.largest;
+        pair.pace(pace);
+        let expected = pair.strength() + change * (-fall * pace).min(spring);
+        open(&mut pair, change);
+        assert!((pair.strength() - expected).abs() < 1e-12, "{pace}: {pair:?}");
+        // A tip that asks for nothing leaves the pair to its own law.
+        let expected = pair.strength() - change * fall;
+        open(&mut pair, change);
+        assert!((pair.strength() - expected).abs() < 1e-12, "{pace}: {pair:?}");
     }
+    // A pair that nobody paces is not changed, and its law is steeper.
+    let mut pair = new();
+    pair.pace(0.0);
+    assert_eq!((pair, pair.is_paced()), (new(), false));
+    assert!(pair.critical() < 0.8 * new().paced(length).critical());
+    // A long edge has a law that takes the energy.
+    let long = new().paced(1.0);
+    assert!((long.critical() / pair.critical() - 1.0).abs() < 0.06, "{long:?}");
+}
+
+#[test]
+fn a_paced_pair_tells_where_the_tip_is() {
+    let energy = 1e-3;
+    let mut pair = Pair::new([0, 1], &(Vec3::y() * 2.0), energy)
+        .unwrap()
+        .paced(1e-3);
+    // A spring that does not lose its force leaves the tip in its place, also under a larger opening.
+    for _ in 0..5 {
+        let ahead = pair.ahead();
+        pair.pace(f64::NEG_INFINITY);
+        open(&mut pair, 1e-5);
+        assert!((pair.ahead() - ahead).abs() < 1e-15, "{pair:?}");
+    }
+    // By its own law and by slackening the tip moves on, without a change of the energy to take.
+    for part in [0.0, 0.1, 0.3] {
+        let (ahead, work) = (pair.ahead(), pair.work);
+        assert_eq!(pair.slacken(part), 0.0);
+        assert!((ahead - pair.ahead() - part * energy).abs() < 1e-15);
+        assert_eq!((pair.work, pair.left()), (work, energy - work));
+        let ahead = pair.ahead();
+        open(&mut pair, 1e-5);
+        assert!(pair.ahead() < ahead, "{pair:?}");
+    }
+    pair.slacken(1.0);
+    assert!(pair.is_over() && pair.strength() == 0.0 && pair.ahead() == 0.0);
+    // The pair has also let go where its own law ends.
+    let mut pair = Pair::new([0, 1], &(Vec3::y() * 2.0), energy)
+        .unwrap()
+        .paced(1e-3);
+    let change = 1.1 * (pair.critical() - pair.largest);
+    open(&mut pair, change);
+    assert!(pair.is_over(), "{pair:?}");
+}
+
+#[test]
+fn energy_that_a_paced_pair_did_not_take_is_told() {
+    let mut run = Run::new(0.0, 1e-6);
+    run.stepper.reserve_pairs(8);
+    let (nodes, energy) = ([40, 41], 1e-3);
+    let pair = Pair::new(nodes, &(Vec3::y() * 2.0), energy).unwrap();
+    assert!(run.stepper.add_pair(pair.paced(1e-3)));
+    assert_eq!(run.stepper.slacken(nodes, 0.4), 0.0);
+    assert_eq!(run.stepper.take_lost(), 0.0);
+    assert!(run.stepper.pending() < 0.6 * energy);
+    assert_eq!(run.stepper.slacken(nodes, 0.7), 0.0);
+    assert_eq!((run.stepper.take_lost(), run.stepper.take_lost()), (energy, 0.0));
+    assert_eq!((run.stepper.pending(), run.stepper.surplus()), (0.0, 0.0));
 }
 
 /// A sheet whose tear has just moved on by a vertex, pulled until the pair behind the tip has let go.
@@ -515,7 +579,7 @@ fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
             if let Some(pair) = stepper.pairs().first() {
                 // The pull grows, and so does the opening.
                 let opening = pair.opening();
-                assert!(opening >= last - 1e-6 * pair.critical, "{pair:?}");
+                assert!(opening >= last - 1e-6 * pair.critical(), "{pair:?}");
                 last = opening;
             }
         }

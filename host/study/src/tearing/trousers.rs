@@ -15,6 +15,7 @@
 
 use super::patterns::{Pattern, Rectangle, Slit};
 use super::rig::Rig;
+use super::running::Triangles;
 use super::specimen::{RUBBER, Stuff, side};
 use crate::{Level, StudyError};
 use physics::tear::TearLaw;
@@ -68,9 +69,9 @@ impl Trousers {
 #[derive(Clone, Debug)]
 pub struct Case {
     /// How the triangles lie.
-    pub pattern: Pattern,
-    /// The number of triangles to aim at.
-    pub triangles: usize,
+    pub triangles: Triangles,
+    /// The number of triangles to aim at in a pattern.
+    pub count: usize,
     /// Thickness (m).
     pub thickness: f64,
     /// Steps in a second (Hz).
@@ -96,8 +97,8 @@ pub fn run(level: Level) -> Result<Vec<Trousers>, StudyError> {
     for &pattern in level.take(&Pattern::ALL, 1) {
         for &thickness in level.take(&[2e-3, 1e-3, 5e-4], 1) {
             let case = Case {
-                pattern,
-                triangles: level.choose(700, 1400),
+                triangles: Triangles::Pattern(pattern),
+                count: level.choose(700, 1400),
                 thickness,
                 rate: level.choose(250.0, 1000.0),
                 up: 1.0,
@@ -118,15 +119,25 @@ impl Case {
             from: [-0.5 * LENGTH, 0.0],
             to: [CUT - 0.5 * LENGTH, 0.0],
         };
-        let rectangle = Rectangle {
+        let slits = [slit];
+        let rectangle = |pattern| Rectangle {
             length: LENGTH,
             width: WIDTH,
-            triangles: self.triangles,
-            pattern: self.pattern,
-            slits: &[slit],
+            triangles: self.count,
+            pattern,
+            slits: &slits,
             marks: &[],
         };
-        let made = rectangle.mesh()?;
+        let (name, made) = match &self.triangles {
+            Triangles::Pattern(pattern) => (pattern.name(), rectangle(*pattern).mesh()?),
+            Triangles::Obj(name, text) => {
+                let mesh = meshio::obj::parse(text.as_bytes())?;
+                (
+                    name.clone(),
+                    rectangle(Pattern::Turned(0.0)).of(&mesh)?,
+                )
+            }
+        };
         let mesh = &made.mesh;
         let leg = |above: bool| HandleSpec {
             vertices: side(&made, "left")
@@ -172,7 +183,13 @@ impl Case {
             let targets =
                 [self.up, -self.up].map(|sign| HandlePose::at(Vec3::new(along, 0.0, sign * up)));
             rig.step(&targets)?;
-            let torn = rig.tear().area / self.thickness;
+            let told = rig.tear();
+            let torn = told.area / self.thickness;
+            if std::env::var("TRACE").is_ok() {
+                let f = 0.5 * (rig.force(1).z - rig.force(0).z) * self.up;
+                let p = rig.stepper.pairs();
+                eprintln!("{time:.4} {torn:.5} {:.4} {:.1} {:.4} {:.4} {:.4} {} {:.4}", f, told.driving, told.due, told.pending, told.spent, p.len(), p.last().map_or(0.0, |p| p.strength()/p.first));
+            }
             let now = (2.0 * up, rig.ledger.supplied);
             if torn >= FROM {
                 first = first.or(Some(now));
@@ -188,7 +205,7 @@ impl Case {
                 let tip = rig.tearing.tips().first().map(|tip| tip.vertex as usize);
                 let rest = tip.and_then(|tip| rig.body.rest_positions().get(tip));
                 return Ok(Trousers {
-                    pattern: self.pattern.name(),
+                    pattern: name,
                     triangles: mesh.triangles.len(),
                     thickness: self.thickness,
                     exact: exact(self.thickness),

@@ -14,10 +14,6 @@
 //! length of the offset, a twentieth of `d_c`; without the offset a pair that has not opened would be rigid and have no
 //! direction. The force `T(s) / s` per length across the vector is that of a spring.
 //!
-//! **Weakening.** The first force may contain bending forces of short edges beside the tip, which balance each other and
-//! vanish once the sheet moves a little. A [weakening](Pair::weakening) pair forgets such a force: where it unloads, its
-//! strength follows the force.
-//!
 //! **Slackening.** A tip that moves on inside the edge leaves less of the edge closed. The pair then [loses](Pair::slacken)
 //! strength, whatever its opening, and the energy that its law would still have taken.
 //!
@@ -27,11 +23,25 @@
 //! a pair over its life is therefore its energy, whatever the steps, and even if a step was solved roughly. The last step
 //! of a pair may err; [`Stepper::take_surplus`](super::Stepper::take_surplus) returns this error, for the next pair to make
 //! good.
+//!
+//! **Paced pairs.** Where a sheet is torn out of its plane, a bend moves with the tip from vertex to vertex. It takes up energy
+//! and gives it back within an edge, so that a pair whose force falls evenly lets the force of the hands rise and fall. The
+//! tip therefore [paces](Pair::pace) such a pair: while the flow of energy is short of the toughness, the pair opens without
+//! a loss of force, as a spring would. The stiffness of the pair says where in the edge the tip is. With the fall `k1` of the
+//! law above, which takes the energy from the first force `f`,
+//!
+//! ```text
+//! k1 = f^2 / (2 energy)        T(s) / s = k1 (1 - p) / p        p = s / d_c on the line that falls
+//! ```
+//!
+//! the tip has passed the part `p` of the edge. The work of such a pair is that of its path; it need not be its energy.
 
 use crate::Vec3;
 
 /// The length of the offset, as a fraction of the opening at which the force is lost.
 const OFFSET: f64 = 0.05;
+/// The largest opening at which a paced pair has lost its force on the line that falls, in lengths of its edge.
+const WIDEST: f64 = 4.0 / 3.0;
 /// Bisections for the opening that meets the law.
 const BISECTIONS: usize = 60;
 
@@ -44,8 +54,6 @@ pub struct Pair {
     pub apart: Vec3,
     /// The first force (N).
     pub first: f64,
-    /// The opening at which the force is lost (m).
-    pub critical: f64,
     /// The largest opening so far (m).
     pub largest: f64,
     /// The force on the first vertex along [`direction`](Self::direction) (N): at the start of a step, and, while the step
@@ -57,8 +65,10 @@ pub struct Pair {
     pub energy: f64,
     /// The force at the largest opening (N).
     strength: f64,
-    /// The force to which the strength may fall where the pair unloads (N).
-    pub(super) floor: f64,
+    /// By how much the force grows with the opening beyond the largest (N/m); negative where the force falls.
+    growth: f64,
+    /// The fall `k1` of a paced pair (N/m).
+    paced: Option<f64>,
     /// The unit direction of the force on the first vertex at the start of the step.
     pub(super) direction: Vec3,
     /// The stiffness across the direction (N/m), and the force across it on the first vertex at the end of the step (N).
@@ -81,13 +91,13 @@ impl Pair {
             nodes,
             apart: force * (largest / first),
             first,
-            critical,
             largest,
             force: first,
             work: 0.0,
             energy,
             strength: first,
-            floor: f64::INFINITY,
+            growth: -first / (critical - largest),
+            paced: None,
             direction: force / first,
             across: first / largest,
             sideways: Vec3::zeros(),
@@ -95,23 +105,63 @@ impl Pair {
         })
     }
 
-    /// The pair that weakens where it unloads: the strength follows the force down to `floor` (N), along the unloading
-    /// line. The energy stays, so the opening at which the force is lost grows.
+    /// The pair that a tip [paces](Self::pace) along an edge of this `length` (m).
+    ///
+    /// The first force of a short edge may be several times that of the hands: it is then the force of bent triangles beside
+    /// the tip, which vanishes as the sheet moves a little. The fall is therefore at most that of a pair whose force is lost at
+    /// [`WIDEST`] lengths.
     #[must_use]
-    pub fn weakening(self, floor: f64) -> Self {
-        Self { floor, ..self }
+    pub fn paced(self, length: f64) -> Self {
+        let lasting = 2.0 * self.energy / (WIDEST * length);
+        let fall = self.first.min(lasting).powi(2) / (2.0 * self.energy);
+        Self {
+            growth: -fall,
+            paced: Some(fall),
+            ..self
+        }
     }
 
-    /// Lets the strength fall by `loss` (N), at most to zero, where the pair has let go. The opening at which the force is
-    /// lost stays. Returns by how much the energy of the pair falls (J).
-    pub fn slacken(&mut self, loss: f64) -> f64 {
-        let before = self.area();
+    /// Whether a tip paces the pair.
+    pub fn is_paced(&self) -> bool {
+        self.paced.is_some()
+    }
+
+    /// Lets a paced pair lose its force `pace` times as fast as by its law, in the next step. At a negative pace the force
+    /// grows with the opening, at most as that of a spring. Other pairs have a pace of their own.
+    pub fn pace(&mut self, pace: f64) {
+        if let Some(fall) = self.paced {
+            self.growth = (-fall * pace).min(self.slope());
+        }
+    }
+
+    /// The part of the edge that the tip has passed.
+    fn passed(&self, fall: f64) -> f64 {
+        fall / (fall + self.slope())
+    }
+
+    /// Lets the tip move on by the part `part` of the edge. The strength falls, at most to zero, where the pair has let go.
+    /// The opening at which the force is lost stays. Returns by how much the energy of the pair falls (J); that of a paced
+    /// pair stays.
+    pub fn slacken(&mut self, part: f64) -> f64 {
         // A value that is not a number counts as zero.
-        self.strength -= loss.max(0.0).min(self.strength);
+        let part = part.max(0.0);
+        let (area, strength) = (self.area(), self.strength);
+        if let Some(fall) = self.paced {
+            let passed = (self.passed(fall) + part).min(1.0);
+            self.strength = self.largest * fall * (1.0 - passed) / passed;
+        } else {
+            self.strength -= (part * self.first).min(strength);
+        }
         self.is_dropped |= self.strength <= 0.0;
+        if self.strength > 0.0 {
+            self.growth *= self.strength / strength;
+        }
         self.across = self.slope();
         self.force = self.across * self.opening();
-        let lost = before - self.area();
+        if self.is_paced() {
+            return 0.0;
+        }
+        let lost = area - self.area();
         self.energy -= lost;
         lost
     }
@@ -121,14 +171,32 @@ impl Pair {
         self.strength
     }
 
+    /// The opening at which the force is lost (m); infinite where the force does not fall.
+    pub fn critical(&self) -> f64 {
+        if self.growth < 0.0 {
+            self.largest - self.strength / self.growth
+        } else {
+            f64::INFINITY
+        }
+    }
+
     /// The area that is left below the law (J).
     fn area(&self) -> f64 {
-        self.below() + 0.5 * self.strength * (self.critical - self.largest)
+        self.below() + 0.5 * self.strength * (self.critical() - self.largest)
+    }
+
+    /// The force at an opening `s` beyond the largest (N).
+    fn force_beyond(&self, s: f64) -> f64 {
+        if s < self.critical() {
+            self.strength + self.growth * (s - self.largest)
+        } else {
+            0.0
+        }
     }
 
     /// Whether the pair has let go.
     pub fn is_over(&self) -> bool {
-        self.is_dropped || self.opening() >= self.critical
+        self.is_dropped || self.opening() >= self.critical()
     }
 
     /// The unit direction of the force on the first vertex.
@@ -141,19 +209,26 @@ impl Pair {
         self.apart.norm()
     }
 
-    /// The energy that the pair has not yet taken (J). A pair that has let go has none but the error of its last step.
+    /// The energy that the pair has not yet taken (J). A pair that has let go has none but the error of its last step, and
+    /// that by which the work of a paced pair differs from its energy.
     pub fn left(&self) -> f64 {
         self.energy - self.work
     }
 
+    /// The energy of the part of the edge that the tip has still to pass (J).
+    pub fn ahead(&self) -> f64 {
+        self.paced.map_or(self.left(), |fall| {
+            self.energy * (1.0 - self.passed(fall))
+        })
+    }
+
     /// The work of an opening that grows from the largest so far to `s` (J).
     fn beyond(&self, s: f64) -> f64 {
-        let width = self.critical - self.largest;
-        if width <= 0.0 {
+        let grown = s.min(self.critical()) - self.largest;
+        if grown <= 0.0 {
             return 0.0;
         }
-        let grown = s.min(self.critical) - self.largest;
-        self.strength * grown * (1.0 - 0.5 * grown / width)
+        grown * (self.strength + 0.5 * self.growth * grown)
     }
 
     /// The slope of the unloading line (N/m).
@@ -182,14 +257,7 @@ impl Pair {
         if s <= self.largest {
             return 0.5 * self.slope();
         }
-        let width = self.critical - self.largest;
-        let left = (self.critical - s).max(0.0);
-        let force = if width > 0.0 {
-            self.strength * left / width
-        } else {
-            0.0
-        };
-        (force - self.step_force(s)) / (s - opening)
+        (self.force_beyond(s) - self.step_force(s)) / (s - opening)
     }
 
     /// The energy that the pair can give back (J).
@@ -211,34 +279,31 @@ impl Pair {
         self.apart += change;
         let opening = self.opening();
         if opening > self.largest {
-            let width = self.critical - self.largest;
-            let left = (self.critical - opening).max(0.0);
-            self.strength = if width > 0.0 {
-                self.strength * left / width
-            } else {
-                0.0
-            };
+            self.strength = self.force_beyond(opening);
             self.largest = opening;
-        } else {
-            let (slope, force) = (self.slope(), self.slope() * opening);
-            let strength = force.max(self.floor);
-            if strength < self.strength {
-                (self.strength, self.largest) = (strength, strength / slope);
-            }
         }
         self.sideways = Vec3::zeros();
-        // The energy that is left fits below the law. If it does not reach beyond the largest opening, the force is smaller.
-        let (left, below) = (self.left().max(0.0), self.below());
-        self.critical = self.largest;
-        if left > below && self.strength > 0.0 {
-            self.critical += 2.0 * (left - below) / self.strength;
-        } else if below > 0.0 {
-            self.strength *= left / below;
+        if let Some(fall) = self.paced {
+            self.growth = -fall;
+            self.is_dropped |= self.strength <= 0.0;
+        } else {
+            self.fit();
         }
         self.across = self.slope();
         self.force = self.across * opening;
         if opening > 0.0 {
             self.direction = self.apart / opening;
+        }
+    }
+
+    /// Fits the law to the energy that is left. If this energy does not reach beyond the largest opening, the force is smaller.
+    fn fit(&mut self) {
+        let (left, below) = (self.left().max(0.0), self.below());
+        self.growth = f64::NEG_INFINITY;
+        if left > below && self.strength > 0.0 {
+            self.growth = -self.strength * self.strength / (2.0 * (left - below));
+        } else if below > 0.0 {
+            self.strength *= left / below;
         }
     }
 
@@ -258,8 +323,9 @@ impl Pair {
         // The first sign change. A law that falls linearly crosses at most once before it is zero.
         let off = |s: f64| s - free + response * self.step_force(s);
         let (mut low, mut high) = (self.largest, free);
-        if self.critical < high && off(self.critical) >= 0.0 {
-            high = self.critical;
+        let critical = self.critical();
+        if critical < high && off(critical) >= 0.0 {
+            high = critical;
         }
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (low + high);

@@ -40,6 +40,8 @@ pub(super) struct Pairs {
     changed: Vec<Vec3>,
     /// The energy that pairs took too little in their last steps (J).
     surplus: f64,
+    /// The energy that no pair will take any more (J), since it was asked for.
+    lost: f64,
 }
 
 impl Pairs {
@@ -52,6 +54,7 @@ impl Pairs {
             agreement: Agreement::new(most),
             changed: vec![Vec3::zeros(); most],
             surplus: 0.0,
+            lost: 0.0,
         }
     }
 
@@ -98,7 +101,7 @@ impl<T: Precision> Stepper<T> {
 
     /// The energy that pairs have still to take (J), with the error of those that have let go.
     pub fn pending(&self) -> f64 {
-        self.pairs.list.iter().map(Pair::left).sum::<f64>() + self.pairs.surplus
+        self.pairs.list.iter().map(Pair::ahead).sum::<f64>() + self.pairs.surplus
     }
 
     /// Returns the [surplus](Self::surplus), at most `most` (J) of either sign. Of the rest, at most `kept` stays for the next
@@ -109,19 +112,34 @@ impl<T: Precision> Stepper<T> {
         taken
     }
 
-    /// Lets the pair of these vertices [lose](Pair::slacken) the strength `loss` (N), and forgets a pair that has let go.
-    /// Returns by how much the energy of the pair falls (J).
-    pub fn slacken(&mut self, nodes: [u32; 2], loss: f64) -> f64 {
+    /// The energy (J) that pairs had still to take and no pair will take, since the last call: that of paced pairs that have let
+    /// go, and of pairs that were let go because they would have thrown a light piece. Negative where paced pairs took more than
+    /// their energy.
+    pub fn take_lost(&mut self) -> f64 {
+        core::mem::take(&mut self.pairs.lost)
+    }
+
+    /// Lets the tip before the pair of these vertices move on by the part `part` of its edge: the pair
+    /// [slackens](Pair::slacken), and is forgotten if it has let go. Returns by how much the energy of the pair falls (J).
+    pub fn slacken(&mut self, nodes: [u32; 2], part: f64) -> f64 {
         let Some(at) = self.pairs.list.iter().position(|pair| pair.nodes == nodes) else {
             return 0.0;
         };
-        let lost = self.pairs.list[at].slacken(loss);
+        let fallen = self.pairs.list[at].slacken(part);
         if self.pairs.list[at].is_over() {
-            self.pairs.list.remove(at);
+            self.pairs.lost += self.pairs.list.remove(at).left();
             self.pairs.forget_responses();
         }
         self.sleep.wake();
-        lost
+        fallen
+    }
+
+    /// [Paces](Pair::pace) the pair of these vertices over the next step.
+    pub fn pace(&mut self, nodes: [u32; 2], pace: f64) {
+        let found = self.pairs.list.iter_mut().find(|pair| pair.nodes == nodes);
+        if let Some(pair) = found {
+            pair.pace(pace);
+        }
     }
 
     /// Adds a pair. Returns whether there was [room](Self::reserve_pairs).
@@ -499,12 +517,17 @@ impl<T: Precision> Stepper<T> {
             work += pair.work;
         }
         let count = self.pairs.list.len();
-        let surplus = &mut self.pairs.surplus;
-        self.pairs.list.retain(|pair| {
+        let Pairs {
+            list,
+            surplus,
+            lost,
+            ..
+        } = &mut self.pairs;
+        list.retain(|pair| {
             let is_over = pair.is_over();
-            // The energy of a pair that was dropped is lost: the next pair cannot take it.
-            if is_over && !pair.is_dropped {
-                *surplus += pair.left();
+            if is_over {
+                // The next pair cannot take the energy of a pair that was dropped.
+                *(if pair.is_dropped { &mut *lost } else { &mut *surplus }) += pair.left();
             }
             !is_over
         });

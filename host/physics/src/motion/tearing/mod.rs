@@ -38,8 +38,8 @@ const MOST_EDGES: usize = 4;
 /// The largest part of its own energy by which a pair makes good the errors of earlier pairs.
 const MOST_SURPLUS: f64 = 0.1;
 
-/// The largest opening at which a pair out of the plane has let go, in lengths of its edge.
-const WIDEST: f64 = 4.0 / 3.0;
+/// The inclination of the first force of a pair to the sheet from which the tip paces the pair, as a sine: 20 degrees.
+const INCLINED: f64 = 0.34;
 
 /// How far an edge that opens may lead off the path, as a fraction of its length (8.6 degrees). The torn area is larger
 /// than that of the path by 1 % at most, and cuts near vertices, which leave short edges, are rare.
@@ -89,8 +89,8 @@ pub struct TearReport {
     pub area: f64,
     /// The energy that the torn area takes (J): the toughness times the area; zero under the law `thesis`.
     pub due: f64,
-    /// The part of this energy that pairs no longer take, because their tips moved on inside edges (J): it goes into motion
-    /// and damping about the tips.
+    /// The part of this energy that no pair takes (J), because tips moved on inside edges, or faces let go at once: it goes
+    /// into motion and damping about the tips.
     pub slackened: f64,
     /// The part of the energy of the torn area that pairs have still to take (J).
     pub pending: f64,
@@ -193,6 +193,7 @@ impl Tearing {
         stepper: &mut Stepper<T>,
     ) -> &TearReport {
         self.follow(body, stepper);
+        self.report.slackened += stepper.take_lost();
         (self.report.driving, self.report.stress) = (0.0, 0.0);
         (self.report.held, self.report.blocked) = (0, 0);
         match self.options.material.law {
@@ -203,6 +204,7 @@ impl Tearing {
             self.start(body, stepper);
         }
         self.report.tips = self.tips.len();
+        self.report.slackened += stepper.take_lost();
         self.report.pending = stepper.pending();
         &self.report
     }
@@ -346,33 +348,18 @@ impl Tearing {
         let mut first = None;
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
-            if let Some(pair) = Pair::new(nodes, &force, energy)
-                && stepper.add_pair(pair.weakening(floor(&force, (energy, length), &normal)))
-            {
+            let Some(mut pair) = Pair::new(nodes, &force, energy) else {
+                continue;
+            };
+            if force.dot(&normal).abs() > INCLINED * pair.first {
+                pair = pair.paced(length);
+            }
+            if stepper.add_pair(pair) {
                 first = first.or(Some(nodes));
             }
         }
         first
     }
-}
-
-/// The strength to which the pair of a new edge of this `length` (m) may weaken (N). The pair keeps the present force, so
-/// nothing jumps.
-///
-/// Out of the plane the present force may be several times that of the hands: it then comes from the bending of short edges
-/// beside the tip. It vanishes as the sheet moves, and the pair weakens with it, down to the force with which an opening of
-/// [`WIDEST`] takes the energy: otherwise the hands would have to raise it again. In the plane a pair does not weaken.
-fn floor(force: &Vec3, (energy, length): (f64, f64), normal: &Vec3) -> f64 {
-    let size = force.norm();
-    let least = 2.0 * energy / (WIDEST * length);
-    size + (least.min(size) - size) * across(&(force / size), normal)
-}
-
-/// How far the unit direction of a force is across the sheet: 1 where the force is inclined to the sheet by 30 degrees or
-/// more, below by the square of its part across the sheet.
-fn across(direction: &Vec3, normal: &Vec3) -> f64 {
-    // A square of 1/4 is 30 degrees.
-    (4.0 * direction.dot(normal).powi(2)).min(1.0)
 }
 
 /// The mean density of a sheet of this `thickness` (kg/m³).
