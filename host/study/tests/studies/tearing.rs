@@ -1,13 +1,54 @@
 //! The quick parts of the study of tearing against fracture mechanics.
 
 use study::Level;
-use study::tearing::{edits, energy, kinks, meshes, running};
+use study::tearing::{edits, energy, kinks, meshes, notches, running, smooth, strength};
 
 #[test]
-fn a_crack_at_an_angle_to_the_load_turns_as_the_largest_hoop_stress_says() {
+fn a_crack_at_an_angle_to_the_load_starts_and_turns_as_the_largest_hoop_stress_says() {
     for kink in kinks::run(Level::Quick, &|_| ()).expect("kinks") {
-        // The integrals err by half a degree on these meshes. The infinite sheet of the reference is another half degree off.
-        assert!(kink.error() < 1.0, "{kink:?}");
+        // The integrals err by half a degree on these meshes.
+        let [intensities, first, second] = kink.errors();
+        assert!(intensities < 0.5, "{kink:?}");
+        // Edges of the mesh lead off the path by 0.15 (8.6 degrees) at most.
+        assert!(first < 8.6 && second < 8.6, "{kink:?}");
+        // Triangles act like a tip 0.4 edge behind its vertex, in sliding 0.8: 4 to 8 % where half the crack has five edges.
+        // Without the factor of the turn the start is 25 to 41 % late.
+        assert!(kink.start > 1.0 && kink.start < 1.085, "{kink:?}");
+    }
+}
+
+#[test]
+fn a_tear_starts_late_at_a_short_notch_and_less_late_at_a_longer_one() {
+    for notch in notches::run(Level::Quick, &|_| ()).expect("notches") {
+        // As at a crack at an angle. A notch of one edge is what `plan` warns of most.
+        let most = if notch.edges < 8 { 0.35 } else { 0.06 };
+        assert!(notch.error() > 0.0 && notch.error() < most, "{notch:?}");
+    }
+}
+
+#[test]
+fn a_strip_without_a_notch_bears_its_strength_and_parts() {
+    for strip in strength::run(Level::Quick, &|_| ()).expect("strips") {
+        // A tenth is what the book promises.
+        assert!(strip.error().abs() < 0.1 && strip.parted, "{strip:?}");
+        // A strip parts along one section at least.
+        assert!(strip.torn > 0.99, "{strip:?}");
+    }
+}
+
+#[test]
+fn the_force_that_tears_a_cloth_is_smooth_and_does_not_depend_on_damping() {
+    let cloths = smooth::run(Level::Quick, &|_| ()).expect("cloths");
+    let plateaus: Vec<f64> = cloths.iter().filter_map(|cloth| cloth.plateau).collect();
+    let [first, second] = plateaus[..] else {
+        panic!("a cloth rests");
+    };
+    // One in a hundred is what the book promises.
+    assert!((first / second - 1.0).abs() < 0.01, "{plateaus:?}");
+    for cloth in &cloths {
+        // Edges of 10 mm without damping: 5.5 % here. It was 9 % on edges of 7 mm when a pair could be raised.
+        let ripple = cloth.ripple.expect("a plateau");
+        assert!(ripple < 0.07, "{ripple}");
     }
 }
 
