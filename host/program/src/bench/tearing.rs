@@ -321,7 +321,7 @@ fn print_strength(strips: &[Strip]) {
 
 fn print_smooth(cloths: &[Smooth]) {
     outln!(
-        "Force of a hand that tears a cloth between a tenth and nine tenths of its way: median, and ripple\n"
+        "Force of a hand that tears a cloth from a tenth to nine tenths of its way: median, and ripple\n"
     );
     outln!("| mesh | edges mm | Hz | damping ms | median force N | ripple |");
     outln!("|---|---|---|---|---|---|");
@@ -367,18 +367,26 @@ fn smooth_chart(cloths: &[Smooth]) -> String {
         same.map(|cloth| cloth.rate).fold(f64::INFINITY, f64::min)
     });
     let drawn = cloths.iter().filter(|cloth| cloth.rate == rate);
-    let lines = drawn.enumerate().map(|(place, cloth)| Series {
-        name: format!(
-            "{}, {} mm, damping {} ms",
-            cloth.mesh,
-            1e3 * cloth.edge,
-            1e3 * cloth.damping
-        ),
-        points: (cloth.course.iter())
-            .map(|[opening, force]| (1e3 * opening, *force))
-            .collect(),
-        role: Role::Number(place),
-        ..Series::default()
+    let lines = drawn.enumerate().map(|(place, cloth)| {
+        // There are six looks of lines. Marks tell the lines of a third mesh from those of the first.
+        let (marker, every) = match place {
+            ..6 => (Marker::None, 1),
+            _ => (Marker::by_place(place), 8),
+        };
+        Series {
+            name: format!(
+                "{}, {} mm, damping {} ms",
+                cloth.mesh,
+                1e3 * cloth.edge,
+                1e3 * cloth.damping
+            ),
+            points: (cloth.course.iter().step_by(every))
+                .map(|[opening, force]| (1e3 * opening, *force))
+                .collect(),
+            marker,
+            role: Role::Number(place),
+            ..Series::default()
+        }
     });
     plot::line_chart_svg(
         "Two hands tear a cloth",

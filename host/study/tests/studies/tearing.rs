@@ -46,9 +46,9 @@ fn the_force_that_tears_a_cloth_is_smooth_and_does_not_depend_on_damping() {
     // One in a hundred is what the book promises.
     assert!((first / second - 1.0).abs() < 0.01, "{plateaus:?}");
     for cloth in &cloths {
-        // Edges of 10 mm without damping: 5.5 % here. It was 9 % on edges of 7 mm when a pair could be raised.
+        // Without damping 2.7 % on these edges of 6.25 mm. It was 9 % on 7 mm when the first force of a pair was raised.
         let ripple = cloth.ripple.expect("a plateau");
-        assert!(ripple < 0.07, "{ripple}");
+        assert!(ripple < 0.05, "{ripple}");
     }
 }
 
