@@ -155,7 +155,8 @@ pub(super) fn short(loaded: &LoadedScene, index: usize, mesh: &Mesh, cuts: &Cuts
             found: format!("a {name} of {edges:.1} edges"),
             usual: format!("{least} edges or more"),
             advice: format!(
-                "its tear starts at a load that is up to {:.0} % too large: make the mesh finer",
+                "its tear starts at a load that is up to {:.0} % too large where the sheet is pulled evenly: make the mesh \
+                 finer",
                 100.0 * late
             ),
         })

@@ -404,19 +404,20 @@ fn implausible_values_are_warned_of() {
         "x.toml:13: body[0].tear.notch[0]: found a notch that ends at [0.0867, 0.0034, 0.0000], 0.0071 m from [0.0930, \
          0.0000, 0.0000]: no vertex of the mesh can move there, usual: an end within 2 % of the notch's length; make the \
          mesh finer, or let the notch end at a vertex of the mesh\nx.toml:13: body[0].tear.notch[0]: found a notch of 3.2 \
-         edges, usual: 7 edges or more; its tear starts at a load that is up to 10 % too large: make the mesh finer"
+         edges, usual: 7 edges or more; its tear starts at a load that is up to 10 % too large where the sheet \
+         is pulled evenly: make the mesh finer"
     );
     // An edge of the scene's mesh is 5.4 mm long.
     assert_eq!(
         says(&changed("to = [0, 0.01, 0]", "to = [0, 0.04, 0]")),
         "x.toml:13: body[0].tear.notch[0]: found a notch of 1.9 edges, usual: 7 edges or more; its tear starts at a load that \
-         is up to 14 % too large: make the mesh finer"
+         is up to 14 % too large where the sheet is pulled evenly: make the mesh finer"
     );
     let slit = changed("from = [0, 0.05, 0]", "from = [0, 0.02, 0]");
     assert_eq!(
         says(&slit.replace("to = [0, 0.01, 0]", "to = [0, -0.01, 0]")),
         "x.toml:13: body[0].tear.notch[0]: found a slit of 5.6 edges, usual: 10 edges or more; its tear starts at a load that \
-         is up to 10 % too large: make the mesh finer"
+         is up to 10 % too large where the sheet is pulled evenly: make the mesh finer"
     );
     let fine = changed(notch, "").replace("toughness = 1000", "toughness = 2.5");
     assert_eq!(
