@@ -52,7 +52,7 @@ pub struct Strip {
     pub parted: bool,
     /// The number of tears that started at the strength.
     pub tears: u64,
-    /// The torn area in sections of the strip.
+    /// The torn area, relative to the section of the strip.
     pub torn: f64,
 }
 
