@@ -54,7 +54,7 @@ impl Load {
             let (sine, cosine) = (libm::sin(half), libm::cos(half));
             cosine * cosine * (k1 * cosine - 3.0 * k2 * sine)
         };
-        let kinks = (0..=9000_i32).map(|part| -0.01 * f64::from(part));
+        let kinks = (0..=9000_i32).map(|part| 0.0 - 0.01 * f64::from(part));
         let kink = kinks.max_by(|a, b| hoop(*a).total_cmp(&hoop(*b)));
         let kink = kink.unwrap_or_default();
         ((SOFT.young * SOFT.toughness).sqrt() / hoop(kink), kink)
