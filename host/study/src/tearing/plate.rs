@@ -6,11 +6,11 @@
 
 use super::patterns::{Pattern, Rectangle, Slit, Triangles};
 use super::rig::Rig;
-use super::specimen::{Stuff, driving, flat_sheet, surface};
+use super::specimen::{Stuff, driving, flat_sheet, side, surface};
 use crate::StudyError;
 use physics::body::load::edge_traction;
 use physics::tear::TearLaw;
-use physics::{BodyConfig, Starts, TearOptions, Vec3};
+use physics::{BodyConfig, Starts, Vec3};
 
 /// The soft sheet of the plates. About a slit of 25 mm its tear starts at a strain of 0.001.
 pub(super) const SOFT: Stuff = Stuff {
@@ -90,7 +90,7 @@ impl Plate<'_> {
         body.add_support(&[corner(1.0)], [false, true, false])?;
         let sides = ["left", "right", "bottom", "top"];
         let outer: Vec<u32> = (sides.iter())
-            .flat_map(|name| super::specimen::side(&made, name).to_vec())
+            .flat_map(|name| side(&made, name).to_vec())
             .collect();
         let [xx, xy, yy] = self.stress.map(|stress| stress * SOFT.thickness);
         let (forces, _) = edge_traction(mesh, &outer, |_, normal| {
@@ -103,16 +103,8 @@ impl Plate<'_> {
         body.set_external_forces(&forces)?;
         body.set_load_factor(0.0)?;
         let material = SOFT.tear(TearLaw::Toughness);
-        let options = TearOptions {
-            material,
-            starts: Starts::Tips,
-            snapping: 0.3,
-            skips: true,
-        };
-        let mut rig = Rig::with(body, options, &made.tips, STEP)?;
-        // A mouth that opens takes no part: the direction of a tip is away from the middle of the slit.
-        let middle = [0, 1].map(|axis| 0.5 * (self.slit.from[axis] + self.slit.to[axis]));
-        let mut started: Option<Started> = None;
+        let mut rig = Rig::with(body, SOFT.tears(Starts::Tips), &made.tips, STEP)?;
+        let mut first: Option<(f64, Vec<f64>)> = None;
         let mut load = 0.0;
         while load < LONGEST {
             load += if load < FIRST {
@@ -126,47 +118,48 @@ impl Plate<'_> {
             if rig.tear().opened == 0 {
                 continue;
             }
-            if started.is_none() {
+            if first.is_none() {
                 let kinks = made.tips.iter().map(|&tip| {
                     let (_, intensity) = driving(&surface, tip, &before, &material, |_| false)?;
-                    Ok((intensity.kink(), [f64::NAN; 2]))
+                    Ok(intensity.kink())
                 });
-                started = Some(Started {
-                    mesh: name.clone(),
+                first = Some((load, kinks.collect::<Result<_, StudyError>>()?));
+            }
+            let edges = made.tips.iter().map(|&tip| self.first_edges(&rig, tip));
+            let edges: Option<Vec<_>> = edges.collect();
+            if let (Some((load, kinks)), Some(edges)) = (&first, edges) {
+                return Ok(Started {
+                    mesh: name,
                     triangles: mesh.triangles.len(),
-                    load,
-                    tips: kinks.collect::<Result<_, StudyError>>()?,
+                    load: *load,
+                    tips: kinks.iter().copied().zip(edges).collect(),
                 });
-            }
-            let Some(started) = &mut started else {
-                continue;
-            };
-            let rest = rig.body.rest_positions();
-            for ((_, edges), &tip) in started.tips.iter_mut().zip(&made.tips) {
-                let at = mesh.positions[tip as usize];
-                let ahead = libm::atan2(at.y - middle[1], at.x - middle[0]);
-                let mut from = tip;
-                for edge in edges.iter_mut() {
-                    let mut grown = rig.tearing.grown().iter();
-                    let Some(grown) = grown.find(|grown| grown.from == from) else {
-                        break;
-                    };
-                    let [next, _] = grown.tips;
-                    let Some(next_at) = rest.get(next as usize) else {
-                        break;
-                    };
-                    let along = next_at - rest[from as usize];
-                    if edge.is_nan() {
-                        let turn = libm::atan2(along.y, along.x) - ahead;
-                        *edge = libm::atan2(libm::sin(turn), libm::cos(turn));
-                    }
-                    from = next;
-                }
-            }
-            if (started.tips.iter()).all(|(_, edges)| edges.iter().all(|edge| !edge.is_nan())) {
-                break;
             }
         }
-        started.ok_or(StudyError::Rests)
+        Err(StudyError::Rests)
+    }
+
+    /// The directions of the first two edges from a tip (rad), counterclockwise from that of the slit; `None` before the tear
+    /// has them.
+    fn first_edges(&self, rig: &Rig, tip: u32) -> Option<[f64; 2]> {
+        let rest = rig.body.rest_positions();
+        let middle = [0, 1].map(|axis| 0.5 * (self.slit.from[axis] + self.slit.to[axis]));
+        let at = rest.get(tip as usize)?;
+        let ahead = libm::atan2(at.y - middle[1], at.x - middle[0]);
+        let mut from = tip;
+        let mut found = [0.0; 2];
+        for turn in &mut found {
+            let grown = rig
+                .tearing
+                .grown()
+                .iter()
+                .find(|grown| grown.from == from)?;
+            let [next, _] = grown.tips;
+            let along = rest.get(next as usize)? - rest.get(from as usize)?;
+            let angle = libm::atan2(along.y, along.x) - ahead;
+            *turn = libm::atan2(libm::sin(angle), libm::cos(angle));
+            from = next;
+        }
+        Some(found)
     }
 }

@@ -9,8 +9,7 @@ use super::patterns::{Pattern, Rectangle, Slit, Triangles};
 use super::rig::Rig;
 use super::specimen::{Stuff, flat_sheet, hand};
 use crate::{Level, StudyError};
-use physics::tear::TearLaw;
-use physics::{BodyConfig, HandlePose, Starts, TearOptions, Vec3};
+use physics::{BodyConfig, HandlePose, Starts, Vec3};
 use serde::Serialize;
 
 /// Side of the cloth, and length of its notch (m).
@@ -22,7 +21,8 @@ const GRIP: [f64; 2] = [0.013, 0.03];
 /// The speed of a hand (m/s), and the time in which it is reached (s).
 const SPEED: f64 = 0.018;
 const RAMP: f64 = 0.1;
-/// How far the hands are apart where the force is measured (m): the tear then goes from a tenth to nine tenths of its way.
+/// How far the hands are apart where the force is measured (m): the tear then goes from about a tenth to
+/// nine tenths of its way.
 const PLATEAU: [f64; 2] = [0.02, 0.075];
 /// The part of its way that a tear has gone at the end at least; otherwise it rests.
 const GONE: f64 = 0.8;
@@ -108,15 +108,8 @@ impl Case {
             ..BodyConfig::default()
         };
         let body = flat_sheet(&made.mesh, &CLOTH, config, &hands)?;
-        let options = TearOptions {
-            material: CLOTH.tear(TearLaw::Toughness),
-            starts: Starts::Tips,
-            snapping: 0.3,
-            skips: true,
-        };
         let step = 1.0 / self.rate;
-        let mut rig = Rig::with(body, options, &made.tips, step)?;
-        let way = SIDE - NOTCH;
+        let mut rig = Rig::with(body, CLOTH.tears(Starts::Tips), &made.tips, step)?;
         let (mut time, mut out) = (0.0, 0.0);
         let mut course = Vec::new();
         while 2.0 * out < PLATEAU[1] {

@@ -5,7 +5,7 @@ use crate::StudyError;
 use physics::mesh::TriMesh;
 use physics::tear::{Driving, Intensity, Patch, RINGS, Sheet, TearLaw, TearMaterial, Tip};
 use physics::topology::{Reserve, Surface};
-use physics::{Body, BodyConfig, Border, Freedom, HandleSpec, Material, Vec3};
+use physics::{Body, BodyConfig, Border, Freedom, HandleSpec, Material, Starts, TearOptions, Vec3};
 
 /// The cloth of the scene `tear_cloth`. All values are estimates. A tear takes 2 J per metre.
 pub const CLOTH: Stuff = Stuff {
@@ -74,6 +74,16 @@ impl Stuff {
             young: self.young,
             poisson: self.poisson,
             law,
+        }
+    }
+
+    /// How a sheet tears under the law of toughness, with the snapping that scenes have.
+    pub(super) fn tears(&self, starts: Starts) -> TearOptions {
+        TearOptions {
+            material: self.tear(TearLaw::Toughness),
+            starts,
+            snapping: 0.3,
+            skips: true,
         }
     }
 

@@ -9,8 +9,7 @@ use super::patterns::{Pattern, Rectangle};
 use super::rig::Rig;
 use super::specimen::{Stuff, flat_sheet, hand, side};
 use crate::{Level, StudyError};
-use physics::tear::TearLaw;
-use physics::{BodyConfig, HandlePose, Starts, TearOptions, Vec3};
+use physics::{BodyConfig, HandlePose, Starts, Vec3};
 use serde::Serialize;
 
 /// The length of a strip (m).
@@ -114,13 +113,7 @@ fn strip(pattern: Pattern, poisson: f64, width: f64, toughness: f64) -> Result<S
         ..BodyConfig::default()
     };
     let body = flat_sheet(&made.mesh, &stuff, config, &hands)?;
-    let options = TearOptions {
-        material: stuff.tear(TearLaw::Toughness),
-        starts: Starts::Anywhere,
-        snapping: 0.3,
-        skips: true,
-    };
-    let mut rig = Rig::with(body, options, &[], STEP)?;
+    let mut rig = Rig::with(body, stuff.tears(Starts::Anywhere), &[], STEP)?;
     let section = width * stuff.thickness;
     let (mut peak, mut parted) = (0.0_f64, false);
     let (mut time, mut torn) = (0.0, *rig.tearing.report());
