@@ -321,9 +321,9 @@ fn print_strength(strips: &[Strip]) {
 
 fn print_smooth(cloths: &[Smooth]) {
     outln!(
-        "Force of a hand that tears a cloth from a tenth to nine tenths of its way: median, and ripple\n"
+        "Force of a hand that tears a cloth from a tenth to nine tenths of its way: mean, and ripple\n"
     );
-    outln!("| mesh | edges mm | Hz | damping ms | median force N | ripple |");
+    outln!("| mesh | edges mm | Hz | damping ms | mean force N | ripple |");
     outln!("|---|---|---|---|---|---|");
     let percent = |ripple: f64| format!("{:.2} %", 100.0 * ripple);
     let rests = || "rests".to_owned();
@@ -348,7 +348,7 @@ fn print_smooth(cloths: &[Smooth]) {
         let [least, most] = extent(cloths.iter().filter_map(|cloth| cloth.plateau));
         let [_, ripple] = extent(cloths.iter().filter_map(|cloth| cloth.ripple));
         outln!(
-            "{}, edges of {} mm: {} cloths, median force {least:.3} to {most:.3} N ({:.1} %), ripple up to {}",
+            "{}, edges of {} mm: {} cloths, mean force {least:.3} to {most:.3} N ({:.1} %), ripple up to {}",
             first.mesh,
             1e3 * first.edge,
             cloths.len(),

@@ -2,8 +2,8 @@
 //!
 //! The cloth is that of the scene `tear_cloth`: two hands hold it close beside a notch in its border and move apart. It lies
 //! flat. The force falls slowly as the arms beside the tear grow longer. What remains beside this trend is the ripple that a
-//! hand feels. Both are measured between two distances of the hands. Between two lengths of the tear the median would depend
-//! on how long the last edges take, at the smallest force.
+//! hand feels. The mean force is taken between two distances of the hands. Between two lengths of the tear it would depend on
+//! how long the last edges take, at the smallest force; a median would be the force at one place of one edge.
 
 use super::patterns::{Pattern, Rectangle, Slit, Triangles};
 use super::rig::Rig;
@@ -64,7 +64,7 @@ pub struct Smooth {
     pub rate: f64,
     /// Stiffness damping (s).
     pub damping: f64,
-    /// The median of the force of a hand while the tear goes from a tenth to nine tenths of its way (N); missing where the
+    /// The mean of the force of a hand while the tear goes from a tenth to nine tenths of its way (N); missing where the
     /// tear rests.
     pub plateau: Option<f64>,
     /// The deviation of this force from a smooth curve over the displacement, relative to its mean; missing where the tear
@@ -129,18 +129,16 @@ impl Case {
             edge: self.edge,
             rate: self.rate,
             damping: self.damping,
-            plateau: has_torn.then(|| median(plateau)),
+            plateau: has_torn.then(|| mean(plateau)),
             ripple: has_torn.then(|| ripple(plateau)),
             course: course.into_iter().step_by(every).collect(),
         })
     }
 }
 
-/// The median of the second coordinates.
-fn median(points: &[[f64; 2]]) -> f64 {
-    let mut values: Vec<f64> = points.iter().map(|[_, value]| *value).collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+/// The mean of the second coordinates.
+fn mean(points: &[[f64; 2]]) -> f64 {
+    points.iter().map(|[_, value]| value).sum::<f64>() / points.len() as f64
 }
 
 /// The deviation of the second coordinates from the polynomial of the degree [`DEGREE`] over the first ones that is nearest,
@@ -155,7 +153,6 @@ fn ripple(points: &[[f64; 2]]) -> f64 {
         .iter()
         .map(|[x, _]| 2.0 * (x - first) / (last - first) - 1.0);
     let mut rest: Vec<f64> = points.iter().map(|[_, force]| *force).collect();
-    let mean = rest.iter().sum::<f64>() / count;
     // Each power is freed of the ones before it (Gram and Schmidt), and the force of each of them.
     let mut powers: Vec<Vec<f64>> = Vec::new();
     for power in 0..=DEGREE {
@@ -167,7 +164,7 @@ fn ripple(points: &[[f64; 2]]) -> f64 {
         powers.push(own);
     }
     let squares = rest.iter().map(|rest| rest * rest).sum::<f64>();
-    (squares / count).sqrt() / mean
+    (squares / count).sqrt() / mean(points)
 }
 
 /// Takes the part along `other` off a vector.
@@ -242,6 +239,6 @@ mod tests {
         assert!(ripple(&points(0.0)) < 1e-12);
         // The mean of the parabola is 3.67; a wave of alternating signs is orthogonal to it but for the ends.
         assert!((ripple(&points(0.0367)) - 0.01).abs() < 2e-4);
-        assert!((median(&[[0.0, 3.0], [0.0, 1.0], [0.0, 2.0]]) - 2.0).abs() < 1e-12);
+        assert!((mean(&[[0.0, 3.0], [0.0, 1.0], [0.0, 5.0]]) - 3.0).abs() < 1e-12);
     }
 }
