@@ -454,6 +454,16 @@ fn a_plan_names_the_tearing_and_its_cost_only_where_a_body_tears() -> Outcome {
             ),
         "{at_tips:?}"
     );
+    // 6.5 edges: late by more than 5 %, and by less than what a warning takes.
+    let short = changed("to = [0, 0.01, 0]", "to = [0, 0.015, 0]");
+    assert_eq!(says(&short), "");
+    let short = why(&short)?;
+    assert!(
+        short[1].1.contains(
+            "tears start at 1 tip up to 6 % late, because a notch is short for its mesh; room"
+        ),
+        "{short:?}"
+    );
     let anywhere = why(&changed(notch, ""))?;
     assert!(
         anywhere[0].0 && anywhere[1].1.contains("tears start anywhere"),
