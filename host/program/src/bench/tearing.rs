@@ -11,8 +11,11 @@ use study::tearing::edits::Mesh;
 use study::tearing::energy::Account;
 use study::tearing::kinks::Kink;
 use study::tearing::meshes::{MeshStudy, Tear};
+use study::tearing::notches::Notch;
 use study::tearing::running::{self, Run};
 use study::tearing::runs::RunPart;
+use study::tearing::smooth::Smooth;
+use study::tearing::strength::Strip;
 use study::tearing::{self, Part};
 
 /// Arguments of `palpate bench tearing`.
@@ -24,8 +27,8 @@ pub(super) struct TearingArguments {
     /// Write the tables as JSON as well
     #[arg(long, value_name = "FILE")]
     pub(super) json: Option<PathBuf>,
-    /// Draw the force of each law against the number of triangles, the displacement of the strips, or the force over a
-    /// tear (SVG or PNG; parts `mesh`, `running` and `figure`)
+    /// Draw the force of each law against the number of triangles, the displacement of the strips, the force of the
+    /// cloths, or the force over a tear (SVG or PNG; parts `mesh`, `running`, `smooth` and `figure`)
     #[arg(long, value_name = "FILE")]
     pub(super) plot: Option<PathBuf>,
     /// Use only coarse meshes and short runs, in seconds instead of minutes
@@ -40,8 +43,14 @@ enum PartName {
     Mesh,
     /// The displacement at which a tear runs through a clamped strip, whatever mesh, damping and steps
     Running,
-    /// The direction of a crack at an angle to the load
+    /// The force of hands that tear a cloth, whatever damping and steps
+    Smooth,
+    /// The start and the direction of a crack at an angle to the load
     Path,
+    /// The start at notches and slits of few edges
+    Notches,
+    /// The force that strips without a notch bear
+    Strength,
     /// The account of the energy of a tear
     Energy,
     /// What tears do to a mesh
@@ -65,7 +74,10 @@ impl PartName {
         match self {
             Self::Mesh => Either::Sheets(Part::Mesh),
             Self::Running => Either::Sheets(Part::Running),
+            Self::Smooth => Either::Sheets(Part::Smooth),
             Self::Path => Either::Sheets(Part::Path),
+            Self::Notches => Either::Sheets(Part::Notches),
+            Self::Strength => Either::Sheets(Part::Strength),
             Self::Energy => Either::Sheets(Part::Energy),
             Self::Meshes => Either::Sheets(Part::Meshes),
             Self::Figure => Either::Runs(RunPart::Figure),
@@ -93,8 +105,17 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
     if let Some(runs) = &found.running {
         print_running(runs);
     }
+    if let Some(cloths) = &found.smooth {
+        print_smooth(cloths);
+    }
     if let Some(kinks) = &found.path {
         print_path(kinks);
+    }
+    if let Some(notches) = &found.notches {
+        print_notches(notches);
+    }
+    if let Some(strips) = &found.strength {
+        print_strength(strips);
     }
     if let Some(accounts) = &found.energy {
         print_energy(accounts);
@@ -111,6 +132,10 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
     } else if let Some(runs) = &found.running {
         written.write(arguments.plot.as_ref(), |path| {
             plot::write_picture(path, &running_chart(runs))
+        });
+    } else if let Some(cloths) = &found.smooth {
+        written.write(arguments.plot.as_ref(), |path| {
+            plot::write_picture(path, &smooth_chart(cloths))
         });
     }
     written.end()?;
@@ -179,23 +204,198 @@ fn print_mesh(found: &MeshStudy) {
     outln!();
 }
 
+/// The smallest and the largest of some values.
+fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold(
+        [f64::INFINITY, f64::NEG_INFINITY],
+        |[least, most], value| [least.min(value), most.max(value)],
+    )
+}
+
 fn print_path(kinks: &[Kink]) {
-    outln!("First kink of a crack (degrees), by the angle between crack and load\n");
-    outln!("| pattern | triangles | load | exact | found | error |");
-    outln!("|---|---|---|---|---|---|");
+    outln!(
+        "Start and kink of a crack, by the angle between crack and pull: the load at the first edge over that of the largest \
+         hoop stress; directions at the two tips (degrees)\n"
+    );
+    outln!(
+        "| mesh | edges of the crack | load | start | exact kink | by intensities | first edges | exact behind the kink | \
+         second edges |"
+    );
+    outln!("|---|---|---|---|---|---|---|---|---|");
+    let both = |[left, right]: [f64; 2]| format!("{left:.1}, {right:.1}");
     for kink in kinks {
         outln!(
-            "| {} | {} | {} | {:.1} | {:.1}, {:.1} | {:.1} |",
+            "| {} | {} | {} | {:.3} | {:.1} | {} | {} | {:.1} | {} |",
             kink.pattern,
-            kink.triangles,
+            kink.edges,
             kink.load,
-            kink.exact,
-            kink.found[0],
-            kink.found[1],
-            kink.error()
+            kink.start,
+            kink.exact[0],
+            both(kink.found),
+            both(kink.first),
+            kink.exact[1],
+            both(kink.second)
+        );
+    }
+    outln!(
+        "\nThe worst by the edges of the crack: start, and errors of the directions (degrees)\n"
+    );
+    outln!("| mesh | edges of the crack | start | by intensities | first edges | second edges |");
+    outln!("|---|---|---|---|---|---|");
+    for same in kinks.chunk_by(|a, b| (&a.pattern, a.edges) == (&b.pattern, b.edges)) {
+        let Some(first) = same.first() else {
+            continue;
+        };
+        let [least, most] = extent(same.iter().map(|kink| kink.start));
+        let errors = [0, 1, 2].map(|place| extent(same.iter().map(|kink| kink.errors()[place]))[1]);
+        outln!(
+            "| {} | {} | {least:.3} to {most:.3} | {:.1} | {:.1} | {:.1} |",
+            first.pattern,
+            first.edges,
+            errors[0],
+            errors[1],
+            errors[2]
         );
     }
     outln!();
+}
+
+fn print_notches(notches: &[Notch]) {
+    outln!(
+        "Error of the load at which a tear starts, by the length of its notch or slit in edges\n"
+    );
+    let mut lengths: Vec<u32> = notches.iter().map(|notch| notch.edges).collect();
+    lengths.sort_unstable();
+    lengths.dedup();
+    let heads: Vec<String> = lengths.iter().map(u32::to_string).collect();
+    outln!("| mesh | kind | {} |", heads.join(" | "));
+    outln!("|---|---|{}", "---|".repeat(lengths.len()));
+    let mut rows: Vec<(&str, &str)> = Vec::new();
+    for notch in notches {
+        let row = (&*notch.mesh, notch.kind);
+        if rows.contains(&row) {
+            continue;
+        }
+        rows.push(row);
+        let cells = lengths.iter().map(|&edges| {
+            let mut all = notches.iter();
+            let found = all.find(|n| (&*n.mesh, n.kind) == row && n.edges == edges);
+            found.map_or_else(String::new, |n| format!("{:+.1} %", 100.0 * n.error()))
+        });
+        outln!(
+            "| {} | {} | {} |",
+            row.0,
+            row.1,
+            cells.collect::<Vec<_>>().join(" | ")
+        );
+    }
+    outln!();
+}
+
+fn print_strength(strips: &[Strip]) {
+    outln!("Strips without a notch: the largest force over strength times section\n");
+    outln!(
+        "| mesh | Poisson's ratio | width mm | toughness J/m² | largest force | parted | tears | torn area in sections |"
+    );
+    outln!("|---|---|---|---|---|---|---|---|");
+    for strip in strips {
+        outln!(
+            "| {} | {} | {} | {} | {:.3} | {} | {} | {:.2} |",
+            strip.pattern,
+            strip.poisson,
+            1e3 * strip.width,
+            strip.toughness,
+            strip.peak,
+            if strip.parted { "yes" } else { "no" },
+            strip.tears,
+            strip.torn
+        );
+    }
+    let [least, most] = extent(strips.iter().map(|strip| strip.peak));
+    let parted = strips.iter().filter(|strip| strip.parted).count();
+    outln!(
+        "\n{} strips: largest force {least:.3} to {most:.3}; {parted} parted\n",
+        strips.len()
+    );
+}
+
+fn print_smooth(cloths: &[Smooth]) {
+    outln!(
+        "Force of a hand that tears a cloth from a tenth to nine tenths of its way: mean, and ripple\n"
+    );
+    outln!("| mesh | edges mm | Hz | damping ms | mean force N | ripple |");
+    outln!("|---|---|---|---|---|---|");
+    let percent = |ripple: f64| format!("{:.2} %", 100.0 * ripple);
+    let rests = || "rests".to_owned();
+    for cloth in cloths {
+        outln!(
+            "| {} | {} | {} | {} | {} | {} |",
+            cloth.mesh,
+            1e3 * cloth.edge,
+            cloth.rate,
+            1e3 * cloth.damping,
+            cloth
+                .plateau
+                .map_or_else(rests, |force| format!("{force:.3}")),
+            cloth.ripple.map_or_else(rests, percent)
+        );
+    }
+    outln!();
+    for cloths in cloths.chunk_by(|a, b| (&a.mesh, a.edge) == (&b.mesh, b.edge)) {
+        let Some(first) = cloths.first() else {
+            continue;
+        };
+        let [least, most] = extent(cloths.iter().filter_map(|cloth| cloth.plateau));
+        let [_, ripple] = extent(cloths.iter().filter_map(|cloth| cloth.ripple));
+        outln!(
+            "{}, edges of {} mm: {} cloths, mean force {least:.3} to {most:.3} N ({:.1} %), ripple up to {}",
+            first.mesh,
+            1e3 * first.edge,
+            cloths.len(),
+            200.0 * (most - least) / (most + least),
+            percent(ripple)
+        );
+    }
+    outln!();
+}
+
+/// The force over the displacement: a line for each damping on each mesh, at the smallest number of steps a second that
+/// all meshes have.
+fn smooth_chart(cloths: &[Smooth]) -> String {
+    let rate = cloths.last().map_or(0.0, |last| {
+        let same = cloths.iter().filter(|cloth| cloth.mesh == last.mesh);
+        same.map(|cloth| cloth.rate).fold(f64::INFINITY, f64::min)
+    });
+    let drawn = cloths.iter().filter(|cloth| cloth.rate == rate);
+    let lines = drawn.enumerate().map(|(place, cloth)| {
+        // There are six looks of lines. Marks tell the lines of a third mesh from those of the first.
+        let (marker, every) = match place {
+            ..6 => (Marker::None, 1),
+            _ => (Marker::by_place(place), 8),
+        };
+        Series {
+            name: format!(
+                "{}, {} mm, damping {} ms",
+                cloth.mesh,
+                1e3 * cloth.edge,
+                1e3 * cloth.damping
+            ),
+            points: (cloth.course.iter().step_by(every))
+                .map(|[opening, force]| (1e3 * opening, *force))
+                .collect(),
+            marker,
+            role: Role::Number(place),
+            ..Series::default()
+        }
+    });
+    plot::line_chart_svg(
+        "Two hands tear a cloth",
+        "Hands apart (mm)",
+        "Force of a hand (N)",
+        false,
+        false,
+        &lines.collect::<Vec<_>>(),
+    )
 }
 
 fn print_running(runs: &[Run]) {

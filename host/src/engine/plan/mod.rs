@@ -70,6 +70,8 @@ pub struct TearPlan {
     pub tips: usize,
     /// Number of vertices that tears may add.
     pub room: usize,
+    /// By how much the tear of a short notch starts too late at most, relative to the load; missing without a short notch.
+    pub late: Option<f64>,
 }
 
 impl TearPlan {
@@ -79,6 +81,7 @@ impl TearPlan {
             starts: tear.starts,
             tips: tear.tips.len(),
             room: tear.room,
+            late: tear.late,
         }
     }
 }

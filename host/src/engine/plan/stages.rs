@@ -216,9 +216,13 @@ fn tear(bodies: &[BodyPlan]) -> Stage {
             (Starts::Anywhere, tips) => format!("tears start at {} and anywhere", count(tips, "tip")),
             (Starts::Tips, tips) => format!("tears start at {}", count(tips, "tip")),
         };
+        let late = tear.late.map_or_else(String::new, |late| {
+            let percent = 100.0 * late;
+            format!(" up to {percent:.0} % late, because a notch is short for its mesh")
+        });
         let room = format!("room for {}", count_vertices(tear.room));
         format!(
-            "{name}{law}; {starts}; {room}; a piece without a hand is left out once it is {FAR} diagonals of the sheet \
+            "{name}{law}; {starts}{late}; {room}; a piece without a hand is left out once it is {FAR} diagonals of the sheet \
              from all hands"
         )
     });

@@ -1,11 +1,14 @@
 //! Tearing of sheets against fracture mechanics: onset, force, path and energy, on meshes of several sizes and patterns.
 //!
 //! - `delaunay`, `patterns`: the meshes of the specimens. `specimen`: their materials.
-//! - `rig`: a sheet that tears, with its stepper. `pull`: a notched sheet that two hands tear.
+//! - `rig`: a sheet that tears, with its stepper. `pull`: a notched sheet that two hands tear. `plate`: a plate with a slit
+//!   or a notch under even tractions.
 //! - [`meshes`]: force and energy of a tear on different meshes. [`strip`]: the start of a tear in a long strip.
 //!   [`trousers`]: the force of a trousers test.
 //! - [`running`]: the displacement at which a tear runs through a strip.
-//! - [`kinks`]: the first kink of a crack at an angle to the load.
+//! - [`smooth`]: the force of hands that tear a cloth, whatever the damping and the steps.
+//! - [`kinks`]: the start and the first kink of a crack at an angle to the load. [`notches`]: the start at short notches.
+//!   [`strength`]: strips without a notch.
 //! - [`energy`]: the account of the energy of a tear.
 //! - [`edits`]: what tears do to a mesh.
 //! - [`runs`]: tears in whole runs of the shipped scenes.
@@ -15,16 +18,20 @@ pub mod edits;
 pub mod energy;
 pub mod kinks;
 pub mod meshes;
+pub mod notches;
 mod patterns;
+mod plate;
 mod pull;
 pub(crate) mod rig;
 pub mod running;
 pub mod runs;
+pub mod smooth;
 mod specimen;
+pub mod strength;
 pub mod strip;
 pub mod trousers;
 
-pub use patterns::{Pattern, Patterned, Rectangle, Slit};
+pub use patterns::{Pattern, Patterned, Rectangle, Slit, Triangles};
 pub use pull::EditErrors;
 pub use specimen::{CLOTH, PAPER, Stuff};
 
@@ -41,8 +48,14 @@ pub enum Part {
     Mesh,
     /// The displacement at which a tear runs through a strip.
     Running,
-    /// The direction of a tear.
+    /// The force of a cloth, by damping and steps.
+    Smooth,
+    /// The start and the direction of a tear.
     Path,
+    /// The start at short notches.
+    Notches,
+    /// Strips without a notch.
+    Strength,
     /// The account of the energy.
     Energy,
     /// What tears do to a mesh.
@@ -51,10 +64,13 @@ pub enum Part {
 
 impl Part {
     /// All parts, in their order.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 8] = [
         Self::Mesh,
         Self::Running,
+        Self::Smooth,
         Self::Path,
+        Self::Notches,
+        Self::Strength,
         Self::Energy,
         Self::Meshes,
     ];
@@ -71,8 +87,14 @@ pub struct TearingStudy {
     pub mesh: Option<meshes::MeshStudy>,
     /// The tears through strips.
     pub running: Option<Vec<running::Run>>,
-    /// The first kinks of cracks.
+    /// The forces of cloths.
+    pub smooth: Option<Vec<smooth::Smooth>>,
+    /// The starts and the first kinks of cracks.
     pub path: Option<Vec<kinks::Kink>>,
+    /// The starts at short notches.
+    pub notches: Option<Vec<notches::Notch>>,
+    /// The strips without a notch.
+    pub strength: Option<Vec<strength::Strip>>,
     /// The accounts of the energy.
     pub energy: Option<Vec<energy::Account>>,
     /// The meshes before and after tears.
@@ -93,7 +115,10 @@ pub fn run(
         level,
         mesh: None,
         running: None,
+        smooth: None,
         path: None,
+        notches: None,
+        strength: None,
         energy: None,
         meshes: None,
     };
@@ -103,7 +128,10 @@ pub fn run(
         match part {
             Part::Mesh => found.mesh = Some(meshes::run(level, &progress)?),
             Part::Running => found.running = Some(running::run(level, &progress)?),
+            Part::Smooth => found.smooth = Some(smooth::run(level, &progress)?),
             Part::Path => found.path = Some(kinks::run(level, &progress)?),
+            Part::Notches => found.notches = Some(notches::run(level, &progress)?),
+            Part::Strength => found.strength = Some(strength::run(level, &progress)?),
             Part::Energy => found.energy = Some(energy::run(level, &progress)?),
             Part::Meshes => found.meshes = Some(edits::run(level, &progress)?),
         }

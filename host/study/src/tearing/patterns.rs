@@ -7,7 +7,7 @@ use super::delaunay::triangulate;
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use physics::Vec3;
-use physics::mesh::{Group, TriMesh};
+use physics::mesh::{Group, TriMesh, generate};
 
 /// A lattice point is left out if it is nearer than this to the border or to a slit (as a fraction of the spacing).
 const CLEAR: f64 = 0.55;
@@ -23,6 +23,8 @@ pub enum Pattern {
     Turned(f64),
     /// Without order. The number chooses one of many such patterns.
     Scattered(u64),
+    /// Squares whose diagonals alternate, so that they cross at every second vertex. Slits lie along the sides of squares.
+    Crossed,
 }
 
 impl Pattern {
@@ -39,6 +41,41 @@ impl Pattern {
         match self {
             Self::Turned(angle) => format!("{angle}°"),
             Self::Scattered(_) => "scattered".to_owned(),
+            Self::Crossed => "crossed".to_owned(),
+        }
+    }
+}
+
+impl Default for Pattern {
+    fn default() -> Self {
+        Self::Turned(0.0)
+    }
+}
+
+/// The triangles of a specimen.
+#[derive(Clone, Debug)]
+pub enum Triangles {
+    /// Triangles in a pattern.
+    Pattern(Pattern),
+    /// A mesh of the specimen without its slits, with vertices along them: name, and text in the OBJ format.
+    Obj(String, String),
+}
+
+impl Triangles {
+    /// Their name, and the mesh of a rectangle of them. Its own pattern does not count.
+    pub(super) fn mesh(&self, rectangle: Rectangle<'_>) -> Result<(String, Patterned), StudyError> {
+        match self {
+            &Self::Pattern(pattern) => {
+                let rectangle = Rectangle {
+                    pattern,
+                    ..rectangle
+                };
+                Ok((pattern.name(), rectangle.mesh()?))
+            }
+            Self::Obj(name, text) => {
+                let mesh = meshio::obj::parse(text.as_bytes())?;
+                Ok((name.clone(), rectangle.of(&mesh)?))
+            }
         }
     }
 }
@@ -98,6 +135,17 @@ impl Rectangle<'_> {
     /// [`StudyError::Slit`] for a slit that is not made of edges, and [`StudyError::Mesh`].
     pub fn mesh(&self) -> Result<Patterned, StudyError> {
         let spacing = self.spacing();
+        if self.pattern == Pattern::Crossed {
+            let [nx, ny] = [self.length, self.width].map(|size| (size / spacing).round() as u32);
+            let diagonals = generate::Pattern::Alternating;
+            return self.of(&generate::sheet(
+                self.length,
+                self.width,
+                nx,
+                ny,
+                diagonals,
+            )?);
+        }
         let mut points = self.border(spacing);
         let mut slits = Vec::new();
         for slit in self.slits {
@@ -117,7 +165,7 @@ impl Rectangle<'_> {
         }
         let angle = match self.pattern {
             Pattern::Turned(angle) => angle.to_radians(),
-            Pattern::Scattered(_) => 0.0,
+            Pattern::Scattered(_) | Pattern::Crossed => 0.0,
         };
         points.extend(self.interior(spacing, angle));
         // The lattice along x, sheared: then no four points lie on one circle.
@@ -130,10 +178,10 @@ impl Rectangle<'_> {
         self.cut(points, triangles, &slits)
     }
 
-    /// The mesh `of` the rectangle without slits, of which vertices lie along the slits.
+    /// The mesh `of` the rectangle without slits, of which vertices lie along the slits and at their ends.
     ///
     /// # Errors
-    /// [`StudyError::Slit`] for a slit that is not made of edges, and [`StudyError::Mesh`].
+    /// [`StudyError::Slit`] for a slit that is not made of edges or that ends at no vertex, and [`StudyError::Mesh`].
     pub fn of(&self, of: &TriMesh) -> Result<Patterned, StudyError> {
         let points: Vec<[f64; 2]> = of.positions.iter().map(|at| [at.x, at.y]).collect();
         let slits = self.slits.iter().map(|slit| {
@@ -148,6 +196,15 @@ impl Rectangle<'_> {
             on_slit
         });
         let slits: Vec<_> = slits.collect();
+        for (slit, on_slit) in self.slits.iter().zip(&slits) {
+            let near = 1e-6 * distance(slit.from, slit.to);
+            let is_at = |vertex: Option<&u32>, end| {
+                vertex.is_some_and(|&vertex| distance(points[vertex as usize], end) < near)
+            };
+            if !is_at(on_slit.first(), slit.from) || !is_at(on_slit.last(), slit.to) {
+                return Err(StudyError::Slit);
+            }
+        }
         self.cut(points, of.triangles.clone(), &slits)
     }
 
@@ -238,7 +295,7 @@ impl Rectangle<'_> {
         let reach = libm::ceil(libm::hypot(self.length, self.width) / dx.min(dy)) as i32;
         let chance = match self.pattern {
             Pattern::Scattered(seed) => Some(Chance::new(seed, 0).of("lattice")),
-            Pattern::Turned(_) => None,
+            Pattern::Turned(_) | Pattern::Crossed => None,
         };
         let mut points = Vec::new();
         for j in -reach..=reach {

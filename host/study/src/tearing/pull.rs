@@ -6,12 +6,12 @@
 
 use super::patterns::{Pattern, Rectangle, Slit};
 use super::rig::{Rig, STEP};
-use super::specimen::{Stuff, hold_flat, side};
+use super::specimen::{Stuff, flat_sheet, hand, side};
 use crate::StudyError;
 use physics::mesh::TriMesh;
 use physics::motion::stepper::Ledger;
 use physics::tear::TearLaw;
-use physics::{Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, TearReport, Vec3};
+use physics::{Body, BodyConfig, HandlePose, TearReport, Vec3};
 use serde::Serialize;
 
 /// Length and width of the sheet (m), the length of its notch (m), and the length of border that each hand holds (m). The
@@ -131,30 +131,17 @@ impl Pull {
         let made = self.mesh()?;
         let mesh = &made.mesh;
         let near = |vertex: &&u32| mesh.positions[**vertex as usize].y.abs() < GRIP + 1e-9;
-        let hand = |above: bool| HandleSpec {
-            vertices: side(&made, "left")
-                .iter()
-                .filter(near)
-                .copied()
-                .filter(|&vertex| is_above(mesh, vertex) == above)
-                .collect(),
-            origin: Vec3::zeros(),
-            freedom: Freedom::Translation,
-            border: Border::Hinged,
-        };
-        let hands = [hand(true), hand(false)];
+        let hands = [true, false].map(|above| {
+            let held = side(&made, "left").iter().filter(near).copied();
+            hand(held.filter(|&at| is_above(mesh, at) == above).collect())
+        });
         let config = BodyConfig {
             gravity: Vec3::x() * self.gravity,
             mass_damping: 2.0,
             stiffness_damping: 2e-4,
             ..BodyConfig::default()
         };
-        let mut body = Body::sheet(mesh, &[self.stuff.elastic()], config, &hands)?;
-        let held: Vec<u32> = hands
-            .iter()
-            .flat_map(|hand| hand.vertices.clone())
-            .collect();
-        hold_flat(&mut body, &held)?;
+        let body = flat_sheet(mesh, &self.stuff, config, &hands)?;
         let material = self.stuff.tear(self.law);
         let mut rig = Rig::new(body, material, self.snapping, &made.tips)?;
         let surface_of = |body: &Body| {

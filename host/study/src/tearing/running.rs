@@ -5,7 +5,7 @@
 //! the mesh, the damping and the length of the steps. The strip is pulled so slowly that it takes the tear a small part of
 //! the time that the displacement takes to grow by a hundredth.
 
-use super::patterns::{Pattern, Patterned, Rectangle, Slit};
+use super::patterns::{Pattern, Patterned, Rectangle, Slit, Triangles};
 use super::rig::Rig;
 use super::specimen::{Stuff, hold_flat, side};
 use crate::{Level, StudyError};
@@ -36,15 +36,6 @@ const SOFT: Stuff = Stuff {
     strength: 1e9,
     toughness: 500.0,
 };
-
-/// The mesh of a strip.
-#[derive(Clone, Debug)]
-pub enum Triangles {
-    /// Triangles in a pattern.
-    Pattern(Pattern),
-    /// A mesh of the strip without its notch, with vertices along the notch: name, and text in the OBJ format.
-    Obj(String, String),
-}
 
 /// The meshes by Gmsh (4.15.2, algorithms 6 and 5), whose edges have a sixth or a tenth of the height of the strip.
 pub fn by_gmsh(across: usize) -> [Triangles; 2] {
@@ -107,21 +98,15 @@ impl Case {
         let (from, to) = ([-0.5 * LENGTH, 0.0], [NOTCH - 0.5 * LENGTH, 0.0]);
         let spacing = HEIGHT / self.across as f64;
         let slits = [Slit { from, to }];
-        let rectangle = |pattern| Rectangle {
+        let rectangle = Rectangle {
             length: LENGTH,
             width: HEIGHT,
             triangles: (2.0 * LENGTH * HEIGHT / (spacing * spacing)).round() as usize,
-            pattern,
+            pattern: Pattern::default(),
             slits: &slits,
             marks: &[],
         };
-        match &self.triangles {
-            Triangles::Pattern(pattern) => Ok((pattern.name(), rectangle(*pattern).mesh()?)),
-            Triangles::Obj(name, text) => {
-                let mesh = meshio::obj::parse(text.as_bytes())?;
-                Ok((name.clone(), rectangle(Pattern::Turned(0.0)).of(&mesh)?))
-            }
-        }
+        self.triangles.mesh(rectangle)
     }
 
     /// Tears the strip.

@@ -5,7 +5,7 @@ use crate::StudyError;
 use physics::mesh::TriMesh;
 use physics::tear::{Driving, Intensity, Patch, RINGS, Sheet, TearLaw, TearMaterial, Tip};
 use physics::topology::{Reserve, Surface};
-use physics::{Body, BodyConfig, Material, Vec3};
+use physics::{Body, BodyConfig, Border, Freedom, HandleSpec, Material, Starts, TearOptions, Vec3};
 
 /// The cloth of the scene `tear_cloth`. All values are estimates. A tear takes 2 J per metre.
 pub const CLOTH: Stuff = Stuff {
@@ -77,6 +77,16 @@ impl Stuff {
         }
     }
 
+    /// How a sheet tears under the law of toughness, with the snapping that scenes have.
+    pub(super) fn tears(&self, starts: Starts) -> TearOptions {
+        TearOptions {
+            material: self.tear(TearLaw::Toughness),
+            starts,
+            snapping: 0.3,
+            skips: true,
+        }
+    }
+
     /// The strain of a long clamped strip of this height (m) at which `E e² H / (2 (1 - nu²))` is the toughness: a crack
     /// that grows by one length takes the energy of as much strip ahead (Rivlin and Thomas, "Rupture of rubber", 1953).
     pub(super) fn strip_strain(&self, height: f64) -> f64 {
@@ -145,6 +155,29 @@ pub(super) fn driving(
 /// The vertices of a side of a rectangle.
 pub(super) fn side<'a>(made: &'a Patterned, name: &str) -> &'a [u32] {
     made.mesh.group(name).map_or(&[], |group| &group.members)
+}
+
+/// A hand that holds these vertices, and does not turn.
+pub(super) fn hand(vertices: Vec<u32>) -> HandleSpec {
+    HandleSpec {
+        vertices,
+        origin: Vec3::zeros(),
+        freedom: Freedom::Translation,
+        border: Border::Hinged,
+    }
+}
+
+/// A sheet in these hands that is held flat elsewhere.
+pub(super) fn flat_sheet(
+    mesh: &TriMesh,
+    stuff: &Stuff,
+    config: BodyConfig,
+    hands: &[HandleSpec],
+) -> Result<Body, StudyError> {
+    let mut body = Body::sheet(mesh, &[stuff.elastic()], config, hands)?;
+    let held = hands.iter().flat_map(|hand| hand.vertices.iter().copied());
+    hold_flat(&mut body, &held.collect::<Vec<_>>())?;
+    Ok(body)
 }
 
 /// A sheet held flat: all vertices but `held` are guided along z.

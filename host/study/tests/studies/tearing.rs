@@ -1,13 +1,55 @@
 //! The quick parts of the study of tearing against fracture mechanics.
 
 use study::Level;
-use study::tearing::{edits, energy, kinks, meshes, running};
+use study::tearing::{edits, energy, kinks, meshes, notches, running, smooth, strength};
 
 #[test]
-fn a_crack_at_an_angle_to_the_load_turns_as_the_largest_hoop_stress_says() {
+fn a_crack_at_an_angle_to_the_load_starts_and_turns_as_the_largest_hoop_stress_says() {
     for kink in kinks::run(Level::Quick, &|_| ()).expect("kinks") {
-        // The integrals err by half a degree on these meshes. The infinite sheet of the reference is another half degree off.
-        assert!(kink.error() < 1.0, "{kink:?}");
+        // The integrals err by half a degree on these meshes.
+        let [intensities, first, second] = kink.errors();
+        assert!(intensities < 0.5, "{kink:?}");
+        // Where a cut would leave thin triangles an edge opens up to 20 degrees off the path, and the next one turns back.
+        assert!(first < 20.0 && second < 20.0, "{kink:?}");
+        // Triangles act like a tip 0.4 edge behind its vertex, in sliding 0.8: 4 to 8 % where half the crack has five edges.
+        // Without the factor of the turn the start is 25 to 41 % late.
+        assert!(kink.start > 1.0 && kink.start < 1.085, "{kink:?}");
+    }
+}
+
+#[test]
+fn a_tear_starts_late_at_a_short_notch_and_less_late_at_a_longer_one() {
+    for notch in notches::run(Level::Quick, &|_| ()).expect("notches") {
+        // As at a crack at an angle. A notch of one edge is what `plan` warns of most.
+        let most = if notch.edges < 8 { 0.35 } else { 0.06 };
+        assert!(notch.error() > 0.0 && notch.error() < most, "{notch:?}");
+    }
+}
+
+#[test]
+fn a_strip_without_a_notch_bears_its_strength_and_parts() {
+    for strip in strength::run(Level::Quick, &|_| ()).expect("strips") {
+        // A tenth is what the book promises.
+        assert!(strip.error().abs() < 0.1 && strip.parted, "{strip:?}");
+        // A strip parts along one section at least.
+        assert!(strip.torn > 0.99, "{strip:?}");
+    }
+}
+
+#[test]
+fn the_force_that_tears_a_cloth_is_smooth_and_does_not_depend_on_damping() {
+    let cloths = smooth::run(Level::Quick, &|_| ()).expect("cloths");
+    let plateaus: Vec<f64> = cloths.iter().filter_map(|cloth| cloth.plateau).collect();
+    let [first, second] = plateaus[..] else {
+        panic!("a cloth rests");
+    };
+    // Without damping a tear overshoots a little at each edge: 1.2 % on these edges of 6.25 mm, 0.3 % on 2.5 mm. It was a
+    // factor of 2.1 when the first force of a pair was raised.
+    assert!((first / second - 1.0).abs() < 0.02, "{plateaus:?}");
+    for cloth in &cloths {
+        // Without damping 2.7 % on these edges. It was 9 % on 7 mm when the first force of a pair was raised.
+        let ripple = cloth.ripple.expect("a plateau");
+        assert!(ripple < 0.05, "{ripple}");
     }
 }
 
