@@ -306,14 +306,6 @@ impl Patch {
         self.field.search = search;
     }
 
-    /// The unit normal of the sheet at the tip, by the triangles at it; zero before [`Patch::measure`].
-    pub fn normal(&self) -> Vec3 {
-        let states = self.triangles.iter().zip(&self.field.triangles);
-        let at_tip = states.filter(|(laid, _)| laid.corners.contains(&0));
-        let sum: Vec3 = at_tip.map(|(_, state)| state.normal * state.area).sum();
-        sum.try_normalize(0.0).unwrap_or_else(Vec3::zeros)
-    }
-
     /// The sum of the squares of the angles between neighbouring triangles of the patch (rad²), if they are small;
     /// zero before [`Patch::measure`].
     pub(crate) fn folding(&self) -> f64 {

@@ -455,11 +455,17 @@ fn a_paced_pair_loses_its_force_as_the_tip_asks() {
         pair.pace(pace);
         let expected = pair.strength() + change * (-fall * pace).min(spring);
         open(&mut pair, change);
-        assert!((pair.strength() - expected).abs() < 1e-12, "{pace}: {pair:?}");
+        assert!(
+            (pair.strength() - expected).abs() < 1e-12,
+            "{pace}: {pair:?}"
+        );
         // A tip that asks for nothing leaves the pair to its own law.
         let expected = pair.strength() - change * fall;
         open(&mut pair, change);
-        assert!((pair.strength() - expected).abs() < 1e-12, "{pace}: {pair:?}");
+        assert!(
+            (pair.strength() - expected).abs() < 1e-12,
+            "{pace}: {pair:?}"
+        );
     }
     // A pair that nobody paces is not changed, and its law is steeper.
     let mut pair = new();
@@ -468,7 +474,10 @@ fn a_paced_pair_loses_its_force_as_the_tip_asks() {
     assert!(pair.critical() < 0.8 * new().paced(length).critical());
     // A long edge has a law that takes the energy.
     let long = new().paced(1.0);
-    assert!((long.critical() / pair.critical() - 1.0).abs() < 0.06, "{long:?}");
+    assert!(
+        (long.critical() / pair.critical() - 1.0).abs() < 0.06,
+        "{long:?}"
+    );
 }
 
 #[test]
@@ -516,7 +525,10 @@ fn energy_that_a_paced_pair_did_not_take_is_told() {
     assert_eq!(run.stepper.take_lost(), 0.0);
     assert!(run.stepper.pending() < 0.6 * energy);
     assert_eq!(run.stepper.slacken(nodes, 0.7), 0.0);
-    assert_eq!((run.stepper.take_lost(), run.stepper.take_lost()), (energy, 0.0));
+    assert_eq!(
+        (run.stepper.take_lost(), run.stepper.take_lost()),
+        (energy, 0.0)
+    );
     assert_eq!((run.stepper.pending(), run.stepper.surplus()), (0.0, 0.0));
 }
 

@@ -329,8 +329,14 @@ fn the_limit_after_a_step_is_that_of_the_present_state() {
     strip.body.set_positions(&x).expect("finite positions");
     assert_eq!(limit(&mut strip), kept);
     // What the step found is of no use for other positions.
-    let stretched: Vec<Vec3> = x.iter().map(|x| x.component_mul(&Vec3::new(1.0, 1.01, 1.0))).collect();
-    strip.body.set_positions(&stretched).expect("finite positions");
+    let stretched: Vec<Vec3> = x
+        .iter()
+        .map(|x| x.component_mul(&Vec3::new(1.0, 1.01, 1.0)))
+        .collect();
+    strip
+        .body
+        .set_positions(&stretched)
+        .expect("finite positions");
     let (before, after) = (kept.0.root, limit(&mut strip).0.root);
     // A strain of a hundredth more than that of some hundredths.
     assert!(after > 1.05 * before, "{before} {after}");

@@ -13,9 +13,9 @@
 //! for any stiffness against bending. The strip is rubber of 2 mm as in the standard of such tests (ISO 34-1), and of 1 and
 //! 0.5 mm. The load is unchanged by half a turn about the axis of the strip, so the tear follows the axis.
 
-use super::patterns::{Pattern, Rectangle, Slit};
+use super::patterns::{Pattern, Rectangle, Slit, Triangles};
 use super::rig::Rig;
-use super::running::Triangles;
+
 use super::specimen::{RUBBER, Stuff, side};
 use crate::{Level, StudyError};
 use physics::tear::TearLaw;
@@ -132,10 +132,7 @@ impl Case {
             Triangles::Pattern(pattern) => (pattern.name(), rectangle(*pattern).mesh()?),
             Triangles::Obj(name, text) => {
                 let mesh = meshio::obj::parse(text.as_bytes())?;
-                (
-                    name.clone(),
-                    rectangle(Pattern::Turned(0.0)).of(&mesh)?,
-                )
+                (name.clone(), rectangle(Pattern::Turned(0.0)).of(&mesh)?)
             }
         };
         let mesh = &made.mesh;
@@ -188,7 +185,16 @@ impl Case {
             if std::env::var("TRACE").is_ok() {
                 let f = 0.5 * (rig.force(1).z - rig.force(0).z) * self.up;
                 let p = rig.stepper.pairs();
-                eprintln!("{time:.4} {torn:.5} {:.4} {:.1} {:.4} {:.4} {:.4} {} {:.4}", f, told.driving, told.due, told.pending, told.spent, p.len(), p.last().map_or(0.0, |p| p.strength()/p.first));
+                eprintln!(
+                    "{time:.4} {torn:.5} {:.4} {:.1} {:.4} {:.4} {:.4} {} {:.4}",
+                    f,
+                    told.driving,
+                    told.due,
+                    told.pending,
+                    told.spent,
+                    p.len(),
+                    p.last().map_or(0.0, |p| p.strength() / p.first)
+                );
             }
             let now = (2.0 * up, rig.ledger.supplied);
             if torn >= FROM {

@@ -217,9 +217,8 @@ impl Pair {
 
     /// The energy of the part of the edge that the tip has still to pass (J).
     pub fn ahead(&self) -> f64 {
-        self.paced.map_or(self.left(), |fall| {
-            self.energy * (1.0 - self.passed(fall))
-        })
+        self.paced
+            .map_or(self.left(), |fall| self.energy * (1.0 - self.passed(fall)))
     }
 
     /// The work of an opening that grows from the largest so far to `s` (J).

@@ -527,7 +527,11 @@ impl<T: Precision> Stepper<T> {
             let is_over = pair.is_over();
             if is_over {
                 // The next pair cannot take the energy of a pair that was dropped.
-                *(if pair.is_dropped { &mut *lost } else { &mut *surplus }) += pair.left();
+                *(if pair.is_dropped {
+                    &mut *lost
+                } else {
+                    &mut *surplus
+                }) += pair.left();
             }
             !is_over
         });

@@ -38,8 +38,9 @@ const MOST_EDGES: usize = 4;
 /// The largest part of its own energy by which a pair makes good the errors of earlier pairs.
 const MOST_SURPLUS: f64 = 0.1;
 
-/// The inclination of the first force of a pair to the sheet from which the tip paces the pair, as a sine: 20 degrees.
-const INCLINED: f64 = 0.34;
+/// The sum of the squares of the angles between the triangles about a tip (rad²) from which the sheet is torn out of its plane,
+/// and the tip paces its pairs: that of one fold of 18 degrees.
+const FOLDED: f64 = 0.1;
 
 /// How far an edge that opens may lead off the path, as a fraction of its length (8.6 degrees). The torn area is larger
 /// than that of the path by 1 % at most, and cuts near vertices, which leave short edges, are rare.
@@ -344,14 +345,14 @@ impl Tearing {
         let energy = due + stepper.take_surplus(MOST_SURPLUS * due, due);
         let count = twins.clone().count().max(1) as f64;
         let (energy, length) = (energy / count, length / count);
-        let normal = self.patch.normal();
+        let is_folded = self.patch.folding() > FOLDED;
         let mut first = None;
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
             let Some(mut pair) = Pair::new(nodes, &force, energy) else {
                 continue;
             };
-            if force.dot(&normal).abs() > INCLINED * pair.first {
+            if is_folded {
                 pair = pair.paced(length);
             }
             if stepper.add_pair(pair) {
