@@ -40,6 +40,8 @@ pub(super) struct Pairs {
     changed: Vec<Vec3>,
     /// The energy that pairs took too little in their last steps (J).
     surplus: f64,
+    /// The energy that no pair will take any more (J), since it was asked for.
+    lost: f64,
 }
 
 impl Pairs {
@@ -52,6 +54,7 @@ impl Pairs {
             agreement: Agreement::new(most),
             changed: vec![Vec3::zeros(); most],
             surplus: 0.0,
+            lost: 0.0,
         }
     }
 
@@ -107,6 +110,12 @@ impl<T: Precision> Stepper<T> {
         let taken = self.pairs.surplus.clamp(-most, most);
         self.pairs.surplus = (self.pairs.surplus - taken).clamp(-kept, kept);
         taken
+    }
+
+    /// The energy (J) that pairs had still to take and no pair will take, since the last call: that of pairs that were let go
+    /// because they would have thrown a light piece.
+    pub fn take_lost(&mut self) -> f64 {
+        core::mem::take(&mut self.pairs.lost)
     }
 
     /// Lets the pair of these vertices [lose](Pair::slacken) the strength `loss` (N), and forgets a pair that has let go.
@@ -499,12 +508,21 @@ impl<T: Precision> Stepper<T> {
             work += pair.work;
         }
         let count = self.pairs.list.len();
-        let surplus = &mut self.pairs.surplus;
-        self.pairs.list.retain(|pair| {
+        let Pairs {
+            list,
+            surplus,
+            lost,
+            ..
+        } = &mut self.pairs;
+        list.retain(|pair| {
             let is_over = pair.is_over();
-            // The energy of a pair that was dropped is lost: the next pair cannot take it.
-            if is_over && !pair.is_dropped {
-                *surplus += pair.left();
+            if is_over {
+                // The next pair cannot take the energy of a pair that was dropped.
+                *if pair.is_dropped {
+                    &mut *lost
+                } else {
+                    &mut *surplus
+                } += pair.left();
             }
             !is_over
         });

@@ -198,7 +198,10 @@ mod tests {
     /// A strip of triangles.
     fn strip() -> (Vec<Vec3>, Vec<[usize; 3]>) {
         let at = |i: usize| Vec3::new(i as f64, 0.7 * (i % 2) as f64, 0.1 * (i % 3) as f64);
-        ((0..8).map(at).collect(), (0..6).map(|i| [i, i + 1, i + 2]).collect())
+        (
+            (0..8).map(at).collect(),
+            (0..6).map(|i| [i, i + 1, i + 2]).collect(),
+        )
     }
 
     #[test]
@@ -209,7 +212,12 @@ mod tests {
             let turn = UnitQuaternion::new(Vec3::new(1.0, 2.0, -1.0).normalize() * angle);
             let now: Vec<Vec3> = then.iter().map(|x| turn * x + Vec3::repeat(0.3)).collect();
             let mut turns = Turns::new(8);
-            turns.find(triangles.iter().copied(), |at| then[at], |at| now[at], |at| at != 5);
+            turns.find(
+                triangles.iter().copied(),
+                |at| then[at],
+                |at| now[at],
+                |at| at != 5,
+            );
             let part = |i: usize| [0.1 * i as f32, 1.0, -0.3, 0.0];
             let mut z: Vec<Node<f32>> = (0..8).map(part).collect();
             turns.forth(&mut z);
@@ -228,7 +236,11 @@ mod tests {
 
     #[test]
     fn a_stretch_turns_nothing_and_a_shear_by_its_polar_rotation() {
-        let then = [Vec3::zeros(), Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.3, 1.0, 0.0)];
+        let then = [
+            Vec3::zeros(),
+            Vec3::new(2.0, 0.0, 0.0),
+            Vec3::new(0.3, 1.0, 0.0),
+        ];
         for shear in [0.0, 0.4] {
             let now = then.map(|x| Vec3::new(1.3 * x.x + shear * x.y, 0.8 * x.y, 0.0));
             let found = turn(then, now).unwrap().scaled_axis();

@@ -89,8 +89,8 @@ pub struct TearReport {
     pub area: f64,
     /// The energy that the torn area takes (J): the toughness times the area; zero under the law `thesis`.
     pub due: f64,
-    /// The part of this energy that pairs no longer take, because their tips moved on inside edges (J): it goes into motion
-    /// and damping about the tips.
+    /// The part of this energy that no pair takes (J), because tips moved on inside edges, or faces let go at once: it goes
+    /// into motion and damping about the tips.
     pub slackened: f64,
     /// The part of the energy of the torn area that pairs have still to take (J).
     pub pending: f64,
@@ -193,6 +193,7 @@ impl Tearing {
         stepper: &mut Stepper<T>,
     ) -> &TearReport {
         self.follow(body, stepper);
+        self.report.slackened += stepper.take_lost();
         (self.report.driving, self.report.stress) = (0.0, 0.0);
         (self.report.held, self.report.blocked) = (0, 0);
         match self.options.material.law {
@@ -324,7 +325,7 @@ impl Tearing {
     /// Ties the sides of new edges of this `length` (m), so that they let go of each other gradually. Returns a pair to
     /// wait for, if there is one.
     fn tie<T: Precision>(
-        &self,
+        &mut self,
         body: &Body,
         stepper: &mut Stepper<T>,
         done: &Done,
@@ -340,8 +341,9 @@ impl Tearing {
         let twins = twins.filter_map(|vertex| body.twin_of(vertex).map(|of| [of, vertex]));
         let due = material.toughness * material.thickness * length;
         let energy = due + stepper.take_surplus(MOST_SURPLUS * due, due);
-        let count = twins.clone().count().max(1) as f64;
-        let (energy, length) = (energy / count, length / count);
+        let count = twins.clone().count();
+        let share = 1.0 / count.max(1) as f64;
+        let (mut left, energy, length) = (energy, energy * share, length * share);
         let normal = self.patch.normal();
         let mut first = None;
         for nodes in twins {
@@ -350,8 +352,11 @@ impl Tearing {
                 && stepper.add_pair(pair.weakening(floor(&force, (energy, length), &normal)))
             {
                 first = first.or(Some(nodes));
+                left -= energy;
             }
         }
+        // Faces without a force between them, and those for whose pair there is no room, let go at once.
+        self.report.slackened += left;
         first
     }
 }
