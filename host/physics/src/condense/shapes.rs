@@ -24,7 +24,8 @@ pub struct ShapeOptions {
     pub at_a_time: usize,
     /// The residual that is too large for a model, as a fraction of the forces that cause the shape. Where
     /// `max_iterations` leave more, the shape is updated in up to 50 further iterations, and the body has changed more than
-    /// shapes in turn can follow: the other shapes are updated with this model and the next ones, two at a time. The
+    /// shapes in turn can follow: the other shapes are updated with this model and the next ones, two at a time. Where the
+    /// residual was larger than the forces, so that the old shape was worse than none, all are updated with this model. The
     /// motion of a thin sheet along itself is its stiffest; a shape with a large residual has too much of it, and states a
     /// stiffness many times that of the body.
     pub bound: f64,
@@ -237,7 +238,7 @@ impl<T: Precision> Stepper<T> {
             few if shapes.hurry > 0 => few.max(HURRY),
             few => few,
         };
-        let turns = if cold { left } else { at_a_time.min(left) };
+        let mut turns = if cold { left } else { at_a_time.min(left) };
         // The shapes begin at zero: few iterations would leave them far from their goal for many models.
         let max_iterations = if cold {
             options.max_iterations.max(FIRST_ITERATIONS)
@@ -262,10 +263,14 @@ impl<T: Precision> Stepper<T> {
                 start: options.tolerance * reference,
                 max_iterations,
             };
+            let begun = self.norm();
             let mut found = self.iterate(shapes.factors, limits, &mut || false);
             report.iterations += found.iterations;
             if found.residual > options.bound * reference {
                 shapes.hurry = count;
+                if begun > reference {
+                    turns = left;
+                }
                 let limits = Limits {
                     goal: options.bound * reference,
                     start: options.bound * reference,
