@@ -23,19 +23,14 @@ pub struct ShapeOptions {
     /// The number of shapes that are updated with each model, in turn. The first model computes all of them.
     pub at_a_time: usize,
     /// The residual that is too large for a model, as a fraction of the forces that cause the shape. Where
-    /// `max_iterations` leave more, the shape is updated in up to 50 further iterations, and the body has changed more than
-    /// shapes in turn can follow: the other shapes are updated with this model and the next ones, two at a time. The
-    /// motion of a thin sheet along itself is its stiffest; a shape with a large residual has too much of it, and states a
-    /// stiffness many times that of the body.
+    /// `max_iterations` leave more, the body has changed more than a few shapes in turn can follow: all shapes are updated
+    /// with this model, each in up to 50 further iterations. The motion of a thin sheet along itself is its stiffest; a
+    /// shape with a large residual has too much of it, and states a stiffness many times that of the body.
     pub bound: f64,
 }
 
 /// The least number of iterations that the first computation of a shape may take, and an update down to the bound.
 const FIRST_ITERATIONS: usize = 50;
-
-/// Number of shapes that are updated with a model where the body has changed much, if `at_a_time` is less. To update all of
-/// them at once takes as long as several steps.
-const HURRY: usize = 2;
 
 impl Default for ShapeOptions {
     fn default() -> Self {
@@ -80,8 +75,6 @@ struct Kept {
     state: u64,
     /// Number of shapes that are up to date with that linearization.
     current: usize,
-    /// Number of shapes that are still to be updated more than usual at a time, because the body has changed much.
-    hurry: usize,
     /// For each node, the rate of force that the tangent misses (N/s).
     missed: Vec<Vec3>,
     /// Number of edits that tears had made when the shapes were computed.
@@ -162,7 +155,6 @@ impl Shapes {
                     next: 0,
                     state: 0,
                     current: 0,
-                    hurry: 0,
                     missed,
                     edits: body.edit_count(),
                 })
@@ -232,12 +224,11 @@ impl<T: Precision> Stepper<T> {
         }
         // A body that has not moved keeps its shapes.
         let left = count - shapes.current;
-        let at_a_time = match options.at_a_time {
-            0 => 0,
-            few if shapes.hurry > 0 => few.max(HURRY),
-            few => few,
+        let mut turns = if cold {
+            left
+        } else {
+            options.at_a_time.min(left)
         };
-        let turns = if cold { left } else { at_a_time.min(left) };
         // The shapes begin at zero: few iterations would leave them far from their goal for many models.
         let max_iterations = if cold {
             options.max_iterations.max(FIRST_ITERATIONS)
@@ -265,7 +256,7 @@ impl<T: Precision> Stepper<T> {
             let mut found = self.iterate(shapes.factors, limits, &mut || false);
             report.iterations += found.iterations;
             if found.residual > options.bound * reference {
-                shapes.hurry = count;
+                turns = left;
                 let limits = Limits {
                     goal: options.bound * reference,
                     start: options.bound * reference,
@@ -276,7 +267,6 @@ impl<T: Precision> Stepper<T> {
                 report.iterations += found.iterations;
             }
             self.keep(shapes, column);
-            shapes.hurry = shapes.hurry.saturating_sub(1);
             report.renewed += 1;
             report.residual = report.residual.max(found.residual / reference);
         }

@@ -574,3 +574,38 @@ fn a_tear_that_ends_another_leaves_the_other_tips_alone() {
     }
     assert_eq!(strip.tearing.journal()[1].tip, upper);
 }
+
+#[test]
+fn the_energy_of_torn_edges_is_taken_or_pending_or_slackened() {
+    let notched = || Pulled::new([0.2, 0.06], [30, 8], 200.0, |body| vec![notch(body, -0.02)]);
+    // A tear that runs with room for all pairs or for one, and a strip that parts at its strength: light corners come off, and
+    // steps let their pairs go.
+    let (strip, _) = whole_strip(150.0);
+    let most = 0.3 / strip.expected;
+    let cases = [(notched(), 64, 1.1), (notched(), 1, 1.1), (strip, 64, most)];
+    for (mut strip, pairs, most) in cases {
+        strip.stepper.reserve_pairs(pairs);
+        strip.stepper.keep_ledger(true);
+        let starts = strip.tearing.options().starts == Starts::Anywhere;
+        let (mut taken, mut off, mut opened) = (0.0, 0.0, 0);
+        for step in 0..1500 {
+            strip.pull(most * f64::from(step) / 1500.0);
+            taken += strip.stepper.ledger().expect("an account").release;
+            strip.tearing.advance(&mut strip.body, &mut strip.stepper);
+            let report = strip.tearing.report();
+            let missing = report.due - taken - report.pending - report.slackened;
+            // The next pairs make good no more than the energy of an edge of what the last pairs took too much. The tear
+            // that runs has no such pairs.
+            if starts && report.opened > opened {
+                off = missing;
+            }
+            opened = report.opened;
+            // Sums of hundreds of terms, each rounded to 1e-16 of the whole.
+            assert!(
+                (missing - off).abs() <= 1e-12 * report.due,
+                "{pairs} pairs, {step}: {missing} {off} {report:?}"
+            );
+        }
+        assert!(opened > 5);
+    }
+}

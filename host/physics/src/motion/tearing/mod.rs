@@ -327,7 +327,7 @@ impl Tearing {
     /// Ties the sides of new edges of this `length` (m), so that they let go of each other gradually. Returns a pair to
     /// wait for, if there is one.
     fn tie<T: Precision>(
-        &self,
+        &mut self,
         body: &Body,
         stepper: &mut Stepper<T>,
         done: &Done,
@@ -343,8 +343,9 @@ impl Tearing {
         let twins = twins.filter_map(|vertex| body.twin_of(vertex).map(|of| [of, vertex]));
         let due = material.toughness * material.thickness * length;
         let energy = due + stepper.take_surplus(MOST_SURPLUS * due, due);
-        let count = twins.clone().count().max(1) as f64;
-        let (energy, length) = (energy / count, length / count);
+        let count = twins.clone().count();
+        let share = 1.0 / count.max(1) as f64;
+        let (mut left, energy, length) = (energy, energy * share, length * share);
         let is_folded = self.patch.folding() > FOLDED;
         let mut first = None;
         for nodes in twins {
@@ -357,8 +358,11 @@ impl Tearing {
             }
             if stepper.add_pair(pair) {
                 first = first.or(Some(nodes));
+                left -= energy;
             }
         }
+        // Faces without a force between them, and those for whose pair there is no room, let go at once.
+        self.report.slackened += left;
         first
     }
 }
