@@ -176,12 +176,12 @@ fn a_note_that_tears_out_of_its_plane_is_felt_as_paper() -> Outcome {
     let mut loaded = Scene::load(&scenes.join("banknote_shear.toml"))?;
     loaded.scene.seed = 700_101;
     let (summary, forces) = forces(&loaded, 2.2)?;
-    // The peak is 3.0 N. A tear that runs on lets a part of this force go within a step, 0.8 N at the most: the tip moves on
-    // inside its edge by what the flow of energy exceeds the toughness.
+    // The first edge opens at 1.6 N, which is the peak. A bend of stiff paper that moves on by an edge lets 0.6 N go within a
+    // step.
     for forces in forces {
         let most = forces.iter().map(Vec3::norm).fold(0.0, f64::max);
-        assert!(most < 3.6, "{most} N");
-        assert!(jump(&forces) < 1.0, "{} N", jump(&forces));
+        assert!(most < 2.0, "{most} N");
+        assert!(jump(&forces) < 0.8, "{} N", jump(&forces));
     }
     let account = &summary.energy[0];
     assert_eq!(account.capped_ticks, 0);

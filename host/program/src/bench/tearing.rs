@@ -16,6 +16,7 @@ use study::tearing::running::{self, Run};
 use study::tearing::runs::RunPart;
 use study::tearing::smooth::Smooth;
 use study::tearing::strength::Strip;
+use study::tearing::trousers::Trousers;
 use study::tearing::{self, Part};
 
 /// Arguments of `palpate bench tearing`.
@@ -47,6 +48,8 @@ enum PartName {
     Smooth,
     /// The start and the direction of a crack at an angle to the load
     Path,
+    /// The force of a trousers test, in three thicknesses
+    Trousers,
     /// The start at notches and slits of few edges
     Notches,
     /// The force that strips without a notch bear
@@ -76,6 +79,7 @@ impl PartName {
             Self::Running => Either::Sheets(Part::Running),
             Self::Smooth => Either::Sheets(Part::Smooth),
             Self::Path => Either::Sheets(Part::Path),
+            Self::Trousers => Either::Sheets(Part::Trousers),
             Self::Notches => Either::Sheets(Part::Notches),
             Self::Strength => Either::Sheets(Part::Strength),
             Self::Energy => Either::Sheets(Part::Energy),
@@ -110,6 +114,9 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
     }
     if let Some(kinks) = &found.path {
         print_path(kinks);
+    }
+    if let Some(trousers) = &found.trousers {
+        print_trousers(trousers);
     }
     if let Some(notches) = &found.notches {
         print_notches(notches);
@@ -188,17 +195,26 @@ fn print_mesh(found: &MeshStudy) {
             100.0 * start.error()
         );
     }
-    outln!("\nTrousers: the force of a hand (N)\n");
-    outln!("| pattern | triangles | formula | found | error |");
-    outln!("|---|---|---|---|---|");
-    for test in &found.trousers {
+    outln!();
+}
+
+fn print_trousers(trousers: &[Trousers]) {
+    outln!(
+        "Trousers: the force of a hand over the formula, its ripple over its mean, and the drift of the tear\n"
+    );
+    outln!("| mesh | triangles | thickness mm | force | ripple | drift mm |");
+    outln!("|---|---|---|---|---|---|");
+    for test in trousers {
+        let force = test.relative().map_or_else(
+            || "rests | ".to_owned(),
+            |[force, ripple]| format!("{force:.3} | {:.1} %", 100.0 * ripple),
+        );
         outln!(
-            "| {} | {} | {:.4} | {:.4} | {:+.1} % |",
+            "| {} | {} | {} | {force} | {:.1} |",
             test.pattern,
             test.triangles,
-            test.exact,
-            test.found,
-            100.0 * test.error()
+            1e3 * test.thickness,
+            1e3 * test.drift
         );
     }
     outln!();

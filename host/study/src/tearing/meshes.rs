@@ -6,7 +6,7 @@
 use super::patterns::Pattern;
 use super::pull::Pull;
 use super::specimen::CLOTH;
-use super::{SIZES, strip, trousers};
+use super::{SIZES, strip};
 use crate::{Level, StudyError};
 use physics::tear::TearLaw;
 use serde::Serialize;
@@ -58,8 +58,6 @@ pub struct MeshStudy {
     pub spreads: Vec<Spread>,
     /// The starts of long strips.
     pub starts: Vec<strip::Start>,
-    /// The forces of trousers tests.
-    pub trousers: Vec<trousers::Trousers>,
 }
 
 /// The name of a law.
@@ -101,7 +99,6 @@ pub fn run(level: Level, progress: &dyn Fn(f64)) -> Result<MeshStudy, StudyError
         tears,
         spreads,
         starts: strip::run(level, &SIZES)?,
-        trousers: trousers::run(level)?,
     })
 }
 

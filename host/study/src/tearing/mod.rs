@@ -50,6 +50,8 @@ pub enum Part {
     Running,
     /// The force of a cloth, by damping and steps.
     Smooth,
+    /// The force of a trousers test.
+    Trousers,
     /// The start and the direction of a tear.
     Path,
     /// The start at short notches.
@@ -64,10 +66,11 @@ pub enum Part {
 
 impl Part {
     /// All parts, in their order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Mesh,
         Self::Running,
         Self::Smooth,
+        Self::Trousers,
         Self::Path,
         Self::Notches,
         Self::Strength,
@@ -89,6 +92,8 @@ pub struct TearingStudy {
     pub running: Option<Vec<running::Run>>,
     /// The forces of cloths.
     pub smooth: Option<Vec<smooth::Smooth>>,
+    /// The forces of trousers tests.
+    pub trousers: Option<Vec<trousers::Trousers>>,
     /// The starts and the first kinks of cracks.
     pub path: Option<Vec<kinks::Kink>>,
     /// The starts at short notches.
@@ -116,6 +121,7 @@ pub fn run(
         mesh: None,
         running: None,
         smooth: None,
+        trousers: None,
         path: None,
         notches: None,
         strength: None,
@@ -129,6 +135,7 @@ pub fn run(
             Part::Mesh => found.mesh = Some(meshes::run(level, &progress)?),
             Part::Running => found.running = Some(running::run(level, &progress)?),
             Part::Smooth => found.smooth = Some(smooth::run(level, &progress)?),
+            Part::Trousers => found.trousers = Some(trousers::run(level, &progress)?),
             Part::Path => found.path = Some(kinks::run(level, &progress)?),
             Part::Notches => found.notches = Some(notches::run(level, &progress)?),
             Part::Strength => found.strength = Some(strength::run(level, &progress)?),
