@@ -109,7 +109,7 @@ impl Pair {
     ///
     /// The first force of a short edge may be several times that of the hands: it is then the force of bent triangles beside
     /// the tip, which vanishes as the sheet moves a little. The fall is therefore at most that of a pair whose force is lost at
-    /// [`WIDEST`] lengths.
+    /// an opening of 4/3 lengths.
     #[must_use]
     pub fn paced(self, length: f64) -> Self {
         let lasting = 2.0 * self.energy / (WIDEST * length);
