@@ -31,6 +31,9 @@ const SYNONYMS: [(&str, &str); 26] = [
     ("scale", "motion_scale"),
 ];
 
+/// Solvers that scenes could once name.
+const SOLVERS: [&str; 2] = ["assembled", "frozen_single"];
+
 /// Names that people use for the contact of bodies and tools with each other, which does not exist.
 const CONTACT: [&str; 7] = [
     "contact",
@@ -260,6 +263,11 @@ fn nearest<'a>(found: &str, allowed: &'a str) -> Option<&'a str> {
 /// message; empty where nothing is likely.
 pub(super) fn meant(found: &str, allowed: &str) -> String {
     let found = found.trim_matches('"');
+    if SOLVERS.contains(&found) && allowed.contains("`incomplete`") {
+        return "; leave the field out: the host then chooses the solver, which is faster at the same \
+                tolerance"
+            .to_owned();
+    }
     let synonym = SYNONYMS.iter().find(|(other, _)| *other == found);
     let known = synonym.map(|(_, name)| *name);
     let known = known.filter(|name| names(allowed).any(|allowed| allowed == *name));

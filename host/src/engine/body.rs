@@ -40,7 +40,7 @@ pub struct HostBody {
     name: String,
     solved: String,
     body: Body,
-    solver: Box<dyn Solver>,
+    solver: Solver,
     paths: Vec<HandlePath>,
     devices: Vec<u8>,
     /// What devices of one or two degrees of freedom render.
@@ -103,7 +103,7 @@ pub struct HostBodyParts {
     /// The physics, at rest.
     pub body: Body,
     /// The solver that steps and condenses the body.
-    pub solver: Box<dyn Solver>,
+    pub(super) solver: Solver,
     /// How the solver is made again when the body's topology changes.
     pub recipe: Recipe,
     /// Cut-off of the handles' paths (Hz).
@@ -279,7 +279,7 @@ impl HostBody {
     /// Solves the step's equation. Does nothing where an earlier stage of the step failed.
     pub(super) fn solve(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
         if core::mem::take(&mut self.sound) {
-            self.solver.solve(&mut self.body, watch)?;
+            self.solver.solve(watch)?;
             self.sound = true;
         }
         Ok(())
@@ -337,7 +337,7 @@ impl HostBody {
             }
         }
         if let Some(stored) = &mut self.stored {
-            let elastic = self.solver.elastic_energy(&self.body);
+            let elastic = self.solver.elastic_energy();
             match &mut self.tears {
                 Some(tears) if tears.parting.groups() > 1 => {
                     let sums = tears.parting.sum(&self.body);
@@ -473,7 +473,7 @@ impl HostBody {
         let Some(tears) = &mut self.tears else {
             return Ok(());
         };
-        let elastic = self.solver.elastic_energy(&self.body);
+        let elastic = self.solver.elastic_energy();
         tears.balance.take(&self.body, elastic, self.step)
     }
 
@@ -482,7 +482,7 @@ impl HostBody {
         let Some(tears) = &mut self.tears else {
             return;
         };
-        let elastic = self.solver.elastic_energy(&self.body);
+        let elastic = self.solver.elastic_energy();
         let (body, model) = (&self.body, &mut self.model);
         // The energies of the old groups are those of the latest sums, which the last publication took.
         let (sums, before) = tears.parting.latest();

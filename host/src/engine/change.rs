@@ -137,7 +137,7 @@ pub(super) struct Made {
     pub(super) replaced: bool,
     /// For each handle of `body`, its hand.
     pub(super) hands: Vec<Hand>,
-    pub(super) solver: Box<dyn Solver>,
+    pub(super) solver: Solver,
 }
 
 /// A change as work beside the steps: edits of a copy of the body, and its new solver.

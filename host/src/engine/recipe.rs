@@ -3,11 +3,11 @@
 use super::beside::Beside;
 use super::build::How;
 use super::plan::BodyPlan;
-use super::solver::{Assembled, Frozen, Solver};
+use super::solver::Solver;
 use super::stats::StepFault;
 use super::threads::team;
 use crate::scene::spec::{Scene, SolverName};
-use physics::{Body, Condenser, Precision, Preconditioner, ShapeOptions, Stepper, StepperOptions};
+use physics::{Body, Preconditioner, ShapeOptions, Stepper, StepperOptions};
 
 /// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred. The limit
 /// keeps a condensation from delaying the steps for a small gain in accuracy.
@@ -16,8 +16,6 @@ const INCOMPLETE_SHAPE_ITERATIONS: usize = 200;
 /// The choices of a plan that make the solver of a body.
 #[derive(Clone, Copy, Debug)]
 pub struct Recipe {
-    /// The solver: never `auto`.
-    solver: SolverName,
     /// Options of the steps on a factor.
     options: StepperOptions,
     /// Length of a step (s).
@@ -37,7 +35,6 @@ impl Recipe {
     pub(super) fn new(scene: &Scene, plan: &BodyPlan, how: How) -> Self {
         let budget = how.real.then_some(scene.host.budget).flatten();
         Self {
-            solver: plan.choice.solver,
             options: StepperOptions {
                 tolerance: scene.host.tolerance,
                 max_iterations: scene.host.max_iterations,
@@ -66,21 +63,7 @@ impl Recipe {
     ///
     /// # Errors
     /// [`StepFault`] for a body whose matrix cannot be factorized.
-    pub(super) fn make(&self, body: &Body) -> Result<Box<dyn Solver>, StepFault> {
-        Ok(match self.solver {
-            SolverName::FrozenSingle => Box::new(self.frozen::<f32>(body)?),
-            SolverName::Assembled => {
-                let code = self.options.code;
-                let condenser = self.condenses.then(|| Condenser::with_code(body, code));
-                Box::new(Assembled::new(condenser.transpose()?))
-            }
-            SolverName::Auto | SolverName::Frozen | SolverName::Incomplete => {
-                Box::new(self.frozen::<f64>(body)?)
-            }
-        })
-    }
-
-    fn frozen<T: Precision>(&self, body: &Body) -> Result<Frozen<T>, StepFault> {
+    pub(super) fn make(&self, body: &Body) -> Result<Solver, StepFault> {
         let mut stepper = Stepper::new(body, self.options)?;
         stepper.team = team(self.threads);
         stepper.prepare(body, self.step)?;
@@ -95,7 +78,7 @@ impl Recipe {
                 },
             });
         let beside = Beside::new(self.real, self.step);
-        Ok(Frozen::new(
+        Ok(Solver::new(
             stepper,
             beside,
             shapes,

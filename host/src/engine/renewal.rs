@@ -14,10 +14,10 @@ use super::beside::{Beside, Lost, Work};
 use super::stats::StepFault;
 use physics::team::Team;
 use physics::topology::Edit;
-use physics::{Body, Precision, Stepper, StepperOptions, Vec3};
+use physics::{Body, Stepper, StepperOptions, Vec3};
 
 /// The work of one renewal, with the mirror.
-pub(super) struct Renewal<T> {
+pub(super) struct Renewal {
     mirror: Body,
     /// Number of edits that the mirror has made.
     known: usize,
@@ -32,12 +32,12 @@ pub(super) struct Renewal<T> {
     /// Length of a step (s).
     h: f64,
     /// The result; `None` before the work has ended.
-    made: Option<Result<Stepper<T>, StepFault>>,
+    made: Option<Result<Stepper<f64>, StepFault>>,
     /// The stepper that was replaced, until the next work drops it.
-    spent: Option<Stepper<T>>,
+    spent: Option<Stepper<f64>>,
 }
 
-impl<T: Precision> Work for Box<Renewal<T>> {
+impl Work for Box<Renewal> {
     const THREAD: &'static str = "topology";
     const TIME: f64 = 0.02;
 
@@ -47,8 +47,8 @@ impl<T: Precision> Work for Box<Renewal<T>> {
     }
 }
 
-impl<T: Precision> Renewal<T> {
-    fn make(&mut self) -> Result<Stepper<T>, StepFault> {
+impl Renewal {
+    fn make(&mut self) -> Result<Stepper<f64>, StepFault> {
         for edit in self.edits.drain(..) {
             // The body has made the same edit.
             let _ = self.mirror.edit(&edit);
@@ -64,7 +64,7 @@ impl<T: Precision> Renewal<T> {
     }
 
     /// Lets the new stepper follow the edits after those that the mirror knows.
-    fn catch_up(&mut self, stepper: &mut Stepper<T>, journal: &[Edit]) -> Result<(), StepFault> {
+    fn catch_up(&mut self, stepper: &mut Stepper<f64>, journal: &[Edit]) -> Result<(), StepFault> {
         for edit in journal.iter().skip(self.known) {
             let done = self.mirror.edit(edit)?;
             self.known += 1;
@@ -78,15 +78,21 @@ impl<T: Precision> Renewal<T> {
 }
 
 /// Renews the stepper of a body that tears.
-pub(super) struct Renewals<T> {
-    beside: Beside<Box<Renewal<T>>>,
+pub(super) struct Renewals {
+    beside: Beside<Box<Renewal>>,
     /// The value of the next renewal; `None` while one is under way, and after a renewal has failed.
-    idle: Option<Box<Renewal<T>>>,
+    idle: Option<Box<Renewal>>,
 }
 
-impl<T: Precision> Renewals<T> {
+impl Renewals {
     /// Renewals of the stepper of `body`, whose edits count from now on. Steps take `h` seconds.
-    pub(super) fn new(body: &Body, stepper: &Stepper<T>, real: bool, h: f64, edits: usize) -> Self {
+    pub(super) fn new(
+        body: &Body,
+        stepper: &Stepper<f64>,
+        real: bool,
+        h: f64,
+        edits: usize,
+    ) -> Self {
         let room = body
             .surface()
             .map_or(0, |surface| surface.limits().vertices);
@@ -109,7 +115,7 @@ impl<T: Precision> Renewals<T> {
 
     /// Begins a renewal, if tears have added vertices or pieces leave, and no renewal is under way. `journal` has all edits
     /// so far.
-    pub(super) fn begin(&mut self, body: &Body, stepper: &Stepper<T>, journal: &[Edit]) {
+    pub(super) fn begin(&mut self, body: &Body, stepper: &Stepper<f64>, journal: &[Edit]) {
         if !stepper.has_grown() && body.leaving().is_empty() {
             return;
         }
@@ -130,7 +136,7 @@ impl<T: Precision> Renewals<T> {
     pub(super) fn land(
         &mut self,
         body: &mut Body,
-        stepper: &mut Stepper<T>,
+        stepper: &mut Stepper<f64>,
         journal: &[Edit],
         passed: u32,
     ) -> Result<bool, Lost> {

@@ -1,12 +1,11 @@
-//! How a body is stepped and condensed: assembled, or on a frozen factor.
+//! How a body is stepped and condensed: on a frozen factor, without an assembled matrix.
 
 use super::beside::{Beside, Work};
 use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::MOST_PAIRS;
 use physics::{
-    AssembledStepper, Body, Condensed, Condenser, HandlePose, Precision, Refresher, ShapeOptions,
-    Shapes, Stepper, TearLimit, Tearing,
+    Body, Condensed, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, TearLimit, Tearing,
 };
 use rt_core::MAX_HANDLES;
 
@@ -18,82 +17,6 @@ const MUCH_WORK: usize = 3;
 const ITERATION: f64 = 0.25e-3;
 /// Most models in turn with the same shapes.
 const MOST_KEPT: usize = 2;
-
-/// Steps and condenses one body. A step consists of four calls in this order. The engine makes each call for all
-/// bodies before the next call. A body for which a call fails keeps its state and is left out until the next step.
-pub trait Solver: Send {
-    /// Begins a step of `h` seconds: computes forces and tangent at the state of `body`.
-    ///
-    /// # Errors
-    /// [`StepFault`].
-    fn predict(
-        &mut self,
-        body: &mut Body,
-        h: f64,
-        watch: &dyn Stopwatch,
-        tally: &mut Tally,
-    ) -> Result<(), StepFault>;
-
-    /// Sets up the equation of the step, in which the handles move to `targets`.
-    ///
-    /// # Errors
-    /// [`StepFault`].
-    fn constrain(
-        &mut self,
-        body: &mut Body,
-        targets: &[HandlePose],
-        watch: &dyn Stopwatch,
-    ) -> Result<(), StepFault>;
-
-    /// Solves the equation.
-    ///
-    /// # Errors
-    /// [`StepFault`].
-    fn solve(&mut self, body: &mut Body, watch: &dyn Stopwatch) -> Result<(), StepFault>;
-
-    /// Applies the step to `body`.
-    ///
-    /// # Errors
-    /// [`StepFault`].
-    fn finish(
-        &mut self,
-        body: &mut Body,
-        watch: &dyn Stopwatch,
-        tally: &mut Tally,
-    ) -> Result<(), StepFault>;
-
-    /// Prepares the solver for the tears of `body`.
-    fn begin_tears(&mut self, _body: &Body, _tearing: &Tearing) {}
-
-    /// Lets the tears of `body` grow after a step. Returns whether the topology has changed.
-    fn tear(&mut self, _body: &mut Body, _tearing: &mut Tearing, _tally: &mut Tally) -> bool {
-        false
-    }
-
-    /// The tip that is nearest to going on, after a condensation. `slope` is called with the handle, the motion and the
-    /// slope of each motion.
-    fn tear_limit(
-        &mut self,
-        _body: &Body,
-        _tearing: &mut Tearing,
-        _slope: &mut dyn FnMut(usize, usize, f64),
-    ) -> Option<TearLimit> {
-        None
-    }
-
-    /// Reads ahead what a later step will need. Called once after each step, when its model has been published.
-    fn read_ahead(&mut self) {}
-
-    /// Elastic energy of `body` (J) after the last step.
-    fn elastic_energy(&self, body: &Body) -> f64;
-
-    /// The matrices of a local model that is published every `period` seconds; `None` where the scheme does not use
-    /// them.
-    ///
-    /// # Errors
-    /// [`StepFault`].
-    fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault>;
-}
 
 /// Time that a step of one body has taken so far (ns). It is summed over the calls, because the calls of other bodies
 /// lie between them.
@@ -115,88 +38,8 @@ impl Spent {
     }
 }
 
-/// The solver with an assembled matrix: conjugate gradients, preconditioned by the matrix's diagonal blocks.
-#[derive(Default)]
-pub(super) struct Assembled {
-    stepper: AssembledStepper,
-    spent: Spent,
-    /// The condensation; `None` where the scheme does not use it.
-    condenser: Option<Condenser>,
-}
-
-impl Assembled {
-    /// A solver with `condenser`, if the scheme uses one.
-    pub(super) fn new(condenser: Option<Condenser>) -> Self {
-        Self {
-            condenser,
-            ..Self::default()
-        }
-    }
-}
-
-impl Solver for Assembled {
-    fn predict(
-        &mut self,
-        body: &mut Body,
-        h: f64,
-        watch: &dyn Stopwatch,
-        tally: &mut Tally,
-    ) -> Result<(), StepFault> {
-        let mut assemble = Spent::default();
-        assemble.count(watch, || self.stepper.predict(body, h))?;
-        tally.assemble = Some(assemble.0);
-        self.spent = Spent::default();
-        Ok(())
-    }
-
-    fn constrain(
-        &mut self,
-        body: &mut Body,
-        targets: &[HandlePose],
-        watch: &dyn Stopwatch,
-    ) -> Result<(), StepFault> {
-        let stepper = &mut self.stepper;
-        Ok(self
-            .spent
-            .count(watch, || stepper.constrain(body, targets))?)
-    }
-
-    fn solve(&mut self, body: &mut Body, watch: &dyn Stopwatch) -> Result<(), StepFault> {
-        let stepper = &mut self.stepper;
-        Ok(self.spent.count(watch, || stepper.solve(body))?)
-    }
-
-    fn finish(
-        &mut self,
-        body: &mut Body,
-        watch: &dyn Stopwatch,
-        tally: &mut Tally,
-    ) -> Result<(), StepFault> {
-        let stepper = &mut self.stepper;
-        let report = self.spent.count(watch, || stepper.finish(body))?;
-        tally.solve = Some(self.spent.0);
-        tally.solved = Some((
-            report.iterations,
-            report.converged,
-            report.relative_residual(),
-        ));
-        Ok(())
-    }
-
-    fn elastic_energy(&self, body: &Body) -> f64 {
-        body.elastic_energy()
-    }
-
-    fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault> {
-        match &mut self.condenser {
-            Some(condenser) => Ok(Some(condenser.condense(body, period)?)),
-            None => Ok(None),
-        }
-    }
-}
-
 /// A new factor.
-impl<T: Precision> Work for Box<Refresher<T>> {
+impl Work for Box<Refresher<f64>> {
     const THREAD: &'static str = "factor";
     const TIME: f64 = 0.01;
 
@@ -206,14 +49,18 @@ impl<T: Precision> Work for Box<Refresher<T>> {
     }
 }
 
-/// The solver with a frozen factor. The elements multiply without an assembled matrix.
-pub(super) struct Frozen<T> {
+/// Steps and condenses one body. The elements multiply without an assembled matrix.
+///
+/// A step consists of four calls in this order: [`predict`](Self::predict), [`constrain`](Self::constrain),
+/// [`solve`](Self::solve), [`finish`](Self::finish). The engine makes each call for all bodies before the next call. A
+/// body for which a call fails keeps its state and is left out until the next step.
+pub(super) struct Solver {
     /// Steps the body. It makes only the first factor itself.
-    stepper: Stepper<T>,
+    stepper: Stepper<f64>,
     /// Makes the other factors.
-    beside: Beside<Box<Refresher<T>>>,
+    beside: Beside<Box<Refresher<f64>>>,
     /// The refresher that has done its work, while its factor is read ahead.
-    made: Option<Box<Refresher<T>>>,
+    made: Option<Box<Refresher<f64>>>,
     /// Whether a refresher is under way.
     lent: bool,
     /// Whether the whole factor has been read.
@@ -229,7 +76,7 @@ pub(super) struct Frozen<T> {
     /// Time spent on the present step.
     spent: Spent,
     /// Steppers for the topologies that tears make; `None` for a body that does not tear.
-    renewals: Option<Renewals<T>>,
+    renewals: Option<Renewals>,
     /// Whether the present step of a body that tears has much work, and the number of models in turn with the same shapes.
     is_busy: bool,
     kept: usize,
@@ -241,13 +88,13 @@ pub(super) struct Frozen<T> {
     real: bool,
 }
 
-impl<T: Precision> Frozen<T> {
+impl Solver {
     /// A solver whose `stepper` makes only its first factor; `beside` makes the others. The `options` are those of
     /// the shapes, if the scheme uses them. Steps take `h` seconds of the body's time; under the `real` clock they may
     /// take `budget_ns` (ns).
     pub(super) fn new(
-        stepper: Stepper<T>,
-        beside: Beside<Box<Refresher<T>>>,
+        stepper: Stepper<f64>,
+        beside: Beside<Box<Refresher<f64>>>,
         options: Option<ShapeOptions>,
         (h, real): (f64, bool),
         budget_ns: Option<u64>,
@@ -258,7 +105,7 @@ impl<T: Precision> Frozen<T> {
             made: None,
             lent: false,
             read: false,
-            parts: Refresher::<T>::parts(h),
+            parts: Refresher::<f64>::parts(h),
             options,
             shapes: Shapes::default(),
             budget_ns,
@@ -286,10 +133,12 @@ impl<T: Precision> Frozen<T> {
             }
         }
     }
-}
 
-impl<T: Precision> Solver for Frozen<T> {
-    fn predict(
+    /// Begins a step of `h` seconds: computes forces and tangent at the state of `body`.
+    ///
+    /// # Errors
+    /// [`StepFault`].
+    pub(super) fn predict(
         &mut self,
         body: &mut Body,
         h: f64,
@@ -311,7 +160,11 @@ impl<T: Precision> Solver for Frozen<T> {
         Ok(self.spent.count(watch, || stepper.predict(body, h))?)
     }
 
-    fn constrain(
+    /// Sets up the equation of the step, in which the handles move to `targets`.
+    ///
+    /// # Errors
+    /// [`StepFault`].
+    pub(super) fn constrain(
         &mut self,
         body: &mut Body,
         targets: &[HandlePose],
@@ -323,14 +176,22 @@ impl<T: Precision> Solver for Frozen<T> {
             .count(watch, || stepper.constrain(body, targets))?)
     }
 
-    fn solve(&mut self, _body: &mut Body, watch: &dyn Stopwatch) -> Result<(), StepFault> {
+    /// Solves the equation.
+    ///
+    /// # Errors
+    /// [`StepFault`].
+    pub(super) fn solve(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
         let (start, before) = (watch.now_ns(), self.spent);
         let late = || before.reaches(self.budget_ns, watch, start);
         let stepper = &mut self.stepper;
         Ok(self.spent.count(watch, || stepper.solve(late))?)
     }
 
-    fn finish(
+    /// Applies the step to `body`.
+    ///
+    /// # Errors
+    /// [`StepFault`].
+    pub(super) fn finish(
         &mut self,
         body: &mut Body,
         watch: &dyn Stopwatch,
@@ -361,7 +222,8 @@ impl<T: Precision> Solver for Frozen<T> {
         Ok(())
     }
 
-    fn begin_tears(&mut self, body: &Body, tearing: &Tearing) {
+    /// Prepares the solver for the tears of `body`.
+    pub(super) fn begin_tears(&mut self, body: &Body, tearing: &Tearing) {
         let room = body
             .surface()
             .map_or(0, |s| s.limits().vertices - s.vertex_count());
@@ -375,7 +237,13 @@ impl<T: Precision> Solver for Frozen<T> {
         ));
     }
 
-    fn tear(&mut self, body: &mut Body, tearing: &mut Tearing, tally: &mut Tally) -> bool {
+    /// Lets the tears of `body` grow after a step. Returns whether the topology has changed.
+    pub(super) fn tear(
+        &mut self,
+        body: &mut Body,
+        tearing: &mut Tearing,
+        tally: &mut Tally,
+    ) -> bool {
         let before = tearing.journal().len();
         tearing.advance(body, &mut self.stepper);
         if let Some(renewals) = &mut self.renewals {
@@ -393,7 +261,9 @@ impl<T: Precision> Solver for Frozen<T> {
         torn
     }
 
-    fn tear_limit(
+    /// The tip that is nearest to going on, after a condensation. `slope` is called with the handle, the motion and the
+    /// slope of each motion.
+    pub(super) fn tear_limit(
         &mut self,
         body: &Body,
         tearing: &mut Tearing,
@@ -414,18 +284,28 @@ impl<T: Precision> Solver for Frozen<T> {
         Some(limit)
     }
 
-    fn read_ahead(&mut self) {
+    /// Reads ahead what a later step will need. Called once after each step, when its model has been published.
+    pub(super) fn read_ahead(&mut self) {
         if self.parts > 0 {
             self.receive();
         }
     }
 
-    fn elastic_energy(&self, _body: &Body) -> f64 {
+    /// Elastic energy of the body (J) after the last step.
+    pub(super) fn elastic_energy(&self) -> f64 {
         // The stepper already has the energy.
         self.stepper.elastic_energy()
     }
 
-    fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault> {
+    /// The matrices of a local model that is published every `period` seconds; `None` if the scheme does not use them.
+    ///
+    /// # Errors
+    /// [`StepFault`].
+    pub(super) fn condense(
+        &mut self,
+        body: &Body,
+        period: f64,
+    ) -> Result<Option<&Condensed>, StepFault> {
         let Some(mut options) = self.options else {
             return Ok(None);
         };

@@ -79,8 +79,6 @@ pub enum StepFault {
 /// Counts and times of one body's part of a step. Bodies are stepped beside each other, so each has a tally of its own.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
-    /// Time to assemble (ns).
-    pub(crate) assemble: Option<u64>,
     /// Time to solve (ns).
     pub(crate) solve: Option<u64>,
     /// Time to condense and publish (ns).
@@ -106,8 +104,6 @@ pub struct EngineStats {
     pub steps: u64,
     /// Local models made so far.
     pub publications: u64,
-    /// Time to assemble (ns a step).
-    pub assemble: LatencyHistogram,
     /// Time to solve (ns a step).
     pub solve: LatencyHistogram,
     /// Time to condense and publish (ns a publication).
@@ -147,7 +143,6 @@ impl EngineStats {
         Self {
             steps: 0,
             publications: 0,
-            assemble: times(),
             solve: times(),
             condense: times(),
             iterations: LatencyHistogram::new(100_000),
@@ -166,14 +161,14 @@ impl EngineStats {
         }
     }
 
-    /// Time of all steps so far (s): to assemble, to solve, to tear and to publish. The times of bodies add up, though several
+    /// Time of all steps so far (s): to solve, to tear and to publish. The times of bodies add up, though several
     /// threads may step bodies beside each other.
     pub fn total_time(&self) -> f64 {
         let sum = |times: &LatencyHistogram| {
             let summary = times.summary();
             summary.mean * summary.count as f64
         };
-        1e-9 * (sum(&self.assemble) + sum(&self.solve) + sum(&self.tear) + sum(&self.condense))
+        1e-9 * (sum(&self.solve) + sum(&self.tear) + sum(&self.condense))
     }
 
     /// Mean time of a step (s), with its share of the publications.
@@ -184,7 +179,6 @@ impl EngineStats {
     /// Adds the tally of a body.
     pub(super) fn add(&mut self, tally: &Tally) {
         for (times, time) in [
-            (&mut self.assemble, tally.assemble),
             (&mut self.solve, tally.solve),
             (&mut self.condense, tally.condense),
             (&mut self.tear, tally.tear),

@@ -340,11 +340,11 @@ pub struct HostState {
     pub factors: u64,
     /// Steps or publications that failed.
     pub faults: u64,
-    /// Time of the stages in the last step, over all bodies (s): assemble, solve, condense. `None` for a stage that the
+    /// Time of the stages in the last step, over all bodies (s): solve, condense. `None` for a stage that the
     /// step did not have.
-    pub stages: [Option<f64>; 3],
+    pub stages: [Option<f64>; 2],
     /// Median time of the stages since the start (s).
-    pub medians: [f64; 3],
+    pub medians: [f64; 2],
     /// Iterations of the solver in the last step, the largest of all bodies.
     pub iterations: u64,
 }

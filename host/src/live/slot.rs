@@ -83,7 +83,7 @@ impl Moment {
         };
         moment.copy(engine, time_ns, skipped);
         let stats = engine.stats();
-        moment.host.medians = [&stats.assemble, &stats.solve, &stats.condense].map(median);
+        moment.host.medians = [&stats.solve, &stats.condense].map(median);
         moment
     }
 
@@ -145,11 +145,11 @@ fn count(host: &mut HostState, stats: &EngineStats, bodies: &[HostBody], skipped
     host.publications = stats.publications;
     host.factors = stats.factors;
     host.faults = stats.faults;
-    host.stages = [None; 3];
+    host.stages = [None; 2];
     host.iterations = 0;
     for body in bodies {
         let tally = body.tally();
-        let times = [tally.assemble, tally.solve, tally.condense];
+        let times = [tally.solve, tally.condense];
         for (sum, ns) in host.stages.iter_mut().zip(times) {
             if let Some(ns) = ns {
                 *sum = Some(sum.unwrap_or(0.0) + ns as f64 * 1e-9);
@@ -235,14 +235,14 @@ impl SlotWriter {
 /// The medians of the stages, renewed one after the other.
 #[derive(Debug, Default)]
 struct Medians {
-    values: [f64; 3],
+    values: [f64; 2],
     next: usize,
     renewed: Option<Instant>,
 }
 
 impl Medians {
-    fn at(&mut self, now: Instant, stats: &EngineStats) -> [f64; 3] {
-        let stages = [&stats.assemble, &stats.solve, &stats.condense];
+    fn at(&mut self, now: Instant, stats: &EngineStats) -> [f64; 2] {
+        let stages = [&stats.solve, &stats.condense];
         match self.renewed {
             None => self.values = stages.map(median),
             Some(before) if now.duration_since(before) < MEDIAN_PERIOD => return self.values,

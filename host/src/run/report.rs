@@ -347,7 +347,6 @@ fn host_summary(
         elements,
         vertices,
         solvers,
-        assemble: stats.assemble.summary().into(),
         factors: stats.factors,
         solve: stats.solve.summary().into(),
         condense: stats.condense.summary().into(),

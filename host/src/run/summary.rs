@@ -170,11 +170,9 @@ pub struct HostSummary {
     pub vertices: usize,
     /// The solver of each body, and the reason for the choice.
     pub solvers: Vec<String>,
-    /// Measured time to assemble, a step. Measured times do not enter the state. Under virtual time they are processor time.
-    pub assemble: Distribution,
     /// Background refactorizations: factors computed beside the steps.
     pub factors: u64,
-    /// Measured time to solve, a step.
+    /// Measured time to solve, a step. Measured times do not enter the state. Under virtual time they are processor time.
     pub solve: Distribution,
     /// Measured time to condense, a publication.
     pub condense: Distribution,

@@ -85,17 +85,6 @@ fn a_scene_pays_for_what_it_names() {
 }
 
 #[test]
-fn an_assembled_solver_assembles_and_keeps_bodies_awake() {
-    let with = |solver: &str| {
-        let host = format!("[host]\nsolver = \"{solver}\"\n");
-        let found = needed(&scene("", SHEET, &host));
-        ["assemble", "sleep"].map(|name| found.contains(&name))
-    };
-    assert_eq!(with("assembled"), [true, false]);
-    assert_eq!(with("frozen"), [false, true]);
-}
-
-#[test]
 fn a_scheme_without_extrapolation_condenses_nothing() {
     let under = |scheme: &str| {
         let loaded = scene("", SHEET, &format!("[loop]\nscheme = \"{scheme}\"\n"));

@@ -301,7 +301,7 @@ fn unknown_and_missing_fields_are_named() {
         r#"
 step_rate = 250.0
   -> step_rate = 250.0¶solver = "fast"
-  x.toml:10: host.solver: found "fast", allowed: `auto`, `assembled`, `frozen`, `frozen_single`, `incomplete`
+  x.toml:10: host.solver: found "fast", allowed: `auto`, `frozen`, `incomplete`
 step_rate = 250.0
   -> step_rate = 250.0¶budget = 0
   x.toml:10: host.budget: found 0, allowed: a number above 0

@@ -359,8 +359,8 @@ fn bodies_that_cannot_tear_are_refused() {
         ),
         (
             "[[body]]",
-            "[host]\nsolver = \"assembled\"\n[[body]]",
-            "x.toml:5: host.solver: found \"assembled\", allowed: \"auto\" or \"frozen\", because the body \"sheet\" \
+            "[host]\nsolver = \"incomplete\"\n[[body]]",
+            "x.toml:5: host.solver: found \"incomplete\", allowed: \"auto\" or \"frozen\", because the body \"sheet\" \
              tears",
         ),
         (

@@ -203,12 +203,8 @@ pub enum SolverName {
     /// The host chooses the solver for each body.
     #[default]
     Auto,
-    /// Conjugate gradients on the assembled matrix, preconditioned by its diagonal blocks.
-    Assembled,
     /// Conjugate gradients without an assembled matrix, preconditioned by a frozen factor.
     Frozen,
-    /// As `Frozen`, in single precision.
-    FrozenSingle,
     /// As `Frozen`, with an incomplete factor and the motions of patches. It is for bodies whose complete factor is too
     /// large.
     Incomplete,

@@ -118,7 +118,7 @@ impl HostBody {
         if let Some(stored) = &mut self.stored {
             let origins = origins(stored, &hands, &body);
             // The elements of a copy store the same energy, and a sum over all of them takes as long as a step.
-            let before = self.solver.elastic_energy(&self.body);
+            let before = self.solver.elastic_energy();
             let after = if replaced {
                 body.elastic_energy()
             } else {

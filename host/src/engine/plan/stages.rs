@@ -32,9 +32,6 @@ impl Stage {
 
 /// The stages of a host step for a scene whose bodies have these plans, in the scene's order.
 pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
-    let assembles = bodies
-        .iter()
-        .any(|body| body.choice.solver == SolverName::Assembled);
     vec![
         handles(scene, bodies),
         Stage::new(
@@ -43,12 +40,6 @@ pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
             "contact is not implemented: bodies pass through each other",
         ),
         Stage::new("elements", true, elements(bodies)),
-        Stage::either(
-            "assemble",
-            assembles,
-            "one matrix a step".into(),
-            "a frozen solver multiplies by elements (those without a kernel keep their own blocks)",
-        ),
         bending(bodies),
         supports(scene),
         loads(scene),
@@ -60,16 +51,14 @@ pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
         ),
         damping(scene),
         Stage::new("solve", true, solve(scene, bodies)),
-        Stage::either(
+        Stage::new(
             "sleep",
-            !assembles,
-            "a body is not stepped after 20 steps in which no vertex moved faster than 0.1 um/s"
-                .into(),
-            "only frozen solvers let bodies sleep",
+            true,
+            "a body is not stepped after 20 steps in which no vertex moved faster than 0.1 um/s",
         ),
         stress(bodies),
         tear(bodies),
-        condense(scene, bodies, assembles),
+        condense(scene, bodies),
         publish(scene, bodies),
     ]
 }
@@ -141,10 +130,6 @@ pub fn in_words(solver: SolverName, tolerance: f64) -> String {
         )
     };
     match solver {
-        SolverName::Assembled => {
-            format!("conjugate gradients on diagonal blocks to {tolerance:e}")
-        }
-        SolverName::FrozenSingle => on("a frozen factor") + ", in single precision",
         SolverName::Incomplete => on("a frozen incomplete factor and the motions of patches"),
         SolverName::Auto | SolverName::Frozen => on("a frozen factor"),
     }
@@ -238,17 +223,13 @@ fn count_vertices(n: usize) -> String {
     }
 }
 
-fn condense(scene: &Scene, bodies: &[BodyPlan], assembles: bool) -> Stage {
+fn condense(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
     let why = format!(
-        "scheme \"{}\" extrapolates with stiffness, damping and drift, {}, at {} Hz{}",
+        "scheme \"{}\" extrapolates with stiffness, damping and drift, {}, at {} Hz; the shapes are updated with the \
+         frozen factor",
         setup::scheme(scene).name(),
         motions(bodies),
         scene.host.publish_rate,
-        if assembles {
-            ""
-        } else {
-            "; the shapes are updated with the frozen factor"
-        }
     );
     let needed = bodies.iter().any(|body| body.condenses);
     let why_not = "the scheme renders no published stiffness";

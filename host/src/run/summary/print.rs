@@ -89,12 +89,7 @@ impl RunSummary {
         )?;
         writeln!(
             f,
-            "  stages     {}solve {} ({} iterations, at most {}), condense {} (medians){}",
-            if h.assemble.count > 0 {
-                format!("assemble {}, ", Time(h.assemble.p50))
-            } else {
-                String::new()
-            },
+            "  stages     solve {} ({} iterations, at most {}), condense {} (medians){}",
             Time(h.solve.p50),
             h.iterations[0],
             h.iterations[2],

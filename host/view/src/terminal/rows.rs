@@ -263,7 +263,7 @@ pub(super) fn host(model: &Model, palette: Palette) -> Vec<Row> {
         .value(format!("{} models", count(host.publications)))
         .value(format!("{} factors", count(host.factors)));
     let mut stages = Row::new("stages", palette.label());
-    for (name, seconds) in ["assemble", "solve", "condense"].iter().zip(host.stages) {
+    for (name, seconds) in ["solve", "condense"].iter().zip(host.stages) {
         if let Some(seconds) = seconds {
             stages = stages.value(format!("{name} {}", time(seconds)));
         }
@@ -279,7 +279,7 @@ pub(super) fn medians(model: &Model, palette: Palette) -> Vec<Row> {
         return Vec::new();
     };
     let mut row = Row::new("medians", palette.label());
-    for (name, seconds) in ["assemble", "solve", "condense"].iter().zip(host.medians) {
+    for (name, seconds) in ["solve", "condense"].iter().zip(host.medians) {
         if seconds > 0.0 {
             row = row.value(format!("{name} {}", time(seconds)));
         }

@@ -107,7 +107,7 @@ impl Sums {
             summary.mean * summary.count as f64
         };
         Self {
-            fem: 1e-9 * (sum(&stats.assemble) + sum(&stats.solve)),
+            fem: 1e-9 * sum(&stats.solve),
             tear: 1e-9 * sum(&stats.tear),
             model: 1e-9 * sum(&stats.condense),
             iterations: sum(&stats.iterations),

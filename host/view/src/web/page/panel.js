@@ -74,7 +74,7 @@ export class Panel {
       ], `${kind === name ? "" : `${kind}, `}${count(vertices)} vertices, ${count(elements)} elements`);
     }
     this.group("Host", [
-      ["steps", "Host steps"], ["step_rate", "Step rate"], ["skipped", "Left out"], ["publications", "Models"], ["assemble", "Assemble", "minor"],
+      ["steps", "Host steps"], ["step_rate", "Step rate"], ["skipped", "Left out"], ["publications", "Models"],
       ["solve", "Solve"], ["condense", "Condense"], ["iterations", "Iterations", "minor"], ["factors", "Refactorizations", "minor"], ["faults", "Failed"],
     ]);
     const list = element("ol", { class: "events", "aria-label": "Events, newest first" });
@@ -220,7 +220,7 @@ export class Panel {
       this.set("step_rate", `${host.step_rate.toFixed(0)} of ${this.hello.step_rate.toFixed(0)} Hz`, host.step_rate, slow ? "warn" : "plain");
       this.set("skipped", count(host.skipped), host.skipped, host.skipped > 0 ? "warn" : "plain");
       this.set("publications", count(host.publications), host.publications);
-      ["assemble", "solve", "condense"].forEach((stage, i) => {
+      ["solve", "condense"].forEach((stage, i) => {
         const [last, median] = [host.stages[i], host.medians[i]];
         this.set(stage, `${last === null ? "none" : quantity(last, "s")} (median ${quantity(median, "s")})`, last);
       });
