@@ -13,6 +13,7 @@ use host::engine::change::{Edit, Grip};
 use host::engine::pacer::Due;
 use host::engine::stats::{Stopwatch, WallStopwatch};
 use host::scene::Scene;
+use host::world::World;
 use physics::{Border, Freedom, HandleSpec};
 use rt_core::{Pose, TickRecord};
 use std::collections::BTreeMap;
@@ -107,7 +108,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 real: true,
                 ..How::default()
             };
-            let built = bodies(&loaded, how)?;
+            let built = bodies(&World::new(&loaded).unwrap(), how)?;
             let body = built[0].body();
             count = body.element_count();
             let pose = |handle| {

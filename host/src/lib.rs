@@ -3,7 +3,7 @@
 //! The program `palpate` is in `program`, the studies are in `study`.
 //!
 //! - [`scene`]: TOML files that describe a run; a crate of its own.
-//! - [`bodies`]: builds the bodies of the physics from those of a scene.
+//! - [`world`]: a scene, built once: the bodies of the physics, what devices hold of them, where devices stand.
 //! - [`engine`]: the work of the host loop. It joins physics and tick.
 //! - [`run`]: runs a scene from beginning to end, under virtual or real time.
 //! - [`solve`]: solves a scene without devices for equilibrium or motion.
@@ -11,7 +11,6 @@
 //! - [`log`]: the record of a run; [`plot`]: its pictures, a crate of its own.
 #![forbid(unsafe_code)]
 
-pub mod bodies;
 pub mod engine;
 pub mod live;
 pub mod log;
@@ -20,6 +19,7 @@ pub mod run;
 pub mod solve;
 pub mod stage;
 pub mod table;
+pub mod world;
 
 pub use devices::input;
 pub use plot::atomic_file;

@@ -3,6 +3,7 @@
 use host::log::Log;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
+use host::world::World;
 use physics::FactorCode;
 use std::error::Error;
 use std::fs;
@@ -16,7 +17,11 @@ fn logged(instructions: FactorCode) -> Result<Vec<u8>, Box<dyn Error>> {
         instructions,
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&Scene::embedded_default()?, &options, &mut |_| {})?;
+    run(
+        &World::new(&Scene::embedded_default()?).unwrap(),
+        &options,
+        &mut |_| {},
+    )?;
     Ok(fs::read(path)?)
 }
 

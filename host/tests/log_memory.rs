@@ -10,6 +10,7 @@ use host::log::{Log, LogHeader, LogWriter};
 use host::run::replay::{replay, scene_of};
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::Telemetry;
 use std::error::Error;
 use std::fs::{self, File};
@@ -41,7 +42,7 @@ fn log_of(scene: &LoadedScene, duration: f64, path: &Path) -> Result<u64, Box<dy
         log: Some(path.to_owned()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(scene, &options, &mut |_| {})?;
+    run(&World::new(scene).unwrap(), &options, &mut |_| {})?;
     Ok(fs::metadata(path)?.len())
 }
 

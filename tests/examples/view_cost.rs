@@ -19,6 +19,7 @@ use host::run::summary::{Distribution, RunSummary};
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
 use host::scene::spec::MeshSource;
+use host::world::World;
 use rt_core::TickRecord;
 use rustix::process::{Pid, Signal, kill_process};
 use std::error::Error;
@@ -112,13 +113,17 @@ fn slice(seconds: f64, watched: bool) -> Result<RunSummary, Box<dyn Error>> {
         }
     }
     let mut stopped = false;
-    let summary = run(&Scene::embedded_default()?, &options, &mut |progress| {
-        // All viewers are connected by then.
-        if progress.fraction() > 0.1 && !stopped {
-            stopped = true;
-            viewers.iter().take(1).for_each(Viewer::stop);
-        }
-    });
+    let summary = run(
+        &World::new(&Scene::embedded_default()?).unwrap(),
+        &options,
+        &mut |progress| {
+            // All viewers are connected by then.
+            if progress.fraction() > 0.1 && !stopped {
+                stopped = true;
+                viewers.iter().take(1).for_each(Viewer::stop);
+            }
+        },
+    );
     drop(viewers);
     Ok(summary?)
 }
@@ -162,7 +167,7 @@ fn steps(quick: bool, random: &mut Random) -> Result<(), Box<dyn Error>> {
         real: true,
         ..How::default()
     };
-    let mut engine = Engine::new(bodies(&loaded, how)?);
+    let mut engine = Engine::new(bodies(&World::new(&loaded).unwrap(), how)?);
     let count: usize = engine
         .bodies()
         .iter()

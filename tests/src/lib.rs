@@ -4,6 +4,7 @@ pub mod law;
 
 use host::run::setup::{Setup, setup};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 
 /// The built-in scene.
 ///
@@ -18,5 +19,6 @@ pub fn default_scene() -> LoadedScene {
 /// # Panics
 /// If the scene cannot be built.
 pub fn default_setup(duration: f64) -> Setup {
-    setup(&default_scene(), duration, 1).expect("the built-in scene can be built")
+    setup(&World::new(&default_scene()).unwrap(), duration, 1)
+        .expect("the built-in scene can be built")
 }

@@ -1,6 +1,7 @@
 //! Virtual time makes a run a function of scene and seed: two runs give the same bytes under any load.
 
 use host::run::{Clock, RunOptions, run};
+use host::world::World;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,7 +13,7 @@ fn logged(path: &Path, seed: u64) -> Vec<u8> {
         log: Some(path.to_owned()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&loaded, &options, &mut |_| {}).expect("the run succeeds");
+    run(&World::new(&loaded).unwrap(), &options, &mut |_| {}).expect("the run succeeds");
     std::fs::read(path).expect("the log was written")
 }
 

@@ -4,6 +4,7 @@ use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
 use host::run::setup::setup;
 use host::scene::spec::SchemeName;
+use host::world::World;
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
 use runner::thread::{RunnerConfig, Stop, spawn};
 use std::sync::Arc;
@@ -28,7 +29,8 @@ fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.age_limit = Some(0.1);
     scene.scene.realtime.scheme = scheme;
-    let setup = setup(&scene, 3.0, 1).expect("the built-in scene can be built");
+    let setup =
+        setup(&World::new(&scene).unwrap(), 3.0, 1).expect("the built-in scene can be built");
     let (mut tick, mut host, mut engine) = (setup.tick, setup.host, setup.engine);
     let watch = WallStopwatch::start();
     let mut last: Option<[f64; 3]> = None;

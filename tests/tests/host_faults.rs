@@ -7,6 +7,7 @@ use host::log::{Log, read_log};
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::spec::SchemeName;
+use host::world::World;
 use rt_core::coupling::HostState;
 
 /// Age above which a model is not trusted (s). The age is short, so that the tests wait little.
@@ -36,7 +37,8 @@ fn under(scheme: SchemeName, clock: Clock, faults: &[Fault]) -> (RunSummary, Log
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.age_limit = Some(AGE_LIMIT);
     scene.scene.realtime.scheme = scheme;
-    let summary = run(&scene, &options, &mut |_| {}).expect("the run succeeds");
+    let summary =
+        run(&World::new(&scene).unwrap(), &options, &mut |_| {}).expect("the run succeeds");
     let bytes = std::fs::read(&path).expect("the log was written");
     assert!(!read_log(&bytes).expect("it can be read").is_empty());
     (summary, Log::parse(&bytes).expect("it can be read"))

@@ -6,6 +6,7 @@ use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
 use host::run::setup::setup;
 use host::scene::spec::SchemeName;
+use host::world::World;
 use rt_core::LocalModel;
 use runner::link::HostEnd;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -110,7 +111,8 @@ fn a_steady_host_step_allocates_nothing() {
 fn steady_steps(scheme: SchemeName) {
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.scheme = scheme;
-    let setup = setup(&scene, 1.0, 1).expect("the built-in scene can be built");
+    let setup =
+        setup(&World::new(&scene).unwrap(), 1.0, 1).expect("the built-in scene can be built");
     let (mut tick, mut engine) = (setup.tick, setup.engine);
     let watch = WallStopwatch::start();
     let due = Due {

@@ -37,6 +37,8 @@ mod written;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use host::scene::{LoadedScene, SceneError};
+use host::stage::Stage;
+use host::world::World;
 use progress::ProgressBar;
 use sets::{Sets, Values};
 use std::ffi::OsString;
@@ -328,9 +330,19 @@ fn execute(command: Option<Task>) -> u8 {
     }
 }
 
-/// The scene at `path`, or the built-in one, with the values of `sets`. Prints what is possible in the scene, but unlikely.
+/// The scene at `path`, or the built-in one, with the values of `sets`. Prints the values of the scene that are possible, but unlikely.
 fn load(path: Option<&Path>, sets: &Sets) -> Result<LoadedScene, CommandError> {
     sets::load_with(path, sets.given()?, |_| Ok(()))
+}
+
+/// Builds a loaded scene. Prints what its meshes show to be possible, but unlikely.
+fn build<'a>(loaded: &'a LoadedScene, bar: &ProgressBar) -> Result<World<'a>, CommandError> {
+    bar.stage(Stage::Building);
+    let world = World::new(loaded)?;
+    for warning in &world.warnings[loaded.warnings.len()..] {
+        bar.say(&format!("warning: {warning}"));
+    }
+    Ok(world)
 }
 
 /// A scene file as an argument.
@@ -343,7 +355,7 @@ struct SceneArgument {
 }
 
 impl SceneArgument {
-    /// The scene with the values of the arguments. Prints what is possible in the scene, but unlikely.
+    /// The scene with the values of the arguments. Prints those that are possible, but unlikely.
     fn load(&self) -> Result<LoadedScene, CommandError> {
         self.values.load(self.scene.as_deref(), Vec::new())
     }

@@ -3,12 +3,12 @@
 
 use super::outputs::{self, Declared};
 use super::sets::Sets;
-use super::{CommandError, load};
+use super::{CommandError, build, load, progress_bar};
 use host::atomic_file::write_atomically;
-use host::bodies::groups;
-use host::bodies::shapes::{Needles, round};
-use host::bodies::{self, Built};
 use host::scene::read_bytes;
+use host::world::Built;
+use host::world::groups;
+use host::world::shapes::{Needles, round};
 use meshio::write_vtu::Snapshot;
 use meshio::{write_gmsh, write_vtk};
 use physics::mesh::quality::shapes;
@@ -69,8 +69,9 @@ fn check(arguments: &CheckArguments) -> Result<(), CommandError> {
     if file.extension().is_some_and(is_scene) {
         // This prints the warnings.
         let loaded = load(Some(file), &arguments.sets)?;
-        for (index, body) in loaded.scene.bodies.iter().enumerate() {
-            let mesh = bodies::build(&loaded, index)?.mesh;
+        let world = build(&loaded, &progress_bar())?;
+        for (body, built) in loaded.scene.bodies.iter().zip(world.bodies) {
+            let mesh = built.mesh;
             out!("{}", summary(&body.name, &mesh, " m"));
             out!("{}", quality(&Needles::of(&mesh, true)));
         }
@@ -142,8 +143,8 @@ fn write(arguments: &MeshArguments, scene: &Path, file: &PathBuf) -> Result<(), 
         .scene(Some(scene), &loaded)
         .file("FILE", Some(file), outputs::Format::Mesh)
         .check()?;
-    let built = bodies::build(&loaded, index)?;
-    let mesh = with_material(built);
+    let mut world = build(&loaded, &progress_bar())?;
+    let mesh = with_material(world.bodies.swap_remove(index));
     out!("{}", summary(&loaded.scene.bodies[index].name, &mesh, " m"));
     write_atomically(file, format.write(&mesh).as_bytes())?;
     outln!("  {:<10} {}", "file", file.display());

@@ -1,16 +1,15 @@
 //! `palpate plan`: prints the stages that a scene needs, and why.
 
 use super::outputs::{Declared, Format};
-use super::{CommandError, SceneArgument, progress_bar};
+use super::{CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::write_json;
-use host::bodies;
-use host::engine::build;
 use host::engine::plan::{BodyPlan, Stage, stages};
 use host::engine::rehearsal::Rehearsal;
 use host::run::setup;
 use host::run::slow_host::{StepTime, cores};
 use host::run::summary::{DampedSummary, StiffSummary};
 use host::scene::connections;
+use host::stage::Stage as Preparation;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -57,15 +56,19 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     connections::check(&loaded)?;
-    setup::check(&loaded)?;
     let bar = progress_bar();
-    // A scene that cannot run gets no plan. This check also reports faults of its meshes.
-    let settled = build::settled(&loaded)?;
-    let plans: Vec<_> = (settled.iter().enumerate())
-        .map(|(index, built)| BodyPlan::new(&loaded, index, built))
+    // A scene that cannot run gets no plan. This also reports faults of its meshes.
+    let world = build(&loaded, &bar)?;
+    setup::check(&world)?;
+    bar.stage(Preparation::Settling);
+    world.settle();
+    let plans: Vec<_> = (0..world.bodies.len())
+        .map(|index| BodyPlan::new(&world, index))
         .collect();
     let stages = stages(&loaded.scene, &plans);
-    let mut rehearsal = Rehearsal::new(&loaded, settled)?;
+    bar.stage(Preparation::Factorizing);
+    let mut rehearsal = Rehearsal::new(&world)?;
+    bar.stage(Preparation::Timing);
     let stiff = rehearsal.stiff();
     let damped = rehearsal.damped();
     let step_time = (!arguments.no_timing).then(|| rehearsal.step_time());
@@ -88,10 +91,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
             time.in_words()
         );
     }
-    let mut warnings: Vec<_> = bodies::warnings(&loaded)
-        .iter()
-        .map(ToString::to_string)
-        .collect();
+    let mut warnings: Vec<_> = world.warnings.iter().map(ToString::to_string).collect();
     if let Some(time) = time.filter(StepTime::is_too_slow) {
         let warning = time.warning(&loaded.scene, None, loaded.scene.duration, cores());
         errln!("warning: {warning}");

@@ -2,7 +2,7 @@
 //! on, then ever more rarely.
 //!
 //! A thread of its own draws, so that a person sees that the program works even while a factor takes minutes. Before the
-//! work has a fraction, the progress names the stage of the preparation ([`host::stage`]).
+//! work has a fraction, the progress names the stage of the preparation.
 
 use host::stage::Stage;
 use indicatif::{ProgressBar as Bar, ProgressStyle};
@@ -35,6 +35,7 @@ struct Shared {
     lines: bool,
     start: Instant,
     position: AtomicU64,
+    stage: Mutex<Stage>,
     /// Time of the next line (s).
     next: Mutex<f64>,
     over: Mutex<bool>,
@@ -51,6 +52,7 @@ impl ProgressBar {
             lines,
             start: Instant::now(),
             position: AtomicU64::new(NONE),
+            stage: Mutex::new(Stage::Preparing),
             next: Mutex::new(FIRST),
             over: Mutex::new(false),
             changed: Condvar::new(),
@@ -65,6 +67,11 @@ impl ProgressBar {
             shared,
             thread: Mutex::new(thread),
         }
+    }
+
+    /// Says that the preparation is now at this stage.
+    pub(super) fn stage(&self, stage: Stage) {
+        *lock(&self.shared.stage) = stage;
     }
 
     /// Sets the position, in parts of a thousand.
@@ -154,7 +161,7 @@ impl Shared {
                 self.bar.set_style(style);
             }
             if position == NONE {
-                self.bar.set_message(Stage::now().name());
+                self.bar.set_message(lock(&self.stage).name());
                 self.bar.tick();
             } else {
                 self.bar.set_position(position);
@@ -163,7 +170,7 @@ impl Shared {
             let mut next = lock(&self.next);
             if seconds >= *next {
                 *next = after(seconds);
-                errln!("{}", line(seconds, position, Stage::now()));
+                errln!("{}", line(seconds, position, *lock(&self.stage)));
             }
         }
     }

@@ -9,7 +9,7 @@ use super::progress::ProgressBar;
 use super::signals::Ending;
 #[cfg(feature = "view")]
 use super::watch::Watch;
-use super::{COMMIT, CommandError, SceneArgument};
+use super::{COMMIT, CommandError, SceneArgument, build};
 use devices::panel::{Panel, TimedOrder};
 use host::engine::faults::HostFault;
 #[cfg(feature = "view")]
@@ -401,8 +401,13 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         waiting = None;
     }
     let bar = ProgressBar::begin(!arguments.report_progress);
+    let world = build(&loaded, &bar)?;
     let mut warned = false;
-    let result = host::run::run(&loaded, &options, &mut |progress| {
+    let result = host::run::run(&world, &options, &mut |progress| {
+        if let Some(stage) = progress.stage {
+            bar.stage(stage);
+            return;
+        }
         // The devices are open now.
         if let Some(waiting) = waiting.take() {
             bar.say(&waiting);

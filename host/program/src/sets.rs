@@ -139,7 +139,7 @@ impl Values {
 }
 
 /// The scene at `path`, or the built-in one, in which the values of `given` replace those of the scene, once `check` has
-/// accepted the scene without them. Prints what is possible in the scene, but unlikely.
+/// accepted the scene without them. Prints the values of the scene that are possible, but unlikely.
 pub(super) fn load_with(
     path: Option<&Path>,
     given: Vec<(String, Override)>,
@@ -154,7 +154,7 @@ pub(super) fn load_with(
             source,
         })?;
     }
-    for warning in host::bodies::warnings(&loaded) {
+    for warning in &loaded.warnings {
         errln!("warning: {warning}");
     }
     Ok(loaded)

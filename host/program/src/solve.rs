@@ -3,7 +3,7 @@
 use super::outputs::{Declared, Format};
 use super::sets::Sets;
 use super::written::Written;
-use super::{CommandError, load, progress_bar};
+use super::{CommandError, build, load, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use host::scene::spec::Analysis;
@@ -68,8 +68,9 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         None => None,
     };
     let bar = progress_bar();
+    let world = build(&loaded, &bar)?;
     let solution = solve(
-        &loaded,
+        &world,
         frames.is_some(),
         &mut |fraction| bar.set_position((1000.0 * fraction) as u64),
         &mut |frame| match &mut frames {
@@ -79,7 +80,6 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     );
     bar.finish_and_clear();
     let solution = solution.map_err(|error| match error {
-        SolveError::Scene(error) => CommandError::Scene(error),
         SolveError::Frame(error) => CommandError::File(error),
         SolveError::Matrix(error) => CommandError::Solve(error),
     })?;

@@ -7,8 +7,7 @@
 //! that the mechanism bears does no work, so the energy of the model is that of the body; the tangent's estimate of it
 //! (`stored.rs`) is taken from the projected model, because hands cannot recover energy across the axes.
 
-use crate::bodies;
-use crate::scene::{LoadedScene, SceneError};
+use crate::world::World;
 use nalgebra::Matrix3;
 use rt_core::{HandleReference, LocalModel, Mat6, Vec3};
 
@@ -20,25 +19,18 @@ pub struct Borne {
 }
 
 impl Borne {
-    /// The projections for the devices of a scene.
-    ///
-    /// # Errors
-    /// [`SceneError`], naming the file, line and field, where a device cannot be mounted.
-    pub fn new(loaded: &LoadedScene) -> Result<Self, SceneError> {
-        let each = loaded.models.iter().enumerate();
-        let each = each.map(|(index, model)| {
-            let Some(axes) = model.axes else {
-                return Ok(None);
-            };
-            let rotation = bodies::mount(loaded, index)?.rotation.to_rotation_matrix();
-            let diagonal = axes.part(&Vec3::repeat(1.0));
+    /// The projections for the devices of a world.
+    pub fn new(world: &World<'_>) -> Self {
+        let each = world.loaded.models.iter().zip(&world.mounts);
+        let each = each.map(|(model, mount)| {
+            let rotation = mount.rotation.to_rotation_matrix();
+            let diagonal = model.axes?.part(&Vec3::repeat(1.0));
             let part = Matrix3::from_diagonal(&diagonal);
-            Ok(Some(
-                rotation.matrix() * part * rotation.matrix().transpose(),
-            ))
+            Some(rotation.matrix() * part * rotation.matrix().transpose())
         });
-        let axes = each.collect::<Result<_, SceneError>>()?;
-        Ok(Self { axes })
+        Self {
+            axes: each.collect(),
+        }
     }
 
     /// Leaves only what hands feel of a model's stiffness, damping and drift.

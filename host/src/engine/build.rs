@@ -7,10 +7,9 @@ use super::plan::{BodyPlan, in_words};
 use super::recipe::Recipe;
 use super::tears::BodyTears;
 use super::virtual_coupling::VirtualCoupling;
-use crate::bodies::{self, Built};
 use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
-use crate::stage::Stage;
+use crate::world::{World, grasps};
 use physics::FactorCode;
 use rt_core::{MAX_DEVICES, Pose};
 
@@ -23,43 +22,18 @@ pub struct How {
     pub real: bool,
 }
 
-/// Builds every body of a scene, at rest, with its solver.
+/// Gives each body of a world its solver and the paths of its handles. Most of the time goes into the first factors.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneError> {
-    with_solvers(loaded, how, settled(loaded)?)
-}
-
-/// Builds every body of a scene and lets it settle, which takes the longest time of a large body's preparation.
-///
-/// # Errors
-/// As [`bodies()`].
-pub fn settled(loaded: &LoadedScene) -> Result<Vec<Built>, SceneError> {
-    check(loaded)?;
-    let each = (0..loaded.scene.bodies.len()).map(|index| {
-        Stage::Building.begin();
-        bodies::build_settled(loaded, index)
-    });
-    each.collect()
-}
-
-/// Gives each settled body of a scene its solver and the paths of its handles.
-///
-/// # Errors
-/// As [`bodies()`].
-pub fn with_solvers(
-    loaded: &LoadedScene,
-    how: How,
-    settled: Vec<Built>,
-) -> Result<Vec<HostBody>, SceneError> {
-    let borne = Borne::new(loaded)?;
-    let each = settled.into_iter().enumerate();
-    each.map(|(index, built)| body(loaded, index, how, built, borne.clone()))
+pub fn bodies(world: &World<'_>, how: How) -> Result<Vec<HostBody>, SceneError> {
+    let borne = Borne::new(world);
+    (0..world.bodies.len())
+        .map(|index| body(world, index, how, borne.clone()))
         .collect()
 }
 
-/// Checks the parts of a scene that only a run needs: devices and their mounts, and supports at rest. A body without handles is
+/// Checks the parts of a scene that only a run needs: devices, and supports at rest. A body without handles is
 /// allowed: it moves, and no device feels it.
 ///
 /// # Errors
@@ -80,11 +54,6 @@ pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
             }
         }
     }
-    for device in 0..scene.devices.len() {
-        if bodies::is_mounted(loaded, device) || loaded.models[device].axes.is_some() {
-            bodies::mount(loaded, device)?;
-        }
-    }
     Ok(())
 }
 
@@ -95,32 +64,27 @@ pub(crate) fn steps_per_publication(scene: &Scene) -> u64 {
         .max(1.0) as u64
 }
 
-fn body(
-    loaded: &LoadedScene,
-    index: usize,
-    how: How,
-    mut built: Built,
-    borne: Borne,
-) -> Result<HostBody, SceneError> {
+fn body(world: &World<'_>, index: usize, how: How, borne: Borne) -> Result<HostBody, SceneError> {
+    let loaded = world.loaded;
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let tears = BodyTears::new(loaded, index, &mut built)?;
-    let plan = BodyPlan::new(loaded, index, &built);
+    let mut body = world.start(index).clone();
+    let tears = BodyTears::new(world, index, &mut body)?;
+    let plan = BodyPlan::new(world, index);
     let recipe = Recipe::new(scene, &plan, how);
-    Stage::Factorizing.begin();
-    let mut solver = recipe.make(&built.body).map_err(|e| {
+    let mut solver = recipe.make(&body).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
     })?;
     if let Some(tears) = &tears {
-        solver.begin_tears(&built.body, &tears.tearing);
+        solver.begin_tears(&body, &tears.tearing);
     }
-    let devices: Vec<u8> = bodies::tools(scene, spec)
+    let devices: Vec<u8> = grasps(scene, spec)
         .iter()
-        .map(|tool| tool.device as u8)
+        .map(|grasp| grasp.device as u8)
         .collect();
-    let paths = built
+    let paths = world.bodies[index]
         .handles
         .iter()
         .zip(&devices)
@@ -139,7 +103,7 @@ fn body(
             in_words(plan.choice.solver, scene.host.tolerance),
             plan.choice.why
         ),
-        body: built.body,
+        body,
         solver,
         recipe,
         smoothing: scene.host.smoothing,

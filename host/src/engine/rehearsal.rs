@@ -7,11 +7,10 @@ use super::build::{self, How};
 use super::pacer::{Due, Pacer};
 use super::stats::{ProcessorStopwatch, StepTimes};
 use super::threads::{Threads, awake};
-use crate::bodies::Built;
 use crate::run::summary::{DampedSummary, StiffSummary};
+use crate::scene::SceneError;
 use crate::scene::spec::Scene;
-use crate::scene::{LoadedScene, SceneError};
-use crate::stage::Stage;
+use crate::world::World;
 use rt_core::{MAX_DEVICES, TickRecord, Vec3};
 
 /// Most steps of a rehearsal, and the measured time after which three suffice (s).
@@ -30,13 +29,13 @@ pub struct Rehearsal<'a> {
 }
 
 impl<'a> Rehearsal<'a> {
-    /// Prepares the `settled` bodies of a scene. Most of the time goes into the factor of each body.
+    /// Prepares copies of the bodies of a world. Most of the time goes into the factor of each body.
     ///
     /// # Errors
     /// As [`build::bodies`].
-    pub fn new(loaded: &'a LoadedScene, settled: Vec<Built>) -> Result<Self, SceneError> {
-        let scene = &loaded.scene;
-        let held = build::with_solvers(loaded, How::default(), settled)?;
+    pub fn new(world: &World<'a>) -> Result<Self, SceneError> {
+        let scene = &world.loaded.scene;
+        let held = build::bodies(world, How::default())?;
         let mut record = TickRecord::empty();
         for body in &held {
             for (device, pose) in body.hands() {
@@ -81,7 +80,6 @@ impl<'a> Rehearsal<'a> {
     /// that of the threads that lead its stages ([`ProcessorStopwatch`]). The time depends on the machine; nothing else
     /// does.
     pub fn step_time(mut self) -> f64 {
-        Stage::Timing.begin();
         let start = self.record.proxies;
         let cycle = build::steps_per_publication(self.scene);
         let mut pacer = Pacer::new(self.scene.host.step_rate, cycle);

@@ -2,12 +2,12 @@
 
 use super::balance::Balance;
 use super::parting::Parting;
-use crate::bodies::{Built, TearSpec};
 use crate::scene::spec::TearLawName;
 use crate::scene::{LoadedScene, SceneError};
+use crate::world::{TearSpec, World};
 use physics::tear::{TearLaw, TearMaterial};
 use physics::topology::{Pieces, Reserve};
-use physics::{ShapeOptions, Starts, TearOptions, Tearing, TearingError};
+use physics::{Body, ShapeOptions, Starts, TearOptions, Tearing, TearingError};
 
 /// How the shapes of a body that tears are kept current: one shape with each local model, in a few iterations, and all of them
 /// where that leaves too much.
@@ -44,14 +44,14 @@ impl BodyTears {
     /// # Errors
     /// [`SceneError`], naming the line and the field that cannot be built.
     pub(super) fn new(
-        loaded: &LoadedScene,
+        world: &World<'_>,
         index: usize,
-        built: &mut Built,
+        body: &mut Body,
     ) -> Result<Option<Self>, SceneError> {
-        let Some(tearing) = tearing(loaded, index, built)? else {
+        let Some(tearing) = tearing(world, index, body)? else {
             return Ok(None);
         };
-        let parting = Parting::new(&built.body);
+        let parting = Parting::new(body);
         Ok(parting.map(|parting| Self {
             tearing,
             parting,
@@ -70,36 +70,36 @@ impl BodyTears {
     }
 }
 
-/// The tips of the scene's body number `index`, whose body gets room for the edits of its tears; `None` for a body that does
+/// The tips of the world's body number `index`, whose copy `body` gets room for the edits of its tears; `None` for a body that does
 /// not tear.
 ///
 /// # Errors
 /// [`SceneError`], naming the line and the field that cannot be built.
 pub fn tearing(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     index: usize,
-    built: &mut Built,
+    body: &mut Body,
 ) -> Result<Option<Tearing>, SceneError> {
-    make_tearable(loaded, index, built)?;
-    let Some(spec) = &built.tear else {
+    make_tearable(world, index, body)?;
+    let Some(spec) = &world.bodies[index].tear else {
         return Ok(None);
     };
-    let tearing = Tearing::new(&built.body, options(spec), &spec.tips);
+    let tearing = Tearing::new(body, options(spec), &spec.tips);
     Ok(Some(
-        tearing.map_err(|error| refused(loaded, index, &error))?,
+        tearing.map_err(|error| refused(world.loaded, index, &error))?,
     ))
 }
 
-/// Gives the scene's body number `index` room for the edits of its tears, if it tears.
+/// Gives `body`, a copy of the world's body number `index`, room for the edits of its tears, if it tears.
 ///
 /// # Errors
 /// [`SceneError`], naming the line and the field, for a body that is no sheet that can tear.
 pub(crate) fn make_tearable(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     index: usize,
-    built: &mut Built,
+    body: &mut Body,
 ) -> Result<(), SceneError> {
-    let Some(spec) = &built.tear else {
+    let Some(spec) = &world.bodies[index].tear else {
         return Ok(());
     };
     // Every vertex that a cut adds comes with two triangles at most.
@@ -107,8 +107,8 @@ pub(crate) fn make_tearable(
         vertices: spec.room,
         triangles: 2 * spec.room,
     };
-    let made = built.body.make_tearable(reserve);
-    made.map_err(|error| refused(loaded, index, &error))
+    let made = body.make_tearable(reserve);
+    made.map_err(|error| refused(world.loaded, index, &error))
 }
 
 fn refused(loaded: &LoadedScene, index: usize, error: &TearingError) -> SceneError {

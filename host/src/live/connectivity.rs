@@ -59,8 +59,8 @@ pub(super) fn after_change(before: &Surface, epoch: u32, mesh: &Mesh) -> Surface
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bodies;
     use crate::scene::Scene;
+    use crate::world::World;
     use std::path::Path;
 
     #[test]
@@ -68,9 +68,8 @@ mod tests {
         let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
         for name in ["cloth.toml", "press.toml", "thread.toml"] {
             let loaded = Scene::load(&scenes.join(name))?;
-            for index in 0..loaded.scene.bodies.len() {
-                let built = bodies::build(&loaded, index)?;
-                let before = Surface::new(index, &built);
+            for (index, built) in World::new(&loaded)?.bodies.iter().enumerate() {
+                let before = Surface::new(index, built);
                 let mesh = mesh_of(&built.body).ok_or("a body without elements")?;
                 let after = after_change(&before, 7, &mesh);
                 let expected = Surface { epoch: 7, ..before };

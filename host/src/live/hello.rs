@@ -1,32 +1,16 @@
 //! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
 
 use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
-use crate::bodies::{self, Built, Kind};
 use crate::run::setup;
 use crate::scene::spec::ModelName;
-use crate::scene::{LoadedScene, SceneError};
+use crate::world::{Kind, World, grasps};
 use std::collections::BTreeMap;
 
-/// All bodies of a scene at rest, as a viewer and its surfaces need them.
-///
-/// # Errors
-/// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn build_bodies(loaded: &LoadedScene) -> Result<Vec<Built>, SceneError> {
-    let count = loaded.scene.bodies.len();
-    (0..count)
-        .map(|index| bodies::build(loaded, index))
-        .collect()
-}
-
 impl Hello {
-    /// The facts of a scene with these bodies. `facts` are those of the log's header ([`crate::run::facts`]); the clock
+    /// The facts of a world. `facts` are those of the log's header ([`crate::run::facts`]); the clock
     /// is one of them. The duration is the scene's.
-    pub fn new(
-        source: Source,
-        loaded: &LoadedScene,
-        built: &[Built],
-        facts: BTreeMap<String, String>,
-    ) -> Self {
+    pub fn new(source: Source, world: &World<'_>, facts: BTreeMap<String, String>) -> Self {
+        let loaded = world.loaded;
         let scene = &loaded.scene;
         let age_limit = scene.realtime.age_limit();
         let devices = scene.devices.iter().zip(&loaded.models);
@@ -41,19 +25,19 @@ impl Hello {
                 .map_or(model.max_force, |most| most.min(model.max_force)),
             age_limit,
         });
-        let bodies = scene.bodies.iter().zip(built);
+        let bodies = scene.bodies.iter().zip(&world.bodies);
         let bodies = bodies.map(|(spec, built)| {
-            // The handles of the devices come first, in the order of the tools.
-            let tools = bodies::tools(scene, spec);
-            let handles = tools.iter().zip(&built.handles);
+            // The handles of the devices come first, in the order of the grasps.
+            let grasps = grasps(scene, spec);
+            let handles = grasps.iter().zip(&built.handles);
             BodyInfo {
                 name: spec.name.clone(),
                 kind: kind_name(built.kind).to_owned(),
                 vertices: built.body.vertex_count() as u32,
                 elements: built.body.element_count() as u32,
                 handles: handles
-                    .map(|(tool, handle)| HandleInfo {
-                        device: tool.device as u32,
+                    .map(|(grasp, handle)| HandleInfo {
+                        device: grasp.device as u32,
                         origin: handle.origin.into(),
                     })
                     .collect(),
@@ -102,9 +86,9 @@ mod tests {
     {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cloth.toml");
         let loaded = Scene::load(path.as_ref())?;
-        let built = build_bodies(&loaded)?;
+        let world = World::new(&loaded)?;
         let facts = facts(&loaded, &RunOptions::new(Clock::Real), 7);
-        let hello = Hello::new(Source::Run, &loaded, &built, facts);
+        let hello = Hello::new(Source::Run, &world, facts);
         let names = hello.devices.iter().map(|device| device.name.as_str());
         assert_eq!(names.collect::<Vec<_>>(), ["left", "right"]);
         // The right device is an omega3, which the scene limits.
@@ -142,12 +126,17 @@ mod tests {
         };
         assert_eq!(*told, hello);
         let theirs = Scene::load_texts(&told.scene, &told.scene_text, &told.files)?;
-        let theirs = build_bodies(&theirs)?;
+        let theirs = World::new(&theirs)?.bodies;
         assert_eq!(
             told.bodies[0].vertices as usize,
             theirs[0].body.vertex_count()
         );
-        assert!(theirs[0].body.positions().eq(built[0].body.positions()));
+        assert!(
+            theirs[0]
+                .body
+                .positions()
+                .eq(world.bodies[0].body.positions())
+        );
         Ok(())
     }
 }

@@ -1,7 +1,6 @@
 //! A run that viewers watch: joins the host's slot, the observer and the thread of the viewers.
 
 use super::gather::Gatherer;
-use super::hello::build_bodies;
 use super::observer::{Frames, Rest, TickTime, ViewObserver};
 use super::slot::{Moment, SlotWriter, Watchers, slot};
 use super::socket::{Listener, Server, Update};
@@ -10,7 +9,7 @@ use crate::engine::Engine;
 use crate::run::setup::HostSide;
 use crate::run::summary::RunSummary;
 use crate::run::{RunError, RunOptions, facts};
-use crate::scene::LoadedScene;
+use crate::world::World;
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -45,21 +44,20 @@ impl Session {
     /// Begins to serve viewers of a run at `listener`.
     ///
     /// # Errors
-    /// The system gives no thread, or a body cannot be built.
+    /// The system gives no thread.
     pub(crate) fn begin(
         view: &ViewOptions,
         listener: Listener,
-        loaded: &LoadedScene,
+        world: &World<'_>,
         options: &RunOptions,
         seed: u64,
         engine: &Engine,
     ) -> Result<(Self, HostView, ViewObserver), RunError> {
-        let built = build_bodies(loaded)?;
-        let mut hello = Hello::new(Source::Run, loaded, &built, facts(loaded, options, seed));
+        let mut hello = Hello::new(Source::Run, world, facts(world.loaded, options, seed));
         hello.run = identity();
         hello.duration = options.duration.unwrap_or(hello.duration);
         let mut surfaces: Vec<_> = (0..)
-            .zip(&built)
+            .zip(&world.bodies)
             .map(|(index, built)| Surface::new(index, built))
             .collect();
         for (surface, body) in surfaces.iter_mut().zip(engine.bodies()) {
@@ -69,7 +67,7 @@ impl Session {
         let (writer, reader) = slot(engine, watchers.clone());
         let vertices = Moment::of(engine, 0, 0).vertices().collect();
         let tick_time = TickTime::default();
-        let gatherer = Gatherer::new(loaded, options.clock);
+        let gatherer = Gatherer::new(world.loaded, options.clock);
         let frames = Frames::new(gatherer, surfaces.clone());
         let server = Server::start(listener, hello, surfaces, vertices, watchers.clone())?;
         let rest = Rest::default();

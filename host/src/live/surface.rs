@@ -5,7 +5,7 @@
 //! and is divided into four triangles, so the surface bends with the face.
 
 use super::Surface;
-use crate::bodies::Built;
+use crate::world::Built;
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, Mesh};
 use std::collections::BTreeMap;
@@ -95,8 +95,8 @@ fn middles(cell: &[u32], [a, b, c]: [usize; 3]) -> Option<[u32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::hello::build_bodies;
     use crate::scene::Scene;
+    use crate::world::World;
     use physics::Vec3;
     use physics::mesh::generate_box::solid_box;
     use std::collections::BTreeMap;
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn a_sheet_shows_its_triangles_and_a_thread_its_bars() {
         let sheet = Scene::embedded_default().expect("the scene is sound");
-        let sheet = &build_bodies(&sheet).expect("bodies")[0];
+        let sheet = &World::new(&sheet).expect("a world").bodies[0];
         let surface = Surface::new(0, sheet);
         let elements = sheet.body.element_count();
         assert_eq!(surface.triangle_count as usize, elements);
@@ -183,7 +183,7 @@ mod tests {
 
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/thread.toml");
         let thread = Scene::load(path.as_ref()).expect("the scene is sound");
-        let thread = &build_bodies(&thread).expect("bodies")[0];
+        let thread = &World::new(&thread).expect("a world").bodies[0];
         let surface = Surface::new(0, thread);
         assert_eq!(surface.line_count as usize, thread.body.element_count());
         assert_eq!(surface.lines.len(), 2 * thread.body.element_count());

@@ -1,9 +1,9 @@
 //! Opens the devices of a scene, each with the driver that it names.
 
 use super::hand;
-use crate::bodies;
 use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
+use crate::world::World;
 use devices::registry::Notes;
 use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
@@ -19,11 +19,12 @@ use std::sync::mpsc::Sender;
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be opened.
 pub(super) fn open(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     seed: u64,
     real: bool,
 ) -> Result<(Vec<AnyDevice>, Vec<String>), SceneError> {
-    let registry = registry(loaded, seed)?;
+    let loaded = world.loaded;
+    let registry = registry(world, seed)?;
     let mut told = Vec::new();
     let opened = loaded.scene.devices.iter().enumerate();
     let opened = opened.map(|(index, spec)| {
@@ -62,8 +63,9 @@ pub(super) fn open(
 ///
 /// # Errors
 /// As [`open`].
-pub(super) fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
-    let registry = registry(loaded, loaded.scene.seed)?;
+pub(super) fn check(world: &World<'_>) -> Result<(), SceneError> {
+    let loaded = world.loaded;
+    let registry = registry(world, loaded.scene.seed)?;
     for (index, spec) in loaded.scene.devices.iter().enumerate() {
         accepted(loaded, &registry, index)?;
         let driver = registry.driver(&spec.connect.driver);
@@ -121,10 +123,11 @@ pub(super) fn replayed(
 }
 
 /// The program's drivers, with the hands of a scene's simulated devices.
-fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
+fn registry(world: &World<'_>, seed: u64) -> Result<Registry, SceneError> {
+    let loaded = world.loaded;
     let held = loaded.scene.devices.iter().enumerate();
     let held = held.map(|(index, spec)| {
-        let (hand, start) = simulated_hand(loaded, index, seed)?;
+        let (hand, start) = simulated_hand(world, index, seed)?;
         Ok(Held {
             hand,
             wired: spec.wire.unwrap_or(true),
@@ -140,18 +143,14 @@ fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
 /// where the device starts (m, device axes).
 ///
 /// # Errors
-/// [`SceneError`], naming the file, line and field that no hand can follow, or whose device has no place.
+/// [`SceneError`], naming the file, line and field that no hand can follow.
 pub fn simulated_hand(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     index: usize,
     seed: u64,
 ) -> Result<(Option<Hand>, Vec3), SceneError> {
-    // Only a device whose origin is given starts elsewhere than at its origin.
-    let start = match loaded.scene.devices[index].mounting.origin {
-        None => Vec3::zeros(),
-        Some(_) => bodies::mount(loaded, index)?.start,
-    };
-    Ok((hand::build(loaded, index, seed)?, start))
+    let start = world.mounts[index].start;
+    Ok((hand::build(world.loaded, index, seed)?, start))
 }
 
 /// The protocol of the device whose profile names it so. A profile that names none is that of a device with the firmware

@@ -8,14 +8,14 @@ use super::Clock;
 use super::RunError;
 use super::parts::Parts;
 use crate::atomic_file::AtomicFileError;
-use crate::bodies::{self, Built};
 use crate::engine::body::HostBody;
 use crate::engine::tears;
 use crate::live::torn::vertex_room;
 use crate::run::panics;
-use crate::scene::{LoadedScene, Scene};
+use crate::scene::Scene;
 use crate::solve::frames::FrameFolder;
 use crate::solve::{Frame, snapshot};
+use crate::world::{Built, World};
 use physics::topology::Edit;
 use physics::{BodyError, TearingError, Vec3};
 use std::path::PathBuf;
@@ -251,19 +251,19 @@ impl FrameWriter {
     /// # Errors
     /// A rate that is not allowed, a folder that cannot be written, or no thread.
     pub(super) fn begin(
-        loaded: &LoadedScene,
+        world: &World<'_>,
         options: &FrameOptions,
         clock: Clock,
         bodies: &[HostBody],
     ) -> Result<(FrameTap, Self), RunError> {
-        options.check(&loaded.scene)?;
+        let scene = &world.loaded.scene;
+        options.check(scene)?;
         // The writer has bodies of its own, in whose elements it computes stresses.
-        let built = (0..loaded.scene.bodies.len()).map(|index| bodies::build(loaded, index));
-        let mut built = built.collect::<Result<Vec<_>, _>>()?;
+        let mut built = world.bodies.clone();
         for (index, built) in built.iter_mut().enumerate() {
-            tears::make_tearable(loaded, index, built)?;
+            tears::make_tearable(world, index, &mut built.body)?;
         }
-        let names = loaded.scene.bodies.iter().map(|body| body.name.as_str());
+        let names = scene.bodies.iter().map(|body| body.name.as_str());
         let folder = FrameFolder::create(&options.folder, names)?;
         let list = folder.list_file();
         let (filled, frames) = sync_channel(WAITING);
@@ -272,7 +272,7 @@ impl FrameWriter {
             // The channel has as many places.
             let _ = returned.try_send(Moment::with_room(bodies));
         }
-        let names = loaded.scene.bodies.iter().map(|body| body.name.clone());
+        let names = scene.bodies.iter().map(|body| body.name.clone());
         let drawn = Drawn {
             rest: built
                 .iter()

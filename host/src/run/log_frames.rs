@@ -8,10 +8,10 @@ use super::Clock;
 use super::frames::{FrameRateError, Missing, Schedule};
 use crate::engine::body::HostBody;
 use crate::live::Surface;
-use crate::live::hello::build_bodies;
 use crate::live::torn::{TornSurface, vertex_room};
 use crate::log::{BodyFrame, LogError, LogWriter};
-use crate::scene::{LoadedScene, Scene, SceneError};
+use crate::scene::Scene;
+use crate::world::World;
 use physics::mesh::Mesh;
 use std::io::{Seek, Write};
 use std::sync::Arc;
@@ -87,17 +87,14 @@ pub(super) struct LogFrames {
 }
 
 /// The two ends for frames at `rate` (Hz), with the first frame, that of `bodies` before the run.
-///
-/// # Errors
-/// A body that cannot be built.
 pub(super) fn begin(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     rate: f64,
     clock: Clock,
     bodies: &[HostBody],
-) -> Result<(LogTap, LogFrames), SceneError> {
-    let built = build_bodies(loaded)?.into_iter();
-    let meshes = built.map(|built| (built.mesh, None)).collect();
+) -> (LogTap, LogFrames) {
+    let built = world.bodies.iter();
+    let meshes = built.map(|built| (built.mesh.clone(), None)).collect();
     let waiting = WAITING.max((PATIENCE * rate) as usize);
     let (filled, frames) = match clock {
         Clock::Virtual => {
@@ -129,7 +126,7 @@ pub(super) fn begin(
         missing,
         written: 0,
     };
-    Ok((tap, log))
+    (tap, log)
 }
 
 impl LogTap {

@@ -43,6 +43,8 @@ use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError, connections};
+use crate::stage::Stage;
+use crate::world::World;
 use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
@@ -178,6 +180,8 @@ pub enum RunError {
 /// The progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
+    /// The stage of the preparation that begins; `None` once ticks are made.
+    pub stage: Option<Stage>,
     /// Ticks done.
     pub ticks: u64,
     /// Ticks in the whole run.
@@ -195,7 +199,7 @@ impl Progress {
     }
 }
 
-/// Runs a scene and writes the files that `options` name. `progress` is called from time to time. The log is locked
+/// Runs a world and writes the files that `options` name. `progress` is called from time to time. The log is locked
 /// before anything else. A file that cannot be written at the end is one of the failures of the summary.
 ///
 /// # Errors
@@ -204,20 +208,22 @@ impl Progress {
 /// ```
 /// use host::run::{Clock, RunOptions, run};
 /// use host::scene::Scene;
+/// use host::world::World;
 ///
 /// // A twentieth of a second of the built-in scene, under virtual time.
 /// let mut options = RunOptions::new(Clock::Virtual);
 /// options.duration = Some(0.05);
-/// let summary = run(&Scene::embedded_default()?, &options, &mut |_| ())?;
+/// let scene = Scene::embedded_default()?;
+/// let summary = run(&World::new(&scene)?, &options, &mut |_| ())?;
 /// assert_eq!(summary.tick.count, 50);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn run(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     options: &RunOptions,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
-    run_watched(loaded, options, Observers::new(), progress)
+    run_watched(world, options, Observers::new(), progress)
 }
 
 /// As `run`, with the observers `others` in addition to the summary and the log.
@@ -225,11 +231,12 @@ pub fn run(
 /// # Errors
 /// [`RunError`].
 pub fn run_watched(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     options: &RunOptions,
     others: Observers,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
+    let loaded = world.loaded;
     connections::check(loaded)?;
     let seed = options.seed.unwrap_or(loaded.scene.seed);
     let log = options.log.as_deref().map(LogFile::open).transpose()?;
@@ -243,12 +250,18 @@ pub fn run_watched(
         Clock::Virtual => CoreChoice::Anywhere,
     };
     let reserved = Reserved::new(core, &Cores::of_this_machine());
-    let mut prepared = prepare(loaded, options, seed)?;
+    let mut stage = |stage| {
+        progress(Progress {
+            stage: Some(stage),
+            ..Progress::default()
+        });
+    };
+    let mut prepared = prepare(world, options, seed, &mut stage)?;
     let told = std::mem::take(&mut prepared.told);
     let frames = options
         .frames
         .as_ref()
-        .map(|frames| FrameWriter::begin(loaded, frames, options.clock, prepared.engine.bodies()));
+        .map(|frames| FrameWriter::begin(world, frames, options.clock, prepared.engine.bodies()));
     let writer = frames.transpose()?.map(|(tap, writer)| {
         prepared.taps.frames = Some(tap);
         writer
@@ -258,7 +271,7 @@ pub fn run_watched(
         Some(rate) => {
             log_frames::check_rate(rate, &loaded.scene)?;
             let bodies = prepared.engine.bodies();
-            let (tap, frames) = log_frames::begin(loaded, rate, options.clock, bodies)?;
+            let (tap, frames) = log_frames::begin(world, rate, options.clock, bodies);
             prepared.taps.log_frames = Some(tap);
             Some(frames)
         }
@@ -280,7 +293,7 @@ pub fn run_watched(
         Some((view, listener)) => {
             let engine = &prepared.engine;
             let (session, host, observer) =
-                Session::begin(view, listener, loaded, options, seed, engine)?;
+                Session::begin(view, listener, world, options, seed, engine)?;
             let tears = prepared.taps.tears.as_mut().map(TearTap::listen);
             let observer = observer.with_tears(tears.unwrap_or_default());
             prepared.taps.view = Some(host);
@@ -294,6 +307,7 @@ pub fn run_watched(
         let logged = logged.load(Ordering::Relaxed);
         let slow = found.get().copied();
         progress(Progress {
+            stage: None,
             ticks,
             of,
             logged,
@@ -313,7 +327,7 @@ pub fn run_watched(
     }
     parts.degradations.extend(told);
     parts.judge(loaded, options.log.is_some());
-    let mut summary = report::summarize(loaded, options, seed, size, &parts);
+    let mut summary = report::summarize(world, options, seed, size, &parts);
     summary.unwritten.append(&mut parts.unwritten);
     let slow = found.get().copied();
     let warning = slow.map(|slow| slow_warning(loaded, options, slow));
@@ -337,13 +351,18 @@ pub fn slow_warning(loaded: &LoadedScene, options: &RunOptions, slow: StepTime) 
 }
 
 /// The parts of the run before its first tick.
-fn prepare(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> Result<Setup, SceneError> {
-    let duration = options.duration.unwrap_or(loaded.scene.duration);
+fn prepare(
+    world: &World<'_>,
+    options: &RunOptions,
+    seed: u64,
+    stage: &mut dyn FnMut(Stage),
+) -> Result<Setup, SceneError> {
+    let duration = options.duration.unwrap_or(world.loaded.scene.duration);
     let how = How {
         code: options.instructions,
         real: options.clock == Clock::Real,
     };
-    let mut prepared = setup::setup_with(loaded, duration, seed, how)?;
+    let mut prepared = setup::setup_with(world, duration, seed, how, stage)?;
     prepared.faults = Faults::new(options.faults.clone());
     let devices = std::mem::take(&mut prepared.tick.devices).into_iter();
     prepared.tick.devices = devices

@@ -9,12 +9,12 @@ use super::summary::{
     TripSummary,
 };
 use super::{Clock, RunOptions, clock_name, held_back, instructions, setup, slow_host};
-use crate::bodies;
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::machine::Machine;
 use crate::plot::{DeviceSeries, Part, PlotData};
 use crate::scene::{LoadedScene, Scene};
+use crate::world::World;
 use firmware_proto::report::fault;
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
@@ -23,12 +23,13 @@ use runner::latency::{DeviceTimes, LatencyHistogram};
 
 /// `size`: elements and vertices of all bodies.
 pub(super) fn summarize(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     options: &RunOptions,
     seed: u64,
     size: (usize, usize),
     parts: &Parts,
 ) -> RunSummary {
+    let loaded = world.loaded;
     let scene = &loaded.scene;
     let side = &parts.tick;
     let couplings: Vec<_> = side.controller.coupling_counters().collect();
@@ -44,10 +45,7 @@ pub(super) fn summarize(
         ),
         scheme: setup::scheme(scene).name(),
         seed,
-        warnings: bodies::warnings(loaded)
-            .iter()
-            .map(ToString::to_string)
-            .collect(),
+        warnings: world.warnings.iter().map(ToString::to_string).collect(),
         tick: tick(scene, options.clock, parts, &couplings),
         host: host_summary(scene, parts, elapsed, size),
         devices: devices(loaded, parts),

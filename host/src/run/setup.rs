@@ -3,7 +3,6 @@
 use super::devices;
 use super::slow_host::{SlowWatch, StepTime};
 use super::taps::Taps;
-use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
 use crate::engine::pacer::Pacer;
@@ -12,6 +11,8 @@ use crate::engine::threads::Threads;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
+use crate::stage::Stage;
+use crate::world::{World, bodies_held};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
@@ -92,36 +93,42 @@ pub struct Running {
     pub panicked: Option<String>,
 }
 
-/// Builds everything for a run of `duration` (s) with `seed`.
+/// Builds everything for a run of `duration` (s) of a world with `seed`.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, SceneError> {
-    setup_with(loaded, duration, seed, How::default())
+pub fn setup(world: &World<'_>, duration: f64, seed: u64) -> Result<Setup, SceneError> {
+    setup_with(world, duration, seed, How::default(), &mut |_| ())
 }
 
-/// As `setup`, with options for the bodies.
+/// As `setup`, with options for the bodies. `stage` is given each stage of the preparation when it begins.
 ///
 /// # Errors
 /// As [`setup`].
 pub(crate) fn setup_with(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     duration: f64,
     seed: u64,
     how: How,
+    stage: &mut dyn FnMut(Stage),
 ) -> Result<Setup, SceneError> {
-    let scene = &loaded.scene;
-    let settled = build::settled(loaded)?;
+    let scene = &world.loaded.scene;
+    build::check(world.loaded)?;
+    stage(Stage::Settling);
+    world.settle();
     // Under the real clock, a warning must come before hands hold the devices.
     let slow = if how.real {
-        let took = Rehearsal::new(loaded, settled.clone())?.step_time();
-        SlowWatch::rehearsed(scene, StepTime::new(scene, took))
+        stage(Stage::Factorizing);
+        let rehearsal = Rehearsal::new(world)?;
+        stage(Stage::Timing);
+        SlowWatch::rehearsed(scene, StepTime::new(scene, rehearsal.step_time()))
     } else {
         SlowWatch::new(scene)
     };
-    let held = build::with_solvers(loaded, how, settled)?;
-    let (devices, told) = devices::open(loaded, seed, how.real)?;
-    let config = controller(loaded, &devices)?;
+    stage(Stage::Factorizing);
+    let held = build::bodies(world, how)?;
+    let (devices, told) = devices::open(world, seed, how.real)?;
+    let config = controller(world, &devices)?;
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),
         handles: scene.devices.len(),
@@ -151,41 +158,43 @@ pub(crate) fn setup_with(
 ///
 /// # Errors
 /// As [`setup`].
-pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
-    devices::check(loaded)?;
+pub fn check(world: &World<'_>) -> Result<(), SceneError> {
+    build::check(world.loaded)?;
+    devices::check(world)?;
     // The limits of a real device are those of its profile until it is opened.
-    let (_, devices) = devices::replayed(loaded, &[]);
-    controller(loaded, &devices).map(|_| ())
+    let (_, devices) = devices::replayed(world.loaded, &[]);
+    controller(world, &devices).map(|_| ())
 }
 
-/// The tick's side of a scene alone: the configuration of its controller, and its simulated devices.
+/// The tick's side of a world alone: the configuration of its controller, and its simulated devices.
 ///
 /// # Errors
 /// As [`setup`].
 pub fn controls(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     seed: u64,
 ) -> Result<(ControllerConfig, Vec<AnyDevice>), SceneError> {
-    let (devices, _) = devices::open(loaded, seed, false)?;
-    Ok((controller(loaded, &devices)?, devices))
+    let (devices, _) = devices::open(world, seed, false)?;
+    Ok((controller(world, &devices)?, devices))
 }
 
-/// The configuration of a scene's controller, for its open `devices`.
+/// The configuration of a world's controller, for its open `devices`.
 ///
 /// # Errors
 /// As [`setup`].
 pub(super) fn controller(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     devices: &[AnyDevice],
 ) -> Result<ControllerConfig, SceneError> {
+    let loaded = world.loaded;
     let scene = &loaded.scene;
     let period = 1.0 / scene.realtime.rate;
     let mut config = ControllerConfig::default();
     let mut passivity = PassivityConfig::new(period);
     passivity.delay = delay(loaded, period)?;
-    let held = bodies::bodies_held(scene);
+    let held = bodies_held(scene);
     for (index, device) in devices.iter().enumerate() {
-        let mount = bodies::mount(loaded, index)?;
+        let mount = world.mounts[index];
         let frame = DeviceFrame {
             rotation: mount.rotation,
             motion_scale: scene.devices[index].motion_scale,

@@ -3,12 +3,12 @@
 mod print;
 mod tears;
 
-use crate::bodies;
 use crate::engine::body::HostBody;
 use crate::engine::damped::DampedDirection;
 use crate::engine::stiff::StiffDirection;
 use crate::machine::Machine;
 use crate::scene::Scene;
+use crate::world::grasps;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::PathBuf;
@@ -325,9 +325,9 @@ impl fmt::Display for DampedSummary {
 /// The name of a handle of the scene's body `number`.
 fn handle_name(scene: &Scene, number: usize, handle: usize) -> String {
     let spec = &scene.bodies[number];
-    let tools = bodies::tools(scene, spec);
-    let tool = tools.get(handle);
-    tool.map_or_else(|| handle.to_string(), |tool| tool.name(spec))
+    let grasps = grasps(scene, spec);
+    let grasp = grasps.get(handle);
+    grasp.map_or_else(|| handle.to_string(), |grasp| grasp.name(spec))
 }
 
 /// A direction to two decimals. A component that rounds to zero has no sign.

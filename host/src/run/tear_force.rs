@@ -3,8 +3,8 @@
 
 use super::setup::Setup;
 use super::tears::{TearEvents, TearTap};
-use crate::bodies::tools;
 use crate::scene::Scene;
+use crate::world::grasps;
 use rt_core::Telemetry;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -60,11 +60,11 @@ struct Pull {
 impl Watch {
     /// A watch over the body `index` of `scene`.
     pub(super) fn new(scene: &Scene, index: usize) -> Self {
-        let tools = tools(scene, &scene.bodies[index]);
-        let pulls = tools.iter().filter_map(|tool| {
+        let grasps = grasps(scene, &scene.bodies[index]);
+        let pulls = grasps.iter().filter_map(|grasp| {
             Some(Pull {
-                device: tool.device,
-                name: scene.devices.get(tool.device)?.name.clone(),
+                device: grasp.device,
+                name: scene.devices.get(grasp.device)?.name.clone(),
                 start: 0.0,
                 most: 0.0,
                 peak: 0.0,

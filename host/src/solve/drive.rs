@@ -6,9 +6,9 @@
 
 use super::result::{BodySolution, Extreme, Reaction, Row};
 use super::snapshot;
-use crate::bodies::{self, Built, Carrier, Tool};
 use crate::scene::spec::solve::TimeScheme;
 use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
+use crate::world::{Built, Carrier, Grasp, grasps};
 use meshio::write_vtu::Snapshot;
 use nalgebra::UnitQuaternion;
 use physics::mesh::{Cells, Mesh};
@@ -36,7 +36,7 @@ enum Method {
 pub(super) struct Drive<'a> {
     spec: &'a BodySpec,
     /// What holds the body: its first handles.
-    tools: Vec<Tool>,
+    grasps: Vec<Grasp>,
     built: Built,
     method: Method,
     rest: Vec<Vec3>,
@@ -166,7 +166,7 @@ impl<'a> Drive<'a> {
         let targets = built.handles.iter().map(|h| HandlePose::at(h.origin));
         Ok(Self {
             spec: &scene.bodies[index],
-            tools: bodies::tools(scene, &scene.bodies[index]),
+            grasps: grasps(scene, &scene.bodies[index]),
             targets: targets.collect(),
             forces: vec![Vec3::zeros(); rest.len()],
             built,
@@ -352,7 +352,7 @@ impl<'a> Drive<'a> {
     /// The displacement of the part that gives each reaction, at the end of the ramp (m): zero for handles, along the
     /// axes that a support leaves free, and for a support all of whose vertices are held by handles.
     fn driven(&self) -> Vec<[f64; 3]> {
-        let tools = self.tools.iter().map(|_| [0.0; 3]);
+        let grasps = self.grasps.iter().map(|_| [0.0; 3]);
         let supports = self.spec.supports.iter().zip(&self.built.carriers);
         let supports = supports.map(|(support, carrier)| {
             let mut displacement = support.displacement;
@@ -363,7 +363,7 @@ impl<'a> Drive<'a> {
             }
             displacement
         });
-        tools.chain(supports).collect()
+        grasps.chain(supports).collect()
     }
 
     fn reactions(&self) -> Vec<Reaction> {
@@ -378,7 +378,7 @@ impl<'a> Drive<'a> {
                 moment: Some(wrench.moment.into()),
             }
         };
-        let handles = self.tools.iter().enumerate();
+        let handles = self.grasps.iter().enumerate();
         let handles =
             handles.map(|(number, tool)| of_handle(number, &tool.name(self.spec), "handle"));
         let supports = self.spec.supports.iter().zip(&self.built.carriers);

@@ -12,9 +12,8 @@ mod result;
 pub mod snapshot;
 mod table;
 
-use crate::bodies;
 use crate::scene::spec::Analysis;
-use crate::scene::{LoadedScene, SceneError};
+use crate::world::World;
 use drive::State;
 use meshio::write_vtu::Snapshot;
 use physics::CondenseError;
@@ -39,9 +38,6 @@ pub struct Frame<'a> {
 /// The reason why a scene could not be solved at all. A solve that ends early is a [`Solution`] with a failure.
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError<E> {
-    /// The scene cannot be built.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
     /// There is no memory for the matrix.
     #[error(transparent)]
     Matrix(#[from] CondenseError),
@@ -58,41 +54,36 @@ pub enum SolveError<E> {
 ///
 /// ```
 /// use host::scene::Scene;
-/// use host::solve::{SolveError, solve};
+/// use host::solve::solve;
+/// use host::world::World;
 /// use std::convert::Infallible;
 ///
 /// let loaded = Scene::embedded_default()?;
-/// let solution = solve(&loaded, false, &mut |_| {}, &mut |_| Ok::<(), Infallible>(()))?;
+/// let world = World::new(&loaded)?;
+/// let solution = solve(&world, false, &mut |_| {}, &mut |_| Ok::<(), Infallible>(()))?;
 /// assert!(solution.failures.is_empty());
-/// # Ok::<(), SolveError<Infallible>>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn solve<E>(
-    loaded: &LoadedScene,
+    world: &World<'_>,
     wants_frames: bool,
     progress: &mut dyn FnMut(f64),
     frame: &mut dyn FnMut(Frame<'_>) -> Result<(), E>,
 ) -> Result<Solution, SolveError<E>> {
-    let scene = &loaded.scene;
+    let scene = &world.loaded.scene;
     let count = scene.bodies.len();
-    // All bodies are built before the first is solved, so that an error in the last is found at once.
-    let built = (0..count)
-        .map(|index| bodies::build(loaded, index))
-        .collect::<Result<Vec<_>, _>>()?;
     progress(0.0);
     let mut solution = Solution {
         schema: SCHEMA,
         scene: scene.name.clone(),
-        warnings: bodies::warnings(loaded)
-            .iter()
-            .map(ToString::to_string)
-            .collect(),
+        warnings: world.warnings.iter().map(ToString::to_string).collect(),
         analysis: scene.solve.analysis,
         scheme: (scene.solve.analysis == Analysis::Dynamic).then_some(scene.solve.scheme),
         bodies: Vec::new(),
         failures: Vec::new(),
     };
-    for (index, built) in built.into_iter().enumerate() {
-        let mut drive = drive::Drive::new(scene, index, built)?;
+    for index in 0..count {
+        let mut drive = drive::Drive::new(scene, index, world.bodies[index].clone())?;
         let mut keep = |drive: &drive::Drive, number: usize, at: f64| {
             if !wants_frames {
                 return Ok(());

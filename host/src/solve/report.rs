@@ -1,10 +1,10 @@
 //! A solution as text for people.
 
 use super::result::{BodySolution, Reaction, Solution};
-use crate::bodies::Kind;
 use crate::scene::spec::Analysis;
 use crate::scene::spec::body::LawName;
 use crate::scene::spec::solve::TimeScheme;
+use crate::world::Kind;
 use std::fmt;
 
 impl fmt::Display for Solution {

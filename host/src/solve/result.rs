@@ -1,9 +1,9 @@
 //! The result of a solve, for people and (as JSON) for programs.
 
-use crate::bodies::Kind;
 use crate::scene::spec::Analysis;
 use crate::scene::spec::body::LawName;
 use crate::scene::spec::solve::TimeScheme;
+use crate::world::Kind;
 use serde::Serialize;
 
 /// Version of the JSON that `--json` writes. A change of the meaning of a field changes the version.

@@ -1,6 +1,6 @@
 //! The state of a body as a mesh with values: displacement, velocity, stress, material. Solves and runs write the same.
 
-use crate::bodies::Built;
+use crate::world::Built;
 use meshio::write_vtu::{Snapshot, Values};
 use physics::mesh::Mesh;
 use physics::topology::Surface;

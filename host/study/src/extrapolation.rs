@@ -9,10 +9,10 @@
 //! around. The motions contain frequencies up to 5 Hz, the limit of voluntary motion.
 
 use crate::StudyError;
-use host::bodies::{self, Built};
 use host::engine::body::{fill_blocks, reference_of};
 use host::engine::stored::Stored;
 use host::scene::{LoadedScene, Scene};
+use host::world::{World, condense};
 use physics::{Budget, Condenser, HandlePose};
 use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::{
@@ -215,11 +215,9 @@ fn race(
     rivals: &mut [Rival],
     progress: &mut dyn FnMut(f64),
 ) -> Result<Race, StudyError> {
-    let Built {
-        body: mut sheet,
-        handles,
-        ..
-    } = bodies::build_settled(loaded, 0)?;
+    let world = World::new(loaded)?;
+    let mut sheet = world.start(0).clone();
+    let handles = &world.bodies[0].handles;
     // Far tighter than any measured error.
     sheet.set_budget(Budget {
         tolerance: 1e-9,
@@ -288,7 +286,7 @@ fn race(
             let wrenches = rival.coupling.tick(model.time_ns, &hands);
             // Nothing limits the devices here: they hold what the scheme renders. The account needs to know.
             let mut held = [Wrench::zero(); MAX_DEVICES];
-            for (held, (wrench, _)) in held.iter_mut().zip(wrenches.iter().zip(&handles)) {
+            for (held, (wrench, _)) in held.iter_mut().zip(wrenches.iter().zip(handles)) {
                 *held = *wrench;
             }
             rival.coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
@@ -313,7 +311,7 @@ fn race(
 /// The best constants for equation 4.5: stiffness and damping of the sheet along the pull, as the left hand meets them
 /// at 60 Hz.
 fn thesis_gains(loaded: &LoadedScene) -> Result<[f64; 2], StudyError> {
-    let condenser = bodies::condense::<StudyError>(loaded, 0, 1.0 / 60.0)?;
+    let condenser = condense(&World::new(loaded)?.bodies[0], 1.0 / 60.0)?;
     let condensed = condenser.condensed();
     Ok([condensed.stiffness[(0, 0)], condensed.damping[(0, 0)]])
 }

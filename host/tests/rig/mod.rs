@@ -5,6 +5,7 @@ use host::engine::build::{How, bodies};
 use host::engine::pacer::Due;
 use host::engine::stats::Stopwatch;
 use host::scene::LoadedScene;
+use host::world::World;
 use rt_core::{LocalModel, Pose, TickRecord};
 
 /// The tick's period (ns).
@@ -33,7 +34,7 @@ pub(crate) struct Rig {
 impl Rig {
     /// The rig of a scene with one body, at rest. It has published nothing.
     pub(crate) fn new(loaded: &LoadedScene, how: How) -> Self {
-        let bodies = bodies(loaded, how).expect("it can be built");
+        let bodies = bodies(&World::new(loaded).unwrap(), how).expect("it can be built");
         let body = bodies[0].body();
         let handles = (0..).map_while(|index| body.handle_report(index));
         let rest: Vec<_> = handles

@@ -2,6 +2,7 @@
 //! the body moves. The new solver is made beside the steps, and the old one serves until then.
 
 use crate::rig;
+use host::world::World;
 
 use host::engine::Engine;
 use host::engine::build::{How, bodies};
@@ -396,7 +397,9 @@ group = "left"
 "#;
     let text = format!("{}{loose}", include_str!("../../scenes/thread.toml"));
     let loaded = Scene::load_texts("x.toml", &text, &BTreeMap::new()).expect("a scene");
-    let mut engine = Engine::new(bodies(&loaded, How::default()).expect("it can be built"));
+    let mut engine = Engine::new(
+        bodies(&World::new(&loaded).unwrap(), How::default()).expect("it can be built"),
+    );
     let lowest = |engine: &Engine| {
         let heights = engine.bodies()[1].body().positions().map(|x| x.z);
         heights.fold(f64::INFINITY, f64::min)

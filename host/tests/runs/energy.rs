@@ -4,6 +4,7 @@
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run, setup, virtual_clock};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::Vec3;
 use runner::link::LogRecord;
 use sim::DeviceModel;
@@ -27,12 +28,12 @@ fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Err
         duration: Some(duration),
         ..RunOptions::new(Clock::Virtual)
     };
-    Ok(run(scene, &options, &mut |_| {})?)
+    Ok(run(&World::new(scene).unwrap(), &options, &mut |_| {})?)
 }
 
 /// The force on every hand in every tick.
 fn forces(scene: &LoadedScene, duration: f64) -> Result<Vec<Vec3>, Box<dyn Error>> {
-    let built = setup::setup(scene, duration, 1)?;
+    let built = setup::setup(&World::new(scene).unwrap(), duration, 1)?;
     let mut forces = Vec::new();
     let sink = |record: LogRecord<'_>| {
         if let LogRecord::Tick(telemetry) = record {

@@ -6,6 +6,7 @@ use host::run::replay::{replay, scene_of};
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::safety::SafetyState;
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -58,7 +59,7 @@ fn logged(
         orders: orders.collect(),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(loaded, &options, &mut |_| {})?;
+    let summary = run(&World::new(loaded).unwrap(), &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(path)?)?;
     // The log holds the orders and the buttons: a replay engages at the same ticks.
     let report = replay(&log, &scene_of(&log, "a log")?, &mut |_| {})?;
@@ -196,7 +197,12 @@ fn wrong_values_name_their_field() {
         assert!(error.contains(expected), "{error}");
     }
     let heavy = scene("grip_weight = [0, 0, -9]", "").expect("it is read");
-    let error = run(&heavy, &RunOptions::new(Clock::Virtual), &mut |_| {}).expect_err("refused");
+    let error = run(
+        &World::new(&heavy).unwrap(),
+        &RunOptions::new(Clock::Virtual),
+        &mut |_| {},
+    )
+    .expect_err("refused");
     let said = error.to_string();
     assert!(
         said.contains("device[0].grip_weight: found a weight of 9.0 N"),

@@ -2,6 +2,7 @@
 
 use host::run::{setup, virtual_clock};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Vec3, Wrench};
 use runner::AnyDevice;
 use runner::link::LogRecord;
@@ -26,8 +27,8 @@ fn devices_of_shipped_scenes_stay_on_their_axes_and_feel_the_body_there() {
     for text in [PADDLE, PANTOGRAPH] {
         let loaded = load(text, &[]).unwrap();
         let freedom = loaded.models[0].freedom();
-        let back = host::bodies::mount(&loaded, 0).unwrap().rotation.inverse();
-        let built = setup::setup(&loaded, 3.0, 1).unwrap();
+        let back = World::new(&loaded).unwrap().mounts[0].rotation.inverse();
+        let built = setup::setup(&World::new(&loaded).unwrap(), 3.0, 1).unwrap();
         let (mut largest, mut models) = (0.0_f64, 0);
         let sink = |record: LogRecord<'_>| match record {
             LogRecord::Tick(telemetry) => {
@@ -101,7 +102,7 @@ fn paddles_and_pantographs_are_passive_at_the_port() {
     ] {
         let net = |scheme: &str| {
             let loaded = load(&linear(text, scheme), &[changes]).unwrap();
-            let mut built = setup::setup(&loaded, 4.0, 1).unwrap();
+            let mut built = setup::setup(&World::new(&loaded).unwrap(), 4.0, 1).unwrap();
             let net = Arc::new(Mutex::new(NetEnergy::new(0.0)));
             let device = built.tick.devices.remove(0);
             let net_of = Arc::clone(&net);
@@ -129,7 +130,7 @@ fn a_handle_off_the_axes_and_a_motion_across_them_are_errors() {
     let near = "[device.mounting]\norigin = [0.0, 0.0, 0.05]\n";
     let loaded = load(PADDLE, &[(mount, near)]).unwrap();
     // The paddle's x is the scene's -z: the handle lies 20 mm along it.
-    let start = host::bodies::mount(&loaded, 0).unwrap().start;
+    let start = World::new(&loaded).unwrap().mounts[0].start;
     assert!(
         (start - Vec3::new(0.02, 0.0, 0.0)).norm() < 1e-12,
         "{start}"
@@ -138,7 +139,10 @@ fn a_handle_off_the_axes_and_a_motion_across_them_are_errors() {
 
     let beside = "[device.mounting]\norigin = [0.0, 0.001, 0.05]\n";
     let loaded = load(PADDLE, &[(mount, beside)]).unwrap();
-    let error = setup::setup(&loaded, 1.0, 1).err().unwrap().to_string();
+    let error = setup::setup(&World::new(&loaded).unwrap(), 1.0, 1)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(
         error.starts_with(
             "x.toml:40: device[0].mounting.origin: found a handle at rest that is off the axes"

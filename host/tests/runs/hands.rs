@@ -3,6 +3,7 @@
 use host::run::setup::controls;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::{DeviceState, Freedom, Vec3};
 use sim::{Arm, Wrist};
 use std::collections::BTreeMap;
@@ -27,7 +28,7 @@ fn scene(model: &str, left: &str, right: &str) -> Result<LoadedScene, Box<dyn Er
 
 /// The readings of both devices over four seconds without force, every 10 ms.
 fn shown(loaded: &LoadedScene, seed: u64) -> Result<Vec<[DeviceState; 2]>, Box<dyn Error>> {
-    let (_, mut devices) = controls(loaded, seed)?;
+    let (_, mut devices) = controls(&World::new(loaded).unwrap(), seed)?;
     let [left, right] = devices.as_mut_slice() else {
         return Err("not two devices".into());
     };
@@ -90,7 +91,7 @@ fn hands_perform_their_tasks_and_seeds_vary_them() -> Outcome {
 #[test]
 fn a_task_that_no_hand_can_follow_is_refused_with_its_line() -> Outcome {
     let fast = "task = \"tap\", direction = [0, 0, 1], depth = 0.01, speed = 5, variation = 0";
-    let error = controls(&scene("falcon", fast, "")?, 1)
+    let error = controls(&World::new(&scene("falcon", fast, "")?).unwrap(), 1)
         .err()
         .ok_or("no error")?;
     assert_eq!(
@@ -99,7 +100,7 @@ fn a_task_that_no_hand_can_follow_is_refused_with_its_line() -> Outcome {
          hand is so fast: lower the speed"
     );
     let nowhere = "task = \"tap\", direction = [0, 0, 0]";
-    let error = controls(&scene("falcon", "", nowhere)?, 1)
+    let error = controls(&World::new(&scene("falcon", "", nowhere)?).unwrap(), 1)
         .err()
         .ok_or("no error")?;
     assert_eq!(
@@ -113,7 +114,7 @@ fn a_task_that_no_hand_can_follow_is_refused_with_its_line() -> Outcome {
 #[test]
 fn a_device_of_six_degrees_of_freedom_can_be_named() -> Outcome {
     let loaded = scene("virtuose6d", "grip = \"firm\"", "")?;
-    let (config, devices) = controls(&loaded, 1)?;
+    let (config, devices) = controls(&World::new(&loaded).unwrap(), 1)?;
     for (device, config) in devices.iter().zip(&config.devices) {
         assert_eq!(device.capabilities().actuated, Freedom::Six);
         assert_eq!(config.safety.max_moment, 1.0);
@@ -137,7 +138,7 @@ fn with_fields(fields: &str) -> String {
 /// The error of the scene with these fields, when it is loaded or when its devices are opened.
 fn refused(fields: &str) -> Result<String, Box<dyn Error>> {
     let loaded = Scene::load_texts("x.toml", &with_fields(fields), &BTreeMap::new());
-    let opened = loaded.and_then(|loaded| controls(&loaded, 1));
+    let opened = loaded.and_then(|loaded| controls(&World::new(&loaded).unwrap(), 1));
     Ok(opened.err().ok_or("no error")?.to_string())
 }
 
@@ -190,8 +191,8 @@ fn an_emulated_device_is_refused_under_the_real_clock() -> Outcome {
     let loaded = Scene::load_texts("x.toml", &text, &BTreeMap::new())?;
     let mut options = RunOptions::new(Clock::Real);
     options.duration = Some(0.01);
-    let error =
-        run(&loaded, &options, &mut |_| ()).expect_err("its protocol is computed in the tick");
+    let error = run(&World::new(&loaded).unwrap(), &options, &mut |_| ())
+        .expect_err("its protocol is computed in the tick");
     assert_eq!(
         error.to_string(),
         "x.toml:12: device[0].connect: found emulated, allowed: an emulated device needs virtual time (`--clock virtual`); \

@@ -2,6 +2,7 @@
 //! is published until then, and no tick is published twice. The tests use the engine, on the built-in sheet.
 
 use crate::rig;
+use host::world::World;
 
 use host::engine::Engine;
 use host::engine::build::{How, bodies};
@@ -111,7 +112,7 @@ fn no_tick_is_published_twice() {
 #[test]
 fn before_the_first_tick_no_model_is_published() {
     let loaded = Scene::embedded_default().expect("the built-in scene");
-    let bodies = bodies(&loaded, How::default()).expect("it can be built");
+    let bodies = bodies(&World::new(&loaded).unwrap(), How::default()).expect("it can be built");
     let mut engine = Engine::new(bodies);
     let due = Due {
         time_ns: 0,

@@ -4,6 +4,7 @@
 use host::log::Log;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
+use host::world::World;
 use std::collections::BTreeMap;
 use std::error::Error;
 
@@ -50,7 +51,7 @@ sines = [{{ amplitude = [0.008, 0.004, 0], frequency = {FREQUENCY:?}, phase = 0.
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(&loaded, &options, &mut |_| {})?;
+    let summary = run(&World::new(&loaded).unwrap(), &options, &mut |_| {})?;
     assert_eq!(summary.host.skipped_steps, 0, "{steps} {latency}");
     let log = Log::parse(&std::fs::read(path)?)?;
     // The ratio of force and displacement at the frequency, over the last two seconds: a whole number of periods.

@@ -2,6 +2,7 @@
 
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene, SceneError};
+use host::world::World;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write;
@@ -41,7 +42,11 @@ fn eight_hands_feel_eight_bodies() -> Result<(), Box<dyn Error>> {
             duration: Some(0.4),
             ..RunOptions::new(Clock::Virtual)
         };
-        Ok(run(&blocks(count)?, &options, &mut |_| {})?)
+        Ok(run(
+            &World::new(&blocks(count)?).unwrap(),
+            &options,
+            &mut |_| {},
+        )?)
     };
     let (all, alone) = (of(8)?, of(1)?);
     let peaks: Vec<f64> = all.devices.iter().map(|device| device.peak_force).collect();

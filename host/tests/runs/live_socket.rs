@@ -9,6 +9,7 @@ use host::run::summary::RunSummary;
 use host::run::virtual_clock::run_seen;
 use host::run::{Clock, RunError, RunOptions, run, run_watched, setup};
 use host::scene::Scene;
+use host::world::World;
 use runner::link::LogRecord;
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -78,7 +79,12 @@ impl Running {
         let options = options(Some(socket), pace);
         let thread = spawn(move || {
             let loaded = Scene::embedded_default()?;
-            run_watched(&loaded, &options, Observers::new().with(gate), &mut |_| ())
+            run_watched(
+                &World::new(&loaded).unwrap(),
+                &options,
+                Observers::new().with(gate),
+                &mut |_| (),
+            )
         });
         Self {
             reached: at,
@@ -189,7 +195,7 @@ fn a_viewer_that_comes_late_receives_everything_and_vertices_are_those_of_their_
 
     // The positions after each step of an equal run that nobody watches.
     let mut expected: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
-    let prepared = setup::setup(&Scene::embedded_default()?, 1.0, 1)?;
+    let prepared = setup::setup(&World::new(&Scene::embedded_default()?).unwrap(), 1.0, 1)?;
     let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
         let engine = engine.expect("the host does not panic");
         let positions = engine.bodies()[0].body().positions();
@@ -313,7 +319,7 @@ fn a_run_has_the_same_log_whatever_its_viewers_do() -> Outcome {
         log: Some(at("plain.mcap")),
         ..options(None, 0.0)
     };
-    run(&loaded, &plain, &mut |_| ())?;
+    run(&World::new(&loaded).unwrap(), &plain, &mut |_| ())?;
 
     let socket = at("run.sock");
     let (reached, at_tick) = channel();
@@ -331,7 +337,12 @@ fn a_run_has_the_same_log_whatever_its_viewers_do() -> Outcome {
     };
     let thread = spawn(move || {
         let loaded = Scene::embedded_default()?;
-        run_watched(&loaded, &watched, Observers::new().with(gate), &mut |_| ())
+        run_watched(
+            &World::new(&loaded).unwrap(),
+            &watched,
+            Observers::new().with(gate),
+            &mut |_| (),
+        )
     });
     at_tick.recv()?;
     let mut reads = UnixStream::connect(&socket)?;
@@ -422,7 +433,11 @@ fn a_run_takes_no_socket_of_another_run_and_no_file() -> Outcome {
     let running = Running::begin(&socket, 0.0, &[10]);
     running.wait_for(10)?;
     let loaded = Scene::embedded_default()?;
-    let second = run(&loaded, &options(Some(&socket), 0.0), &mut |_| ());
+    let second = run(
+        &World::new(&loaded).unwrap(),
+        &options(Some(&socket), 0.0),
+        &mut |_| (),
+    );
     let Err(RunError::View(error @ SocketError::Live { .. })) = second else {
         return Err(format!("{second:?}").into());
     };
@@ -438,13 +453,21 @@ fn a_run_takes_no_socket_of_another_run_and_no_file() -> Outcome {
 
     let file = folder.path().join("file");
     fs::write(&file, "text")?;
-    let refused = run(&loaded, &options(Some(&file), 0.0), &mut |_| ());
+    let refused = run(
+        &World::new(&loaded).unwrap(),
+        &options(Some(&file), 0.0),
+        &mut |_| (),
+    );
     assert!(matches!(
         refused,
         Err(RunError::View(SocketError::NoSocket { .. }))
     ));
     let missing = folder.path().join("missing/run.sock");
-    let refused = run(&loaded, &options(Some(&missing), 0.0), &mut |_| ());
+    let refused = run(
+        &World::new(&loaded).unwrap(),
+        &options(Some(&missing), 0.0),
+        &mut |_| (),
+    );
     assert!(matches!(
         refused,
         Err(RunError::View(SocketError::Bind { .. }))
@@ -453,7 +476,11 @@ fn a_run_takes_no_socket_of_another_run_and_no_file() -> Outcome {
     // The socket of a process that was killed is replaced.
     drop(std::os::unix::net::UnixListener::bind(&socket)?);
     fs::set_permissions(&socket, fs::Permissions::from_mode(0o600))?;
-    run(&loaded, &options(Some(&socket), 0.0), &mut |_| ())?;
+    run(
+        &World::new(&loaded).unwrap(),
+        &options(Some(&socket), 0.0),
+        &mut |_| (),
+    )?;
     assert!(!socket.exists());
     Ok(())
 }

@@ -8,6 +8,7 @@ use host::run::observer::{Observed, Observer, Observers};
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run_watched};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::{Telemetry, Vec3};
 use runner::link::LogRecord;
 use std::error::Error;
@@ -63,7 +64,7 @@ fn frames_of(
         plant,
     };
     let summary = run_watched(
-        loaded,
+        &World::new(loaded).unwrap(),
         options,
         Observers::new().with(observer),
         &mut |_| {},

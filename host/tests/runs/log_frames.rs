@@ -6,6 +6,7 @@ use host::run::replay::{replay, scene_of};
 use host::run::setup::setup;
 use host::run::{Clock, RunOptions, log_frames, run, virtual_clock};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
@@ -35,7 +36,7 @@ fn logged(
         log_frames: rate,
         ..RunOptions::new(clock)
     };
-    let summary = run(loaded, &options, &mut |_| {})?;
+    let summary = run(&World::new(loaded).unwrap(), &options, &mut |_| {})?;
     assert_eq!(summary.failures, Vec::<String>::new());
     Ok((fs::read(path)?, summary.degradations))
 }
@@ -46,7 +47,7 @@ type Steps = BTreeMap<u64, Vec<Vec<u32>>>;
 /// The positions of the bodies after each step of a run that a tick follows, as bits of `f32`, by number of the step.
 fn positions(loaded: &LoadedScene) -> Result<Steps, Box<dyn Error>> {
     let mut steps = BTreeMap::new();
-    let setup = setup(loaded, DURATION, loaded.scene.seed)?;
+    let setup = setup(&World::new(loaded).unwrap(), DURATION, loaded.scene.seed)?;
     let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
         let Some(engine) = engine else { return };
         steps.entry(engine.stats().steps).or_insert_with(|| {

@@ -1,10 +1,10 @@
 //! Mountings: a device stands anywhere in the scene, turned in any way. Positions pass in, and forces pass back.
 
-use host::bodies::{self, mount};
 use host::run::setup::controls;
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::Vec3;
 use std::collections::BTreeMap;
 
@@ -29,7 +29,12 @@ fn moved(mounting: &str, aim: [f64; 3]) -> RunSummary {
     );
     let mut loaded = load(&device).unwrap();
     loaded.scene.duration = 0.5;
-    let summary = run(&loaded, &RunOptions::new(Clock::Virtual), &mut |_| ()).unwrap();
+    let summary = run(
+        &World::new(&loaded).unwrap(),
+        &RunOptions::new(Clock::Virtual),
+        &mut |_| (),
+    )
+    .unwrap();
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     summary
 }
@@ -67,11 +72,11 @@ fn a_device_with_an_origin_starts_where_its_handle_is() {
     // The handle lies 20 mm above the origin of the device, along the device's own x.
     let mounting = "motion_scale = 2\nmounting = { origin = [0, 0, 0.03], rotation = { axis = [0, 1, 0], degrees = -90 } }";
     let loaded = load(&format!("{mounting}\nhand = {{}}")).unwrap();
-    assert_eq!(bodies::warnings(&loaded), []);
-    let mount = mount(&loaded, 0).unwrap();
+    assert_eq!(World::new(&loaded).unwrap().warnings, []);
+    let mount = World::new(&loaded).unwrap().mounts[0];
     let expected = Vec3::new(0.01, 0.0, 0.0);
     assert!((mount.start - expected).norm() < 1e-15, "{}", mount.start);
-    let (config, mut devices) = controls(&loaded, 1).unwrap();
+    let (config, mut devices) = controls(&World::new(&loaded).unwrap(), 1).unwrap();
     let state = devices[0].read(0).unwrap();
     // The encoder counts 0.01 mm, and the wire rounds to millionths.
     assert!(
@@ -94,10 +99,10 @@ fn a_handle_outside_of_the_workspace_is_refused_or_warned_of() {
             Ok(loaded) => loaded,
             Err(error) => return format!("error {error}"),
         };
-        if let Err(error) = host::engine::build::check(&loaded) {
-            return format!("error {error}");
-        }
-        let warnings = bodies::warnings(&loaded);
+        let warnings = match World::new(&loaded) {
+            Ok(world) => world.warnings,
+            Err(error) => return format!("error {error}"),
+        };
         warnings
             .iter()
             .map(ToString::to_string)

@@ -3,6 +3,7 @@
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::{Clock, RunOptions, run_watched};
 use host::scene::Scene;
+use host::world::World;
 use runner::link::LogRecord;
 use std::error::Error;
 use std::sync::{Arc, Mutex};
@@ -51,7 +52,7 @@ fn an_observer_sees_every_tick_and_its_models_before_it() -> Result<(), Box<dyn 
         };
         let seen = Arc::new(Mutex::new(Seen::default()));
         let others = Observers::new().with(Watcher(Arc::clone(&seen)));
-        let summary = run_watched(&loaded, &options, others, &mut |_| {})?;
+        let summary = run_watched(&World::new(&loaded).unwrap(), &options, others, &mut |_| {})?;
         // The summary is complete, and contains the failure that the observer reported.
         assert_eq!(summary.tick.records, 200);
         assert_eq!(summary.failures, ["the watcher fell asleep"]);

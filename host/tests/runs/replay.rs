@@ -5,6 +5,7 @@ use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
 use host::run::setup::setup;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::Corruption;
 use runner::AnyDevice;
 use runner::link::LogRecord;
@@ -27,7 +28,7 @@ fn logged(loaded: &LoadedScene, clock: Clock, duration: f64) -> Result<Vec<u8>, 
         log: Some(path.clone()),
         ..RunOptions::new(clock)
     };
-    run(loaded, &options, &mut |_| {})?;
+    run(&World::new(loaded).unwrap(), &options, &mut |_| {})?;
     Ok(fs::read(path)?)
 }
 
@@ -95,7 +96,7 @@ const FAULTS: [(Range<u64>, Fault); 4] = [
 #[test]
 fn the_failures_of_a_device_are_reproduced() -> Outcome {
     let loaded = Scene::embedded_default()?;
-    let setup = setup(&loaded, 0.4, 1)?;
+    let setup = setup(&World::new(&loaded).unwrap(), 0.4, 1)?;
     let faults = FAULTS.map(|(span, fault)| (span.start * 1_000_000..span.end * 1_000_000, fault));
     let devices = setup.tick.devices.into_iter().map(|device| {
         let device: AnyDevice = Box::new(Faulty::new(device, faults.to_vec()));

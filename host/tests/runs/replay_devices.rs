@@ -6,6 +6,7 @@ use host::log::{Log, LogHeader, LogWriter};
 use host::run::replay::{ReplayReport, replay, scene_of};
 use host::run::{Clock, RunOptions, run, setup, virtual_clock};
 use host::scene::{LoadedScene, Override, Scene};
+use host::world::World;
 use rt_core::safety::SafetyState;
 use rt_core::{Axes, Controller, Freedom, LocalModel, TickTime};
 use runner::link::LogRecord;
@@ -55,7 +56,7 @@ fn scene(case: &Case) -> Result<LoadedScene, Box<dyn Error>> {
 
 /// The models that the host publishes in a run without faults, in order.
 fn models(scene: &LoadedScene) -> Result<Vec<(usize, LocalModel)>, Box<dyn Error>> {
-    let built = setup::setup(scene, TICKS as f64 * 1e-3, 1)?;
+    let built = setup::setup(&World::new(scene).unwrap(), TICKS as f64 * 1e-3, 1)?;
     let mut models = Vec::new();
     let sink = |record: LogRecord<'_>| {
         if let LogRecord::Model(body, model) = record {
@@ -71,11 +72,11 @@ fn models(scene: &LoadedScene) -> Result<Vec<(usize, LocalModel)>, Box<dyn Error
 fn logged(case: &Case) -> Result<Log, Box<dyn Error>> {
     let scene = scene(case)?;
     let models = models(&scene)?;
-    let built = setup::setup(&scene, TICKS as f64 * 1e-3, 1)?;
+    let built = setup::setup(&World::new(&scene).unwrap(), TICKS as f64 * 1e-3, 1)?;
     // The limits as the drivers state them. The left device is a plug-in that states less.
     let devices = built.tick.devices;
     let mut limits: Vec<_> = devices.iter().map(|device| device.capabilities()).collect();
-    let (mut config, _) = setup::controls(&scene, 1)?;
+    let (mut config, _) = setup::controls(&World::new(&scene).unwrap(), 1)?;
     limits[0].max_force = STATED;
     config.devices[0].safety.max_force = STATED;
     if let Some(actuates) = case.actuates {
@@ -247,7 +248,7 @@ hand = { grip = "rigid", task = "press_and_hold", direction = [0, 0, -1], depth 
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&loaded, &options, &mut |_| {})?;
+    run(&World::new(&loaded).unwrap(), &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(path)?)?;
     assert_eq!(log.limits[0].max_force, 5.0);
     let held = log

@@ -7,6 +7,7 @@ use host::log::{Log, TickRow};
 use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
@@ -180,7 +181,11 @@ fn logged() -> Result<(Log, LoadedScene), Box<dyn Error>> {
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&Scene::embedded_default()?, &options, &mut |_| {})?;
+    run(
+        &World::new(&Scene::embedded_default()?).unwrap(),
+        &options,
+        &mut |_| {},
+    )?;
     let log = Log::parse(&std::fs::read(path)?)?;
     let scene = scene_of(&log, "a log")?;
     Ok((log, scene))

@@ -4,6 +4,7 @@ use host::engine::faults::{FaultKind, HostFault};
 use host::run::frames::FrameOptions;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
+use host::world::World;
 use meshio::read_mesh;
 use physics::mesh::Mesh;
 use std::collections::BTreeMap;
@@ -47,7 +48,11 @@ fn frames_come_at_exact_times_and_do_not_disturb_the_run() -> Outcome {
     let at = |name: &str| folder.path().join(name);
     // The host makes 250 steps a second.
     for (name, rate, every) in [("all", 250.0, 0.004), ("some", 50.0, 0.02)] {
-        let summary = run(&loaded, &options(&at(name), rate), &mut |_| ())?;
+        let summary = run(
+            &World::new(&loaded).unwrap(),
+            &options(&at(name), rate),
+            &mut |_| (),
+        )?;
         assert!(summary.failures.is_empty(), "{:?}", summary.failures);
         assert!(
             summary.degradations.is_empty(),
@@ -63,7 +68,11 @@ fn frames_come_at_exact_times_and_do_not_disturb_the_run() -> Outcome {
         }
     }
     // A rate that does not divide that of the steps takes the first step after the time.
-    run(&loaded, &options(&at("odd"), 60.0), &mut |_| ())?;
+    run(
+        &World::new(&loaded).unwrap(),
+        &options(&at("odd"), 60.0),
+        &mut |_| (),
+    )?;
     let odd: Vec<f64> = list(&at("odd"))?.iter().map(|frame| frame.0).collect();
     assert_eq!(odd[..5], [0.0, 0.02, 0.036, 0.052, 0.068]);
 
@@ -79,7 +88,7 @@ fn frames_come_at_exact_times_and_do_not_disturb_the_run() -> Outcome {
         log: Some(at("plain.mcap")),
         ..RunOptions::new(Clock::Virtual)
     };
-    run(&loaded, &plain, &mut |_| ())?;
+    run(&World::new(&loaded).unwrap(), &plain, &mut |_| ())?;
     assert!(fs::read(at("plain.mcap"))? == fs::read(at("all.mcap"))?);
     Ok(())
 }
@@ -91,7 +100,7 @@ fn a_frame_shows_the_deformed_body() -> Outcome {
     let folder = tempfile::tempdir()?;
     let mut options = options(&folder.path().join("out"), 10.0);
     options.duration = Some(1.6);
-    run(&loaded, &options, &mut |_| ())?;
+    run(&World::new(&loaded).unwrap(), &options, &mut |_| ())?;
     let length = |number: usize| -> Result<f64, Box<dyn Error>> {
         let name = format!("sheet_{number:04}.vtu");
         let bytes = fs::read(folder.path().join("out").join(&name))?;
@@ -124,7 +133,7 @@ fn a_rate_above_that_of_the_steps_is_refused() -> Outcome {
     let folder = tempfile::tempdir()?;
     for rate in [0.0, f64::NAN, 250.1] {
         let error = run(
-            &loaded,
+            &World::new(&loaded).unwrap(),
             &options(&folder.path().join("out"), rate),
             &mut |_| (),
         );
@@ -151,7 +160,7 @@ fn the_frames_end_with_the_host() -> Outcome {
         at: 0.2,
         duration: 0.0,
     }];
-    let summary = run(&loaded, &options, &mut |_| ())?;
+    let summary = run(&World::new(&loaded).unwrap(), &options, &mut |_| ())?;
     assert_eq!(summary.tick.count, 500);
     let frames = list(&out)?;
     assert_eq!(frames.len(), 10, "up to 0.18 s");
@@ -166,7 +175,11 @@ fn a_frame_that_cannot_be_written_is_a_failure() -> Outcome {
     let out = folder.path().join("out");
     // No file can replace this folder.
     fs::create_dir_all(out.join("sheet_0003.vtu"))?;
-    let summary = run(&loaded, &options(&out, 50.0), &mut |_| ())?;
+    let summary = run(
+        &World::new(&loaded).unwrap(),
+        &options(&out, 50.0),
+        &mut |_| (),
+    )?;
     assert_eq!(summary.tick.count, 500);
     let [failure] = &summary.failures[..] else {
         return Err(format!("{:?}", summary.failures).into());
@@ -190,7 +203,7 @@ fn the_real_clock_counts_what_is_missing() -> Outcome {
     let folder = tempfile::tempdir()?;
     let mut options = options(&folder.path().join("out"), 250.0);
     options.clock = Clock::Real;
-    let summary = run(&loaded, &options, &mut |_| ())?;
+    let summary = run(&World::new(&loaded).unwrap(), &options, &mut |_| ())?;
     let there = list(&folder.path().join("out"))?;
     let numbers = there.iter().map(|(_, file)| {
         let number = file.trim_start_matches("sheet_").trim_end_matches(".vtu");

@@ -5,6 +5,7 @@ use host::run::observer::{Observed, Observer, Observers};
 use host::run::replay::{ReplayError, replay_watched};
 use host::run::{Clock, RunOptions, TickOutputs, run, run_watched};
 use host::scene::Scene;
+use host::world::World;
 use rt_core::Telemetry;
 use runner::link::LogRecord;
 use std::collections::BTreeMap;
@@ -54,7 +55,7 @@ fn the_table_holds_what_the_ticks_held() -> Outcome {
     options.duration = Some(0.7);
     options.ticks.csv = Some(path.clone());
     let others = Observers::new().with(Keep(Arc::clone(&ticks)));
-    run_watched(&loaded, &options, others, &mut |_| ())?;
+    run_watched(&World::new(&loaded).unwrap(), &options, others, &mut |_| ())?;
     let text = fs::read_to_string(&path)?;
     let table = read(&text);
     let ticks = ticks.lock().expect("nothing panics");
@@ -115,7 +116,7 @@ fn a_second_run_and_a_replay_give_the_same_bytes() -> Outcome {
             ticks: outputs(name),
             ..RunOptions::new(Clock::Virtual)
         };
-        let summary = run(&loaded, &options, &mut |_| ())?;
+        let summary = run(&World::new(&loaded).unwrap(), &options, &mut |_| ())?;
         assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     }
     let mut log = Log::parse(&fs::read(at("first.mcap"))?)?;
@@ -146,7 +147,7 @@ fn a_table_that_cannot_be_written_is_reported() -> Outcome {
     let mut options = RunOptions::new(Clock::Virtual);
     options.duration = Some(0.3);
     options.ticks.csv = Some("missing/run.csv".into());
-    let error = run(&loaded, &options, &mut |_| ())
+    let error = run(&World::new(&loaded).unwrap(), &options, &mut |_| ())
         .err()
         .map(|e| e.to_string());
     let error = error.unwrap_or_default();
@@ -155,7 +156,7 @@ fn a_table_that_cannot_be_written_is_reported() -> Outcome {
         "{error}"
     );
     options.ticks.csv = Some("/dev/full".into());
-    let summary = run(&loaded, &options, &mut |_| ())?;
+    let summary = run(&World::new(&loaded).unwrap(), &options, &mut |_| ())?;
     let [failure] = &summary.failures[..] else {
         return Err(format!("{:?}", summary.failures).into());
     };

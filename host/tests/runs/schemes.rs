@@ -7,6 +7,7 @@ use host::engine::virtual_coupling::VirtualCoupling;
 use host::run::setup::setup;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::LocalModel;
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -26,7 +27,7 @@ fn with(scheme: &str, lines: &str) -> Result<LoadedScene, Box<dyn Error>> {
 
 /// The tenth model that a run publishes.
 fn published(scene: &LoadedScene) -> Result<LocalModel, Box<dyn Error>> {
-    let mut built = setup(scene, 1.0, 1)?;
+    let mut built = setup(&World::new(scene).unwrap(), 1.0, 1)?;
     let watch = WallStopwatch::start();
     let mut found = LocalModel::empty();
     for k in 0..10 {
@@ -51,7 +52,11 @@ fn every_scheme_runs_under_its_name() -> Result<(), Box<dyn Error>> {
             duration: Some(0.2),
             ..RunOptions::new(Clock::Virtual)
         };
-        let summary = run(&with(scheme, "")?, &options, &mut |_| {})?;
+        let summary = run(
+            &World::new(&with(scheme, "")?).unwrap(),
+            &options,
+            &mut |_| {},
+        )?;
         assert_eq!(summary.scheme, scheme);
         assert_eq!(summary.tick.refused_models, 0, "{scheme}");
         assert!(

@@ -8,6 +8,7 @@ use host::log::Log;
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use rt_core::{Pose, Vec3};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -115,7 +116,7 @@ fn logged(
         faults: stall.into_iter().collect(),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(loaded, &options, &mut |_| {})?;
+    let summary = run(&World::new(loaded).unwrap(), &options, &mut |_| {})?;
     Ok((summary, Log::parse(&std::fs::read(path)?)?))
 }
 

@@ -1,10 +1,10 @@
 //! A host that is too slow for its scene is told early, and the telling changes no result.
 
-use host::engine::build;
 use host::engine::rehearsal::Rehearsal;
 use host::run::slow_host::StepTime;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use std::collections::BTreeMap;
 use std::error::Error;
 
@@ -21,7 +21,7 @@ fn with(changes: &[(&str, &str)]) -> Result<LoadedScene, Box<dyn Error>> {
 #[test]
 fn a_rehearsal_times_a_step_of_the_scene() -> Result<(), Box<dyn Error>> {
     let scene = with(&[])?;
-    let took = Rehearsal::new(&scene, build::settled(&scene)?)?.step_time();
+    let took = Rehearsal::new(&World::new(&scene)?)?.step_time();
     let time = StepTime::new(&scene.scene, took);
     assert!(time.took_ns > 0 && time.asked_ns == 4_000_000);
     Ok(())
@@ -44,7 +44,7 @@ fn a_run_whose_steps_are_too_slow_says_so() -> Result<(), Box<dyn Error>> {
             ..RunOptions::new(clock)
         };
         let mut told_at = None;
-        let summary = run(&scene, &options, &mut |progress| {
+        let summary = run(&World::new(&scene).unwrap(), &options, &mut |progress| {
             if progress.slow.is_some() {
                 told_at.get_or_insert(progress.ticks);
             }

@@ -3,6 +3,7 @@
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
@@ -23,7 +24,7 @@ fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Err
         duration: Some(duration),
         ..RunOptions::new(Clock::Virtual)
     };
-    Ok(run(scene, &options, &mut |_| {})?)
+    Ok(run(&World::new(scene).unwrap(), &options, &mut |_| {})?)
 }
 
 #[test]
@@ -73,7 +74,7 @@ fn a_budget_ends_steps_early_and_the_summary_reports_it() -> Result<(), Box<dyn 
         duration: Some(0.5),
         ..RunOptions::new(Clock::Real)
     };
-    let real = run(&scene, &options, &mut |_| {})?;
+    let real = run(&World::new(&scene).unwrap(), &options, &mut |_| {})?;
     assert_eq!(real.host.iterations[2], 1, "one iteration, never more");
     assert!(real.host.unconverged_steps > 0);
     // Virtual time has no budget, so the two runs are the same.

@@ -1,14 +1,13 @@
 //! Bodies that are stiffer along some directions than their devices can render: they come to rest, their soft directions
 //! are exact, and plan and summary tell.
 
-use host::bodies;
-use host::engine::build;
 use host::engine::plan::{BodyPlan, renderable};
 use host::engine::rehearsal::Rehearsal;
 use host::log::Log;
 use host::run::summary::{RunSummary, StiffSummary};
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::{World, condense};
 use nalgebra::Matrix3;
 use rt_core::Vec3;
 use std::collections::BTreeMap;
@@ -94,7 +93,7 @@ fn forces(loaded: &LoadedScene, duration: f64) -> Result<(RunSummary, Forces), B
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(loaded, &options, &mut |_| {})?;
+    let summary = run(&World::new(loaded).unwrap(), &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(path)?)?;
     let devices = 0..loaded.scene.devices.len();
     let of = |device: usize| {
@@ -191,7 +190,7 @@ fn a_note_that_tears_out_of_its_plane_is_felt_as_paper() -> Outcome {
 
 /// The stiff directions of a scene's bodies at rest.
 fn planned(loaded: &LoadedScene) -> Result<Vec<StiffSummary>, Box<dyn Error>> {
-    Ok(Rehearsal::new(loaded, build::settled(loaded)?)?.stiff())
+    Ok(Rehearsal::new(&World::new(loaded)?)?.stiff())
 }
 
 /// The expectation is the eigenvalues of the stiffness from another solver, which factorizes an assembled matrix.
@@ -204,9 +203,9 @@ fn a_plan_names_each_direction_that_the_device_cannot_render() -> Outcome {
         (BLOCK, "touch", 1),
     ] {
         let loaded = scene(body, model, "typical", 1)?;
-        let built = bodies::build(&loaded, 0)?;
-        let response = BodyPlan::new(&loaded, 0, &built).response;
-        let condenser = bodies::condense::<Box<dyn Error>>(&loaded, 0, response)?;
+        let world = World::new(&loaded)?;
+        let response = BodyPlan::new(&world, 0).response;
+        let condenser = condense(&world.bodies[0], response)?;
         let stiffness = &condenser.condensed().stiffness;
         let stiffness = Matrix3::from_fn(|i, j| stiffness[(i, j)]).symmetric_eigenvalues();
         let limit = renderable(&loaded)[0].stiffness;

@@ -5,6 +5,7 @@ use host::log::Log;
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use std::collections::BTreeMap;
 use std::error::Error;
 
@@ -39,7 +40,7 @@ fn logged(
         faults: faults.iter().map(fault).collect(),
         ..RunOptions::new(clock)
     };
-    let summary = run(scene, &options, &mut |_| {})?;
+    let summary = run(&World::new(scene).unwrap(), &options, &mut |_| {})?;
     let log = Log::parse(&std::fs::read(&path)?)?;
     Ok((summary, log))
 }

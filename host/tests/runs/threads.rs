@@ -2,6 +2,7 @@
 
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use std::collections::BTreeMap;
 
 /// Two bodies beside each other. The block is large enough that its elements and its factor are in parts.
@@ -57,7 +58,8 @@ fn logged(threads: usize) -> Vec<u8> {
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(&loaded, &options, &mut |_| {}).expect("the run succeeds");
+    let summary =
+        run(&World::new(&loaded).unwrap(), &options, &mut |_| {}).expect("the run succeeds");
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     std::fs::read(path).expect("the log was written")
 }
@@ -81,7 +83,8 @@ fn a_run_under_the_real_clock_steps_on_its_threads() {
         duration: Some(0.2),
         ..RunOptions::new(Clock::Real)
     };
-    let summary = run(&loaded, &options, &mut |_| {}).expect("the run succeeds");
+    let summary =
+        run(&World::new(&loaded).unwrap(), &options, &mut |_| {}).expect("the run succeeds");
     assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     assert!(summary.host.steps > 0);
 }

@@ -1,9 +1,9 @@
-//! Tools: one device holds several places, on one body or on several.
+//! Grasps: one device holds several places, on one body or on several.
 
-use host::bodies::{self, mount, tools};
 use host::run::{setup, virtual_clock};
 use host::scene::{LoadedScene, Scene};
 use host::solve::solve;
+use host::world::{World, bodies_held, grasps};
 use rt_core::{LocalModel, Telemetry, Vec3};
 use runner::link::LogRecord;
 use std::collections::BTreeMap;
@@ -41,13 +41,13 @@ fn prong(name: &str, low: f64, high: f64) -> String {
     handle(name, &place)
 }
 
-/// Two places of one tool. The columns of vertices lie at x = -0.05, -0.03, ..., 0.05.
+/// Two places of one grasp. The columns of vertices lie at x = -0.05, -0.03, ..., 0.05.
 fn fork() -> String {
     prong("left prong", -0.05, -0.02) + &prong("right prong", 0.02, 0.05)
 }
 
 fn observed(loaded: &LoadedScene, duration: f64) -> (Vec<Telemetry>, Vec<(usize, LocalModel)>) {
-    let built = setup::setup(loaded, duration, 1).unwrap();
+    let built = setup::setup(&World::new(loaded).unwrap(), duration, 1).unwrap();
     let (mut ticks, mut models) = (Vec::new(), Vec::new());
     let sink = |record: LogRecord<'_>| match record {
         LogRecord::Tick(telemetry) => ticks.push(*telemetry),
@@ -61,19 +61,20 @@ fn observed(loaded: &LoadedScene, duration: f64) -> (Vec<Telemetry>, Vec<(usize,
 fn two_places_move_as_one_handle_of_their_vertices() {
     let fork = pressed("omega3", &(block("b", "") + &fork()));
     let spec = &fork.scene.bodies[0];
-    let found = tools(&fork.scene, spec);
+    let found = grasps(&fork.scene, spec);
     assert_eq!(
         (found.len(), found[0].name(spec)),
         (1, "left prong + right prong".to_owned())
     );
-    let built = bodies::build(&fork, 0).unwrap();
+    let world = World::new(&fork).unwrap();
+    let built = &world.bodies[0];
     assert_eq!(
         (built.handles.len(), built.handles[0].vertices.len()),
         (1, 16)
     );
     // Between the prongs.
     assert!((built.handles[0].origin - Vec3::new(0.0, 0.0, 0.02)).norm() < 1e-15);
-    assert!((mount(&fork, 0).unwrap().origin - built.handles[0].origin).norm() == 0.0);
+    assert!((world.mounts[0].origin - built.handles[0].origin).norm() == 0.0);
 
     // Each prong alone presses half of a block whose halves are alike. The fork feels both, and what they do to each
     // other.
@@ -86,7 +87,7 @@ fn two_places_move_as_one_handle_of_their_vertices() {
     assert!((1.8..2.2).contains(&ratio), "{ratio}");
 }
 
-/// A tool of two places is one reaction. The columns and the curves of the supports behind it are those of the supports.
+/// A grasp of two places is one reaction. The columns and the curves of the supports behind it are those of the supports.
 #[test]
 fn a_solve_has_one_reaction_for_a_tool() {
     let body = block("b", "").replace(
@@ -94,9 +95,12 @@ fn a_solve_has_one_reaction_for_a_tool() {
         "group = 'bottom'\ndisplacement = [0.0, 0.0, 0.002]",
     );
     let loaded = pressed("omega3", &(body + &fork()));
-    let solution = solve(&loaded, false, &mut |_| {}, &mut |_| {
-        Ok::<(), Infallible>(())
-    })
+    let solution = solve(
+        &World::new(&loaded).unwrap(),
+        false,
+        &mut |_| {},
+        &mut |_| Ok::<(), Infallible>(()),
+    )
     .unwrap();
     assert_eq!(solution.failures, [""; 0]);
     let named = solution.bodies[0].reactions.iter().map(|one| &*one.name);
@@ -149,9 +153,9 @@ fn a_tool_on_two_bodies_feels_both_and_their_accounts_add_up_to_its_work() {
     // The bodies are alike.
     assert!((accounts[0].supplied - accounts[1].supplied).abs() < 1e-9);
     // The accounts rely on no more dissipation than the device has: each on half of it.
-    let (config, _) = setup::controls(&loaded, 1).unwrap();
+    let (config, _) = setup::controls(&World::new(&loaded).unwrap(), 1).unwrap();
     let alone = pressed("omega3", &(block("a", "") + &top));
-    let (whole, _) = setup::controls(&alone, 1).unwrap();
+    let (whole, _) = setup::controls(&World::new(&alone).unwrap(), 1).unwrap();
     for body in &config.bodies {
         let (share, port) = (body.passivity.ports[0], whole.bodies[0].passivity.ports[0]);
         assert_eq!(2.0 * share.damping, port.damping);
@@ -179,7 +183,9 @@ fn a_tool_of_six_degrees_of_freedom_feels_the_moments_about_its_origin() {
         "name = 't'\n{bodies}\n[[device]]\nname = 'd'\nmodel = 'virtuose6d'\nhand = {{ grip = 'rigid' }}\n"
     );
     let loaded = load(&text);
-    assert!((mount(&loaded, 0).unwrap().origin - Vec3::new(0.0, 0.0, 0.02)).norm() < 1e-12);
+    assert!(
+        (World::new(&loaded).unwrap().mounts[0].origin - Vec3::new(0.0, 0.0, 0.02)).norm() < 1e-12
+    );
     let (_, models) = observed(&loaded, 0.01);
     // Statics: the moment about the origin of the tool is that of the weight at the centre of mass.
     let volume = 0.1 * 0.06 * 0.04;
@@ -215,7 +221,7 @@ fn four_devices_hold_two_bodies_at_six_places() {
             .sum::<usize>(),
         6
     );
-    assert_eq!(bodies::bodies_held(scene), [1, 2, 1, 1]);
+    assert_eq!(bodies_held(scene), [1, 2, 1, 1]);
     let (ticks, models) = observed(&loaded, 2.0);
     let handles = [0, 1].map(|body| {
         let (_, model) = models.iter().find(|(of, _)| *of == body).unwrap();

@@ -10,6 +10,7 @@ use host::run::setup::setup;
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run, virtual_clock};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use physics::Vec3;
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -44,7 +45,7 @@ fn torn(folder: &Path, frames: bool) -> Result<RunSummary, Box<dyn Error>> {
         }),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(&scene()?, &options, &mut |_| {})?;
+    let summary = run(&World::new(&scene()?).unwrap(), &options, &mut |_| {})?;
     assert_eq!(summary.failures, Vec::<String>::new());
     assert_eq!(summary.degradations, Vec::<String>::new());
     assert!(summary.tears[0].edges > 5, "{:?}", summary.tears);
@@ -90,7 +91,7 @@ type Steps = BTreeMap<u64, (Vec<u32>, Vec<u32>)>;
 fn steps() -> Result<Steps, Box<dyn Error>> {
     let loaded = scene()?;
     let mut steps = BTreeMap::new();
-    let setup = setup(&loaded, DURATION, loaded.scene.seed)?;
+    let setup = setup(&World::new(&loaded).unwrap(), DURATION, loaded.scene.seed)?;
     let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
         let Some(engine) = engine else { return };
         steps.entry(engine.stats().steps).or_insert_with(|| {
@@ -143,7 +144,7 @@ fn a_log_has_the_surface_of_every_frame_of_a_torn_sheet() -> Outcome {
 #[test]
 fn a_viewer_gets_the_newest_surface_with_the_newest_positions() -> Outcome {
     let loaded = scene()?;
-    let setup = setup(&loaded, DURATION, loaded.scene.seed)?;
+    let setup = setup(&World::new(&loaded).unwrap(), DURATION, loaded.scene.seed)?;
     let watchers = Watchers::default();
     watchers.set(1);
     let (mut writer, mut reader) = slot(&setup.engine, watchers);

@@ -1,9 +1,9 @@
 //! Scenes of sheets that are cut out of flat patterns: from the OBJ file to the solution, and the errors on the way.
 
-use host::bodies;
 use host::engine::plan::{BodyPlan, stages};
 use host::scene::{LoadedScene, Scene};
 use host::solve::{BodySolution, Frame, Solution, solve};
+use host::world::World;
 use physics::Vec3;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -75,7 +75,7 @@ fn solved(loaded: &LoadedScene) -> (Solution, Vec<String>) {
         frames.push(frame.snapshot.vtu());
         Ok::<(), Infallible>(())
     };
-    let solution = solve(loaded, true, &mut |_| {}, &mut keep).unwrap();
+    let solution = solve(&World::new(loaded).unwrap(), true, &mut |_| {}, &mut keep).unwrap();
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     (solution, frames)
 }
@@ -155,16 +155,17 @@ hand = {}
 "#
     };
     let loaded = changed(held, &sleeve()).unwrap();
-    let built = bodies::build_settled(&loaded, 0).unwrap();
+    let world = World::new(&loaded).unwrap();
+    let start = world.start(0);
     let at = |z: f64| {
         let near = |x: &Vec3| (x.z - z).abs() < 0.004;
-        let radii = built.body.positions().filter(near).map(|x| x.xy().norm());
+        let radii = start.positions().filter(near).map(|x| x.xy().norm());
         radii.fold(0.0, f64::max)
     };
     // The hand holds one end as wide as it is; the other end is as wide as the pattern.
     assert!((at(LENGTH) - 0.06).abs() < 1e-6, "{}", at(LENGTH));
     assert!((at(0.0) - 0.06 - moved()).abs() < 1e-3, "{}", at(0.0));
-    let planned = stages(&loaded.scene, &[BodyPlan::new(&loaded, 0, &built)]);
+    let planned = stages(&loaded.scene, &[BodyPlan::new(&world, 0)]);
     assert!(
         planned
             .iter()
@@ -183,7 +184,7 @@ fn wrong_flat_patterns_are_refused_with_advice() {
             obj,
         );
         match loaded.and_then(|loaded| {
-            let built = bodies::build(&loaded, 0);
+            let built = World::new(&loaded).map(|mut world| world.bodies.remove(0));
             built.map_err(|error| error.to_string())
         }) {
             Ok(_) => panic!("{to} was accepted"),
@@ -228,6 +229,6 @@ fn wrong_flat_patterns_are_refused_with_advice() {
         |text| text.replace("flat_pattern", "# flat_pattern"),
         &sleeve().replace("vt ", "vt none "),
     );
-    let built = bodies::build(&loaded.unwrap(), 0).unwrap();
+    let built = World::new(&loaded.unwrap()).unwrap().bodies.remove(0);
     assert!(built.body.elastic_energy() < 1e-24);
 }

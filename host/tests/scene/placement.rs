@@ -1,8 +1,8 @@
 //! Placement: the scale of a mesh file, and the position and the rotation of a body.
 
-use host::bodies;
 use host::scene::spec::Rotation;
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use physics::Vec3;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -22,7 +22,7 @@ fn load(body: &str) -> Result<LoadedScene, String> {
 /// The positions of the body as it is built (m).
 fn positions(body: &str) -> Vec<Vec3> {
     let loaded = load(body).unwrap();
-    let built = bodies::build(&loaded, 0).unwrap();
+    let built = World::new(&loaded).unwrap().bodies.remove(0);
     assert!(
         built
             .body
@@ -71,7 +71,10 @@ fn doubled_vertices_are_merged_within_a_distance_in_metres() {
         );
         let files = BTreeMap::from([("patch.obj".to_owned(), doubled.as_bytes().to_vec())]);
         let loaded = Scene::load_texts("p.toml", &text, &files).unwrap();
-        let built = bodies::build(&loaded, 0).map_err(|error| error.to_string())?;
+        let built = World::new(&loaded)
+            .map_err(|error| error.to_string())?
+            .bodies
+            .remove(0);
         Ok::<_, String>(built.mesh.positions().to_vec())
     };
     let merged = load("mesh = { file = 'patch.obj', scale = 0.001, merge = 3e-5 }").unwrap();
@@ -126,7 +129,7 @@ fn boxes_are_in_the_world_and_groups_follow_the_body() {
     let device = "\n[[device]]\nname = 'd'\nmodel = 'falcon'\nhand = {}";
     let held = |select: &str| {
         let loaded = load(&format!("{body}{select}{device}")).unwrap();
-        let built = bodies::build(&loaded, 0).unwrap();
+        let built = World::new(&loaded).unwrap().bodies.remove(0);
         built.handles[0].vertices.clone()
     };
     let by_box = held("box = [[-1, 1.0999, -1], [1, 1.1001, 1]]");
@@ -144,9 +147,12 @@ fn stretched(weave: &str, placement: &str, pull: &str) -> f64 {
          [[body.load]]\nname = 'pull'\ngroup = 'right'\nforce = {pull}\n"
     );
     let loaded = Scene::load_texts("p.toml", &text, &BTreeMap::new()).unwrap();
-    let solution = host::solve::solve(&loaded, false, &mut |_| {}, &mut |_| {
-        Ok::<(), Infallible>(())
-    })
+    let solution = host::solve::solve(
+        &World::new(&loaded).unwrap(),
+        false,
+        &mut |_| {},
+        &mut |_| Ok::<(), Infallible>(()),
+    )
     .unwrap();
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     solution.bodies[0].displacement.value

@@ -1,8 +1,8 @@
 //! The plan of a scene: which stages of a host step the scene needs, and why.
 
-use host::bodies;
 use host::engine::plan::{BodyPlan, Stage, stages};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use std::collections::BTreeMap;
 
 const SHEET: &str = "mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
@@ -30,8 +30,8 @@ fn scene(top: &str, body: &str, rest: &str) -> LoadedScene {
 }
 
 fn planned(loaded: &LoadedScene) -> Vec<Stage> {
-    let built = bodies::build(loaded, 0).expect("a body");
-    stages(&loaded.scene, &[BodyPlan::new(loaded, 0, &built)])
+    let world = World::new(loaded).expect("a world");
+    stages(&loaded.scene, &[BodyPlan::new(&world, 0)])
 }
 
 /// The names of the stages that are needed.

@@ -1,8 +1,8 @@
 //! Values that no scene can mean are refused; values that few scenes mean are warned of. Each message in full.
 
-use host::bodies;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
+use host::world::World;
 use sim::models::FILES;
 use std::collections::BTreeMap;
 use std::fs;
@@ -46,12 +46,10 @@ fn judged(text: &str, files: &[(&str, &str)]) -> String {
         Ok(loaded) => loaded,
         Err(error) => return format!("error {error}"),
     };
-    for index in 0..loaded.scene.bodies.len() {
-        if let Err(error) = bodies::build(&loaded, index) {
-            return format!("error {error}");
-        }
-    }
-    let mut warnings = bodies::warnings(&loaded);
+    let mut warnings = match World::new(&loaded) {
+        Ok(world) => world.warnings,
+        Err(error) => return format!("error {error}"),
+    };
     warnings.retain(|warning| !warning.found.starts_with("no handle of the device"));
     let lines: Vec<_> = warnings.iter().map(ToString::to_string).collect();
     lines.join("\n")
@@ -166,7 +164,7 @@ fn no_shipped_scene_has_a_warning() {
     assert!(paths.len() >= 13, "{paths:?}");
     for path in paths {
         let loaded = Scene::load(&path).unwrap();
-        let warnings = bodies::warnings(&loaded);
+        let warnings = World::new(&loaded).unwrap().warnings;
         assert!(warnings.is_empty(), "{}: {warnings:?}", path.display());
     }
 }
@@ -375,7 +373,7 @@ fn parts_that_share_vertices_are_named_with_their_number() {
          support does not hold them: make the group or the box of one of the two smaller"
     );
     let loaded = Scene::load_texts("x.toml", &many, &BTreeMap::new()).unwrap();
-    assert_eq!(bodies::build(&loaded, 0).unwrap().body.epoch(), 1);
+    assert_eq!(World::new(&loaded).unwrap().bodies[0].body.epoch(), 1);
     // A support that slides may be a plane of symmetry: a handle may extend to it.
     let sliding = block(thumb).replace("group = 'bottom'", "group = 'bottom'\naxes = ['z']");
     assert_eq!(judged(&sliding, &[]), "");
@@ -465,7 +463,7 @@ fn a_run_that_missed_most_of_its_readings_has_failed() {
     let loaded = Scene::load_texts("x.toml", &text, &files).unwrap();
     let mut options = RunOptions::new(Clock::Virtual);
     options.duration = Some(0.4);
-    let summary = run(&loaded, &options, &mut |_| ()).unwrap();
+    let summary = run(&World::new(&loaded).unwrap(), &options, &mut |_| ()).unwrap();
     let missed = summary.devices[0].missed_reads;
     assert!(missed > 200, "{missed}");
     assert_eq!(

@@ -160,7 +160,7 @@ fn an_error_that_is_found_later_names_the_line_of_the_original_text() {
     let once = scene.overridden(&one).expect("a scene");
     let twice = once.overridden(&two).expect("a scene");
     let said = |scene: &LoadedScene| {
-        let error = host::bodies::build(scene, 0).expect_err("no such group");
+        let error = host::world::World::new(scene).expect_err("no such group");
         error.to_string()
     };
     assert!(said(&scene).starts_with("a.toml:10: "), "{}", said(&scene));

@@ -1,6 +1,7 @@
 //! Scene files on disk: those shipped with the program, and files that are missing or wrong.
 
 use host::scene::{LoadedScene, Scene, recording};
+use host::world::World;
 use physics::mesh::Mesh;
 use std::error::Error;
 use std::fs;
@@ -25,9 +26,7 @@ fn every_shipped_scene_loads() -> Outcome {
             .is_some_and(|extension| extension == "toml")
         {
             let loaded = Scene::load(&path)?;
-            for index in 0..loaded.scene.bodies.len() {
-                host::bodies::build(&loaded, index)?;
-            }
+            World::new(&loaded)?;
             names.push(loaded.scene.name);
         }
     }
@@ -107,7 +106,7 @@ fn a_mesh_file_is_read_once_for_all_bodies_and_devices() -> Outcome {
     let before: *const Mesh = first.mesh().map_err(Clone::clone)?;
     // Copies of the scene, and everything that a run sets up, find the mesh that was read.
     let copy = two.clone();
-    host::run::setup::setup(&copy, 1.0, 1)?;
+    host::run::setup::setup(&World::new(&copy).unwrap(), 1.0, 1)?;
     for mesh in copy.meshes.iter().chain(&two.meshes).flatten() {
         assert!(std::ptr::eq(mesh.mesh().map_err(Clone::clone)?, before));
     }

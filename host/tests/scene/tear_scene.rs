@@ -1,9 +1,9 @@
 //! What a scene says about tearing: fields, refusals with file, line and field, warnings, and notched meshes.
 
-use host::bodies::{self, Built};
 use host::engine::plan::{BodyPlan, stages};
 use host::scene::spec::{Starts, TearLawName};
 use host::scene::{LoadedScene, Scene};
+use host::world::{Built, World};
 use physics::mesh::{Mesh, TriMesh};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -54,7 +54,7 @@ fn load(text: &str) -> Result<LoadedScene, Box<dyn Error>> {
 }
 
 fn built(text: &str) -> Result<Built, Box<dyn Error>> {
-    Ok(bodies::build(&load(text)?, 0)?)
+    Ok(World::new(&load(text)?)?.bodies.remove(0))
 }
 
 fn sheet(built: &Built) -> Result<&TriMesh, Box<dyn Error>> {
@@ -76,10 +76,10 @@ fn says(text: &str) -> String {
         Ok(loaded) => loaded,
         Err(error) => return error.to_string(),
     };
-    if let Err(error) = bodies::build(&loaded, 0) {
-        return error.to_string();
-    }
-    let warnings = bodies::warnings(&loaded);
+    let warnings = match World::new(&loaded) {
+        Ok(world) => world.warnings,
+        Err(error) => return error.to_string(),
+    };
     let lines: Vec<_> = warnings.iter().map(ToString::to_string).collect();
     lines.join("\n")
 }
@@ -432,7 +432,7 @@ fn implausible_values_are_warned_of() {
 fn a_plan_names_the_tearing_and_its_cost_only_where_a_body_tears() -> Outcome {
     let why = |text: &str| -> Result<Vec<(bool, String)>, Box<dyn Error>> {
         let loaded = load(text)?;
-        let plan = BodyPlan::new(&loaded, 0, &bodies::build(&loaded, 0)?);
+        let plan = BodyPlan::new(&World::new(&loaded)?, 0);
         let stages = stages(&loaded.scene, &[plan]);
         let named = |name: &str| stages.iter().find(|stage| stage.name == name);
         let both = [named("stress"), named("tear")].into_iter().flatten();
@@ -485,7 +485,7 @@ fn the_scenes_of_tearing_have_a_notch_beside_their_hands() -> Outcome {
     for name in names {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.toml"));
         let loaded = Scene::load(&path)?;
-        let built = bodies::build(&loaded, 0)?;
+        let built = World::new(&loaded)?.bodies.remove(0);
         let tear = built.tear.as_ref().ok_or("a scene of tearing tears")?;
         assert!(!tear.tips.is_empty(), "{name}");
         assert_eq!(loaded.scene.devices.len(), 2, "{name}");

@@ -1,9 +1,9 @@
 //! Threads in scenes: generated or read from a file, compared with the force of a stretched bar, and refused with
 //! parameters that threads do not have.
 
-use host::bodies::{self, Kind};
 use host::scene::{LoadedScene, Scene};
 use host::solve::{BodySolution, Frame, solve};
+use host::world::{Kind, World};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
@@ -18,7 +18,8 @@ fn load(text: &str, files: &[(&str, String)]) -> LoadedScene {
 
 fn solved(loaded: &LoadedScene) -> BodySolution {
     let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    let solution = solve(loaded, false, &mut |_| {}, &mut keep).expect("a solution");
+    let solution =
+        solve(&World::new(loaded).unwrap(), false, &mut |_| {}, &mut keep).expect("a solution");
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     solution.bodies.into_iter().next().expect("a body")
 }
@@ -80,7 +81,10 @@ fn a_rod_resists_compression_where_a_thread_does_not() {
     let loaded = |material: &str| load(&pulled(GENERATED, material, RIGHT, -0.02), &[]);
     let rod = solved(&loaded("area = 1e-6, tension_only = false"));
     assert!((force(&rod, "right")[0] + 0.2).abs() < 1e-8);
-    let built = bodies::build(&loaded("area = 1e-6"), 0).expect("a body");
+    let built = World::new(&loaded("area = 1e-6"))
+        .expect("a world")
+        .bodies
+        .remove(0);
     let mut body = built.body;
     let shorter: Vec<_> = body.positions().map(|x| x * 0.9).collect();
     body.set_positions(&shorter).expect("positions");
@@ -119,7 +123,7 @@ fn a_region_has_another_cross_section() {
 fn parameters_that_a_thread_does_not_have_are_refused() {
     let refused = |mesh: &str, material: &str| {
         let loaded = load(&pulled(mesh, material, RIGHT, 0.0), &[]);
-        let error = bodies::build(&loaded, 0).expect_err("refused");
+        let error = World::new(&loaded).expect_err("refused");
         error.to_string()
     };
     for (material, expected) in [
@@ -205,7 +209,7 @@ fn a_sheet_or_a_solid_needs_one() {
     let solid = "box = { size = [0.2, 0.1, 0.1], cells = [2, 1, 1] }";
     for (mesh, material) in [(sheet, "thickness = 0.001"), (solid, "law = \"linear\"")] {
         let text = pulled(mesh, material, RIGHT, 0.02).replace("poisson = 0.3, ", "");
-        let error = bodies::build(&load(&text, &[]), 0).expect_err("no Poisson's ratio");
+        let error = World::new(&load(&text, &[])).expect_err("no Poisson's ratio");
         assert_eq!(
             error.to_string(),
             "x.toml:7: body[0].material: missing field `poisson`"

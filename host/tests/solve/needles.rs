@@ -1,13 +1,13 @@
 //! Which needles spoil the forces of a body, measured on strips and bars of known stiffness: the limits of
-//! `host::bodies::shapes`.
+//! `host::world::shapes`.
 //!
 //! A strip of 200 x 50 x 1 mm without lateral contraction is clamped at one end, and its other end is moved by 20 µm: across
 //! the strip against `3 E I / L^3`, or in its plane against the beam of Timoshenko.
 
 use crate::solve_support::force;
-use host::bodies;
 use host::scene::{LoadedScene, Scene};
 use host::solve::{Frame, solve};
+use host::world::World;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt::Write;
@@ -105,7 +105,7 @@ fn beam(file: &str, axis: usize, border: &str) -> LoadedScene {
 
 fn tip(loaded: &LoadedScene, axis: usize) -> f64 {
     let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    let solution = solve(loaded, false, &mut |_| {}, &mut keep).unwrap();
+    let solution = solve(&World::new(loaded).unwrap(), false, &mut |_| {}, &mut keep).unwrap();
     assert!(solution.failures.is_empty(), "{:?}", solution.failures);
     -force(&solution.bodies[0], "tip")[axis]
 }
@@ -125,7 +125,7 @@ fn errors(file: &str) -> ([f64; 2], bool) {
 }
 
 fn is_warned_of(loaded: &LoadedScene) -> bool {
-    let mut warnings = bodies::warnings(loaded).into_iter();
+    let mut warnings = World::new(loaded).unwrap().warnings.into_iter();
     warnings.any(|warning| warning.found.contains("with a quality below"))
 }
 

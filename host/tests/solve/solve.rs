@@ -1,6 +1,7 @@
 //! `palpate solve`: scenes with supports and loads, compared with reference forces, statics and the theory of beams.
 
 use crate::solve_support;
+use host::world::World;
 
 use host::solve::{Frame, solve};
 use meshio::write_vtu::Values;
@@ -9,7 +10,12 @@ use std::convert::Infallible;
 
 fn refusal(text: &str) -> String {
     let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    match solve(&load(text), false, &mut |_| {}, &mut keep) {
+    match solve(
+        &World::new(&load(text)).unwrap(),
+        false,
+        &mut |_| {},
+        &mut keep,
+    ) {
         Ok(_) => "solved".to_owned(),
         Err(error) => error.to_string(),
     }
@@ -120,7 +126,13 @@ force = [{}, 0, 0]
             faces = frame.snapshot.in_cells;
             Ok::<(), Infallible>(())
         };
-        let solution = solve(&load(&text), true, &mut |_| {}, &mut keep).unwrap();
+        let solution = solve(
+            &World::new(&load(&text)).unwrap(),
+            true,
+            &mut |_| {},
+            &mut keep,
+        )
+        .unwrap();
         assert!(solution.failures.is_empty(), "{:?}", solution.failures);
         let tensors = |name: &str| match faces.iter().find(|(other, _)| other == name) {
             Some((_, Values::Tensor(tensors))) => tensors.clone(),
@@ -357,7 +369,13 @@ fn frames_come_evenly_and_hold_the_state() {
         frames.push((frame.number, frame.at, frame.snapshot));
         Ok::<(), Infallible>(())
     };
-    let _ = solve(&load(HANGING), true, &mut |_| {}, &mut keep).unwrap();
+    let _ = solve(
+        &World::new(&load(HANGING)).unwrap(),
+        true,
+        &mut |_| {},
+        &mut keep,
+    )
+    .unwrap();
     let times: Vec<_> = frames
         .iter()
         .map(|(number, at, _)| (*number, *at))
@@ -435,7 +453,13 @@ group = "left"
             last = Some((frame.number, frame.at));
             Ok::<(), Infallible>(())
         };
-        let solution = solve(&load(&text), true, &mut |_| {}, &mut keep).unwrap();
+        let solution = solve(
+            &World::new(&load(&text)).unwrap(),
+            true,
+            &mut |_| {},
+            &mut keep,
+        )
+        .unwrap();
         let body = &solution.bodies[0];
         let row = body.steps.last().unwrap();
         // With 200 load steps, the solve comes to 0.4479. A load step is halved ten times.

@@ -2,6 +2,7 @@
 //! bars.
 
 use crate::solve_support;
+use host::world::World;
 
 use host::scene::Scene;
 use host::solve::{Frame, solve};
@@ -136,7 +137,13 @@ fn the_settled_body_is_a_frame() {
         Ok::<(), Infallible>(())
     };
     let pulled = "[[body.load]]\nname = \"pull\"\ngroup = \"bottom\"\nforce = [0, 0, -2]\n";
-    let solution = solve(&load(&bar(2, pulled)), true, &mut |_| {}, &mut keep).expect("solved");
+    let solution = solve(
+        &World::new(&load(&bar(2, pulled))).unwrap(),
+        true,
+        &mut |_| {},
+        &mut keep,
+    )
+    .expect("solved");
     let times: Vec<_> = frames.iter().map(|frame| (frame.0, frame.1)).collect();
     assert_eq!(times, [(0, -1.0), (1, 0.0), (2, 0.5), (3, 1.0)]);
     assert!(frames.windows(2).all(|pair| pair[1].2 < pair[0].2));

@@ -2,6 +2,7 @@
 
 use host::scene::{LoadedScene, Scene};
 use host::solve::{BodySolution, Frame, Solution, solve};
+use host::world::World;
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 
@@ -14,7 +15,12 @@ pub(crate) fn load(text: &str) -> LoadedScene {
 
 pub(crate) fn solved(text: &str) -> Solution {
     let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    match solve(&load(text), false, &mut |_| {}, &mut keep) {
+    match solve(
+        &World::new(&load(text)).unwrap(),
+        false,
+        &mut |_| {},
+        &mut keep,
+    ) {
         Ok(solution) => solution,
         Err(error) => panic!("{error}"),
     }

@@ -6,11 +6,11 @@
 
 use host::live::Surface;
 use host::live::gather::Gatherer;
-use host::live::hello::build_bodies;
 use host::log::overview::OverviewBuilder;
 use host::log::{BodyFrame, LogHeader, LogWriter};
 use host::run::Clock;
 use host::scene::Scene;
+use host::world::World;
 use rt_core::coupling::HostState;
 use rt_core::{Telemetry, Vec3};
 use std::fs::File;
@@ -79,8 +79,8 @@ fn write(path: &Path, seconds: u64) -> Result<(), Box<dyn std::error::Error>> {
         files: loaded.files.clone(),
         ..LogHeader::default()
     };
-    let built = build_bodies(&loaded)?;
-    let surface = Surface::new(0, &built[0]);
+    let world = World::new(&loaded)?;
+    let surface = Surface::new(0, &world.bodies[0]);
     let mut overview = OverviewBuilder::new(Gatherer::new(&loaded, Clock::Real));
     let file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     let mut log = LogWriter::create(file, &header)?;

@@ -5,11 +5,10 @@
 //! over the elements around the vertex. The positions are rounded to `f32`, so a stress is known to about a millionth of
 //! Young's modulus.
 
-use host::bodies::Built;
-use host::live::hello::build_bodies;
 use host::live::{Frame, Hello, Vertices};
-use host::scene::Scene;
+use host::scene::{Scene, SceneError};
 use host::solve::snapshot::von_mises;
+use host::world::{Built, World};
 use physics::Vec3;
 use physics::mesh::Mesh;
 use std::collections::BTreeMap;
@@ -133,9 +132,10 @@ fn build(
     text: &str,
     files: &BTreeMap<String, Vec<u8>>,
 ) -> Result<Vec<Stressed>, StressError> {
-    let built = Scene::load_texts(name, text, files).and_then(|loaded| build_bodies(&loaded));
-    let built = built.map_err(|error| StressError::Scene(error.to_string()))?;
-    Ok(built.into_iter().map(Stressed::new).collect())
+    let refused = |error: SceneError| StressError::Scene(error.to_string());
+    let loaded = Scene::load_texts(name, text, files).map_err(refused)?;
+    let world = World::new(&loaded).map_err(refused)?;
+    Ok(world.bodies.into_iter().map(Stressed::new).collect())
 }
 
 impl Stressed {

@@ -3,6 +3,7 @@
 use host::live::{EventKind, Frame, Message};
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
+use host::world::World;
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::path::Path;
@@ -22,7 +23,7 @@ fn log(path: &Path) -> Outcome {
         log_frames: Some(100.0),
         ..RunOptions::new(Clock::Virtual)
     };
-    let summary = run(&scene, &options, &mut |_| {})?;
+    let summary = run(&World::new(&scene).unwrap(), &options, &mut |_| {})?;
     assert_eq!(summary.failures, Vec::<String>::new());
     assert!(summary.tears[0].edges > 5);
     Ok(())

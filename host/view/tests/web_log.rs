@@ -11,6 +11,7 @@ use host::log::{TickRow, read_log};
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
+use host::world::World;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -38,7 +39,7 @@ fn write_log(path: &Path) -> RunSummary {
     let text = text.replace("age_limit = 2.0", "age_limit = 0.3");
     let text = text.replace("max_force = 8.0", "max_force = 0.5");
     let scene = Scene::load_texts("stretch.toml", &text, &BTreeMap::new()).unwrap();
-    run(&scene, &options, &mut |_| ()).unwrap()
+    run(&World::new(&scene).unwrap(), &options, &mut |_| ()).unwrap()
 }
 
 /// What the page shows at a moment.

@@ -14,6 +14,7 @@ use emulator::uhid::Identity;
 use emulator::{Place, Served, serve};
 use host::run::simulated_hand;
 use host::scene::NamedDevice;
+use host::world::World;
 use rt_core::Device;
 use runner::schedule::realtime;
 use sim::emulate::firmware::{Firmware, Framing};
@@ -360,7 +361,7 @@ impl Simulated {
             ))
         })?;
         let seed = arguments.seed.unwrap_or(loaded.scene.seed);
-        let (hand, start) = simulated_hand(&loaded, index, seed)?;
+        let (hand, start) = simulated_hand(&World::new(&loaded)?, index, seed)?;
         let moves = hand.is_some();
         let device = SimDevice::new(loaded.models[index], hand, PERIOD_S)
             .and_then(|device| device.starting_at(start));

@@ -1,6 +1,7 @@
 //! `palpate solve` and `palpate mesh`: their output, files and exit codes.
 
 use crate::solve_support;
+use host::world::World;
 
 use host::scene::Scene;
 use host::solve::{Frame, solve};
@@ -177,7 +178,7 @@ force = [{force:e}, 0, 0]
         assert_eq!(code, Some(0), "{printed}");
         let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
         let loaded = Scene::load(&folder.path().join("scene.toml")).unwrap();
-        solve(&loaded, false, &mut |_| {}, &mut keep)
+        solve(&World::new(&loaded).unwrap(), false, &mut |_| {}, &mut keep)
             .unwrap()
             .bodies[0]
             .displacement
@@ -254,7 +255,7 @@ poisson = 0.4
         std::fs::write(&second, text).unwrap();
         let mut keep = |_: Frame<'_>| Ok::<(), Infallible>(());
         let solution = solve(
-            &Scene::load(&second).unwrap(),
+            &World::new(&Scene::load(&second).unwrap()).unwrap(),
             false,
             &mut |_| {},
             &mut keep,

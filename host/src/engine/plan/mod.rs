@@ -11,10 +11,10 @@ pub use stages::{Stage, in_words, stages};
 use super::choice::{Choice, choose};
 use super::stiff::Renderable;
 use super::virtual_coupling::Link;
-use crate::bodies::{self, Built, Kind, TearSpec};
 use crate::run::setup;
 use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName, Starts, TearLawName};
+use crate::world::{self, Grasp, Kind, TearSpec, World};
 use physics::Freedom;
 use rt_core::Vec3;
 use rt_core::device_frame::DeviceFrame;
@@ -87,13 +87,13 @@ impl TearPlan {
 }
 
 impl BodyPlan {
-    /// The plan of the body number `index` of the scene, as `built`.
-    pub fn new(loaded: &LoadedScene, index: usize, built: &Built) -> Self {
+    /// The plan of the body number `index` of a world.
+    pub fn new(world: &World<'_>, index: usize) -> Self {
+        let (loaded, built) = (world.loaded, &world.bodies[index]);
         let scene = &loaded.scene;
         let spec = &scene.bodies[index];
-        let tools = bodies::tools(scene, spec);
-        let rigid =
-            |tool: &&bodies::Tool| bodies::freedom(loaded, tool.first(spec)) == Freedom::Rigid;
+        let grasps = world::grasps(scene, spec);
+        let rigid = |grasp: &&Grasp| world::freedom(loaded, grasp.first(spec)) == Freedom::Rigid;
         let host = &scene.host;
         // A publication keeps the host busy, so the next comes with the first step after its latency.
         let busy = (host.latency * host.step_rate - 1e-9).ceil() / host.step_rate;
@@ -110,9 +110,9 @@ impl BodyPlan {
             name: spec.name.clone(),
             kind: built.kind,
             choice: choose(scene, &built.body),
-            bends: bodies::bending(spec, built.kind) > 0.0,
-            handles: tools.len(),
-            turned: tools.iter().filter(rigid).count(),
+            bends: world::bending(spec, built.kind) > 0.0,
+            handles: grasps.len(),
+            turned: grasps.iter().filter(rigid).count(),
             condenses: condenses(scene),
             publishes_energy: publishes_energy(scene),
             step: 1.0 / scene.host.step_rate,
@@ -150,8 +150,8 @@ pub fn publishes_energy(scene: &Scene) -> bool {
 /// device's driver recommends.
 pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
     let scene = &loaded.scene;
-    let each = bodies::tools(scene, body).into_iter().map(|tool| {
-        let index = tool.device;
+    let each = world::grasps(scene, body).into_iter().map(|grasp| {
+        let index = grasp.device;
         let device = &scene.devices[index];
         let recommended = Link::recommended(&loaded.models[index]);
         // A metre of the scene is `1 / motion_scale` metres of the device. Forces scale inversely.
@@ -179,7 +179,7 @@ const CALM: f64 = 0.2;
 pub fn renderable(loaded: &LoadedScene) -> Vec<Renderable> {
     let scene = &loaded.scene;
     let period = 1.0 / scene.realtime.rate;
-    let held = bodies::bodies_held(scene);
+    let held = world::bodies_held(scene);
     let most = |friction: f64, count: f64, damping: f64, share: f64| {
         let most = (2.0 * friction / count).max(2.0 * damping / period) / share;
         if most > 0.0 { most } else { f64::INFINITY }

@@ -1,10 +1,10 @@
 //! The stages of a host step, in their order: which of them the bodies of a scene need, and why, for people.
 
 use super::{BodyPlan, TearPlan};
-use crate::bodies::Kind;
 use crate::engine::parting::FAR;
 use crate::run::setup;
 use crate::scene::spec::{Scene, SolverName, Starts, TearLawName};
+use crate::world::Kind;
 
 /// One stage of the host step.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]

@@ -4,6 +4,7 @@ use crate::engine::change::Edit;
 use crate::engine::pacer::Due;
 use crate::engine::stats::WallStopwatch;
 use crate::scene::Scene;
+use crate::world::World;
 use rt_core::TickRecord;
 
 /// A time long enough for the next copy to be due.
@@ -18,7 +19,8 @@ struct Rig {
 impl Rig {
     fn new() -> Self {
         let loaded = Scene::embedded_default().expect("the built-in scene loads");
-        let bodies = bodies(&loaded, How::default()).expect("it can be built");
+        let bodies =
+            bodies(&World::new(&loaded).unwrap(), How::default()).expect("it can be built");
         Self {
             engine: Engine::new(bodies),
             now: Instant::now(),

@@ -21,6 +21,7 @@ use crate::atomic_file::AtomicFileError;
 use crate::log::index::{IndexError, LogIndex};
 use crate::log::{Log, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
+use crate::world::World;
 use rt_core::{Capabilities, Controller, TickTime};
 use runner::link::{LinkConfig, LogRecord, link};
 use runner::tick_loop::TickLoop;
@@ -245,7 +246,7 @@ fn replay_any(
     let mut done = |number: usize| progress(0.5 * number as f64 / parts.max(1) as f64);
     let ticks = check(log, &mut done)?;
     let (feeds, devices) = devices::replayed(loaded, log.limits());
-    let config = setup::controller(loaded, &devices)?;
+    let config = setup::controller(&World::new(loaded)?, &devices)?;
     // At most one model per body and one record wait in the rings at a time.
     let (end, mut host, _) = link(&LinkConfig {
         bodies: scene.bodies.len(),

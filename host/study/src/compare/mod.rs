@@ -23,12 +23,12 @@ use crate::stress::scene::draw::Draw;
 use crate::stress::scene::world::World;
 use crate::stress::scene::{SCHEMES, reference};
 use crate::workers;
-use host::bodies;
 use host::engine::faults::{Faults, HostFault};
 use host::run::tear_force::TearForce;
 use host::run::{setup, virtual_clock};
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
+use host::world::World as Built;
 use physics::TearReport;
 use record::Recorder;
 use serde::Serialize;
@@ -140,6 +140,7 @@ pub fn compare(
     if let Some(found) = settings.from.filter(|from| *from >= duration) {
         return Err(StudyError::MeasuredFrom { found, duration });
     }
+    let built = Built::new(&loaded)?;
     let runs = runs(&loaded, settings)?;
     // The scene of each run; none for the reference, which takes longest and is first.
     let mut jobs: Vec<Option<&LoadedScene>> = runs.iter().map(|(_, run)| Some(run)).collect();
@@ -206,10 +207,7 @@ pub fn compare(
         latency: scene.host.latency,
         measured_from: from,
         faults: settings.faults.iter().map(describe).collect(),
-        warnings: bodies::warnings(&loaded)
-            .iter()
-            .map(ToString::to_string)
-            .collect(),
+        warnings: built.warnings.iter().map(ToString::to_string).collect(),
         reference: expected.map(|record| Measures::of(record, &names, None, from)),
         no_reference,
         runs: outcomes,
@@ -282,7 +280,7 @@ pub(crate) fn run(
     add: &dyn Fn(u64),
 ) -> Result<Ran, StudyError> {
     let scene = &loaded.scene;
-    let mut prepared = setup::setup(loaded, scene.duration, scene.seed)?;
+    let mut prepared = setup::setup(&Built::new(loaded)?, scene.duration, scene.seed)?;
     prepared.faults = Faults::new(faults.to_vec());
     let ticks = prepared.timing.ticks;
     let mut recorder = Recorder::new(scene, &mut prepared);

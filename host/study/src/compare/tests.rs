@@ -3,6 +3,7 @@ use crate::stress::scene::Study;
 use crate::stress::scene::draw::{Choice, Trouble};
 use host::run::{Clock, RunOptions};
 use host::scene::Scene;
+use host::world::World;
 use std::collections::BTreeMap;
 
 const SHEET: &str = include_str!("../../../scenes/stress/sheet.toml");
@@ -50,7 +51,8 @@ fn each_run_is_the_run_of_the_scene_under_that_scheme() {
             duration: Some(1.2),
             ..RunOptions::new(Clock::Virtual)
         };
-        let expected = host::run::run(&loaded, &options, &mut |_| ()).expect("it runs");
+        let expected =
+            host::run::run(&World::new(&loaded).unwrap(), &options, &mut |_| ()).expect("it runs");
         assert_eq!(run.scheme, expected.scheme);
         for (device, expected) in run.measures.devices.iter().zip(&expected.devices) {
             // Devices are not scaled here, and no limit acts: the motors hold what the tick commands.

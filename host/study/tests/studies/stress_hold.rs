@@ -5,6 +5,7 @@ use host::run::setup::setup;
 use host::run::virtual_clock::run_seen;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use physics::Vec3;
 use std::collections::BTreeMap;
 use study::stress::hold::verdict::{Failure, failures};
@@ -33,7 +34,12 @@ fn first(fits: impl Fn(&Draw) -> bool) -> u64 {
 
 /// The forces of the motors in each tick of a run of a scene.
 fn forces(loaded: &LoadedScene) -> Vec<Vec<Vec3>> {
-    let setup = setup(loaded, loaded.scene.duration, loaded.scene.seed).expect("it is sound");
+    let setup = setup(
+        &World::new(loaded).unwrap(),
+        loaded.scene.duration,
+        loaded.scene.seed,
+    )
+    .expect("it is sound");
     let mut forces = Vec::new();
     run_seen(
         setup,

@@ -4,13 +4,13 @@ use crate::synthetic::Synthetic;
 use host::live::Message;
 use host::live::frame::FoldedHand;
 use host::live::gather::{Gatherer, TickView};
-use host::live::hello::build_bodies;
 use host::live::{BodyState, Source};
 use host::plot::collisions;
 use host::run::setup::setup;
 use host::run::virtual_clock::run_seen;
 use host::run::{Clock, RunOptions, facts};
 use host::scene::Scene;
+use host::world::World;
 use std::path::Path;
 use std::time::Duration;
 
@@ -61,14 +61,14 @@ fn synthetic(frames: u64) -> Result<Seen, Box<dyn std::error::Error>> {
 fn run_to(scene: &str, time: f64) -> Result<Seen, Box<dyn std::error::Error>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     let loaded = Scene::load(&folder.join(scene))?;
-    let built = build_bodies(&loaded)?;
+    let world = World::new(&loaded)?;
     let options = RunOptions::new(Clock::Virtual);
     let mut gatherer = Gatherer::new(&loaded, Clock::Virtual);
     let mut history = History::new(10.0);
     let mut vertices = Vec::new();
     let mut frame = Frame::default();
     run_seen(
-        setup(&loaded, time, 1)?,
+        setup(&world, time, 1)?,
         |_, telemetry, engine| {
             gatherer.take(&TickView::from(telemetry));
             if (telemetry.tick + 1).is_multiple_of(16) {
@@ -97,8 +97,11 @@ fn run_to(scene: &str, time: f64) -> Result<Seen, Box<dyn std::error::Error>> {
         body.vertices = Some(vertices);
     }
     Ok(Seen {
-        hello: Hello::new(Source::Run, &loaded, &built, facts(&loaded, &options, 1)),
-        surfaces: (0..).zip(&built).map(|(k, b)| Surface::new(k, b)).collect(),
+        hello: Hello::new(Source::Run, &world, facts(&loaded, &options, 1)),
+        surfaces: (0..)
+            .zip(&world.bodies)
+            .map(|(k, b)| Surface::new(k, b))
+            .collect(),
         frame,
         history,
     })

@@ -4,12 +4,12 @@ use super::{Player, PlayerError, SPAN};
 use crate::history::History;
 use crate::stress::Stresses;
 use host::live::gather::Gatherer;
-use host::live::hello::build_bodies;
 use host::live::{Frame, Hello, Message, Source, Surface};
 use host::log::index::{IndexError, LogIndex};
 use host::log::overview::{Overview, OverviewBuilder};
 use host::run::Clock;
 use host::scene::Scene;
+use host::world::World;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
 use std::time::Duration;
@@ -55,17 +55,17 @@ impl<R: Read + Seek + Send> Player<R> {
             Some(overview) => overview.clone(),
             None => read_through(&mut log, &gatherer, progress).map_err(failed)?,
         };
-        let built = build_bodies(&loaded)?;
+        let world = World::new(&loaded)?;
         let length = (to_ns.saturating_sub(from_ns) as f64) * 1e-9;
         let hello = Hello {
             file: name.to_owned(),
             duration: length + 1.0 / loaded.scene.realtime.rate,
-            ..Hello::new(Source::Log, &loaded, &built, log.facts().clone())
+            ..Hello::new(Source::Log, &world, log.facts().clone())
         };
         let facts = Facts {
             bodies: loaded.scene.bodies.iter().map(|b| b.name.clone()).collect(),
             rest: (0..)
-                .zip(&built)
+                .zip(&world.bodies)
                 .map(|(index, built)| Surface::new(index, built))
                 .collect(),
             gatherer: gatherer.clone(),

@@ -4,6 +4,7 @@ use host::live::{EventKind, Folded};
 use host::log::{Log, LogHeader, LogWriter};
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
+use host::world::World;
 use proptest::prelude::*;
 use std::io::Cursor;
 use std::sync::OnceLock;
@@ -31,7 +32,7 @@ fn logged() -> &'static (Vec<u8>, Log, host::run::summary::RunSummary) {
         let text = text.replace("max_force = 8.0", "max_force = 0.5");
         let scene = Scene::load_texts("stretch.toml", &text, &std::collections::BTreeMap::new());
         let scene = scene.expect("the scene is sound");
-        let summary = run(&scene, &options, &mut |_| ()).expect("a run");
+        let summary = run(&World::new(&scene).unwrap(), &options, &mut |_| ()).expect("a run");
         let bytes = std::fs::read(&path).expect("the log");
         let log = Log::parse(&bytes).expect("a log");
         (bytes, log, summary)

@@ -3,13 +3,14 @@ use host::live::{BodyState, Source};
 use host::run::frames::FrameOptions;
 use host::run::{Clock, RunOptions, run};
 use host::scene::LoadedScene;
+use host::world::World;
 use std::path::Path;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
 fn hello(loaded: &LoadedScene) -> Result<Hello, Box<dyn std::error::Error>> {
-    let built = build_bodies(loaded)?;
-    Ok(Hello::new(Source::Run, loaded, &built, BTreeMap::new()))
+    let world = World::new(loaded)?;
+    Ok(Hello::new(Source::Run, &world, BTreeMap::new()))
 }
 
 fn vertices(positions: &[Vec3]) -> Vertices {
@@ -46,7 +47,7 @@ fn the_stresses_are_those_of_the_frames_for_paraview() -> Outcome {
             folder: folder.path().to_owned(),
             rate: 2.0,
         });
-        run(&loaded, &options, &mut |_| {})?;
+        run(&World::new(&loaded).unwrap(), &options, &mut |_| {})?;
         let file = folder.path().join(format!("{body}_0002.vtu"));
         let mesh = meshio::read_mesh("frame.vtu", &std::fs::read(file)?)?;
         let fields = mesh.fields().iter();
@@ -82,7 +83,7 @@ fn the_stresses_are_those_of_the_frames_for_paraview() -> Outcome {
 #[test]
 fn a_body_at_rest_has_no_stress_and_changed_topology_gives_a_reason() -> Outcome {
     let loaded = Scene::embedded_default()?;
-    let rest = build_bodies(&loaded)?[0].mesh.positions().to_vec();
+    let rest = World::new(&loaded)?.bodies[0].mesh.positions().to_vec();
     let mut stresses = Stresses::new(&hello(&loaded)?);
     let at_rest = stresses.at_vertices(0, &vertices(&rest))?;
     assert_eq!(at_rest.len(), rest.len());

@@ -9,6 +9,7 @@ use host::log::{model_message, tick_message};
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::{Clock, RunOptions, run_watched};
 use host::scene::Scene;
+use host::world::World;
 use runner::link::LogRecord;
 use std::path::Path;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -153,7 +154,13 @@ pub(crate) fn run_with_log(seconds: f64, log: &Path) -> Vec<Frame> {
     options.log = Some(log.to_owned());
     let observers = Observers::new().with(Keep(Arc::clone(&kept)));
     let scene = Scene::embedded_default().expect("the built-in scene");
-    run_watched(&scene, &options, observers, &mut |_| ()).expect("a run");
+    run_watched(
+        &World::new(&scene).unwrap(),
+        &options,
+        observers,
+        &mut |_| (),
+    )
+    .expect("a run");
 
     let mut frames = vec![Frame::default()];
     let mut ticks = 0;

@@ -23,6 +23,7 @@ use crate::StudyError;
 use host::run::simulated_hand;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
+use host::world::World as Built;
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use serde::{Deserialize, Serialize};
 use sim::Hand;
@@ -286,9 +287,10 @@ fn traces(world: World, schemes: &[SchemeName], chance: Chance) -> Result<Traces
 /// Whether the aim of a hand moves in the last second by more than a count of its device. A tremor is a part of a hold.
 fn moves(world: &World) -> Result<bool, StudyError> {
     let loaded = &world.loaded;
+    let built = Built::new(loaded)?;
     let end = loaded.scene.duration;
     for (device, model) in loaded.models.iter().enumerate() {
-        let (hand, _) = simulated_hand(loaded, device, loaded.scene.seed)?;
+        let (hand, _) = simulated_hand(&built, device, loaded.scene.seed)?;
         let Some(hand) = hand else { continue };
         let hand = Hand {
             tremor: None,

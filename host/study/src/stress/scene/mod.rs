@@ -32,9 +32,9 @@ use super::chance::Chance;
 use super::specimen::Draw as Specimen;
 use crate::StudyError;
 use draw::{Choice, Draw};
-use host::bodies;
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
+use host::world::grasps;
 use measure::{Outcome, Stillness, Trace};
 use nalgebra::Matrix3;
 use physics::Vec3;
@@ -278,7 +278,8 @@ impl Prepared {
         host::engine::build::check(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
         loaded.scene.duration = draw::DURATION;
-        let (config, devices) = host::run::setup::controls(&loaded, seed)?;
+        let built = host::world::World::new(&loaded)?;
+        let (config, devices) = host::run::setup::controls(&built, seed)?;
         let friction = loaded.models.iter().map(|model| model.friction).collect();
         let stiffness = stiffness(&loaded)?;
         let mut reaches = hands::reaches(&loaded);
@@ -306,11 +307,12 @@ fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
     let frames = world::frames(loaded)?;
-    for (number, spec) in scene.bodies.iter().enumerate() {
-        let mut body = bodies::build(loaded, number)?.body;
-        let tools = bodies::tools(scene, spec).into_iter();
-        let devices: Vec<_> = tools.map(|tool| tool.device).collect();
-        let rendered = Rendered::new(loaded, &devices, &mut body, SLOW)?;
+    let world = host::world::World::new(loaded)?;
+    for (built, spec) in world.bodies.iter().zip(&scene.bodies) {
+        let mut body = built.body.clone();
+        let grasps = grasps(scene, spec).into_iter();
+        let devices: Vec<_> = grasps.map(|grasp| grasp.device).collect();
+        let rendered = Rendered::new(&world, &devices, &mut body, SLOW)?;
         for (i, row) in devices.iter().copied().enumerate() {
             for (j, column) in devices.iter().copied().enumerate() {
                 let scale = frames[row].motion_scale * frames[column].motion_scale;
@@ -341,7 +343,8 @@ mod tests {
         let loaded = loaded.expect("the scene is sound");
         let found = stiffness(&loaded).expect("it condenses");
         // The paddle's x is the scene's -z.
-        let condenser = bodies::condense::<StudyError>(&loaded, 0, SLOW).expect("it condenses");
+        let built = host::world::World::new(&loaded).expect("it is sound");
+        let condenser = host::world::condense(&built.bodies[0], SLOW).expect("it condenses");
         let along = condenser.condensed().stiffness[(2, 2)];
         for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
             let expected = if (r, c) == (0, 0) { along } else { 0.0 };

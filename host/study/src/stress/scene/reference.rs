@@ -17,12 +17,12 @@ use super::rendered::Rendered;
 use super::world::{World, exerted, handle, probe};
 use crate::StudyError;
 use crate::tearing::rig::renew;
-use host::bodies;
 use host::engine::plan::BodyPlan;
 use host::engine::tears::{self, MOST_PAIRS};
 use host::run::setup;
 use host::run::timeline::{Host, Timeline};
 use host::scene::LoadedScene;
+use host::world::grasps;
 use nalgebra::{Matrix3, UnitQuaternion};
 use physics::{Body, BodyMap, HandlePose, Stepper, StepperOptions, Tearing, Vec3};
 use rt_core::clutch::Clutch;
@@ -61,13 +61,13 @@ impl Bodies {
     pub(in crate::stress) fn new(loaded: &LoadedScene) -> Result<Self, StudyError> {
         let scene = &loaded.scene;
         let options = options(loaded);
+        let built = host::world::World::new(loaded)?;
         let each = scene.bodies.iter().enumerate().map(|(index, spec)| {
-            let mut built = bodies::build_settled(loaded, index)?;
-            let horizon = BodyPlan::new(loaded, index, &built).horizon;
-            let tools = bodies::tools(scene, spec).into_iter();
-            let devices: Vec<_> = tools.map(|tool| tool.device).collect();
-            let tearing = tears::tearing(loaded, index, &mut built)?;
-            let mut body = built.body;
+            let mut body = built.start(index).clone();
+            let horizon = BodyPlan::new(&built, index).horizon;
+            let grasps = grasps(scene, spec).into_iter();
+            let devices: Vec<_> = grasps.map(|grasp| grasp.device).collect();
+            let tearing = tears::tearing(&built, index, &mut body)?;
             let mut stepper = Stepper::new(&body, options)?;
             if tearing.is_some() {
                 stepper.reserve_pairs(MOST_PAIRS);
@@ -75,7 +75,7 @@ impl Bodies {
             Ok(Held {
                 stepper,
                 tearing,
-                rendered: Rendered::new(loaded, &devices, &mut body, horizon)?,
+                rendered: Rendered::new(&built, &devices, &mut body, horizon)?,
                 body,
                 devices,
             })
@@ -295,7 +295,8 @@ pub(super) fn rest(world: &World, run: &mut Trace, bodies: Vec<Body>) -> Result<
 pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut copy = Copy::new(world)?;
     let stored = copy.bodies.all().map(Body::total_energy).sum();
-    let (config, devices) = setup::controls(&world.loaded, world.loaded.scene.seed)?;
+    let built = host::world::World::new(&world.loaded)?;
+    let (config, devices) = setup::controls(&built, world.loaded.scene.seed)?;
     let mut devices = world.faulty(devices);
     let mut kept = world.kept(stored)?;
     let mut limiters: Vec<_> = config
@@ -346,6 +347,7 @@ mod tests {
     use super::super::draw::Draw;
     use super::*;
     use host::scene::Scene;
+    use host::world::condense;
     use std::collections::BTreeMap;
 
     const PADDLE: &str = include_str!("../../../../scenes/paddle.toml");
@@ -356,9 +358,9 @@ mod tests {
         let text = PADDLE.replace("degrees = 90", "degrees = 180");
         let loaded = Scene::load_texts("paddle.toml", &text, &BTreeMap::new());
         let loaded = loaded.expect("the scene is sound");
-        let built = bodies::build(&loaded, 0).expect("it is sound");
-        let period = BodyPlan::new(&loaded, 0, &built).horizon;
-        let condenser = bodies::condense::<StudyError>(&loaded, 0, period).expect("it condenses");
+        let built = host::world::World::new(&loaded).expect("it is sound");
+        let period = BodyPlan::new(&built, 0).horizon;
+        let condenser = condense(&built.bodies[0], period).expect("it condenses");
         let stiffness = &condenser.condensed().stiffness;
         let world = World {
             draw: Draw::untroubled(1.0 / period, 0.0),

@@ -15,7 +15,7 @@ use host::engine::body::{fill_blocks, reference_of};
 use host::engine::borne::Borne;
 use host::engine::plan::renderable;
 use host::engine::stiff::{Renderable, SeriesSprings};
-use host::scene::LoadedScene;
+use host::world::World;
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::{Eigen, Square};
 use physics::{Body, Condenser, HandlePose};
@@ -46,18 +46,18 @@ pub(in crate::stress) struct Rendered {
 }
 
 impl Rendered {
-    /// What the `devices` of a scene, by handle, render of `body` in models that serve for `horizon` (s).
+    /// What the `devices` of a world, by handle, render of `body` in models that serve for `horizon` (s).
     pub(in crate::stress) fn new(
-        loaded: &LoadedScene,
+        world: &World<'_>,
         devices: &[usize],
         body: &mut Body,
         horizon: f64,
     ) -> Result<Self, StudyError> {
-        let all = renderable(loaded);
+        let all = renderable(world.loaded);
         let numbers: Vec<u8> = devices.iter().map(|device| *device as u8).collect();
         let mut model = LocalModel::empty();
         model.handle_count = numbers.len() as u8;
-        let borne = Borne::new(loaded)?;
+        let borne = Borne::new(world);
         let weights = body.handle_weights();
         for ((handle, device), weight) in model.handles.iter_mut().zip(&numbers).zip(weights) {
             handle.device = *device;
@@ -228,7 +228,6 @@ fn pose(of: &HandlePose) -> Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use host::bodies;
     use host::scene::Scene;
     use std::collections::BTreeMap;
 
@@ -252,8 +251,9 @@ hand = {}
     #[test]
     fn only_a_displacement_in_a_soft_direction_counts_as_a_force() {
         let loaded = Scene::load_texts("paper.toml", PAPER, &BTreeMap::new()).expect("it is sound");
-        let mut body = bodies::build(&loaded, 0).expect("it is sound").body;
-        let rendered = Rendered::new(&loaded, &[0], &mut body, 1.0).expect("it condenses");
+        let world = World::new(&loaded).expect("it is sound");
+        let mut body = world.bodies[0].body.clone();
+        let rendered = Rendered::new(&world, &[0], &mut body, 1.0).expect("it condenses");
         assert!(rendered.ratio() > 10.0);
         let force = |apart: Vec3| {
             let apart = Vec6::new(apart.x, apart.y, apart.z, 0.0, 0.0, 0.0);

@@ -16,6 +16,7 @@ use host::engine::faults::Faults;
 use host::run::paced::Paced;
 use host::run::setup::setup;
 use host::scene::spec::SchemeName;
+use host::world::World as Built;
 use nalgebra::UnitQuaternion;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::{Pose, Vec3};
@@ -68,7 +69,7 @@ pub(in crate::stress) fn run(
 ) -> Result<Trace, StudyError> {
     let world = &world.under(scheme);
     let (scene, draw) = (&world.loaded.scene, &world.draw);
-    let mut setup = setup(&world.loaded, scene.duration, scene.seed)?;
+    let mut setup = setup(&Built::new(&world.loaded)?, scene.duration, scene.seed)?;
     setup.faults = Faults::new(stalls(&draw.stalls));
     setup.tick.devices = world.faulty(setup.tick.devices);
     let bodies = setup.engine.bodies().iter();

@@ -10,6 +10,7 @@ use host::engine::faults::{FaultKind, HostFault};
 use host::run::late::LateLink;
 use host::run::paced::{HostLink, Paced};
 use host::run::timeline::Host;
+use host::world::World as Built;
 use rt_core::{LocalModel, TickRecord};
 use runner::link::HostEnd;
 
@@ -139,7 +140,7 @@ impl Host for Troubled<'_> {
             (&self.softened, self.world.draw.softening, &self.world.soft)
             && time >= softening.at
         {
-            let others = build::bodies(soft, How::default())?;
+            let others = build::bodies(&Built::new(soft)?, How::default())?;
             self.host.change(|engine| engine.exchange(others))?;
             let newest = self.host.link().newest.iter();
             self.softened = Some(newest.map(|[sent, _]| *sent).collect());

@@ -3,10 +3,10 @@
 
 use super::draw::Draw;
 use super::measure::{Apart, DeviceTrace, HOLD, Trace};
-use host::bodies;
 use host::run::timeline::Timeline;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, SceneError};
+use host::world::grasps;
 use physics::{Body, HandlePose, Vec3};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyState;
@@ -59,8 +59,8 @@ impl World {
     pub(super) fn held(&self) -> Vec<Vec<usize>> {
         let scene = &self.loaded.scene;
         let bodies = scene.bodies.iter().map(|body| {
-            let tools = bodies::tools(scene, body).into_iter();
-            tools.map(|tool| tool.device).collect()
+            let grasps = grasps(scene, body).into_iter();
+            grasps.map(|grasp| grasp.device).collect()
         });
         bodies.collect()
     }
@@ -126,16 +126,15 @@ impl World {
 
 /// Where each device of a scene stands.
 pub(in crate::stress) fn frames(loaded: &LoadedScene) -> Result<Vec<DeviceFrame>, SceneError> {
-    let devices = loaded.scene.devices.iter().enumerate();
-    let frames = devices.map(|(index, device)| {
-        let mount = bodies::mount(loaded, index)?;
-        Ok(DeviceFrame {
+    let mounts = host::world::World::new(loaded)?.mounts.into_iter();
+    let frames = mounts
+        .zip(&loaded.scene.devices)
+        .map(|(mount, device)| DeviceFrame {
             rotation: mount.rotation,
             motion_scale: device.motion_scale,
             ..DeviceFrame::at(mount.origin)
-        })
-    });
-    frames.collect()
+        });
+    Ok(frames.collect())
 }
 
 impl Kept {

@@ -23,8 +23,8 @@ use super::scene::draw::{ARRIVED, BEGIN, Span};
 use super::scene::rendered::Rendered;
 use crate::StudyError;
 use hands::Moves;
-use host::bodies;
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use serde::{Deserialize, Serialize};
 use shape::Shape;
 use sim::DeviceModel;
@@ -295,9 +295,10 @@ impl Draw {
         };
         // The stiffness is proportional to the modulus. Weight is not: it is drawn for the modulus.
         let trial = load(TRIAL, None)?;
-        let mut body = bodies::build(&trial, 0)?.body;
+        let world = World::new(&trial)?;
+        let mut body = world.bodies[0].body.clone();
         let devices: Vec<_> = (0..self.hands.len()).collect();
-        let ratio = Rendered::new(&trial, &devices, &mut body, SLOW)?.ratio();
+        let ratio = Rendered::new(&world, &devices, &mut body, SLOW)?.ratio();
         let young = TRIAL * self.ratio / ratio;
         let moves = reach::march(&load(young, None)?, self, self.shape().most)?;
         load(young, Some(&moves))

@@ -37,9 +37,10 @@ fn the_body_is_as_stiff_as_drawn_and_no_hand_exceeds_its_force() {
     for cell in 0..kinds {
         let draw = Draw::new(5, cell);
         let loaded = draw.scene("test").expect("it is sound");
-        let mut body = bodies::build(&loaded, 0).expect("it is sound").body;
+        let world = World::new(&loaded).expect("it is sound");
+        let mut body = world.bodies[0].body.clone();
         let devices: Vec<_> = (0..draw.hands.len()).collect();
-        let found = Rendered::new(&loaded, &devices, &mut body, SLOW).expect("it condenses");
+        let found = Rendered::new(&world, &devices, &mut body, SLOW).expect("it condenses");
         // The inertia of a body over the long period, whose density does not follow the modulus.
         let ratio = found.ratio() / draw.ratio;
         assert!((ratio - 1.0).abs() < 1e-3, "cell {cell}: {ratio} {draw:?}");

@@ -22,6 +22,7 @@ use crate::StudyError;
 use host::engine::faults::{FaultKind, Faults, HostFault};
 use host::run::{setup, virtual_clock};
 use host::scene::{LoadedScene, Scene};
+use host::world::World;
 use judge::Judge;
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
@@ -99,7 +100,11 @@ fn finite(value: f64) -> f64 {
 
 fn run(seed: u64, cell: u64, draw: &Draw) -> Result<Judge, StudyError> {
     let loaded = scene(seed, cell)?;
-    let mut setup = setup::setup(&loaded, loaded.scene.duration, loaded.scene.seed)?;
+    let mut setup = setup::setup(
+        &World::new(&loaded)?,
+        loaded.scene.duration,
+        loaded.scene.seed,
+    )?;
     let stalls = draw.stall.iter().map(|[at, duration]| HostFault {
         kind: FaultKind::Stall,
         at: *at,

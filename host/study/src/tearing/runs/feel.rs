@@ -14,6 +14,7 @@ use host::engine::build::{self, How};
 use host::engine::pacer::Pacer;
 use host::engine::stats::WallStopwatch;
 use host::scene::LoadedScene;
+use host::world::World;
 use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::{
     LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Scheme, TearLimit, Vec6, Wrench,
@@ -103,7 +104,7 @@ impl Rival {
             })
         };
         Ok(Self {
-            engine: Engine::new(build::bodies(&loaded, How::default())?),
+            engine: Engine::new(build::bodies(&World::new(&loaded)?, How::default())?),
             pacer: Pacer::new(rate, steps),
             couplings: vec![coupling(), coupling()],
             forces: [Vec::new(), Vec::new()],
@@ -163,7 +164,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
     let Some(reference) = rivals.last() else {
         return Ok(empty(loaded));
     };
-    let hands = Hands::new(loaded, &reference.engine)?;
+    let hands = Hands::new(&World::new(loaded)?, &reference.engine);
     let ways = hands.directions(duration);
     let watch = WallStopwatch::start();
     // The first and the last tick with an edit of the reference.

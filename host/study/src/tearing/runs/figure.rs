@@ -5,6 +5,7 @@
 use crate::StudyError;
 use host::run::{setup, virtual_clock};
 use host::scene::LoadedScene;
+use host::world::World;
 use rt_core::Vec3;
 use serde::Serialize;
 
@@ -65,7 +66,7 @@ impl Course {
 pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Course, StudyError> {
     let scene = &loaded.scene;
     let duration = scene.duration.min(most);
-    let setup = setup::setup(loaded, duration, scene.seed)?;
+    let setup = setup::setup(&World::new(loaded)?, duration, scene.seed)?;
     let ticks = setup.timing.ticks as f64;
     let mut start: Option<[Vec3; 2]> = None;
     let mut paths: Vec<(f64, [Vec3; 2], [Vec3; 2], f64)> = Vec::new();

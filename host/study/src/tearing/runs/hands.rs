@@ -2,10 +2,8 @@
 //!
 //! A simulated hand gives way to the force that it feels, so runs of different hosts would differ in the motion, too.
 
-use crate::StudyError;
-use host::bodies::{self, Tool};
 use host::engine::Engine;
-use host::scene::LoadedScene;
+use host::world::{World, grasps};
 use nalgebra::UnitQuaternion;
 use rt_core::{MAX_DEVICES, Pose, TickRecord, Twist, Vec3};
 use sim::Trajectory;
@@ -26,17 +24,16 @@ pub(super) struct Hands {
 }
 
 impl Hands {
-    /// The hands of the scene, at the handles of the bodies of `engine`, which are at rest.
-    pub(super) fn new(loaded: &LoadedScene, engine: &Engine) -> Result<Self, StudyError> {
-        let scene = &loaded.scene;
+    /// The hands of the world, at the handles of the bodies of `engine`, which are at rest.
+    pub(super) fn new(world: &World<'_>, engine: &Engine) -> Self {
+        let scene = &world.loaded.scene;
         let mut paths = Vec::new();
         for (spec, body) in scene.bodies.iter().zip(engine.bodies()) {
-            let tools: Vec<Tool> = bodies::tools(scene, spec);
-            for (handle, tool) in tools.iter().enumerate() {
+            for (handle, grasp) in grasps(scene, spec).iter().enumerate() {
                 let Some(report) = body.body().handle_report(handle) else {
                     continue;
                 };
-                let device = &scene.devices[tool.device];
+                let device = &scene.devices[grasp.device];
                 let points = device
                     .hand
                     .as_ref()
@@ -47,18 +44,18 @@ impl Hands {
                     .collect();
                 let trajectory = Trajectory::new_waypoints(&points);
                 paths.push(Path {
-                    device: tool.device,
+                    device: grasp.device,
                     start: Pose {
                         position: report.pose.position,
                         rotation: report.pose.rotation,
                     },
                     trajectory: trajectory.unwrap_or_else(|_| Trajectory::still()),
-                    rotation: bodies::mount(loaded, tool.device)?.rotation,
+                    rotation: world.mounts[grasp.device].rotation,
                     scale: device.motion_scale,
                 });
             }
         }
-        Ok(Self { paths })
+        Self { paths }
     }
 
     /// Pose and twist of each hand at `time` (s), in the order of the handles.

@@ -12,6 +12,7 @@ use host::engine::build::{self, How};
 use host::engine::pacer::Pacer;
 use host::engine::stats::{EngineStats, Stopwatch};
 use host::scene::LoadedScene;
+use host::world::World;
 use runner::latency::LatencyHistogram;
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -126,8 +127,9 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Ro
         real: true,
         ..How::default()
     };
-    let mut engine = Engine::new(build::bodies(loaded, how)?);
-    let hands = Hands::new(loaded, &engine)?;
+    let world = World::new(loaded)?;
+    let mut engine = Engine::new(build::bodies(&world, how)?);
+    let hands = Hands::new(&world, &engine);
     let bodies = engine.bodies().iter();
     let triangles = bodies.map(|body| body.body().element_count()).sum();
     let rates = &scene.host;

@@ -1,10 +1,11 @@
 //! The material of every element, from the base values of the scene, the fields of the mesh and the regions of the
 //! scene.
 
-use super::{Kind, mesh, places};
+use super::kind::{Kind, bending, bends};
+use super::{mesh, places};
 use crate::scene::plausible::{self, Warning};
 use crate::scene::spec::MeshSource;
-use crate::scene::spec::body::{Body, LawName, WeaveFields};
+use crate::scene::spec::body::{LawName, WeaveFields};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::{Cells, Field, Mesh};
 use physics::{Material, Rigidity, SolidMaterial, ThreadMaterial, Vec3, Weave};
@@ -27,16 +28,6 @@ pub(super) enum Elements {
     Thread(Vec<ThreadMaterial>),
 }
 
-/// The kind of a body with this mesh.
-pub(super) fn kind(body: &Body, mesh: &Mesh) -> Kind {
-    match (mesh, &body.material.weave) {
-        (Mesh::Thread(_), _) => Kind::Thread,
-        (Mesh::Solid(_), _) => Kind::Solid,
-        (Mesh::Sheet(_), Some(_)) => Kind::Woven,
-        (Mesh::Sheet(_), None) => Kind::Sheet,
-    }
-}
-
 /// The values of each element, one vector each.
 struct Values {
     young: Vec<f64>,
@@ -53,7 +44,7 @@ pub(super) fn build(
     mesh: &Mesh,
 ) -> Result<Materials, SceneError> {
     let body = &loaded.scene.bodies[index];
-    let kind = kind(body, mesh);
+    let kind = Kind::of(body, mesh);
     check(loaded, index, kind)?;
     let mut values = from_mesh(loaded, index, mesh)?;
     overwrite(loaded, index, mesh, &mut values)?;
@@ -117,16 +108,11 @@ pub(super) fn build(
             Kind::Woven => LawName::StVenantKirchhoff,
             Kind::Sheet | Kind::Solid | Kind::Thread => LawName::Corotational,
         }),
-        bending: super::bending(body, kind),
+        bending: bending(body, kind),
         elements,
         young,
         poisson,
     })
-}
-
-/// Whether a weave resists bending.
-pub(super) fn bends(weave: WeaveFields) -> bool {
-    weave.bending_warp > 0.0 || weave.bending_weft > 0.0 || weave.bending_twist > 0.0
 }
 
 /// What is allowed where a body of this kind has no such thing.
@@ -260,7 +246,7 @@ fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, 
     };
     let names = &material.fields;
     let given = (names.thickness.is_some(), names.area.is_some());
-    let kind = kind(&loaded.scene.bodies[index], mesh);
+    let kind = Kind::of(&loaded.scene.bodies[index], mesh);
     let field = format!("body[{index}].material.fields");
     check_kind(loaded, &field, kind, given)?;
     Ok(Values {
@@ -386,7 +372,7 @@ fn overwrite(
         check_kind(
             loaded,
             &field,
-            kind(&loaded.scene.bodies[index], mesh),
+            Kind::of(&loaded.scene.bodies[index], mesh),
             given,
         )?;
         let group = region.group.as_deref();

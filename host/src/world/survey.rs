@@ -1,6 +1,8 @@
 //! Warnings about the bodies of a scene that only their meshes show: their sizes, parts that they share, and bodies that
 //! lie in each other.
 
+use super::mesh::Notched;
+use super::mount::Mount;
 use super::{groups, material, mesh, mount, notch, places, press, shapes, tear};
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
@@ -9,26 +11,25 @@ use physics::mesh::{Bounds, Mesh};
 /// Fraction of the smaller body by which two bodies must overlap along every axis. Bodies that touch do not overlap.
 const OVERLAP: f64 = 0.01;
 
-/// All warnings of a scene: those of its fields, then those of its meshes. A body that cannot be built has no warnings
-/// of its mesh; its error comes when it is built.
-pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
+/// All warnings of a scene: those of its fields, then those of its meshes and mounts.
+pub(super) fn warnings(
+    loaded: &LoadedScene,
+    meshes: &[Notched<'_>],
+    mounts: &[Mount],
+) -> Vec<Warning> {
     let mut warnings = loaded.warnings.clone();
     let mut boxes = Vec::new();
-    for index in 0..loaded.scene.bodies.len() {
-        let Ok(mesh::Notched { mesh, cuts }) = mesh::with_notches(loaded, index) else {
-            boxes.push(None);
-            continue;
-        };
-        warnings.extend(mesh::extent(loaded, index, &mesh).ok().flatten());
-        warnings.extend(material::warnings(loaded, index, &mesh));
-        warnings.extend(held_twice(loaded, index, &mesh));
-        warnings.extend(tear::coarse(loaded, index, &mesh));
-        warnings.extend(notch::moved(loaded, index, &cuts));
-        warnings.extend(tear::short(loaded, index, &mesh, &cuts));
-        warnings.extend(press::warnings(loaded, index, &mesh));
-        warnings.extend(material::locks(loaded, index, &mesh));
-        warnings.extend(shapes::needles(loaded, index, &mesh));
-        warnings.extend(groups::warnings(loaded, index, &mesh));
+    for (index, Notched { mesh, cuts }) in meshes.iter().enumerate() {
+        warnings.extend(mesh::extent(loaded, index, mesh).ok().flatten());
+        warnings.extend(material::warnings(loaded, index, mesh));
+        warnings.extend(held_twice(loaded, index, mesh));
+        warnings.extend(tear::coarse(loaded, index, mesh));
+        warnings.extend(notch::moved(loaded, index, cuts));
+        warnings.extend(tear::short(loaded, index, mesh, cuts));
+        warnings.extend(press::warnings(loaded, index, mesh));
+        warnings.extend(material::locks(loaded, index, mesh));
+        warnings.extend(shapes::needles(loaded, index, mesh));
+        warnings.extend(groups::warnings(loaded, index, mesh));
         boxes.push(Bounds::of(mesh.positions()));
     }
     for second in 0..boxes.len() {
@@ -40,7 +41,7 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
             }
         }
     }
-    warnings.extend(mount::warnings(loaded));
+    warnings.extend(mount::warnings(loaded, mounts));
     warnings
 }
 

@@ -1,54 +1,22 @@
-//! Builds the bodies of the physics, at rest, from the bodies of a scene.
-//!
-//! This module makes the checks that need the mesh: groups that do not exist, empty boxes, the thickness of a
-//! solid. Their errors name the line and the field of the scene file, as all errors of a scene do.
+//! The body of the physics, at rest, from a body of a scene.
 
-pub mod groups;
-mod load;
-mod material;
-mod mesh;
-mod mount;
-mod notch;
-mod places;
-mod press;
-pub mod shapes;
-mod survey;
-mod tear;
-mod tool;
-
+use super::grasp::{grasps, handles, held_once, holding};
+use super::kind::Kind;
+use super::mesh::Notched;
+use super::tear::TearSpec;
+use super::{grasp, load, material, places, tear};
 use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
-use crate::stage::Stage;
 use nalgebra::UnitQuaternion;
 use physics::mesh::Mesh;
 use physics::{
-    Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Equilibrium, EquilibriumOptions,
-    Freedom, HandlePose, HandleSpec, SheetLawName, SolidLaw, SupportSpec, Vec3,
+    Body, BodyConfig, BodyError, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
+    SheetLawName, SolidLaw, SupportSpec, Vec3,
 };
-
-pub(crate) use mount::is_mounted;
-pub use mount::{Mount, mount};
-pub use survey::warnings;
-pub use tear::TearSpec;
-pub use tool::{Tool, bodies_held, tools};
 
 /// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any
 /// device can render.
 const ABSOLUTE_TOLERANCE: f64 = 1e-8;
-
-/// The kind of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// Isotropic triangles.
-    Sheet,
-    /// Orthotropic triangles.
-    Woven,
-    /// Tetrahedra.
-    Solid,
-    /// Bars.
-    Thread,
-}
 
 /// One body of a scene, at rest.
 #[derive(Clone, Debug)]
@@ -65,7 +33,7 @@ pub struct Built {
     pub poisson: Vec<f64>,
     /// The body of the physics. Its supports are at rest and its loads act in full.
     pub body: Body,
-    /// The handles of the body: its [`tools`] in their order, then the turned supports of the scene in theirs.
+    /// The handles of the body: its [`grasps`] in their order, then the turned supports of the scene in theirs.
     pub handles: Vec<HandleSpec>,
     /// The carrier of each support of the scene.
     pub carriers: Vec<Carrier>,
@@ -86,30 +54,44 @@ pub enum Carrier {
     Nothing,
 }
 
-/// The origins of a body's handles at rest (m), in the order of its [`tools`]: the centre of the vertices of a handle, or
-/// the mean of such centres over the places of a tool.
+impl Built {
+    /// A copy of the body at equilibrium with its handles held, if it has weight, bears loads or is cut out of a flat
+    /// pattern. The energy that the body then stores need not be supplied by the hands. `None` for a body that starts
+    /// undeformed: also for one for which no equilibrium is found.
+    pub(super) fn settled(&self) -> Option<Body> {
+        let is_cut = matches!(&self.mesh, Mesh::Sheet(mesh) if mesh.flat_pattern.is_some());
+        if !is_cut && self.body.total_external_force() == Vec3::zeros() {
+            return None;
+        }
+        let handles = self.handles.iter();
+        let rest: Vec<_> = handles
+            .map(|handle| HandlePose::at(handle.origin))
+            .collect();
+        let mut body = self.body.clone();
+        let mut equilibrium = Equilibrium::new(&body, EquilibriumOptions::default()).ok()?;
+        body.set_load_factor(0.0).ok()?;
+        let report = equilibrium.solve(&mut body, &rest, 1.0).ok()?;
+        report.last.converged.then_some(body)
+    }
+}
+
+/// Builds one body, at rest, of its mesh and the vertices of its `places` ([`grasp::places`]). `origins`: those of what
+/// each device holds.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, SceneError> {
-    let mesh = mesh::build(loaded, index)?;
-    Ok(handles(loaded, index, &mesh)?
-        .into_iter()
-        .map(|handle| handle.origin)
-        .collect())
-}
-
-/// Builds one body, at rest.
-///
-/// # Errors
-/// As [`handle_origins`].
-pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
+pub(super) fn build(
+    loaded: &LoadedScene,
+    index: usize,
+    notched: Notched<'_>,
+    places: Vec<Vec<u32>>,
+    origins: &[Option<Vec3>],
+) -> Result<Built, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let notched = mesh::with_notches(loaded, index)?;
     let mesh = &*notched.mesh;
     let material = material::build(loaded, index, mesh)?;
-    let mut handles = handles(loaded, index, mesh)?;
+    let mut handles = handles(loaded, index, mesh, places, origins);
     let parts = supports(loaded, index, mesh, &mut handles)?;
     let tear = tear::build(loaded, index, &notched, &material.elements, &handles)?;
     let config = BodyConfig {
@@ -196,7 +178,7 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     body.set_external_forces(&loads)
         .map_err(|error| refuse(&error))?;
     Ok(Built {
-        kind: material::kind(spec, mesh),
+        kind: Kind::of(spec, mesh),
         law: material.law,
         young: material.young,
         poisson: material.poisson,
@@ -207,140 +189,6 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
         loads,
         tear,
     })
-}
-
-/// Builds one body, at rest under its weight and its loads while its handles are held.
-///
-/// # Errors
-/// As [`handle_origins`].
-pub fn build_settled(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
-    let mut built = build(loaded, index)?;
-    let is_cut = matches!(&built.mesh, Mesh::Sheet(mesh) if mesh.flat_pattern.is_some());
-    settle(&mut built.body, &built.handles, is_cut);
-    Ok(built)
-}
-
-/// Builds one body and condenses it onto its handles at their initial poses, for local models published every `period`
-/// seconds.
-///
-/// # Errors
-/// As [`handle_origins`]; also if the body cannot be condensed.
-pub fn condense<E>(loaded: &LoadedScene, index: usize, period: f64) -> Result<Condenser, E>
-where
-    E: From<SceneError> + From<CondenseError>,
-{
-    let mut body = build(loaded, index)?.body;
-    let mut condenser = Condenser::new(&body)?;
-    body.assemble();
-    condenser.condense(&body, period)?;
-    Ok(condenser)
-}
-
-/// Brings a body that has weight, bears loads or is cut out of a flat pattern to equilibrium with its handles held, before
-/// the run starts. The energy
-/// that the body then stores need not be supplied by the hands. A body for which no equilibrium is found starts
-/// undeformed.
-fn settle(body: &mut Body, handles: &[HandleSpec], is_cut: bool) {
-    if !is_cut && body.total_external_force() == Vec3::zeros() {
-        return;
-    }
-    let rest: Vec<_> = handles
-        .iter()
-        .map(|handle| HandlePose::at(handle.origin))
-        .collect();
-    Stage::Settling.begin();
-    let start = body.clone();
-    let options = EquilibriumOptions::default();
-    let found = Equilibrium::new(body, options)
-        .ok()
-        .and_then(|mut equilibrium| {
-            body.set_load_factor(0.0).ok()?;
-            equilibrium.solve(body, &rest, 1.0).ok()
-        });
-    if found.is_none_or(|report| !report.last.converged) {
-        *body = start;
-    }
-}
-
-/// The handles of a scene's body: one for each tool.
-fn handles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Vec<HandleSpec>, SceneError> {
-    let spec = &loaded.scene.bodies[index];
-    let mut all: Vec<Vec<u32>> = Vec::new();
-    for (number, handle) in spec.handles.iter().enumerate() {
-        let vertices = tool::vertices(loaded, index, number, mesh)?;
-        let field = format!("body[{index}].handle[{number}]");
-        for (other, earlier) in spec.handles.iter().zip(&all) {
-            let [this, other] = [&handle.name, &other.name].map(|name| format!("handle {name:?}"));
-            held_once(loaded, &field, &this, &vertices, &other, earlier)?;
-        }
-        all.push(vertices);
-    }
-    let bodies = bodies_held(&loaded.scene);
-    let each = tools(&loaded.scene, spec).into_iter().map(|tool| {
-        let handle = tool.first(spec);
-        let mut vertices: Vec<u32> = Vec::new();
-        for &place in &tool.places {
-            vertices.append(&mut all[place]);
-        }
-        vertices.sort_unstable();
-        let held = holding(
-            vertices,
-            mesh,
-            freedom(loaded, handle),
-            handle.border.into(),
-        );
-        let alone = tool.places.len() == 1 && bodies[tool.device] == 1;
-        let origin = if alone {
-            None
-        } else {
-            tool::origin(loaded, tool.device)?
-        };
-        Ok(HandleSpec {
-            origin: origin.unwrap_or(held.origin),
-            ..held
-        })
-    });
-    each.collect()
-}
-
-/// Refuses `vertices`, which `this` holds rigidly by the scene's `field`, if `other` holds some of them, too.
-fn held_once(
-    loaded: &LoadedScene,
-    field: &str,
-    this: &str,
-    vertices: &[u32],
-    other: &str,
-    held: &[u32],
-) -> Result<(), SceneError> {
-    let shared = places::shared(vertices, held);
-    if shared == 0 {
-        return Ok(());
-    }
-    let (of, others) = (vertices.len(), held.len());
-    let found =
-        format!("{shared} vertices in both {this} ({of} vertices) and {other} ({others} vertices)");
-    let allowed = "vertices that only one of the two holds: make the group or the box of one of the two smaller";
-    Err(loaded.source.error(field, found, allowed))
-}
-
-/// The degrees of freedom of a handle: those that its device actuates. Without an actuated rotation, only the
-/// translations of the handle are condensed.
-pub fn freedom(loaded: &LoadedScene, handle: &spec::Handle) -> Freedom {
-    let device = loaded.scene.device_of(handle);
-    match loaded.models.get(device).and_then(|model| model.rotation) {
-        Some(_) => Freedom::Rigid,
-        None => Freedom::Translation,
-    }
-}
-
-/// A handle about the centre of `vertices`.
-fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom, border: Border) -> HandleSpec {
-    HandleSpec {
-        origin: tool::centre(&vertices, mesh),
-        vertices,
-        freedom,
-        border,
-    }
 }
 
 /// The part of the body that will carry a support.
@@ -372,9 +220,9 @@ fn supports(
         .collect::<Result<_, _>>()?;
     let mut parts: Vec<Option<Part>> = Vec::new();
     let spec = &loaded.scene.bodies[index];
-    let mut names: Vec<_> = tools(&loaded.scene, spec)
+    let mut names: Vec<_> = grasps(&loaded.scene, spec)
         .iter()
-        .map(|tool| format!("handle {:?}", tool.name(spec)))
+        .map(|grasp| format!("handle {:?}", grasp.name(spec)))
         .collect();
     for (number, (support, vertices)) in supports.iter().zip(&all).enumerate() {
         if support.rotation.is_none() {
@@ -422,7 +270,7 @@ fn placed_once(
     // By vertex and axis: the support, counted from 1, and the displacement (m).
     let mut placed = vec![[(0, 0.0); 3]; mesh.positions().len()];
     for (number, (support, vertices)) in supports.iter().zip(all).enumerate() {
-        let centre = tool::centre(vertices, mesh);
+        let centre = grasp::centre(vertices, mesh);
         let turn =
             UnitQuaternion::from_scaled_axis(Vec3::from(support.rotation.unwrap_or_default()));
         // A turned support holds its vertices along all axes.
@@ -459,8 +307,8 @@ fn field_of_handle(loaded: &LoadedScene, index: usize, parts: &[Part], number: u
     if let Some(support) = parts.iter().position(turned) {
         return format!("body[{index}].support[{support}]");
     }
-    let tools = tools(&loaded.scene, &loaded.scene.bodies[index]);
-    let place = tools.get(number).map_or(number, |tool| tool.places[0]);
+    let grasps = grasps(&loaded.scene, &loaded.scene.bodies[index]);
+    let place = grasps.get(number).map_or(number, |grasp| grasp.places[0]);
     format!("body[{index}].handle[{place}]")
 }
 
@@ -471,13 +319,4 @@ fn unclamped(loaded: &LoadedScene, field: &str, found: &str) -> SceneError {
     loaded
         .source
         .error(&format!("{field}.border"), found, allowed)
-}
-
-/// Factor on the bending stiffness of a body; 0 for a body without a bending model.
-pub fn bending(body: &spec::Body, kind: Kind) -> f64 {
-    match kind {
-        Kind::Woven if !body.material.weave.is_some_and(material::bends) => 0.0,
-        Kind::Sheet | Kind::Woven => body.bending.unwrap_or(1.0),
-        Kind::Solid | Kind::Thread => 0.0,
-    }
 }

@@ -12,12 +12,6 @@ use physics::mesh::generate_thread::straight_thread;
 use physics::mesh::{Bounds, Cells, Mesh, TriMesh};
 use std::borrow::Cow;
 
-/// The mesh of one body, placed in the world, its elements in the file's order. A mesh file is read once, however often
-/// its mesh is asked for: see [`MeshFile`](crate::scene::MeshFile).
-pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>, SceneError> {
-    Ok(with_notches(loaded, index)?.mesh)
-}
-
 /// The mesh of one body, with its notches.
 pub(super) struct Notched<'a> {
     /// The mesh, placed in the world.
@@ -26,8 +20,11 @@ pub(super) struct Notched<'a> {
     pub(super) cuts: Cuts,
 }
 
-/// As [`build`], with the notches of the mesh.
-pub(super) fn with_notches(loaded: &LoadedScene, index: usize) -> Result<Notched<'_>, SceneError> {
+/// The mesh of one body, placed in the world, its elements in the file's order, with its notches.
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field, for a mesh that cannot be made, or of a size that no scene means.
+pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Notched<'_>, SceneError> {
     let mut mesh = at_origin(loaded, index)?;
     let body = &loaded.scene.bodies[index];
     let mut scale = body.mesh.scale;

@@ -4,7 +4,7 @@
 //! files and `host/tests/solve/needles.rs`. Few needles do no harm to solids, nor to sheets that do not bend. A sheet that
 //! bends has a limit on the stiffness of each triangle, which a single row of thin needles reaches.
 
-use super::{Kind, bending, material};
+use super::kind::{Kind, bending};
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
 use physics::mesh::quality::{Shape, shapes};
@@ -125,7 +125,7 @@ pub fn round(value: f64) -> f64 {
 /// The warning about a body whose needles spoil its forces.
 pub(super) fn needles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Option<Warning> {
     let body = &loaded.scene.bodies[index];
-    let kind = material::kind(body, mesh);
+    let kind = Kind::of(body, mesh);
     let bends = matches!(kind, Kind::Sheet | Kind::Woven) && bending(body, kind) > 0.0;
     let needles = Needles::of(mesh, bends);
     let harm = needles.harm.as_ref()?;

@@ -1,6 +1,5 @@
 //! Where devices stand in the scene: their mountings, and where the handles that they hold are in their workspaces.
 
-use super::tool;
 use crate::scene::plausible::{START, Warning};
 use crate::scene::spec::Rotation;
 use crate::scene::{LoadedScene, SceneError};
@@ -15,18 +14,21 @@ pub struct Mount {
     pub origin: Vec3,
     /// From the device's axes to those of the scene.
     pub rotation: UnitQuaternion<f64>,
-    /// Where the tool that it holds is at rest (m, device axes and device metres); its origin, if it holds none.
+    /// Where what it holds is at rest (m, device axes and device metres); its origin, if it holds none.
     pub start: Vec3,
 }
 
-/// The mount of the device number `device`.
+/// The mount of the device number `device`, which holds a `handle` at this place at rest (m), or nothing.
 ///
 /// # Errors
-/// [`SceneError`], naming the file, line and field, where a body cannot be built, where the handle is not in the
-/// workspace that the scene gives the device, or where it is not on the axes of a device of one or two degrees of freedom.
-pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
+/// [`SceneError`], naming the file, line and field, if the handle is not in the workspace that the scene gives the device,
+/// or not on the axes of a device of one or two degrees of freedom.
+pub(super) fn mount(
+    loaded: &LoadedScene,
+    device: usize,
+    handle: Option<Vec3>,
+) -> Result<Mount, SceneError> {
     let spec = &loaded.scene.devices[device];
-    let handle = tool::origin(loaded, device)?;
     let rotation = spec.mounting.rotation.map(Rotation::quaternion);
     let rotation = rotation.unwrap_or_else(UnitQuaternion::identity);
     let (origin, start) = match (spec.mounting.origin.map(Vec3::from), handle) {
@@ -77,25 +79,21 @@ fn on_axes(loaded: &LoadedScene, device: usize, start: Vec3) -> Result<Vec3, Sce
     Err(loaded.source.error(&field, found, allowed))
 }
 
-/// Whether the mount of a device can be wrong: whether the scene says where the device, or its workspace, is.
-pub(crate) fn is_mounted(loaded: &LoadedScene, device: usize) -> bool {
-    let spec = &loaded.scene.devices[device];
-    spec.mounting.origin.is_some() || spec.workspace.is_some()
-}
-
 /// Warnings about handles at rest that are far from the origins of their devices.
-pub(super) fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
-    let devices = loaded.scene.devices.iter().zip(&loaded.models).enumerate();
-    let mounted = devices.filter(|(index, _)| is_mounted(loaded, *index));
-    // A workspace that is given is checked when the device is mounted.
-    let warnings = mounted.filter(|(_, (spec, _))| spec.workspace.is_none());
-    let warnings = warnings.filter_map(|(index, (_, model))| {
-        let start = mount(loaded, index).ok()?.start;
-        let field = format!("device[{index}].mounting.origin");
-        let what = " from the handle at rest to the origin of the device";
-        let usual = START.up_to(model.workspace_radius);
-        let judged = usual.judge(&loaded.source, &field, what, start.norm());
-        judged.ok().flatten()
-    });
+pub(super) fn warnings(loaded: &LoadedScene, mounts: &[Mount]) -> Vec<Warning> {
+    let devices = loaded.scene.devices.iter().zip(&loaded.models).zip(mounts);
+    let warnings = devices
+        .enumerate()
+        .filter_map(|(index, ((spec, model), mount))| {
+            // A workspace that is given is checked when the device is mounted.
+            if spec.mounting.origin.is_none() || spec.workspace.is_some() {
+                return None;
+            }
+            let field = format!("device[{index}].mounting.origin");
+            let what = " from the handle at rest to the origin of the device";
+            let usual = START.up_to(model.workspace_radius);
+            let judged = usual.judge(&loaded.source, &field, what, mount.start.norm());
+            judged.ok().flatten()
+        });
     warnings.collect()
 }

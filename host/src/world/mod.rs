@@ -1,0 +1,112 @@
+//! The world: a scene, built once.
+//!
+//! A [`World`] has the bodies of the physics, what devices hold of them ([`grasp`]), and where the devices stand
+//! ([`mount`]). Everything after it takes a `&World`. Whoever moves a body clones it.
+//!
+//! This module makes the checks that need the mesh: groups that do not exist, empty boxes, the thickness of a
+//! solid. Their errors name the line and the field of the scene file, as all errors of a scene do.
+
+mod body;
+mod grasp;
+pub mod groups;
+mod kind;
+mod load;
+mod material;
+mod mesh;
+mod mount;
+mod notch;
+mod places;
+mod press;
+pub mod shapes;
+mod survey;
+mod tear;
+
+use crate::scene::plausible::Warning;
+use crate::scene::{LoadedScene, SceneError};
+use mesh::Notched;
+use physics::{Body, CondenseError, Condenser};
+use std::sync::OnceLock;
+
+pub use body::{Built, Carrier};
+pub use grasp::{Grasp, bodies_held, freedom, grasps};
+pub use kind::{Kind, bending};
+pub use mount::Mount;
+pub use tear::TearSpec;
+
+/// A scene, built.
+#[derive(Debug)]
+pub struct World<'a> {
+    /// The scene from which the world is built.
+    pub loaded: &'a LoadedScene,
+    /// The bodies, at rest, in the order of the scene.
+    pub bodies: Vec<Built>,
+    /// Where each device stands.
+    pub mounts: Vec<Mount>,
+    /// All warnings of the scene: those of its fields, then those of its meshes.
+    pub warnings: Vec<Warning>,
+    /// The bodies at the start of a run, once a run has asked for them; `None` for a body that starts at rest.
+    starts: OnceLock<Vec<Option<Body>>>,
+}
+
+impl<'a> World<'a> {
+    /// Builds a scene.
+    ///
+    /// # Errors
+    /// [`SceneError`], naming the file, line and field that cannot be built.
+    pub fn new(loaded: &'a LoadedScene) -> Result<Self, SceneError> {
+        let scene = &loaded.scene;
+        let bodies = 0..scene.bodies.len();
+        let meshes: Vec<Notched<'_>> = bodies
+            .map(|index| mesh::build(loaded, index))
+            .collect::<Result<_, _>>()?;
+        let numbered = || meshes.iter().enumerate();
+        let held: Vec<Vec<Vec<u32>>> = numbered()
+            .map(|(index, notched)| grasp::places(loaded, index, &notched.mesh))
+            .collect::<Result<_, _>>()?;
+        let origins = grasp::origins(scene, &meshes, &held);
+        let mounts = (0..scene.devices.len())
+            .map(|device| mount::mount(loaded, device, origins[device]))
+            .collect::<Result<Vec<_>, _>>()?;
+        let warnings = survey::warnings(loaded, &meshes, &mounts);
+        let each = meshes.into_iter().zip(held).enumerate();
+        let bodies = each
+            .map(|(index, (notched, held))| body::build(loaded, index, notched, held, &origins))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            loaded,
+            bodies,
+            mounts,
+            warnings,
+            starts: OnceLock::new(),
+        })
+    }
+
+    /// Brings copies of the bodies to where a run starts, at the first call: at rest under their weight and their loads
+    /// while their handles are held.
+    pub fn settle(&self) {
+        self.settled();
+    }
+
+    /// The body number `index` where a run starts ([`settle`](Self::settle)).
+    pub fn start(&self, index: usize) -> &Body {
+        let settled = &self.settled()[index];
+        settled.as_ref().unwrap_or(&self.bodies[index].body)
+    }
+
+    fn settled(&self) -> &[Option<Body>] {
+        self.starts
+            .get_or_init(|| self.bodies.iter().map(Built::settled).collect())
+    }
+}
+
+/// Condenses a body at rest onto its handles, for local models published every `period` seconds.
+///
+/// # Errors
+/// [`CondenseError`] if the body cannot be condensed.
+pub fn condense(built: &Built, period: f64) -> Result<Condenser, CondenseError> {
+    let mut body = built.body.clone();
+    let mut condenser = Condenser::new(&body)?;
+    body.assemble();
+    condenser.condense(&body, period)?;
+    Ok(condenser)
+}
