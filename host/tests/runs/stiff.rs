@@ -173,18 +173,20 @@ fn two_hands_on_a_banknote_feel_no_blow_before_they_move() -> Outcome {
 fn a_note_that_tears_out_of_its_plane_is_felt_as_paper() -> Outcome {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let mut loaded = Scene::load(&scenes.join("banknote_shear.toml"))?;
-    loaded.scene.seed = 700_101;
-    let (summary, forces) = forces(&loaded, 2.2)?;
-    // The first edge opens at 1.6 N, which is the peak. A bend of stiff paper that moves on by an edge lets 0.6 N go within a
-    // step.
-    for forces in forces {
-        let most = forces.iter().map(Vec3::norm).fold(0.0, f64::max);
-        assert!(most < 2.0, "{most} N");
-        assert!(jump(&forces) < 0.8, "{} N", jump(&forces));
+    // The first edge opens at 1.6 N, and the next ones at 2.7 N. A bend of stiff paper that moves on by an edge lets 0.6 N go
+    // within a step. With the other seed a cut once made narrow triangles of the fold, and the hands felt 12 N for 3 ms.
+    for (seed, duration, bound) in [(700_101, 2.2, 2.0), (8113, 2.7, 3.2)] {
+        loaded.scene.seed = seed;
+        let (summary, forces) = forces(&loaded, duration)?;
+        for forces in forces {
+            let most = forces.iter().map(Vec3::norm).fold(0.0, f64::max);
+            assert!(most < bound, "{most} N");
+            assert!(jump(&forces) < 0.8, "{} N", jump(&forces));
+        }
+        let account = &summary.energy[0];
+        assert_eq!(account.capped_ticks, 0);
+        assert!(account.most_out < 1e-3, "{} J", account.most_out);
     }
-    let account = &summary.energy[0];
-    assert_eq!(account.capped_ticks, 0);
-    assert!(account.most_out < 1e-3, "{} J", account.most_out);
     Ok(())
 }
 

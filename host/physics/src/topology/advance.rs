@@ -16,7 +16,10 @@ struct Quality {
     clear: f64,
 }
 
-/// A tear that turns back to its path may leave the path for good triangles by an angle of this sine: 20 degrees.
+/// A tear that turns back to its path may leave the path for good triangles by an angle whose sine is this multiple of the
+/// options' opening.
+const FURTHER: f64 = 2.28;
+/// The largest sine of this angle: 20 degrees.
 const MOST_OFF: f64 = 0.342;
 
 /// For tears that turn back to their path: 15 degrees.
@@ -38,8 +41,9 @@ pub struct AdvanceOptions {
     /// snapping, at most 0.5.
     pub snapping: f64,
     /// How far the far end of an edge may lie off the path so that the edge opens as it is, as a fraction of its length. The
-    /// caller then has to turn back to the path, see [`Surface::edge_of`]. In return cuts leave better triangles. At 0 only
-    /// edges on the path open.
+    /// caller then has to turn back to the path, see [`Surface::edge_of`]. In return cuts leave better triangles; where a
+    /// cut would leave thin ones, the tear may leave the path by more than twice this fraction. At 0 only edges on the
+    /// path open.
     pub opening: f64,
 }
 
@@ -178,7 +182,7 @@ impl Surface {
         let exact = crossing.clamp(EXACT.clear, 1.0 - EXACT.clear);
         let near_path = || {
             let inner = crossing.clamp(LOOSE.clear, 1.0 - LOOSE.clear);
-            let keeps = |sine: f64| sine <= MOST_OFF;
+            let keeps = |sine: f64| sine <= (FURTHER * options.opening).min(MOST_OFF);
             cut(crossing, LOOSE.good)
                 .or_else(|| cut(inner, LOOSE.good).filter(|_| keeps(off(&ends, inner))))
                 .or_else(|| open(nearest).filter(|_| keeps(nearest.sine) && nearest.cosine > 0.0))

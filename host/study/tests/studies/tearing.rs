@@ -9,8 +9,9 @@ fn a_crack_at_an_angle_to_the_load_starts_and_turns_as_the_largest_hoop_stress_s
         // The integrals err by half a degree on these meshes.
         let [intensities, first, second] = kink.errors();
         assert!(intensities < 0.5, "{kink:?}");
-        // Where a cut would leave thin triangles an edge opens up to 20 degrees off the path, and the next one turns back.
-        assert!(first < 20.0 && second < 20.0, "{kink:?}");
+        // A first edge keeps to its path. Where a cut would leave thin triangles, a second edge opens up to 20 degrees off the
+        // path, and the next edge turns back.
+        assert!(first < 3.0 && second < 20.0, "{kink:?}");
         // Triangles act like a tip 0.4 edge behind its vertex, in sliding 0.8: 4 to 8 % where half the crack has five edges.
         // Without the factor of the turn the start is 25 to 41 % late.
         assert!(kink.start > 1.0 && kink.start < 1.085, "{kink:?}");

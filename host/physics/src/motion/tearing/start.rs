@@ -8,7 +8,7 @@
 //! unloaded flanks, too: it is less than that of a vertex beside the end.
 
 use super::tips::ahead;
-use super::{Course, MOST_TIPS, Tearing, sheet};
+use super::{Course, MOST_TIPS, OPENING, Tearing, sheet};
 use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::motion::stepper::Stepper;
@@ -82,7 +82,7 @@ impl Tearing {
             .find_map(|along| surface.fan_angle(vertex, found.triangle, along))?;
         let may_move = |vertex: u32| !body.is_held(vertex) && !self.is_tip(vertex);
         let choose = |snaps: bool| {
-            let options = self.advance_options(snaps);
+            let options = self.advance_options(snaps, OPENING);
             if surface.on_border(vertex) {
                 surface.advance(vertex, direction, options, may_move)
             } else {

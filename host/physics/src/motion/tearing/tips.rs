@@ -33,7 +33,7 @@
 //! bears the strength times its section at most, however large its toughness. When the first pair has let go, the tear is a
 //! crack.
 
-use super::{MOST_EDGES, Tearing, sheet};
+use super::{FIRST_OPENING, FOLDED, FOLDED_OPENING, MOST_EDGES, OPENING, Tearing, sheet};
 use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::motion::stepper::{Pair, Stepper};
@@ -248,13 +248,27 @@ impl Tearing {
         Some((drive, self.counts(tip, &drive)))
     }
 
-    /// The edit by which the tip at `vertex` goes on in the direction of a fan angle (rad). A vertex snaps only where
-    /// this changes the energy little.
-    pub(super) fn growth(&self, body: &Body, vertex: u32, direction: f64) -> Option<Edit> {
+    /// The edit by which a tip goes on in the direction of a fan angle (rad). A vertex snaps only where this changes the
+    /// energy little.
+    pub(super) fn growth(&self, body: &Body, tip: &TipState, direction: f64) -> Option<Edit> {
+        let vertex = tip.vertex;
+        let opening = if tip.edge.is_infinite() {
+            FIRST_OPENING
+        } else if self.patch.folding() > FOLDED {
+            FOLDED_OPENING
+        } else {
+            OPENING
+        };
         let surface = body.surface()?;
         let may_move = |vertex: u32| !body.is_held(vertex) && !self.is_tip(vertex);
-        let advance =
-            |snaps: bool| surface.advance(vertex, direction, self.advance_options(snaps), may_move);
+        let advance = |snaps: bool| {
+            surface.advance(
+                vertex,
+                direction,
+                self.advance_options(snaps, opening),
+                may_move,
+            )
+        };
         let edit = advance(true)?;
         if self.is_cheap(body, &edit) {
             return Some(edit);
@@ -266,7 +280,7 @@ impl Tearing {
     fn growth_along(&self, body: &Body, tip: &TipState, path: f64) -> Option<(Edit, Course)> {
         let surface = body.surface()?;
         let back = tip.course.back(surface.mean_edge(tip.vertex));
-        let edit = self.growth(body, tip.vertex, path + back)?;
+        let edit = self.growth(body, tip, path + back)?;
         let (angle, length) = surface.edge_of(tip.vertex, &edit.ahead)?;
         Some((edit, tip.course.after(angle, length, path)))
     }
@@ -464,7 +478,7 @@ impl Tearing {
         let Some((number, _, direction)) = highest else {
             return;
         };
-        let Some(edit) = self.growth(body, self.tips[number].vertex, direction) else {
+        let Some(edit) = self.growth(body, &self.tips[number], direction) else {
             return;
         };
         let vertex = self.tips[number].vertex;
