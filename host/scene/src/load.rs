@@ -40,7 +40,7 @@ pub struct LoadedScene {
     pub recordings: Vec<Option<Vec<Sample>>>,
     /// The content of each file that the scene names, by the name of the file in the scene. A log keeps these files.
     pub files: BTreeMap<String, Vec<u8>>,
-    /// Values of the scene and its device files that few scenes mean. `host::bodies::warnings` adds those that the
+    /// Values of the scene and its device files that few scenes mean. `host::world::World::warnings` adds those that the
     /// meshes show.
     pub warnings: Vec<Warning>,
 }

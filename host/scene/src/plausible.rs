@@ -560,7 +560,7 @@ fn norm([x, y, z]: [f64; 3]) -> f64 {
     x.hypot(y).hypot(z)
 }
 
-/// The warnings about the fields of a scene. Those that need a mesh are in `host::bodies::warnings`.
+/// The warnings about the fields of a scene. Those that need a mesh are in `host::world::World::warnings`.
 ///
 /// # Errors
 /// [`SceneError::Value`] for the first value that no scene can mean.
