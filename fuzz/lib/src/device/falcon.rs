@@ -1,12 +1,12 @@
 //! The driver of the Falcon, under a hostile device behind a hostile FTDI chip.
 
 use super::Input;
-use crate::Exchange;
-use crate::falcon::driver::STALE;
-use crate::falcon::geometry::{TORQUE_LIMIT, WORKSPACE};
-use crate::falcon::packet::{Command, Framer, LENGTH, Report};
-use crate::falcon::{Falcon, Firmware, Settings, Tries};
-use crate::ftdi::{Chip, PACKET, STATUS, Setup, Usb, strip};
+use devices::Exchange;
+use devices::falcon::driver::STALE;
+use devices::falcon::geometry::{TORQUE_LIMIT, WORKSPACE};
+use devices::falcon::packet::{Command, Framer, LENGTH, Report};
+use devices::falcon::{Falcon, Firmware, Settings, Tries};
+use devices::ftdi::{Chip, PACKET, STATUS, Setup, Usb, strip};
 use rt_core::{DeviceError, DeviceState, Vec3, Wrench};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -92,7 +92,7 @@ impl World {
     fn error(&mut self) -> Result<(), i32> {
         self.transfers += 1;
         self.now_ns += TRANSFER_NS;
-        // One transfer in so many fails, where the input says so.
+        // One transfer in so many fails, if the input says so.
         if !self.input.is_over() && self.input.bytes.get(self.input.at) == Some(&0xEE) {
             self.input.at += 1;
             return Err([5, 19, 32, 110][usize::from(self.input.byte()) % 4]);
@@ -141,7 +141,7 @@ impl Usb for Link {
 /// of states that the driver passed on.
 ///
 /// # Panics
-/// Where a parser breaks its rules, a state is no state, an exchange does not end, or torque is commanded without a
+/// If a parser breaks its rules, a state is no state, an exchange does not end, or torque is commanded without a
 /// position.
 pub fn falcon(bytes: &[u8]) -> usize {
     parsers(bytes);

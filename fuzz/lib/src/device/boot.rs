@@ -1,11 +1,11 @@
 //! The upload of the Falcon's firmware, under a hostile boot loader.
 
 use super::Input;
-use crate::falcon::boot::{self, HELLO_BACK, PIECE};
-use crate::falcon::packet::{Command, Framer, Report};
-use crate::falcon::{Firmware, Tries};
-use crate::ftdi::{Control, Ftdi};
-use crate::transport::Transport;
+use devices::falcon::boot::{self, HELLO_BACK, PIECE};
+use devices::falcon::packet::{Command, Framer, Report};
+use devices::falcon::{Firmware, Tries};
+use devices::ftdi::{Control, Ftdi};
+use devices::transport::Transport;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -129,10 +129,10 @@ impl Ftdi for Line {
 }
 
 /// Runs the upload of the Falcon's firmware under a hostile boot loader. Returns the number of uploads, and one more
-/// where the device then runs its firmware.
+/// if the device then runs its firmware.
 ///
 /// # Panics
-/// Where the upload does not end, or commands a torque.
+/// If the upload does not end, or commands a torque.
 pub fn falcon_boot(bytes: &[u8]) -> usize {
     let image: Vec<u8> = (0..IMAGE as u8).map(|k| k.wrapping_mul(37)).collect();
     let Ok(firmware) = Firmware::new(Path::new("hostile"), image) else {

@@ -1,21 +1,21 @@
 //! Texts: connections in a scene, what the kernel tells of a device, and profiles.
 
-use crate::DeviceFile;
-use crate::found::Which;
-use crate::found::listed::{HidFacts, Listed};
-use crate::found::which::Alike;
-use crate::hid::HidSelector;
-use crate::identify::{AxisIdentified, Estimate, Identified};
-use crate::registry::Connection;
-use crate::serial::connect::{is_port, line};
-use crate::woodenhaptics::connect::Address;
+use devices::DeviceFile;
+use devices::found::Which;
+use devices::found::listed::{HidFacts, Listed};
+use devices::found::which::Alike;
+use devices::hid::HidSelector;
+use devices::identify::{AxisIdentified, Estimate, Identified};
+use devices::registry::Connection;
+use devices::serial::connect::{is_port, line};
+use devices::woodenhaptics::connect::Address;
 use std::sync::OnceLock;
 
 /// Reads the connection of a device in a scene, by every driver. Returns the number of drivers that accept the address.
 /// No device is opened.
 ///
 /// # Panics
-/// Where a connection does not come back from its own text.
+/// If a connection does not come back from its own text.
 pub fn connection(text: &str) -> usize {
     let connection = Connection::parse(text);
     // A text that ends with its first colon has an empty address, and the colon is gone.
@@ -49,10 +49,10 @@ pub fn connection(text: &str) -> usize {
     accepted
 }
 
-/// Reads what the kernel tells of a HID device. Returns one where the text names a device.
+/// Reads what the kernel tells of a HID device. Returns one if the text names a device.
 ///
 /// # Panics
-/// Where a text that a person is shown has a control character, or a device that is found cannot be named in a scene.
+/// If a text that a person is shown has a control character, or a device that is found cannot be named in a scene.
 pub fn sysfs(text: &str) -> usize {
     let Some(facts) = HidFacts::parse(text) else {
         return 0;
@@ -98,10 +98,10 @@ pub fn sysfs(text: &str) -> usize {
 static BUILT_IN: OnceLock<Option<DeviceFile>> = OnceLock::new();
 
 /// Reads the profile of a device, and writes identified numbers into it, with the text as their date. A text that is no
-/// profile is the date in that of a built-in device. Returns one where the text is a profile.
+/// profile is the date in that of a built-in device. Returns one if the text is a profile.
 ///
 /// # Panics
-/// Where the profile with the identified numbers cannot be read again, or has lost its name.
+/// If the profile with the identified numbers cannot be read again, or has lost its name.
 pub fn profile(text: &str) -> usize {
     let (base, is_profile) = match DeviceFile::parse(text) {
         Ok(base) => (base, 1),

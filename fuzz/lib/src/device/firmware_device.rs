@@ -217,7 +217,7 @@ impl World {
 /// force was applied.
 ///
 /// # Panics
-/// Where the device applies a wrench that the rules do not allow, or not the wrench that they allow.
+/// If the device applies a wrench that the rules do not allow, or not the wrench that they allow.
 pub fn firmware_device(bytes: &[u8]) -> usize {
     let mut input = Input::new(bytes);
     let model = Model {

@@ -1,8 +1,8 @@
 //! The host's side of the firmware protocol over a stream, under a hostile device.
 
 use super::Input;
-use crate::serial::Serial;
-use crate::{DeviceModel, Exchange, Transport};
+use devices::serial::Serial;
+use devices::{DeviceModel, Exchange, Transport};
 use firmware_proto::report::{
     CapabilitiesReport, Condition, LENGTH, Mode, Model, Report, ReportError, Sends, StateReport,
 };
@@ -49,7 +49,7 @@ impl Link {
 }
 
 impl World {
-    /// The next bytes of the device. `None` where it sends nothing.
+    /// The next bytes of the device. `None` if it sends nothing.
     fn next(&mut self) -> Result<Option<Vec<u8>>, i32> {
         if self.input.is_over() {
             return Ok(None);
@@ -150,8 +150,8 @@ impl World {
 
     fn model(&self) -> Model {
         Model {
-            sensed: crate::wire::axes_of(self.profile.sensed),
-            actuated: crate::wire::axes_of(self.profile.actuated),
+            sensed: devices::wire::axes_of(self.profile.sensed),
+            actuated: devices::wire::axes_of(self.profile.actuated),
             max_force: (self.profile.max_force * 1e6).ceil() as u32,
             max_moment: (self.profile.max_moment * 1e6).ceil() as u32,
             rate: [1000; 2],
@@ -272,7 +272,7 @@ impl Transport for Link {
 /// driver passed on.
 ///
 /// # Panics
-/// Where a state is no state, its clock goes back, an exchange does not end, or the driver commands what it was not
+/// If a state is no state, its clock goes back, an exchange does not end, or the driver commands what it was not
 /// asked for.
 pub fn firmware_host(bytes: &[u8]) -> usize {
     let mut input = Input::new(bytes);

@@ -1,17 +1,16 @@
-//! Everything here that reads bytes from outside, under hostile bytes: for the fuzzers, and for the tests that replay
-//! what the fuzzers found.
+//! Devices under hostile bytes: their drivers, protocols, connections and profiles.
 //!
-//! Each function takes any bytes, which are both what a hostile device sends and when it sends them, and panics where a
-//! rule is broken. The rules are the same everywhere:
+//! The bytes of an input are both what a hostile device sends and when the device sends them. The rules are the same
+//! everywhere:
 //!
 //! 1. No bytes make a parser or a driver panic.
 //! 2. The work is bounded: a driver reads a bounded number of times before it returns.
 //! 3. A state that is passed on is finite and within the reach of the device, and its clock never goes back.
-//! 4. No bytes make a force: a device applies only an intact wrench of its session, and a driver commands no more than
-//!    it was asked for, and nothing where it does not know the position.
+//! 4. No bytes make a force: a device applies only an intact wrench of its session. A driver commands no more than it was
+//!    asked for, and nothing while it does not know the position.
 //!
-//! Each function returns how often it reached the part that the rules are about (a state that was passed on, a force
-//! that was applied), so that a test can demand that its inputs reach that part at all.
+//! Each function returns how often the input reached the part that the rules are about: a state that was passed on, or a
+//! force that was applied.
 
 mod boot;
 mod falcon;

@@ -1,13 +1,14 @@
-//! Changes logs, messages, requests and commands of a page at random and reads them: no panic, and bounded memory.
+//! Changes logs and messages at random and reads them: no panic, and bounded memory.
 //!
-//! `cargo run --release -p palpate-view --example hostile -- run 1000000` reads a million inputs of each kind. The
+//! `cargo run --release -p palpate-fuzz-rules --example changed -- run 1000000` reads a million inputs of each kind. The
 //! counts that are printed are the same on every machine. `-- seeds` writes the seeds of the fuzzers.
 
+use fuzz_rules::changed::Mutator;
+use fuzz_rules::log::{message, play};
+use fuzz_rules::sound::{messages, scene_of, small_log};
 use std::error::Error;
 use std::fs;
 use std::path::Path;
-use view::hostile::{Mutator, log, message, messages, scene_of, small_log};
-use view::web::hostile::{command, commands, request, requests};
 
 /// Inputs from one report to the next.
 const REPORT: u64 = 100_000;
@@ -18,13 +19,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         ["seeds"] => write_seeds()?,
         ["run", count] => run(count.parse()?, "all")?,
         ["run", count, which] => run(count.parse()?, which)?,
-        _ => return Err("expected: run COUNT [log|message|request|command], or seeds".into()),
+        _ => return Err("expected: run COUNT [log|message], or seeds".into()),
     }
     Ok(())
 }
 
 fn run(count: u64, which: &str) -> Result<(), Box<dyn Error>> {
-    if !["all", "log", "message", "request", "command"].contains(&which) {
+    if !["all", "log", "message"].contains(&which) {
         return Err(format!("no kind of input has the name {which}").into());
     }
     let asked = |kind| which == kind || which == "all";
@@ -35,32 +36,24 @@ fn run(count: u64, which: &str) -> Result<(), Box<dyn Error>> {
         report("log", count, || {
             let mut bytes = seed.clone();
             mutator.change(&mut bytes, &keep);
-            log(&bytes)
+            play(&bytes)
         });
     }
-    let mut change_one = |kind, seeds: &[Vec<u8>], read: &dyn Fn(&[u8]) -> bool| {
-        report(kind, count, || {
+    if asked("message") {
+        let seeds = messages();
+        report("message", count, || {
             let mut bytes = seeds[mutator.below(seeds.len())].clone();
             mutator.change(&mut bytes, &(0..0));
-            read(&bytes)
+            message(&bytes)
         });
-    };
-    if asked("message") {
-        change_one("message", &messages(), &message);
-    }
-    if asked("request") {
-        change_one("request", &requests(), &request);
-    }
-    if asked("command") {
-        change_one("command", &commands(), &command);
     }
     Ok(())
 }
 
-fn report(kind: &str, count: u64, mut read: impl FnMut() -> bool) {
+fn report(kind: &str, count: u64, mut read: impl FnMut() -> usize) {
     let mut accepted = 0;
     for done in 1..=count {
-        accepted += u64::from(read());
+        accepted += read() as u64;
         if done % REPORT == 0 || done == count {
             let memory = most_memory().unwrap_or_else(|| "not known".into());
             println!("{kind}: {done} inputs, {accepted} accepted, most memory {memory}");
@@ -78,7 +71,7 @@ fn most_memory() -> Option<String> {
 }
 
 fn write_seeds() -> Result<(), Box<dyn Error>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../seeds");
     let write = |target: &str, name: &str, bytes: &[u8]| {
         let folder = folder.join(target);
         fs::create_dir_all(&folder)?;

@@ -1,10 +1,10 @@
 //! The driver of WoodenHaptics, under a hostile device.
 
 use super::Input;
-use crate::woodenhaptics::driver::QUEUE;
-use crate::woodenhaptics::report::LONG;
-use crate::woodenhaptics::{CurrentReport, EncoderReport, Form, Setup, WoodenHaptics};
-use crate::{Exchange, Transport};
+use devices::woodenhaptics::driver::QUEUE;
+use devices::woodenhaptics::report::LONG;
+use devices::woodenhaptics::{CurrentReport, EncoderReport, Form, Setup, WoodenHaptics};
+use devices::{Exchange, Transport};
 use rt_core::{DeviceError, DeviceState, Vec3, Wrench};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -145,7 +145,7 @@ impl Transport for Link {
 /// passed on.
 ///
 /// # Panics
-/// Where a state is no state, an exchange does not end, or currents are commanded without a position.
+/// If a state is no state, an exchange does not end, or currents are commanded without a position.
 pub fn woodenhaptics(bytes: &[u8]) -> usize {
     parsers(bytes);
     let mut input = Input::new(bytes);

@@ -1,14 +1,14 @@
 //! The states and the capabilities that a plug-in fills in.
 
 use super::Input;
-use crate::plugin::{abi, capabilities, state_of};
+use devices::plugin::{abi, capabilities, state_of};
 use rt_core::{Axes, Freedom};
 
 /// Reads the bytes of the structures that a plug-in fills in: its state, and its capabilities. Returns how many of them
 /// were accepted.
 ///
 /// # Panics
-/// Where a state or the capabilities that no device has are accepted.
+/// If a state or the capabilities that no device has are accepted.
 pub fn plugin_state(bytes: &[u8]) -> usize {
     let mut input = Input::new(bytes);
     let mut accepted = 0;
