@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod adversary;
 pub mod compare;
 pub mod elsewhere;
 mod error;

@@ -1,7 +1,7 @@
 //! A unilateral wall inside the tick: the stiffness from which on the adversary extracts energy, on each device,
 //! compared with theory; and how much stiffer the wall may be under each scheme.
 //!
-//! The wall is a local model with a contact, in the real [`rt_core::Controller`] ([`rig`]). [`sim::adversary`] measures
+//! The wall is a local model with a contact, in the real [`rt_core::Controller`] ([`rig`]). [`crate::adversary`] measures
 //! the energy at the port of the hand; the account of the controller is not used. There are four kinds of cells:
 //!
 //! - **passive**: the boundary of passivity, measured by bisection ([`passive`]) and compared with theory

@@ -3,10 +3,10 @@
 //! The world of a run is the device, the bytes on their way, and the time. Everything that a driver does takes its time
 //! there. The fault changes the packets on their way, or the device itself.
 
-use super::{Kind, PERIOD_NS, Protocol};
+use super::fault::{Injected, Kind, Protocol};
 use crate::emulate::falcon::{Falcon, Settings};
 use crate::emulate::{Emulator, Firmware, Framing, WoodenHaptics};
-use crate::{DeviceModel, NetEnergy, SimDevice};
+use crate::{NetEnergy, SimDevice};
 use devices::Transport;
 use devices::ftdi::{PACKET, STATUS, Setup, Usb};
 use devices::woodenhaptics::{Form, Geometry};
@@ -18,6 +18,8 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+/// Time from one observed force to the next (ns).
+const OBSERVED_NS: u64 = 1_000_000;
 /// Longest step between two looks at the device (ns).
 const STEP_NS: u64 = 50_000;
 /// Time of a packet on its way (ns), by protocol: a packet of the firmware protocol, a report of WoodenHaptics, a USB
@@ -32,57 +34,21 @@ const NO_DEVICE: i32 = 19;
 /// Time in which a device of the firmware protocol finds its reference after a start (ns).
 const HOMING_NS: u64 = 100_000_000;
 /// The image that the Falcon takes.
-pub(crate) const IMAGE: [u8; 64] = [0x5A; 64];
-
-/// The model of the device, which sends 1,000 states a second. Of the built-in devices that move along all axes, `drawn`
-/// (from zero to one) chooses the device of the firmware protocol.
-pub(crate) fn model(protocol: Protocol, drawn: f64) -> DeviceModel {
-    let all: Vec<_> = DeviceModel::all()
-        .filter(|(_, model)| model.axes.is_none())
-        .collect();
-    let name = match protocol {
-        Protocol::Reports | Protocol::Stream => {
-            let place = (drawn * all.len() as f64) as usize;
-            all[place.min(all.len() - 1)].0
-        }
-        Protocol::WoodenHaptics => "woodenhaptics",
-        Protocol::Falcon => "falcon",
-    };
-    match DeviceModel::named(name) {
-        Some(model) => DeviceModel {
-            rate_hz: 1000,
-            ..model
-        },
-        None => panic!("{name} is a built-in device"),
-    }
-}
-
-/// A fault and its times (ns).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Injected {
-    pub(crate) kind: Kind,
-    pub(crate) from_ns: u64,
-    pub(crate) to_ns: u64,
-}
-
-impl Injected {
-    /// Whether the fault is there.
-    pub(crate) fn is(&self, kind: Kind, now_ns: u64) -> bool {
-        self.kind == kind && (self.from_ns..self.to_ns).contains(&now_ns)
-    }
-}
+pub(super) const IMAGE: [u8; 64] = [0x5A; 64];
 
 /// What an observer of the device sees.
 #[derive(Clone, Debug)]
-pub(crate) struct Seen {
-    /// Force at the fault, and now (N).
-    pub(crate) before: f64,
-    pub(crate) force: f64,
+pub struct Seen {
+    /// Force at the fault (N).
+    pub before: f64,
+    /// Force now (N).
+    pub force: f64,
     /// When the force was first zero after the fault began (ns).
-    pub(crate) gone_ns: Option<u64>,
+    pub gone_ns: Option<u64>,
     /// Time (ns) and force (N) of each millisecond since the fault began.
-    pub(crate) forces: Vec<(u64, f64)>,
-    pub(crate) energy: NetEnergy,
+    pub forces: Vec<(u64, f64)>,
+    /// Net energy at the hand.
+    pub energy: NetEnergy,
     /// The time of the next millisecond (ns).
     due_ns: u64,
 }
@@ -168,7 +134,7 @@ impl Way {
 
 /// The world of a run.
 #[derive(Debug)]
-pub(crate) struct World {
+pub struct World {
     protocol: Protocol,
     emulated: Emulated,
     fault: Injected,
@@ -184,12 +150,8 @@ pub(crate) struct World {
 }
 
 impl World {
-    pub(crate) fn new(
-        protocol: Protocol,
-        device: SimDevice,
-        fault: Injected,
-        random: Pcg64,
-    ) -> Self {
+    /// The world of `device`, which speaks `protocol`, with a fault whose choices come from `random`.
+    pub fn new(protocol: Protocol, device: SimDevice, fault: Injected, random: Pcg64) -> Self {
         let emulated = match protocol {
             Protocol::Reports | Protocol::Stream => {
                 let framing = if protocol == Protocol::Stream {
@@ -350,7 +312,7 @@ impl World {
         }
         if self.now_ns >= seen.due_ns {
             seen.forces.push((self.now_ns, seen.force));
-            seen.due_ns = self.now_ns + PERIOD_NS;
+            seen.due_ns = self.now_ns + OBSERVED_NS;
         }
     }
 
@@ -438,10 +400,11 @@ impl World {
 
 /// A connection to the world.
 #[derive(Clone, Debug)]
-pub(crate) struct Link(Arc<Mutex<World>>);
+pub struct Link(Arc<Mutex<World>>);
 
 impl Link {
-    pub(crate) fn new(world: World) -> Self {
+    /// A connection to `world`.
+    pub fn new(world: World) -> Self {
         Self(Arc::new(Mutex::new(world)))
     }
 
@@ -450,34 +413,35 @@ impl Link {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn now_ns(&self) -> u64 {
+    /// The time (ns).
+    pub fn now_ns(&self) -> u64 {
         self.world().now_ns
     }
 
     /// Lets time pass, in which nobody talks to the device.
-    pub(crate) fn run(&self, to_ns: u64) {
+    pub fn run(&self, to_ns: u64) {
         self.world().run(to_ns);
     }
 
     /// What an observer of the device has seen so far.
-    pub(crate) fn seen(&self) -> Seen {
+    pub fn seen(&self) -> Seen {
         self.world().seen.clone()
     }
 
     /// The operator presses the button for calibration, where the device has such a button.
-    pub(crate) fn press(&self) {
+    pub fn press(&self) {
         if let Emulated::WoodenHaptics(device) = &mut self.world().emulated {
             device.press_calibration();
         }
     }
 
     /// What only the simulation knows of the device.
-    pub(crate) fn probe(&self) -> Option<Probe> {
+    pub fn probe(&self) -> Option<Probe> {
         self.world().emulated.device().probe()
     }
 
     /// Opens the connection.
-    pub(crate) fn open(&self) -> Result<Self, i32> {
+    pub fn open(&self) -> Result<Self, i32> {
         let mut world = self.world();
         if world.is_unplugged() {
             return Err(NO_DEVICE);
@@ -489,7 +453,7 @@ impl Link {
     }
 
     /// The next report that has come; zero where none waits.
-    pub(crate) fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
+    pub fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
         let mut world = self.world();
         let now_ns = world.now_ns;
         Ok(world

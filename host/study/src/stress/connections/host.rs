@@ -1,9 +1,6 @@
 //! The host of a run: the driver of the device, and the controller with the wall.
 
-use super::driver::Driver;
-use super::link::{Injected, Link};
-use super::{DISTANCE, Kind, PATIENCE, PERIOD_NS, Plan, Protocol, RECOVERY, WALL};
-use crate::DeviceModel;
+use super::run::{DISTANCE, PATIENCE, PERIOD_NS, Plan, RECOVERY, WALL};
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
@@ -14,6 +11,10 @@ use rt_core::{
     Controller, ControllerConfig, DeviceError, Freedom, LocalModel, MAX_DEVICES, PassivityConfig,
     Port, Scheme, Telemetry, TickTime, Vec3,
 };
+use sim::DeviceModel;
+use sim::emulated::driver::Driver;
+use sim::emulated::fault::{Injected, Kind, Protocol};
+use sim::emulated::link::Link;
 
 /// Period of the tick (s).
 const PERIOD: f64 = PERIOD_NS as f64 * 1e-9;

@@ -1,11 +1,17 @@
-//! Faults of the connection between the program and a device, at random times ([`sim::faults`]).
+//! Faults of the connection between the program and a device, at random times. [`run`] makes one run, and [`expected`]
+//! says what the run must show.
 //!
 //! A cell is one protocol with one kind of fault. A device is emulated in a hand that pushes into a wall; the driver and
 //! the controller are those of a run. The cells go through all protocols and kinds in turn, each with another random time.
 
+pub mod expected;
+mod host;
+pub mod run;
+
 use super::jobs::Header;
+use expected::Case;
 use serde::{Deserialize, Serialize};
-use sim::faults::{self, Kind, Protocol};
+use sim::emulated::fault::{Kind, Protocol};
 
 /// Cells of a study with one run of each fault on each protocol.
 pub const ROUND: u64 = (Protocol::ALL.len() * Kind::ALL.len()) as u64;
@@ -55,14 +61,14 @@ pub fn cell(seed: u64, cell: u64) -> Outcome {
     let kinds = Kind::ALL.len() as u64;
     let kind = Kind::ALL[(cell % kinds) as usize];
     let protocol = Protocol::ALL[(cell / kinds) as usize % Protocol::ALL.len()];
-    let run = cell / ROUND;
+    let number = cell / ROUND;
     // A study of more runs contains those of fewer, and two studies share no run until seeds differ by more than their
     // runs.
-    let found = faults::run(protocol, kind, seed.wrapping_add(run));
+    let found = run::run(protocol, kind, seed.wrapping_add(number));
     Outcome {
         protocol: protocol.to_string(),
         fault: kind.to_string(),
-        detectable: kind.is_detectable(protocol),
+        detectable: Case { protocol, kind }.is_detectable(),
         device_force: found.device,
         commanded_force: found.host,
         commanded_jump: found.host_jump,

@@ -1,6 +1,7 @@
 //! Faults on every protocol, in virtual time: the short form of `palpate stress connections`.
 
-use sim::faults::{Kind, Outcome, Protocol, run};
+use sim::emulated::fault::{Kind, Protocol};
+use study::stress::connections::run::{Outcome, run};
 
 /// The first of the seeds.
 const SEED: u64 = 100;

@@ -1,6 +1,6 @@
 //! The driver of an emulated device, with its threads in virtual time.
 
-use super::Protocol;
+use super::fault::Protocol;
 use super::link::{IMAGE, Link};
 use crate::DeviceModel;
 use core::num::NonZeroU32;
@@ -22,8 +22,10 @@ const SLOTS: usize = 4;
 const SESSION: NonZeroU32 = NonZeroU32::MIN.saturating_add(6);
 
 /// The driver, as the tick sees it.
-pub(crate) enum Driver {
+pub enum Driver {
+    /// A driver in a thread of its own.
     Exchanged(Thread),
+    /// The driver over HID, which the tick reads itself.
     Reports(Box<Hid>),
 }
 
@@ -32,7 +34,7 @@ impl Driver {
     ///
     /// # Panics
     /// Where the device does not answer, which none does without a fault.
-    pub(crate) fn open(protocol: Protocol, model: &DeviceModel, period: f64, link: &Link) -> Self {
+    pub fn open(protocol: Protocol, model: &DeviceModel, period: f64, link: &Link) -> Self {
         let let_go = let_go_after(period);
         // The watchdog that the driver asks of a device is as long.
         let watchdog_us = let_go.as_micros() as u32;
@@ -99,14 +101,14 @@ impl Driver {
     }
 
     /// Lets the driver work until `now_ns`.
-    pub(crate) fn run(&mut self, link: &Link, now_ns: u64) {
+    pub fn run(&mut self, link: &Link, now_ns: u64) {
         if let Self::Exchanged(thread) = self {
             thread.run(link, now_ns);
         }
     }
 
     /// The reading of the tick at `now_ns`.
-    pub(crate) fn read(&mut self, link: &Link, now_ns: u64) -> Reading {
+    pub fn read(&mut self, link: &Link, now_ns: u64) -> Reading {
         match self {
             Self::Exchanged(thread) => {
                 thread.run(link, now_ns);
@@ -117,7 +119,7 @@ impl Driver {
     }
 
     /// Number of wrenches that the device refused; `None` where it does not tell.
-    pub(crate) fn refused_wrenches(&self) -> Option<u64> {
+    pub fn refused_wrenches(&self) -> Option<u64> {
         match self {
             Self::Exchanged(thread) => thread.exchange.refused_wrenches(),
             Self::Reports(hid) => Some(hid.reports.refused_by_device),
@@ -125,7 +127,7 @@ impl Driver {
     }
 
     /// Takes the wrench of the tick at `now_ns`.
-    pub(crate) fn write(&mut self, link: &Link, now_ns: u64, wrench: &Wrench) {
+    pub fn write(&mut self, link: &Link, now_ns: u64, wrench: &Wrench) {
         match self {
             Self::Exchanged(thread) => thread.write(wrench),
             Self::Reports(hid) => hid.write(link, now_ns, wrench),
@@ -134,7 +136,7 @@ impl Driver {
 }
 
 /// The thread of a device that answers when it is asked: [`devices::Exchanged`] in virtual time.
-pub(crate) struct Thread {
+pub struct Thread {
     exchange: Box<dyn Exchange>,
     gate: Gate,
     /// Time without a wrench after which the thread commands zero (ns).
@@ -244,7 +246,7 @@ impl Thread {
 }
 
 /// The driver over HID, whose writing thread writes at once.
-pub(crate) struct Hid {
+pub struct Hid {
     reports: Reports,
     sensed: Freedom,
     retry_ns: Option<u64>,

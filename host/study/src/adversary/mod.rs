@@ -14,7 +14,7 @@
 //! that motion.
 //!
 //! ```
-//! use sim::adversary::{Adversary, Goal, Limits, Mechanism, Rendering};
+//! use study::adversary::{Adversary, Goal, Limits, Mechanism, Rendering};
 //!
 //! /// A sampled spring that pushes out of negative positions: replace it by your controller.
 //! struct Spring(f64);
