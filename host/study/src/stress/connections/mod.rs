@@ -8,22 +8,59 @@ pub mod expected;
 mod host;
 pub mod run;
 
-use super::jobs::Header;
+use crate::stress::{self, Done, Verdict};
 use expected::Case;
 use serde::{Deserialize, Serialize};
 use sim::emulated::fault::{Kind, Protocol};
+use std::collections::BTreeMap;
 
 /// Cells of a study with one run of each fault on each protocol.
 pub const ROUND: u64 = (Protocol::ALL.len() * Kind::ALL.len()) as u64;
 
-/// The first line of the study's file: `runs` of each fault on each protocol.
-pub fn header(seed: u64, runs: u64) -> Header {
-    Header {
-        study: "connections".to_owned(),
-        schema: 1,
-        seed,
-        cells: runs.saturating_mul(ROUND),
-        settings: serde_json::json!({}),
+/// Runs of each fault on each protocol, in a whole study and in a quick one.
+pub const RUNS: [u64; 2] = [100, 1];
+
+/// The study.
+#[derive(Clone, Copy, Debug)]
+pub struct Study {
+    /// The seed of every random choice.
+    pub seed: u64,
+    /// Number of runs of each fault on each protocol.
+    pub runs: u64,
+}
+
+impl stress::Study for Study {
+    type Outcome = Outcome;
+    const NAME: &'static str = "connections";
+    const SCHEMA: u32 = 1;
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn cells(&self) -> u64 {
+        self.runs.saturating_mul(ROUND)
+    }
+
+    fn cell(&self, cell: u64, _: &Done<'_>) -> Outcome {
+        self::cell(self.seed, cell)
+    }
+
+    fn summary(&self, cells: &BTreeMap<u64, Outcome>) -> String {
+        summary(cells)
+    }
+
+    fn verdict(&self, cells: &BTreeMap<u64, Outcome>) -> Verdict {
+        Verdict::of_failures(
+            cells,
+            |cell| &cell.failures,
+            |number, cell, failure| {
+                let Outcome {
+                    protocol, fault, ..
+                } = cell;
+                format!("cell {number}: {protocol}, {fault}: {failure}")
+            },
+        )
     }
 }
 
@@ -122,6 +159,43 @@ pub fn worst<'a>(cells: impl Iterator<Item = &'a Outcome>) -> Vec<Worst> {
     all
 }
 
+/// The largest number of each fault on each protocol.
+fn summary(cells: &BTreeMap<u64, Outcome>) -> String {
+    let mut text = String::new();
+    put!(
+        text,
+        "| device | fault | runs | force at the device (ms) | force commanded (ms) | jump commanded (N) | \
+         jump at the device (N) | net energy (mJ) | ticks without a state | failed |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|");
+    for worst in worst(cells.values()) {
+        let most = &worst.most;
+        let [device, commanded] =
+            [most.device_force, most.commanded_force].map(|time| match time {
+                Some(time) => format!("{:.2}", 1e3 * time),
+                None => "-".to_owned(),
+            });
+        let failed = if most.detectable {
+            worst.failed.to_string()
+        } else {
+            "not detectable".to_owned()
+        };
+        put!(
+            text,
+            "| {} | {} | {} | {device} | {commanded} | {:.3} | {:.3} | {:.3} | {} | {failed} |",
+            most.protocol,
+            most.fault,
+            worst.runs,
+            most.commanded_jump,
+            most.device_jump,
+            // Without the sign of a zero.
+            1e3 * most.energy + 0.0,
+            most.missed,
+        );
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,7 +209,8 @@ mod tests {
             .map(|cell| (cell % kinds, cell / kinds))
             .collect();
         assert_eq!(names.len() as u64, ROUND);
-        assert_eq!(header(1, 100).cells, 100 * ROUND);
+        let study = Study { seed: 1, runs: 100 };
+        assert_eq!(stress::Study::cells(&study), 100 * ROUND);
     }
 
     #[test]

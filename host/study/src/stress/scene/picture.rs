@@ -1,11 +1,11 @@
 //! Charts of a study, and of one of its cells.
 
+use super::measure::{DeviceTrace, Outcome, Trace};
+use super::summary::{Band, outcomes};
+use super::{CellResult, SCHEMES};
+use crate::stress::hold::{self, CellResult as HoldCell};
 use host::plot::{self, Panel, Role, Scale, Series};
 use std::collections::BTreeMap;
-use study::stress::hold::{self, CellResult as HoldCell};
-use study::stress::scene::measure::{DeviceTrace, Outcome, Trace};
-use study::stress::scene::summary::{Band, outcomes};
-use study::stress::scene::{CellResult, SCHEMES};
 
 /// Largest number of points of a line over time: more would not be visible.
 const POINTS: usize = 960;
@@ -136,12 +136,7 @@ const REFERENCE: &str = "reference run";
 
 /// One run beside its reference run: force and position of each device along the main direction of its force, and the
 /// energy.
-pub(in crate::stress) fn cell(
-    title: &str,
-    subtitle: &str,
-    run: &Trace,
-    reference: &Trace,
-) -> String {
+pub fn cell(title: &str, subtitle: &str, run: &Trace, reference: &Trace) -> String {
     let mut panels = Vec::new();
     let line = |name: &str, role, values: Vec<f64>| Series {
         name: name.to_owned(),

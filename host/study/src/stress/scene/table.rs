@@ -1,12 +1,12 @@
-//! The tables of `palpate stress scene`, at most 120 columns wide.
+//! The tables of the study, at most 120 columns wide.
 
+use super::draw::Trouble;
+use super::summary::{Band, FEW, Row, row};
+use super::{CellResult, SCHEMES};
 use std::collections::BTreeMap;
-use study::stress::scene::draw::Trouble;
-use study::stress::scene::summary::{Band, FEW, Row, row};
-use study::stress::scene::{CellResult, SCHEMES};
 
-/// Prints the tables by publication rate, and the tables by trouble.
-pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
+/// Writes the tables by publication rate, and the tables by trouble.
+pub(super) fn write(text: &mut String, cells: &BTreeMap<u64, CellResult>) {
     let mut rates: Vec<f64> = cells.values().map(|cell| cell.draw.rate).collect();
     rates.sort_unstable_by(f64::total_cmp);
     rates.dedup();
@@ -22,6 +22,7 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
         bands.extend(further);
     }
     tables(
+        text,
         cells,
         "Hz",
         "publication rate, over all troubles",
@@ -38,8 +39,9 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
         };
         (trouble.name().to_owned(), band)
     });
-    outln!();
+    put!(text);
     tables(
+        text,
         cells,
         "trouble",
         "trouble, at 60 Hz and more",
@@ -48,8 +50,9 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
     );
 }
 
-/// Prints the rows of each band: whether the hands come to rest, and the errors of their forces.
+/// Writes the rows of each band: whether the hands come to rest, and the errors of their forces.
 fn tables(
+    text: &mut String,
     cells: &BTreeMap<u64, CellResult>,
     first: &str,
     title: &str,
@@ -63,13 +66,15 @@ fn tables(
         });
         each.collect::<Vec<_>>()
     };
-    outln!("By {title}:\n");
+    put!(text, "By {title}:\n");
     head(
+        text,
         first,
         "runs | bounded % | net energy mJ (cell) | ripple N: median, most (cell) | capped %: median, most",
     );
     for (name, row) in rows() {
-        outln!(
+        put!(
+            text,
             "| {name} | {} | {} | {:.1} | {:.2} ({}) | {} ({}) | {} |",
             row.scheme,
             row.runs,
@@ -81,15 +86,18 @@ fn tables(
             two(&row, row.capped, percent),
         );
     }
-    outln!(
+    put!(
+        text,
         "\nErrors of the force by {short}, in %: median, 90 % (of fewer than {FEW} worlds, the most):\n"
     );
     head(
+        text,
         first,
         "force | current model | without faults, below 10 % | stiffness | run | ripple of the run N: 90 %, most",
     );
     for (name, row) in rows() {
-        outln!(
+        put!(
+            text,
             "| {name} | {} | {} | {} | {}, {:.0} % | {} | {} | {} |",
             row.scheme,
             two(&row, row.error, percent),
@@ -103,9 +111,13 @@ fn tables(
     }
 }
 
-fn head(first: &str, others: &str) {
+fn head(text: &mut String, first: &str, others: &str) {
     let head = format!("| {first} | scheme | {others} |");
-    outln!("{head}\n|{}", "---|".repeat(head.matches('|').count() - 1));
+    put!(
+        text,
+        "{head}\n|{}",
+        "---|".repeat(head.matches('|').count() - 1)
+    );
 }
 
 fn percent(fraction: f64) -> String {
