@@ -171,7 +171,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
 }
 
 /// Runs the cells of a study, prints the results, and writes the picture.
-fn run_study<S: stress::Study>(
+pub(super) fn run_study<S: stress::Study>(
     study: &S,
     options: &Options,
     plot: Option<&PathBuf>,
@@ -236,7 +236,7 @@ fn cells(text: &str) -> Result<u64, String> {
 }
 
 /// The progress of the cells, on a bar of a thousand parts.
-pub(super) struct Shown {
+struct Shown {
     bar: ProgressBar,
     /// Whether the person has been told that the file of results cannot be written.
     warned: AtomicBool,
@@ -252,7 +252,7 @@ pub(super) struct Shown {
 const MILLION: f64 = 1e6;
 
 impl Shown {
-    pub(super) fn new() -> Self {
+    fn new() -> Self {
         Self {
             bar: progress_bar(),
             warned: AtomicBool::new(false),
@@ -263,7 +263,7 @@ impl Shown {
         }
     }
 
-    pub(super) fn show(&self, at: &Progress<'_>) {
+    fn show(&self, at: &Progress<'_>) {
         if self.of.swap(at.of.max(1), Ordering::Relaxed) == u64::MAX {
             self.before.store(at.done, Ordering::Relaxed);
         }
@@ -279,7 +279,7 @@ impl Shown {
     }
 
     /// A part of a cell is done, on any thread: this fraction of the cell.
-    pub(super) fn part(&self, fraction: f64) {
+    fn part(&self, fraction: f64) {
         let part = (MILLION * fraction) as u64;
         self.millionths.fetch_add(part, Ordering::Relaxed);
         self.draw();
@@ -300,10 +300,7 @@ impl Shown {
     }
 
     /// Ends the display of a run with the result `cells`.
-    pub(super) fn end<R>(
-        &self,
-        cells: Result<Cells<R>, JobError>,
-    ) -> Result<Cells<R>, CommandError> {
+    fn end<R>(&self, cells: Result<Cells<R>, JobError>) -> Result<Cells<R>, CommandError> {
         self.bar.finish_and_clear();
         Ok(cells?)
     }

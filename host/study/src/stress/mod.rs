@@ -1,21 +1,10 @@
 //! Stress studies: tests of couplings, devices and hosts before a person touches them. `palpate stress` repeats each.
 //!
-//! [`Study`] is what every study has. [`jobs`] runs the many cells of a study on all cores and machines. [`devices`] are the
-//! devices of a study. [`wall`]
-//! maps a stiff wall inside the tick. [`faults`] gives the tick input that should never occur. [`connections`] cuts,
-//! floods and corrupts the connection of a device. [`hold`] checks that the rendered force is the force of the body.
-//! [`seeds`] compares results of several seeds. [`scene`] compares the schemes on a scene under hands, rates and faults.
-//! [`tearing`] tears random sheets.
-
-/// Appends a line to a text.
-macro_rules! put {
-    ($text:expr) => { $text.push('\n') };
-    ($text:expr, $($line:tt)*) => {{
-        use std::fmt::Write as _;
-        // A text takes every line.
-        let _ = writeln!($text, $($line)*);
-    }};
-}
+//! [`Study`] is what every study has, and [`STUDIES`] is their list. [`jobs`] runs the many cells of a study on all cores and
+//! machines. [`devices`] are the devices of a study. [`wall`] maps a stiff wall inside the tick. [`faults`] gives the tick
+//! input that should never occur. [`connections`] cuts, floods and corrupts the connection of a device. [`hold`] checks that
+//! the rendered force is the force of the body. [`scene`] compares the schemes on a scene under hands, rates and faults.
+//! [`tearing`] tears random sheets. [`seeds`] compares results of several seeds.
 
 pub(crate) mod chance;
 pub mod connections;
@@ -33,7 +22,7 @@ pub mod wall;
 pub use study::{Done, Entry, Quantity, Study, Verdict};
 
 /// The studies.
-pub const STUDIES: [Entry; 6] = [
+pub const STUDIES: &[Entry] = &[
     Entry::of::<wall::Study>(),
     Entry::of::<faults::Study>(),
     Entry::of::<connections::Study>(),
