@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
-    devices::hostile::connection(text);
+    fuzz_rules::device::connection(text);
 });

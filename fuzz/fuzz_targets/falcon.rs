@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    devices::hostile::falcon(bytes);
+    fuzz_rules::device::falcon(bytes);
 });

@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    devices::hostile::falcon_boot(bytes);
+    fuzz_rules::device::falcon_boot(bytes);
 });

@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    devices::hostile::firmware_device(bytes);
+    fuzz_rules::device::firmware_device(bytes);
 });

@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    devices::hostile::firmware_host(bytes);
+    fuzz_rules::device::firmware_host(bytes);
 });

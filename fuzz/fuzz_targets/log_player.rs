@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    view::hostile::log(bytes);
+    fuzz_rules::log::play(bytes);
 });

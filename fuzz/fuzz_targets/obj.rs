@@ -2,12 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    match meshio::obj::parse(bytes) {
-        Ok(mesh) => mesh.validate().expect("what is read is valid"),
-        Err(error) => assert!(!error.to_string().contains('\n'), "an error is one line"),
-    }
-    match meshio::obj::parse_with_pattern(bytes, 0.01) {
-        Ok(mesh) => mesh.validate().expect("what is read is valid"),
-        Err(error) => assert!(!error.to_string().contains('\n'), "an error is one line"),
-    }
+    fuzz_rules::mesh::obj(bytes);
 });

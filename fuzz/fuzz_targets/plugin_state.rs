@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    devices::hostile::plugin_state(bytes);
+    fuzz_rules::device::plugin_state(bytes);
 });

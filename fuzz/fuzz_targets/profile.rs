@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
-    devices::hostile::profile(text);
+    fuzz_rules::device::profile(text);
 });

@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
-    devices::hostile::sysfs(text);
+    fuzz_rules::device::sysfs(text);
 });

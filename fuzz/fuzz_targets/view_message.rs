@@ -2,5 +2,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    view::hostile::message(bytes);
+    fuzz_rules::log::message(bytes);
 });

@@ -2,7 +2,7 @@
 
 use crate::delayed::Delayed;
 use crate::device::SimDevice;
-use crate::faults::Protocol;
+use crate::emulated::fault::Protocol;
 use crate::firmware::Wired;
 use crate::hand::Hand;
 use devices::{AnyDevice, Driver, Kind, OpenError, Request};

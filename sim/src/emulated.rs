@@ -5,17 +5,23 @@
 //! are those of the device. It rehearses a real device before the device is there. The run begins after the operator's
 //! part: the hand first homes or calibrates the device, and then follows the motion of the scene.
 //!
-//! The parts are those of [`crate::faults`], without a fault. They allocate, so an emulated device belongs to virtual
-//! time.
+//! - [`link`]: the connection between a driver and an emulated device. [`fault`]: what may happen to the connection.
+//! - [`driver`]: the true driver of a device, with its threads in virtual time.
+//!
+//! A run has no fault; the study of connections has. The parts allocate, so an emulated device belongs to virtual time.
+
+pub mod driver;
+pub mod fault;
+pub mod link;
 
 use crate::device::LONGEST_MOVE_NS;
 use crate::driver::Held;
-use crate::faults::driver::Driver as Opened;
-use crate::faults::link::{Injected, Link, World};
-use crate::faults::{Kind as Fault, Protocol};
 use crate::{Hand, SimDevice, Trajectory};
 use devices::falcon::MOST_FORCE;
 use devices::{AnyDevice, Driver, Kind, OpenError, Request};
+use driver::Driver as Opened;
+use fault::{Injected, Kind as Fault, Protocol};
+use link::{Link, World};
 use rand_pcg::Pcg64;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Vec3, Wrench};
 

@@ -2,19 +2,17 @@
 //!
 //! Everything here is pure computation, without threads, files, wall clocks or printing. Two runs from the same inputs
 //! give the same bits on every platform: sine, exponential and tangent come from `libm`, and all other operations are
-//! exactly rounded. Only the [`adversary`] allocates after it is built, because a simulated device also runs inside the
-//! real-time tick.
+//! exactly rounded. Only the [`emulated`] devices allocate after they are built, because a simulated device also runs
+//! inside the real-time tick.
 //!
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
 //! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for
 //! its energy. [`firmware`] puts a device behind the bytes of its reports, and [`delayed`] behind the
 //! delay of its output. [`emulate`] has whole devices behind a
-//! protocol, published or our own. [`faulty`] lets a device fail at given times, and [`faults`] the way
-//! between a driver and its emulated device. [`driver`] and [`emulated`] open the devices
-//! of a scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
+//! protocol, published or our own. [`faulty`] lets a device fail at given times. [`driver`] and [`emulated`] open the
+//! devices of a scene.
 #![forbid(unsafe_code)]
 
-pub mod adversary;
 pub mod arm;
 mod curve;
 pub mod delayed;
@@ -25,7 +23,6 @@ pub mod emulate;
 pub mod emulated;
 mod encoder;
 pub mod energy;
-pub mod faults;
 pub mod faulty;
 pub mod firmware;
 pub mod hand;

@@ -8,7 +8,7 @@ use devices::{AnyDevice, DeviceModel, Registry, ReplayDevice, Request};
 use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
 use firmware_proto::report::{Model, StateReport, axes};
 use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Rendering, Vec3, Wrench};
-use sim::faults::Protocol;
+use sim::emulated::fault::Protocol;
 use sim::firmware::state_bytes;
 use sim::{
     Delayed, EmulatedDriver, Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind,

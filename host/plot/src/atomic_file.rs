@@ -99,8 +99,6 @@ pub fn open_stream(path: &Path) -> io::Result<fs::File> {
 
 /// What the name of a temporary file begins and ends with.
 const TEMPORARY: [&str; 2] = [".palpate-", ".tmp"];
-/// What the name of a lock file begins and ends with.
-pub const LOCK: [&str; 2] = [".", ".palpate-lock"];
 
 /// The temporary files of this program that may be there.
 static OWN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -142,20 +140,17 @@ fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     }
 }
 
-/// Removes the temporary files and the lock files that killed programs have left in a folder: those that no program
-/// holds. The folder may be missing.
+/// Removes the temporary files that killed programs have left in a folder: those that no program holds. The folder may be
+/// missing.
 pub fn sweep(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
     };
     for entry in entries.flatten() {
         let name = entry.file_name();
+        let [begin, end] = TEMPORARY;
         let is_ours = name.to_str().is_some_and(|name| {
-            [TEMPORARY, LOCK].iter().any(|[begin, end]| {
-                name.starts_with(begin)
-                    && name.ends_with(end)
-                    && name.len() > begin.len() + end.len()
-            })
+            name.starts_with(begin) && name.ends_with(end) && name.len() > begin.len() + end.len()
         });
         if !is_ours || !entry.file_type().is_ok_and(|kind| kind.is_file()) {
             continue;
@@ -316,9 +311,7 @@ mod tests {
     fn what_a_killed_program_left_is_swept_away_and_what_is_held_stays() {
         let folder = tempfile::tempdir().expect("a folder");
         let held = temporary_file(folder.path()).expect("a file");
-        for left in [".palpate-Xy12.tmp", ".plot.svg.palpate-lock"] {
-            fs::write(folder.path().join(left), b"").expect("left");
-        }
+        fs::write(folder.path().join(".palpate-Xy12.tmp"), b"").expect("left");
         for other in [".palpate-.tmp", "palpate-a.tmp", ".other.tmp", "plot.svg"] {
             fs::write(folder.path().join(other), b"").expect("another file");
         }

@@ -6,8 +6,9 @@
 //! (hard links). Devices, pipes and the names of the standard streams are no files that can be destroyed.
 //!
 //! Outputs that grow during the work are locked themselves, by the code that writes them (`host::log`, `host::solve`,
-//! `study::stress::jobs`). An output that replaces a file at the end has a lock file beside it meanwhile,
-//! `.NAME.palpate-lock`. All locks are the system's advisory locks: they end with the process, in whatever way it ends.
+//! `study::stress::jobs`). Of an output that replaces a file at the end, the older file is locked meanwhile; two programs
+//! that make the same new file both succeed, and the later one's file stays. All locks are the system's advisory locks:
+//! they end with the process, in whatever way it ends.
 
 use host::atomic_file::{self, folder_of};
 use host::run::TickOutputs;
@@ -17,7 +18,6 @@ use host::solve::frames::FrameFolder;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The format of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -318,7 +318,7 @@ impl Declared {
             .partition(|output| matches!(output.kind, Kind::Folder(_)));
         let mut held = Held::default();
         for output in folders.into_iter().chain(files) {
-            held.locks.extend(hold(output)?);
+            held.locked.extend(hold(output)?);
             held.pipes.extend(hold_pipe(output)?);
         }
         Ok(held)
@@ -419,50 +419,15 @@ impl Output {
 /// What keeps other programs from the outputs. Dropping it releases them.
 #[derive(Default)]
 pub(super) struct Held {
-    locks: Vec<LockFile>,
+    /// The older files that the outputs replace, locked.
+    locked: Vec<File>,
     /// The pipes that are outputs: their readers do not see an end before the output comes.
     pipes: Vec<File>,
 }
 
-/// A file beside an output that is locked while a program works on the output. It is removed on drop.
-struct LockFile {
-    path: PathBuf,
-    _file: File,
-}
-
-/// The lock files of this program.
-static LOCKS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-impl LockFile {
-    fn new(path: PathBuf, file: File) -> Self {
-        locks().push(path.clone());
-        Self { path, _file: file }
-    }
-}
-
-impl Drop for LockFile {
-    fn drop(&mut self) {
-        // The file is removed while it is locked. One that stays does no harm.
-        let _ = fs::remove_file(&self.path);
-        locks().retain(|path| *path != self.path);
-    }
-}
-
-fn locks() -> MutexGuard<'static, Vec<PathBuf>> {
-    LOCKS.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Removes the lock files and the temporary files of this program, which is about to end in the middle of its work.
-pub(super) fn abandon() {
-    for path in locks().drain(..) {
-        let _ = fs::remove_file(path);
-    }
-    atomic_file::abandon();
-}
-
 /// Keeps other programs from the output, as far as the command itself does not when it opens the output. Fails if
 /// another program has the output.
-fn hold(output: &Output) -> Result<Option<LockFile>, OutputError> {
+fn hold(output: &Output) -> Result<Option<File>, OutputError> {
     let flag = output.flag;
     let busy = || OutputError::Busy {
         flag,
@@ -494,41 +459,20 @@ fn hold(output: &Output) -> Result<Option<LockFile>, OutputError> {
     if *format != Format::JsonLines && is_locked(&target) {
         return Err(busy());
     }
-    if there.is_some() {
-        // A file that its owner protects is not replaced.
-        OpenOptions::new()
-            .append(true)
-            .open(&target)
-            .map_err(failed)?;
+    if there.is_none() {
+        return probe(folder_of(&target)).map_err(failed).map(|()| None);
     }
-    let Some(lock) = lock_file(&target) else {
-        return Ok(None);
-    };
+    // A file that its owner protects is not replaced.
+    let file = OpenOptions::new().append(true).open(&target);
+    let file = file.map_err(failed)?;
+    // What grows is locked by its writer.
     if format.grows() {
-        return match is_locked(&lock) {
-            true => Err(busy()),
-            false if there.is_some() => Ok(None),
-            false => probe(folder_of(&target)).map_err(failed).map(|()| None),
-        };
+        return Ok(None);
     }
-    loop {
-        let mut options = OpenOptions::new();
-        let file = options.write(true).create(true).truncate(false).open(&lock);
-        let file = match file {
-            Ok(file) => file,
-            // The name of the output is almost as long as a name can be.
-            Err(error) if error.kind() == io::ErrorKind::InvalidFilename => return Ok(None),
-            Err(error) => return Err(failed(error)),
-        };
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => return Err(busy()),
-            // Some network file systems have no locks.
-            Ok(()) | Err(TryLockError::Error(_)) => {}
-        }
-        // Between opening and locking, the previous owner may have removed the file.
-        if cfg!(not(unix)) || file.metadata().is_ok_and(|open| is_same(&open, &lock)) {
-            return Ok(Some(LockFile::new(lock, file)));
-        }
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(busy()),
+        // Some network file systems have no locks.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(Some(file)),
     }
 }
 
@@ -546,16 +490,6 @@ fn hold_pipe(output: &Output) -> Result<Option<File>, OutputError> {
         source,
     })?;
     Ok(Some(pipe))
-}
-
-/// The lock file of an output.
-fn lock_file(target: &Path) -> Option<PathBuf> {
-    let name = target.file_name()?;
-    let [begin, end] = atomic_file::LOCK;
-    let mut lock = std::ffi::OsString::from(begin);
-    lock.push(name);
-    lock.push(end);
-    Some(folder_of(target).join(lock))
 }
 
 /// Whether a program holds a lock on the file or the folder.

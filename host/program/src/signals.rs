@@ -12,13 +12,14 @@
 //! request therefore looks at the terminal as well. Where `nohup` lets the program ignore SIGHUP, a lost terminal ends
 //! nothing.
 //!
-//! Commands that hold no device end at once, as the signal says; only their lock files and temporary files are removed first
+//! Commands that hold no device end at once, as the signal says; only their temporary files are removed first
 //! ([`clean_up_at_the_end`]). Their results that grow are complete up to the last line.
 //!
 //! SIGTTIN and SIGTTOU stop a program in the background that uses its terminal. A command that holds a device ignores
 //! both: the program then runs in the background, and a read of the terminal fails there.
 
-use super::{CommandError, outputs};
+use super::CommandError;
+use host::atomic_file;
 use runner::Stop;
 use runner::signals::{ending, ignore, is_ignored};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -65,8 +66,8 @@ pub(super) fn is_lost(events: PollFlags) -> bool {
     events.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
 }
 
-/// Lets a signal that ends a command, which holds no device and has no end of its own, first remove the lock files and the
-/// temporary files of the command.
+/// Lets a signal that ends a command, which holds no device and has no end of its own, first remove the temporary
+/// files of the command.
 pub(super) fn clean_up_at_the_end() {
     // Without a thread or a pipe they stay. The next command that writes there removes them.
     let _ = clean_up();
@@ -81,7 +82,7 @@ fn clean_up() -> io::Result<()> {
         .name("palpate-signals".into())
         .spawn(move || {
             if waits.read_exact(&mut [0]).is_ok() {
-                outputs::abandon();
+                atomic_file::abandon();
                 let number = i32::try_from(theirs.load(Ordering::SeqCst)).unwrap_or(SIGTERM);
                 // The process ends as the signal says.
                 let _ = low_level::emulate_default_handler(number);
@@ -182,7 +183,7 @@ impl Watched {
         self.requested.store(false, Ordering::SeqCst);
         self.wait();
         let number = i32::try_from(self.received.load(Ordering::SeqCst)).unwrap_or(SIGTERM);
-        outputs::abandon();
+        atomic_file::abandon();
         low_level::exit(128_i32.saturating_add(number));
     }
 

@@ -12,151 +12,116 @@ mod source;
 
 use page::{Output, page, unit};
 use source::Source;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 24] = [
+/// The files that the program writes, in the page's order. Those of the studies stand before those of [`AFTER`].
+const OUTPUTS: [Output; 18] = [
     Output {
-        title: "`palpate run --json`",
+        title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
         about: "The summary of a run.",
         root: "host::run::summary::RunSummary",
     },
     Output {
-        title: "`palpate run --replay LOG --json`",
+        title: Cow::Borrowed("`palpate run --replay LOG --json`"),
         schema: "palpate.replay/1",
         about: "The comparison of a replay with its log.",
         root: "host::run::replay::ReplayReport",
     },
     Output {
-        title: "`palpate solve --json`",
+        title: Cow::Borrowed("`palpate solve --json`"),
         schema: "palpate.solve/1",
         about: "Equilibrium or motion without devices.",
         root: "host::solve::result::Solution",
     },
     Output {
-        title: "`palpate plan --json`",
+        title: Cow::Borrowed("`palpate plan --json`"),
         schema: "palpate.plan/2",
         about: "The stages of a host step.",
         root: "palpate::plan::PlanJson",
     },
     Output {
-        title: "`palpate compare --json`",
+        title: Cow::Borrowed("`palpate compare --json`"),
         schema: "palpate.compare/1",
         about: "A scene under several force schemes.",
         root: "study::compare::Comparison",
     },
     Output {
-        title: "`palpate sweep --json`",
+        title: Cow::Borrowed("`palpate sweep --json`"),
         schema: "",
         about: "A line for each run.",
         root: "study::sweep::Swept",
     },
     Output {
-        title: "`palpate device list --json`",
+        title: Cow::Borrowed("`palpate device list --json`"),
         schema: "palpate.devices/1",
         about: "The devices that are connected.",
         root: "palpate::device::list::DeviceList",
     },
     Output {
-        title: "`palpate device probe --json`",
+        title: Cow::Borrowed("`palpate device probe --json`"),
         schema: "palpate.probe/2",
         about: "The states of a device.",
         root: "study::probe::Probed",
     },
     Output {
-        title: "`palpate device identify --json`",
+        title: Cow::Borrowed("`palpate device identify --json`"),
         schema: "palpate.identified/1",
         about: "The mechanics of a device, each number with its interval.",
         root: "palpate::device::identify::IdentifiedJson",
     },
     Output {
-        title: "`palpate bench accuracy --json`",
+        title: Cow::Borrowed("`palpate bench accuracy --json`"),
         schema: "palpate.accuracy/2",
         about: "Distances from exact solutions.",
         root: "study::accuracy::Accuracy",
     },
     Output {
-        title: "`palpate bench extrapolation --json`",
+        title: Cow::Borrowed("`palpate bench extrapolation --json`"),
         schema: "palpate.extrapolation/1",
         about: "Errors of the force schemes between publications.",
         root: "study::extrapolation::Extrapolation",
     },
     Output {
-        title: "`palpate bench speed --json`",
+        title: Cow::Borrowed("`palpate bench speed --json`"),
         schema: "palpate.speed/1",
         about: "Run time against error.",
         root: "study::speed::Speed",
     },
     Output {
-        title: "`palpate bench stability --json`",
+        title: Cow::Borrowed("`palpate bench stability --json`"),
         schema: "palpate.stability/1",
         about: "Bodies under extreme conditions.",
         root: "study::stability::Report",
     },
     Output {
-        title: "`palpate bench tearing --json`",
+        title: Cow::Borrowed("`palpate bench tearing --json`"),
         schema: "palpate.tearing/1",
         about: "Tears of sheets against fracture mechanics.",
         root: "study::tearing::TearingStudy",
     },
     Output {
-        title: "`palpate bench tearing --part figure --json` (and `table`, `feel`)",
+        title: Cow::Borrowed("`palpate bench tearing --part figure --json` (and `table`, `feel`)"),
         schema: "palpate.tearing_runs/1",
         about: "Tears in whole runs of scenes.",
         root: "study::tearing::runs::TearingRuns",
     },
     Output {
-        title: "`palpate bench velocity --json`",
+        title: Cow::Borrowed("`palpate bench velocity --json`"),
         schema: "palpate.velocity/1",
         about: "Errors of the estimate of velocity.",
         root: "study::velocity::VelocityStudy",
     },
     Output {
-        title: "`palpate stress wall --json`",
-        schema: "",
-        about: "A line for each cell.",
-        root: "study::stress::wall::Outcome",
-    },
-    Output {
-        title: "`palpate stress faults --json`",
-        schema: "",
-        about: "A line for each cell.",
-        root: "study::stress::faults::Outcome",
-    },
-    Output {
-        title: "`palpate stress connections --json`",
-        schema: "",
-        about: "A line for each cell.",
-        root: "study::stress::connections::Outcome",
-    },
-    Output {
-        title: "`palpate stress endings --json`",
+        title: Cow::Borrowed("`palpate stress endings --json`"),
         schema: "",
         about: "A line for each cell.",
         root: "palpate::stress::endings::Outcome",
     },
     Output {
-        title: "`palpate stress hold --json`",
-        schema: "",
-        about: "A line for each cell.",
-        root: "study::stress::hold::CellResult",
-    },
-    Output {
-        title: "`palpate stress scene --json`",
-        schema: "",
-        about: "A line for each cell.",
-        root: "study::stress::scene::CellResult",
-    },
-    Output {
-        title: "`palpate stress tearing --json`",
-        schema: "",
-        about: "A line for each cell.",
-        root: "study::stress::tearing::CellResult",
-    },
-    Output {
-        title: "`palpate stress seeds --json`",
+        title: Cow::Borrowed("`palpate stress seeds --json`"),
         schema: "palpate.seeds/1",
         about: "A study over several seeds. The file is not JSON Lines.",
         root: "study::stress::seeds::Seeds",
@@ -181,6 +146,24 @@ const CRATES: [(&str, &str); 10] = [
     ("devices", "rt_core/devices/src"),
 ];
 
+/// The title before which the studies stand.
+const AFTER: &str = "`palpate stress endings --json`";
+
+/// [`OUTPUTS`], and the files of the studies.
+fn outputs() -> Vec<Output> {
+    let studies = study::stress::STUDIES.iter().map(|study| Output {
+        title: format!("`palpate stress {} --json`", study.name).into(),
+        schema: "",
+        about: "A line for each cell.",
+        root: (study.outcome)(),
+    });
+    let mut all = OUTPUTS.to_vec();
+    let after = all.iter().position(|output| output.title == AFTER);
+    let after = after.unwrap_or(all.len());
+    all.splice(after..after, studies);
+    all
+}
+
 const RENEW: &str = "PALPATE_RENEW=1 cargo test --release -p palpate --test json_page";
 
 #[test]
@@ -194,7 +177,7 @@ fn the_page_on_json_is_up_to_date_and_every_number_has_a_unit() {
         missing.is_empty(),
         "the page lacks the outputs of these schemas: add them to tests/json_page.rs: {missing:?}"
     );
-    let page = page(&source, &OUTPUTS);
+    let page = page(&source, &outputs());
     assert!(
         page.without_unit.is_empty(),
         "these numbers name no unit: end the doc comment of the field (or of its type) with one in parentheses, such as \

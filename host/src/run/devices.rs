@@ -9,7 +9,7 @@ use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
 use rt_core::controller::Reading;
 use rt_core::{Capabilities, Vec3};
-use sim::faults::Protocol;
+use sim::emulated::fault::Protocol;
 use sim::{Hand, Held};
 use std::sync::mpsc::Sender;
 

@@ -1,7 +1,18 @@
 //! Experiments whose figures the book quotes. `palpate bench`, `palpate stress` or `palpate compare` repeats each of them.
 #![forbid(unsafe_code)]
 
+/// Appends a line to a text.
+macro_rules! put {
+    ($text:expr) => { $text.push('\n') };
+    ($text:expr, $($line:tt)*) => {{
+        use std::fmt::Write as _;
+        // A text takes every line.
+        let _ = writeln!($text, $($line)*);
+    }};
+}
+
 pub mod accuracy;
+pub mod adversary;
 pub mod compare;
 pub mod elsewhere;
 mod error;

@@ -1,20 +1,19 @@
 //! One scene with several values of some of its fields: a run in virtual time for each combination of the values.
 //!
-//! Each run is that of `palpate run` in virtual time, tick for tick. The runs are cells of a study ([`jobs`]): they are
+//! Each run is that of `palpate run` in virtual time, tick for tick. The runs are cells of a [`Study`]: they are
 //! divided among the cores, and a sweep that was interrupted goes on where it stopped.
 
 use crate::StudyError;
 use crate::compare::{Ran, run};
-use crate::stress::jobs::{self, Cells, Header, JobError, Options, Progress};
-use host::plot::Part;
+use crate::stress::{Done, Study, Verdict};
+use host::plot::{self, Panel, Part, Role, Series};
 use host::run::tear_force::TearForce;
 use host::scene::spec::Rotation;
 use host::scene::{Field, LoadedScene, Override, SceneError};
 use physics::Vec3;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
-/// Version of the lines of a sweep.
-const SCHEMA: u32 = 3;
 /// Largest number of points of a force over time.
 const POINTS: usize = 640;
 
@@ -37,6 +36,11 @@ pub struct Sweep {
     part: Part,
     /// The text of the scene without the values, on which all results depend.
     text: String,
+    /// The name of the scene.
+    scene: String,
+    /// The seed and the duration (s) of all runs, if they are not those of the scene.
+    seed: Option<u64>,
+    duration: Option<f64>,
 }
 
 /// The result of a run.
@@ -127,49 +131,68 @@ impl Sweep {
             cells: cells.collect::<Result<_, _>>()?,
             part,
             text: loaded.source.text.clone(),
+            scene: loaded.scene.name.clone(),
+            seed: None,
+            duration: None,
         })
     }
 
-    /// The fields, in the order of [`Swept::values`].
-    pub fn fields(&self) -> &[String] {
-        &self.fields
+    /// The sweep with another seed and another duration (s) than those of the scene, if they are given.
+    pub fn with(mut self, seed: Option<u64>, duration: Option<f64>) -> Self {
+        (self.seed, self.duration) = (seed, duration);
+        self
+    }
+}
+
+impl Study for Sweep {
+    type Outcome = Swept;
+    const NAME: &'static str = "sweep";
+    const SCHEMA: u32 = 3;
+
+    fn seed(&self) -> u64 {
+        let first = self.cells.first();
+        self.seed
+            .unwrap_or(first.map_or(0, |(_, cell)| cell.scene.seed))
     }
 
-    /// Makes the runs that `options` ask for and that their file lacks. From time to time `done` is given the fraction of a
-    /// run that was made meanwhile.
-    ///
-    /// # Errors
-    /// [`JobError`]; [`StudyError`] where a run cannot begin is a failure of its cell.
-    pub fn run(
-        &self,
-        seed: Option<u64>,
-        duration: Option<f64>,
-        options: &Options,
-        done: &(dyn Fn(f64) + Sync),
-        progress: &mut dyn FnMut(&Progress<'_>),
-    ) -> Result<Cells<Swept>, JobError> {
+    fn cells(&self) -> u64 {
+        self.cells.len() as u64
+    }
+
+    fn settings(&self) -> serde_json::Value {
         let values: Vec<_> = self.cells.iter().map(|(values, _)| values).collect();
-        let header = Header {
-            study: "sweep".to_owned(),
-            schema: SCHEMA,
-            seed: seed.unwrap_or(self.cells.first().map_or(0, |(_, cell)| cell.scene.seed)),
-            cells: self.cells.len() as u64,
-            settings: serde_json::json!({
-                "scene": self.text,
-                "fields": self.fields,
-                "values": values,
-                "duration": duration,
-                "force": self.part.label(),
-            }),
-        };
-        let work = |cell: u64| {
-            let (values, loaded) = &self.cells[cell as usize];
-            let mut loaded = loaded.clone();
-            loaded.scene.seed = seed.unwrap_or(loaded.scene.seed);
-            loaded.scene.duration = duration.unwrap_or(loaded.scene.duration);
-            swept(values.clone(), &loaded, self.part, done)
-        };
-        jobs::run(&header, options, &work, progress)
+        serde_json::json!({
+            "scene": self.text,
+            "fields": self.fields,
+            "values": values,
+            "duration": self.duration,
+            "force": self.part.label(),
+        })
+    }
+
+    fn cell(&self, cell: u64, done: &Done<'_>) -> Swept {
+        let (values, loaded) = &self.cells[cell as usize];
+        let mut loaded = loaded.clone();
+        loaded.scene.seed = self.seed.unwrap_or(loaded.scene.seed);
+        loaded.scene.duration = self.duration.unwrap_or(loaded.scene.duration);
+        swept(values.clone(), &loaded, self.part, done)
+    }
+
+    fn summary(&self, cells: &BTreeMap<u64, Swept>) -> String {
+        let runs: Vec<&Swept> = cells.values().collect();
+        table(&self.scene, &self.fields, &runs)
+    }
+
+    fn verdict(&self, cells: &BTreeMap<u64, Swept>) -> Verdict {
+        Verdict {
+            incomplete: cells.values().any(|run| !run.failures.is_empty()),
+            ..Verdict::default()
+        }
+    }
+
+    fn draw(&self, cells: &BTreeMap<u64, Swept>) -> Option<String> {
+        let runs: Vec<&Swept> = cells.values().collect();
+        Some(picture(&self.scene, &self.fields, &runs, self.part))
     }
 }
 
@@ -227,6 +250,106 @@ fn measured(values: Vec<String>, loaded: &LoadedScene, part: Part, ran: &Ran) ->
         net_energy: record.out.iter().copied().fold(0.0, f64::max),
         failures: ran.failures.clone(),
     }
+}
+
+/// The part of a field's name that tells it from the other fields of a table: the last one.
+fn short(field: &str) -> &str {
+    field.rsplit('.').next().unwrap_or(field)
+}
+
+/// One row for each run.
+fn table(scene: &str, fields: &[String], runs: &[&Swept]) -> String {
+    let mut text = String::new();
+    put!(text, "{scene}: {} runs in virtual time\n", runs.len());
+    let mut heads: Vec<String> = fields.iter().map(|field| short(field).to_owned()).collect();
+    let first = runs.iter().max_by_key(|run| run.devices.len());
+    let devices = first.map_or(&[][..], |run| &run.devices);
+    heads.extend((devices.iter()).map(|device| format!("{} peak N (at s)", device.name)));
+    heads.push("net energy mJ".to_owned());
+    let tears = runs.iter().any(|run| !run.tears.is_empty());
+    if tears {
+        heads.push("tear: start N (at s), peak N, plateau N, mm2, mJ".to_owned());
+    }
+    let limited = (runs.iter().flat_map(|run| &run.devices)).any(|device| device.limited > 0.0);
+    if limited {
+        heads.push("limited by the device: s, by at most N".to_owned());
+    }
+    put!(text, "| {} |", heads.join(" | "));
+    put!(text, "|{}", "---|".repeat(heads.len()));
+    for run in runs {
+        let mut row = run.values.clone();
+        let peak = |device: &SweptDevice| format!("{:.3} ({:.3})", device.peak, device.peak_time);
+        row.extend(run.devices.iter().map(peak));
+        row.push(format!("{:.3}", 1e3 * run.net_energy));
+        if tears {
+            let each = run.tears.iter().map(|tear| {
+                format!(
+                    "{:.2} ({:.3}), {:.2}, {:.2}, {:.1}, {:.2}",
+                    tear.force.start,
+                    tear.force.from,
+                    tear.force.peak,
+                    tear.force.plateau,
+                    1e6 * tear.area,
+                    1e3 * tear.energy
+                )
+            });
+            row.push(each.collect::<Vec<_>>().join("; "));
+        }
+        if limited {
+            let each = run.devices.iter().filter(|device| device.limited > 0.0);
+            let each = each.map(|device| {
+                let (name, time, most) = (&device.name, device.limited, device.held_back);
+                format!("{name} {time:.3}, {most:.2}")
+            });
+            row.push(each.collect::<Vec<_>>().join("; "));
+        }
+        put!(text, "| {} |", row.join(" | "));
+    }
+    for run in runs {
+        for failure in &run.failures {
+            put!(text, "\nFAILED {}: {failure}", named(fields, run));
+        }
+    }
+    text
+}
+
+/// The values of a run with the names of their fields.
+fn named(fields: &[String], run: &Swept) -> String {
+    let pairs = fields.iter().zip(&run.values);
+    let pairs: Vec<_> = pairs
+        .map(|(field, value)| format!("{} {value}", short(field)))
+        .collect();
+    pairs.join(", ")
+}
+
+/// The force of each device over time, a line for each run.
+fn picture(scene: &str, fields: &[String], runs: &[&Swept], part: Part) -> String {
+    let first = runs.iter().max_by_key(|run| run.devices.len());
+    let devices = first.map_or(&[][..], |run| &run.devices);
+    let panels = devices.iter().enumerate().map(|(index, device)| Panel {
+        title: device.name.clone(),
+        x_label: "Time (s)".to_owned(),
+        y_label: format!("Force{} (N)", part.label()),
+        series: (runs.iter().enumerate())
+            .filter_map(|(number, run)| {
+                Some(Series {
+                    name: named(fields, run),
+                    points: run.devices.get(index)?.force.clone(),
+                    role: Role::Number(number),
+                    ..Series::default()
+                })
+            })
+            .collect(),
+        ..Panel::default()
+    });
+    let panels: Vec<_> = panels.collect();
+    let subtitle = format!("virtual time; by {}", fields.join(", "));
+    plot::panels_svg(
+        &format!("{scene}: {} runs", runs.len()),
+        &subtitle,
+        1,
+        &panels,
+    )
 }
 
 /// The smallest and the largest of the values of several ticks of `period` (s), in their order in time: no peak is lost. At

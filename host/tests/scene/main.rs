@@ -1,7 +1,6 @@
 //! Scenes: what their files say, and how wrong files are refused. They are one program, because each program compiles the generic solvers anew and is linked anew.
 
 mod flat_pattern;
-mod fuzz_corpus;
 mod placement;
 mod plan;
 mod plausible;

@@ -4,6 +4,7 @@
 //! a second of two devices and a sheet of 441 vertices, sixty models and 25 frames a second. The file has about a
 //! gigabyte for each twenty minutes. A file that is there already is used again.
 
+use fuzz_rules::changed::Mutator;
 use host::live::Surface;
 use host::live::gather::Gatherer;
 use host::log::overview::OverviewBuilder;
@@ -18,7 +19,6 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::time::Instant;
 use view::feed::{Command, Feed};
-use view::hostile::Mutator;
 use view::playback::Player;
 
 /// Ticks a second.

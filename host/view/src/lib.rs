@@ -13,8 +13,6 @@
 pub mod feed;
 pub mod foxglove;
 pub mod history;
-#[doc(hidden)]
-pub mod hostile;
 pub mod live;
 pub mod moment;
 pub mod playback;

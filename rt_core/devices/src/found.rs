@@ -4,11 +4,11 @@
 //! the file of the device (of a serial line, its rights alone), so nothing is sent to any device. The root of the file system is an argument, so that a test
 //! can make a tree of its own.
 //!
-//! - `listed`: the kernel's lists.
-//! - `which`: which one of several devices of a kind a connection names.
+//! - [`listed`]: the kernel's lists.
+//! - [`which`]: which one of several devices of a kind a connection names.
 
-pub(crate) mod listed;
-pub(crate) mod which;
+pub mod listed;
+pub mod which;
 
 pub use which::{FindError, Which};
 

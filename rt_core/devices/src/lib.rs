@@ -17,8 +17,7 @@
 //! - [`identify`]: mass, damping and friction of a device, from a limited motion that its motors guide.
 //! - [`response`]: the delay from a force to the motion that the device reports.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
-//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass. [`hostile`]: all that
-//!   reads bytes from outside, under hostile bytes.
+//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
 #![deny(unsafe_code)]
 
 pub mod conformance;
@@ -27,7 +26,6 @@ pub mod falcon;
 pub mod found;
 pub mod ftdi;
 pub mod hid;
-pub mod hostile;
 pub mod identify;
 pub mod input;
 pub mod models;

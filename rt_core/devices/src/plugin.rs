@@ -6,7 +6,7 @@
 //! with which the thread exchanges (`process`). A device that hangs, or whose states are no numbers, is a silent device
 //! to the tick, and a device whose process has ended is a lost one.
 
-pub(crate) mod abi;
+pub mod abi;
 mod library;
 mod message;
 mod process;
@@ -240,7 +240,7 @@ fn finite(vector: &Vec3) -> [f64; 3] {
 }
 
 /// The state that a plug-in filled in; `None` where it is no state.
-pub(crate) fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
+pub fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
     let mut pose = Pose::at(sensed.part(&Vec3::from(state.position)));
     let mut twist = Twist {
         linear: sensed.part(&Vec3::from(state.velocity)),
@@ -277,7 +277,7 @@ fn rendering(number: u32) -> Rendering {
 }
 
 /// The capabilities that a plug-in states; `None` where no device has them.
-pub(crate) fn capabilities(found: &abi::Capabilities) -> Option<Capabilities> {
+pub fn capabilities(found: &abi::Capabilities) -> Option<Capabilities> {
     let (sensed, actuated) = (freedom(found.sensed)?, freedom(found.actuated)?);
     let positive = |x: f64| x.is_finite() && x > 0.0;
     let numbers = [found.max_force, found.workspace_radius, found.position_step];

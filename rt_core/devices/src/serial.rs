@@ -10,7 +10,7 @@
 //! The device names its own limits when it is greeted. They must agree with the profile that the scene names: a
 //! controller with another device's profile relies on a mass and on a damping that the device does not have.
 
-pub(crate) mod connect;
+pub mod connect;
 mod error;
 mod exchange;
 

@@ -2,7 +2,7 @@
 //!
 //! The least numbers of inputs that reach the rules are half of those of the first corpora.
 
-use devices::hostile;
+use fuzz_rules::device;
 use std::io;
 
 /// Runs a target on all its inputs. At least `reached` of them must reach what the rules of the target are about, so
@@ -33,45 +33,45 @@ fn replay_text(target: &str, reached: usize, run: impl Fn(&str) -> usize) -> io:
 
 #[test]
 fn a_device_of_the_firmware_protocol_applies_no_wrench_of_a_hostile_host() -> io::Result<()> {
-    replay("firmware_device", 35, hostile::firmware_device)
+    replay("firmware_device", 35, device::firmware_device)
 }
 
 #[test]
 fn the_driver_of_the_firmware_protocol_stands_a_hostile_device() -> io::Result<()> {
-    replay("firmware_host", 50, hostile::firmware_host)
+    replay("firmware_host", 50, device::firmware_host)
 }
 
 #[test]
 fn the_driver_of_the_falcon_stands_a_hostile_device() -> io::Result<()> {
-    replay("falcon", 130, hostile::falcon)
+    replay("falcon", 130, device::falcon)
 }
 
 #[test]
 fn the_upload_to_the_falcon_stands_a_hostile_boot_loader() -> io::Result<()> {
-    replay("falcon_boot", 90, hostile::falcon_boot)
+    replay("falcon_boot", 90, device::falcon_boot)
 }
 
 #[test]
 fn the_driver_of_woodenhaptics_stands_a_hostile_device() -> io::Result<()> {
-    replay("woodenhaptics", 60, hostile::woodenhaptics)
+    replay("woodenhaptics", 60, device::woodenhaptics)
 }
 
 #[test]
 fn the_state_of_a_plug_in_is_a_state_or_refused() -> io::Result<()> {
-    replay("plugin_state", 65, hostile::plugin_state)
+    replay("plugin_state", 65, device::plugin_state)
 }
 
 #[test]
 fn connections_are_read_or_refused() -> io::Result<()> {
-    replay_text("connection", 50, hostile::connection)
+    replay_text("connection", 50, device::connection)
 }
 
 #[test]
 fn what_the_kernel_tells_of_a_device_is_read_or_refused() -> io::Result<()> {
-    replay_text("sysfs", 50, hostile::sysfs)
+    replay_text("sysfs", 50, device::sysfs)
 }
 
 #[test]
 fn profiles_are_written_again_or_refused() -> io::Result<()> {
-    replay_text("profile", 3, hostile::profile)
+    replay_text("profile", 3, device::profile)
 }

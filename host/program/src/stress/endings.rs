@@ -8,37 +8,24 @@
 mod device;
 mod terminal;
 
-use super::{CellArguments, CommandError, Declared, Shown, Written};
+use super::{CommandError, Declared, Runs, number, run_study};
 use device::{NONE, Watched};
 use host::log::Log;
 use host::run::replay::{replay, scene_of};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::num::NonZero;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use study::stress::jobs::{self, Cells, Header, Options};
+use study::stress::jobs::Options;
+use study::stress::{self, Done, Verdict};
 use terminal::{InTerminal, Session};
 
-/// Arguments of `palpate stress endings`.
-#[derive(Clone, Debug, clap::Args)]
-pub(super) struct EndingsArguments {
-    /// Number of runs of each way out of each command. Default: 3, or 1 with --quick
-    #[arg(long, value_name = "N", value_parser = super::cells)]
-    runs: Option<u64>,
-    /// Run a few ways out of a few commands once
-    #[arg(long)]
-    quick: bool,
-    /// The cells run one after the other, because they share the machine with devices in real time
-    #[command(flatten)]
-    cells: CellArguments,
-}
-
-/// Default number of runs, and that of a quick study.
-const RUNS: u64 = 3;
-const QUICK: u64 = 1;
+/// Default number of runs of each way out of each command, and that of a quick study.
+const RUNS: [u64; 2] = [3, 1];
 /// Longest time for anything that a command does, on a loaded machine. A command that takes longer has failed.
 const LONGEST: Duration = Duration::from_secs(120);
 /// Time after the end of a command in which the device is still watched: a WoodenHaptics holds its currents for 0.5 s.
@@ -245,53 +232,80 @@ fn round(quick: bool) -> Vec<(Held, Way)> {
     each.collect()
 }
 
-pub(super) fn run(arguments: &EndingsArguments) -> Result<(), CommandError> {
-    let _held = arguments.cells.declare(Declared::default()).check()?;
-    let round = round(arguments.quick);
-    let seed = arguments.cells.seed;
-    let runs = arguments
-        .runs
-        .unwrap_or(if arguments.quick { QUICK } else { RUNS });
-    let header = Header {
-        study: "endings".to_owned(),
-        schema: 1,
-        seed,
+/// The study.
+struct Study {
+    seed: u64,
+    cells: u64,
+    quick: bool,
+    round: Vec<(Held, Way)>,
+}
+
+pub(super) fn run(asked: &Runs) -> Result<(), CommandError> {
+    let _held = asked.cells.declare(Declared::default()).check()?;
+    let round = round(asked.quick);
+    let runs = number(asked.runs, asked.quick, RUNS);
+    let study = Study {
+        seed: asked.cells.seed,
         cells: runs.saturating_mul(round.len() as u64),
-        settings: serde_json::json!({ "quick": arguments.quick }),
+        quick: asked.quick,
+        round,
     };
-    let shown = Shown::new();
-    let work = |cell: u64| {
-        let (held, way) = round[(cell % round.len() as u64) as usize];
+    // The cells share the machine with devices in real time.
+    let options = Options {
+        threads: Some(NonZero::<usize>::MIN),
+        ..asked.cells.options()
+    };
+    run_study(&study, &options, None)
+}
+
+impl stress::Study for Study {
+    type Outcome = Outcome;
+    const NAME: &'static str = "endings";
+    const SCHEMA: u32 = 1;
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn cells(&self) -> u64 {
+        self.cells
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!({ "quick": self.quick })
+    }
+
+    fn cell(&self, cell: u64, _: &Done<'_>) -> Outcome {
+        let (held, way) = self.round[(cell % self.round.len() as u64) as usize];
         let mut outcome = Outcome {
             command: held.name().to_owned(),
             way: way.name().to_owned(),
             ..Outcome::default()
         };
         // Steele and Vigna's finalizer of SplitMix64.
-        let mixed = seed.wrapping_add(cell).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mixed = self.seed.wrapping_add(cell);
+        let mixed = mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let delay = Duration::from_millis((mixed >> 32) % DELAY_MS);
         if let Err(problem) = end(held, way, delay, &mut outcome) {
             outcome.failures.push(problem);
         }
         outcome
-    };
-    let options = Options {
-        threads: Some(NonZero::<usize>::MIN),
-        ..arguments.cells.options()
-    };
-    let cells = jobs::run(&header, &options, &work, &mut |at| shown.show(at));
-    let Cells { cells, unwritten } = shown.end(cells)?;
-    print(&cells);
-    let failed = cells.values().filter(|cell| !cell.failures.is_empty());
-    let outcome = match failed.count() {
-        0 => Ok(()),
-        failed => Err(CommandError::Stressed {
-            failed,
-            of: cells.len(),
-        }),
-    };
-    Written::default().and(unwritten).end_with(outcome)
+    }
+
+    fn summary(&self, cells: &BTreeMap<u64, Outcome>) -> String {
+        table(cells)
+    }
+
+    fn verdict(&self, cells: &BTreeMap<u64, Outcome>) -> Verdict {
+        Verdict::of_failures(
+            cells,
+            |cell| &cell.failures,
+            |number, cell, failure| {
+                format!("cell {number}: {}, {}: {failure}", cell.command, cell.way)
+            },
+        )
+    }
 }
 
 /// The command line of a cell, with its files in `folder`.
@@ -497,13 +511,13 @@ impl Drop for Folder {
     }
 }
 
-/// Prints the worst of the runs of each way out of each command, and each failure.
-fn print(cells: &BTreeMap<u64, Outcome>) {
-    outln!(
+/// The worst of the runs of each way out of each command.
+fn table(cells: &BTreeMap<u64, Outcome>) -> String {
+    let mut text = String::from(
         "| command | ended by | runs | force before (N) | no force at the device after (ms) | force left by the command (N) \
-         | ended after (ms) | exit code | failed |"
+         | ended after (ms) | exit code | failed |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
     );
-    outln!("|---|---|---|---|---|---|---|---|---|");
     let mut rows: Vec<(&str, &str, Vec<&Outcome>)> = Vec::new();
     for cell in cells.values() {
         let of = (cell.command.as_str(), cell.way.as_str());
@@ -520,7 +534,9 @@ fn print(cells: &BTreeMap<u64, Outcome>) {
             }
         };
         let code = cells.first().and_then(|cell| cell.code);
-        outln!(
+        // A text takes every line.
+        let _ = writeln!(
+            text,
             "| {command} | {way} | {} | {} | {} | {} | {} | {} | {} |",
             cells.len(),
             most(&|cell| cell.before)(1.0, 2),
@@ -534,9 +550,5 @@ fn print(cells: &BTreeMap<u64, Outcome>) {
                 .count(),
         );
     }
-    for (number, cell) in cells {
-        for failure in &cell.failures {
-            errln!("cell {number}: {}, {}: {failure}", cell.command, cell.way);
-        }
-    }
+    text
 }

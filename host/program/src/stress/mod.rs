@@ -1,7 +1,6 @@
 //! `palpate stress`: studies to run before a person touches a device. They run in virtual time, on all cores and in
 //! shards.
 
-mod connections;
 mod endings;
 mod faults;
 mod hold;
@@ -15,12 +14,14 @@ use super::written::Written;
 use super::{CommandError, progress_bar};
 use crate::progress::ProgressBar;
 use crate::sets::Values;
+use host::plot::write_picture;
 use host::scene::NamedDevice;
 use host::scene::spec::SchemeName;
 use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use study::stress::jobs::{Cells, JobError, Options, Progress, Shard};
+use study::stress::{self, Verdict, connections};
 
 /// Arguments of `palpate stress`.
 #[derive(Clone, Debug, clap::Args)]
@@ -36,9 +37,17 @@ enum Study {
     /// Run a hundred million ticks on invalid input of devices, host and clock
     Faults(faults::FaultsArguments),
     /// Cut, flood, corrupt and delay the connection of each kind of device at random times, in a hand that pushes
-    Connections(connections::ConnectionsArguments),
+    #[command(
+        mut_arg("runs", |runs| runs.help("Number of runs of each fault on each protocol. Default: 100, or 1 with --quick")),
+        mut_arg("quick", |quick| quick.help("Run each fault on each protocol once"))
+    )]
+    Connections(Runs),
     /// End commands that hold a device by signals and closed terminals, and watch the force of the device
-    Endings(endings::EndingsArguments),
+    #[command(
+        mut_arg("runs", |runs| runs.help("Number of runs of each way out of each command. Default: 3, or 1 with --quick")),
+        mut_arg("quick", |quick| quick.help("Run a few ways out of a few commands once"))
+    )]
+    Endings(Runs),
     /// Press, hold, rub and shake every kind of body without faults, and compare the force with that of the body
     Hold(hold::HoldArguments),
     /// Run a scene with many kinds of hands, rates and faults, under each scheme
@@ -79,6 +88,38 @@ struct CellArguments {
     json: Option<PathBuf>,
 }
 
+/// The arguments of a study that has no others.
+#[derive(Clone, Debug, clap::Args)]
+struct Runs {
+    /// Number of runs
+    #[arg(long, value_name = "N", value_parser = cells)]
+    runs: Option<u64>,
+    /// Make few runs
+    #[arg(long)]
+    quick: bool,
+    #[command(flatten)]
+    cells: CellArguments,
+}
+
+impl Runs {
+    /// Runs the study that `new` makes of a seed and a number of runs: one of the `numbers` of a whole study and of a quick
+    /// one, if the person gives no number.
+    fn run<S: stress::Study>(
+        &self,
+        numbers: [u64; 2],
+        new: impl FnOnce(u64, u64) -> S,
+    ) -> Result<(), CommandError> {
+        let _held = self.cells.declare(Declared::default()).check()?;
+        let runs = number(self.runs, self.quick, numbers);
+        self.cells.run(&new(self.cells.seed, runs))
+    }
+}
+
+/// The number that a person asks for, or else that of a whole study or of a quick one.
+fn number(asked: Option<u64>, quick: bool, [whole, few]: [u64; 2]) -> u64 {
+    asked.unwrap_or(if quick { few } else { whole })
+}
+
 impl CellArguments {
     /// The options by which the cells are run.
     fn options(&self) -> Options {
@@ -89,6 +130,11 @@ impl CellArguments {
         }
     }
 
+    /// Runs a study that is not drawn.
+    fn run<S: stress::Study>(&self, study: &S) -> Result<(), CommandError> {
+        run_study(study, &self.options(), None)
+    }
+
     /// Declares the file of the cells.
     fn declare(&self, declared: Declared) -> Declared {
         declared.file("--json", self.json.as_ref(), Format::JsonLines)
@@ -96,6 +142,11 @@ impl CellArguments {
 }
 
 impl Common {
+    /// Runs the study.
+    fn run<S: stress::Study>(&self, study: &S) -> Result<(), CommandError> {
+        run_study(study, &self.cells.options(), self.plot.as_ref())
+    }
+
     /// Declares the outputs of the study.
     fn declare(&self, declared: Declared) -> Declared {
         self.cells
@@ -108,12 +159,50 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
     match &arguments.study {
         Study::Wall(arguments) => wall::run(arguments),
         Study::Faults(arguments) => faults::run(arguments),
-        Study::Connections(arguments) => connections::run(arguments),
-        Study::Endings(arguments) => endings::run(arguments),
+        Study::Connections(asked) => asked.run(connections::RUNS, |seed, runs| {
+            connections::Study { seed, runs }
+        }),
+        Study::Endings(asked) => endings::run(asked),
         Study::Hold(arguments) => hold::run(arguments),
         Study::Scene(arguments) => scene::run(arguments),
         Study::Seeds(arguments) => seeds::run(arguments),
         Study::Tearing(arguments) => tearing::run(arguments),
+    }
+}
+
+/// Runs the cells of a study, prints the results, and writes the picture.
+pub(super) fn run_study<S: stress::Study>(
+    study: &S,
+    options: &Options,
+    plot: Option<&PathBuf>,
+) -> Result<(), CommandError> {
+    let shown = Shown::new();
+    if let Some(line) = study.announcement() {
+        shown.say(&line);
+    }
+    let found = study.run(options, &|part| shown.part(part), &mut |at| shown.show(at));
+    let Cells { cells, unwritten } = shown.end(found)?;
+    out!("{}", study.summary(&cells));
+    let mut written = Written::default();
+    if let Some(picture) = plot.and_then(|_| study.draw(&cells)) {
+        written.write(plot, |path| write_picture(path, &picture));
+    }
+    let outcome = judged(&study.verdict(&cells), cells.len());
+    written.and(unwritten).end_with(outcome)
+}
+
+/// Prints what failed in a study of `of` cells.
+///
+/// # Errors
+/// If a cell failed, or could not be run.
+fn judged(verdict: &Verdict, of: usize) -> Result<(), CommandError> {
+    for line in &verdict.lines {
+        errln!("{line}");
+    }
+    match verdict.failed {
+        0 if verdict.incomplete => Err(CommandError::Incomplete),
+        0 => Ok(()),
+        failed => Err(CommandError::Stressed { failed, of }),
     }
 }
 
@@ -147,7 +236,7 @@ fn cells(text: &str) -> Result<u64, String> {
 }
 
 /// The progress of the cells, on a bar of a thousand parts.
-pub(super) struct Shown {
+struct Shown {
     bar: ProgressBar,
     /// Whether the person has been told that the file of results cannot be written.
     warned: AtomicBool,
@@ -163,7 +252,7 @@ pub(super) struct Shown {
 const MILLION: f64 = 1e6;
 
 impl Shown {
-    pub(super) fn new() -> Self {
+    fn new() -> Self {
         Self {
             bar: progress_bar(),
             warned: AtomicBool::new(false),
@@ -174,7 +263,7 @@ impl Shown {
         }
     }
 
-    pub(super) fn show(&self, at: &Progress<'_>) {
+    fn show(&self, at: &Progress<'_>) {
         if self.of.swap(at.of.max(1), Ordering::Relaxed) == u64::MAX {
             self.before.store(at.done, Ordering::Relaxed);
         }
@@ -190,7 +279,7 @@ impl Shown {
     }
 
     /// A part of a cell is done, on any thread: this fraction of the cell.
-    pub(super) fn part(&self, fraction: f64) {
+    fn part(&self, fraction: f64) {
         let part = (MILLION * fraction) as u64;
         self.millionths.fetch_add(part, Ordering::Relaxed);
         self.draw();
@@ -211,10 +300,7 @@ impl Shown {
     }
 
     /// Ends the display of a run with the result `cells`.
-    pub(super) fn end<R>(
-        &self,
-        cells: Result<Cells<R>, JobError>,
-    ) -> Result<Cells<R>, CommandError> {
+    fn end<R>(&self, cells: Result<Cells<R>, JobError>) -> Result<Cells<R>, CommandError> {
         self.bar.finish_and_clear();
         Ok(cells?)
     }

@@ -1,10 +1,10 @@
 //! `palpate stress tearing`: random tears of small sheets.
 
-use super::{CellArguments, CommandError, Declared, Format, Shown, Written};
+use super::{CellArguments, CommandError, Declared, Format, judged, number};
 use host::atomic_file::write_atomically;
 use std::path::PathBuf;
-use study::stress::jobs::{self, Cells, Header};
-use study::stress::tearing::{self, Draw};
+use study::stress::Verdict;
+use study::stress::tearing::{self, CELLS, Draw, Study};
 
 /// Arguments of `palpate stress tearing`.
 #[derive(Clone, Debug, clap::Args)]
@@ -25,10 +25,6 @@ pub(super) struct TearingArguments {
     cells: CellArguments,
 }
 
-/// Default number of runs, and that of a quick study.
-const RUNS: u64 = 1000;
-const QUICK: u64 = 20;
-
 pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
     let declared = Declared::default().file("--scene", arguments.scene.as_ref(), Format::Toml);
     let _held = arguments.cells.declare(declared).check()?;
@@ -39,55 +35,14 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
         }
         let found = tearing::cell(seed, cell);
         outln!("{found:#?}");
-        return end(usize::from(!found.failures.is_empty()), 1);
+        return judged(
+            &Verdict {
+                failed: usize::from(!found.failures.is_empty()),
+                ..Verdict::default()
+            },
+            1,
+        );
     }
-    let default = if arguments.quick { QUICK } else { RUNS };
-    let header = Header {
-        study: "tearing".to_owned(),
-        schema: 1,
-        seed,
-        cells: arguments.runs.unwrap_or(default),
-        settings: serde_json::json!({}),
-    };
-    let shown = Shown::new();
-    let work = |cell| tearing::cell(seed, cell);
-    let options = arguments.cells.options();
-    let cells = jobs::run(&header, &options, &work, &mut |at| shown.show(at));
-    let Cells { cells, unwritten } = shown.end(cells)?;
-    let count = |is: fn(&tearing::CellResult) -> bool| cells.values().filter(|c| is(c)).count();
-    outln!("{} runs, seed {seed}", cells.len());
-    outln!(
-        "{} tore, {} started a tear at the strength, {} parted, {} used up the room for vertices",
-        count(|cell| cell.opened > 0),
-        count(|cell| cell.started > 0),
-        count(|cell| cell.pieces > 1),
-        count(|cell| cell.full)
-    );
-    let opened: u64 = cells.values().map(|cell| cell.opened).sum();
-    let most = cells
-        .values()
-        .map(|cell| cell.net_energy)
-        .fold(0.0, f64::max);
-    outln!(
-        "{opened} edges opened; net energy of the hands at most {:.3} mJ\n",
-        1e3 * most
-    );
-    let mut failed = 0;
-    for (number, cell) in &cells {
-        failed += usize::from(!cell.failures.is_empty());
-        for failure in &cell.failures {
-            errln!("seed {seed}, cell {number}: {failure}");
-        }
-    }
-    Written::default()
-        .and(unwritten)
-        .end_with(end(failed, cells.len()))
-}
-
-/// Fails if a cell failed.
-fn end(failed: usize, of: usize) -> Result<(), CommandError> {
-    if failed == 0 {
-        return Ok(());
-    }
-    Err(CommandError::Stressed { failed, of })
+    let cells = number(arguments.runs, arguments.quick, CELLS);
+    arguments.cells.run(&Study { seed, cells })
 }

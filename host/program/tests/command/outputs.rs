@@ -304,7 +304,7 @@ fn two_studies_with_one_file_of_results_are_told_to_merge() -> Outcome {
     Ok(())
 }
 
-/// Cases of two lines, beside a run that writes `run.mcap` and `run.json`: the arguments, the message.
+/// Cases of two lines, beside a run that writes `run.mcap` and replaces `run.json`: the arguments, the message.
 const BUSY: &str = r"
 run --duration 0.01 --log run.mcap
 --log run.mcap: another program is writing to this path; give each program a file of its own
@@ -317,13 +317,14 @@ plan --json alias
 plan --json run.json
 --json run.json: another program is writing to this path; give each program a file of its own
 stress faults --quick --json run.json
---json run.json: another program is writing to this path; give each program a file of its own
+run.json: another run is writing to this file; give each shard a file of its own, and merge the files with cat
 ";
 
 #[test]
 fn what_a_running_program_writes_is_refused_until_it_ends_in_any_way() -> Outcome {
     let folder = tempfile::tempdir()?;
     let log = folder.path().join("run.mcap");
+    fs::write(folder.path().join("run.json"), "older")?;
     let mut run = long_run(folder.path())?;
     fs::hard_link(&log, folder.path().join("alias.mcap"))?;
     std::os::unix::fs::symlink("run.mcap", folder.path().join("alias"))?;

@@ -1,13 +1,15 @@
 //! Writes the page: a table of fields for each type that an output holds.
 
 use super::source::{Definition, Field, Module, Shape, Source};
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::fmt::Write as _;
 use syn::{GenericArgument, PathArguments, Type};
 
 /// A file that the program writes.
+#[derive(Clone)]
 pub(super) struct Output {
-    pub(super) title: &'static str,
+    pub(super) title: Cow<'static, str>,
     /// The value of its field `schema`; empty for lines of JSON.
     pub(super) schema: &'static str,
     pub(super) about: &'static str,

@@ -78,6 +78,9 @@ impl<R: Read + Seek> LogIndex<R> {
     }
 
     /// Reads the index, and the header that it names.
+    ///
+    /// `mcap::sans_io::summary_reader` would read the same records, but version 0.26 does not check the sum of the section, and
+    /// reserves the memory that a damaged length asks for ([`record`]).
     fn read_summary(&mut self, start: u64) -> Result<(), IndexError> {
         let damaged = |source| IndexError::Damaged {
             offset: start,

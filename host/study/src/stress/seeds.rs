@@ -3,14 +3,9 @@
 //! Each file holds the cells of one seed of one study with the same settings. The quantities are those of the tables of
 //! the study. Their spread over the seeds shows which of their differences, between two schemes say, mean anything.
 
-use super::hold::{self, CellResult as HoldCell};
 use super::jobs::{self, Header, JobError};
-use super::scene::summary::{Band, row as scene_row};
-use super::scene::{self, CellResult as SceneCell};
-use super::wall::{self, Outcome as Wall};
-use super::{faults, hold::summary::row as hold_row};
+use super::{Quantity, STUDIES};
 use serde::Serialize;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Version of the JSON of [`Seeds`].
@@ -84,7 +79,7 @@ pub enum SeedsError {
         seed: u64,
     },
     /// A study whose results this program does not compare.
-    #[error("{}: found the study {study:?}, allowed: wall, faults, hold, scene", path.display())]
+    #[error("{}: found the study {study:?}, allowed: {}", path.display(), compared())]
     Unknown {
         /// The file.
         path: PathBuf,
@@ -92,9 +87,6 @@ pub enum SeedsError {
         study: String,
     },
 }
-
-/// What a quantity is measured on, its name with its unit, and its value.
-type Value = (String, String, f64);
 
 /// Compares the files at `paths`.
 ///
@@ -128,7 +120,12 @@ pub fn compare(paths: &[PathBuf]) -> Result<Seeds, SeedsError> {
     for (number, (path, header)) in headers.iter().enumerate() {
         let (count, values) = values(path, header)?;
         cells.push(count);
-        for (of, quantity, value) in values {
+        for Quantity {
+            of,
+            name: quantity,
+            value,
+        } in values
+        {
             let same = |one: &&mut Spread| one.of == of && one.quantity == quantity;
             let value = value.is_finite().then_some(value);
             if let Some(known) = spreads.iter_mut().find(same) {
@@ -211,143 +208,41 @@ fn difference(first: &Header, other: &Header) -> Option<String> {
 }
 
 /// The number of cells of a file, and its quantities.
-fn values(path: &Path, header: &Header) -> Result<(u64, Vec<Value>), SeedsError> {
-    let found = match header.study.as_str() {
-        "scene" => {
-            let cells = jobs::read::<SceneCell>(path, header)?;
-            (cells.len(), of_scene(&cells))
-        }
-        "hold" => {
-            let cells = jobs::read::<HoldCell>(path, header)?;
-            (cells.len(), of_hold(&cells))
-        }
-        "wall" => {
-            let cells = jobs::read::<Wall>(path, header)?;
-            (cells.len(), of_wall(&cells))
-        }
-        "faults" => {
-            let cells = jobs::read::<faults::Outcome>(path, header)?;
-            let failed = cells.values().filter(|cell| !cell.passed()).count();
-            let value = (
-                "all".to_owned(),
-                "cells that fail".to_owned(),
-                failed as f64,
-            );
-            (cells.len(), vec![value])
-        }
-        study => {
-            return Err(SeedsError::Unknown {
-                path: path.to_owned(),
-                study: study.to_owned(),
-            });
-        }
-    };
-    Ok((found.0 as u64, found.1))
-}
-
-fn named(of: &str, values: impl IntoIterator<Item = (&'static str, f64)>) -> Vec<Value> {
-    let values = values.into_iter();
-    values
-        .map(|(quantity, value)| (of.to_owned(), quantity.to_owned(), value))
-        .collect()
-}
-
-fn of_scene(cells: &BTreeMap<u64, SceneCell>) -> Vec<Value> {
-    let all = Band::of(0.0, f64::INFINITY);
-    let rows = scene::SCHEMES.iter();
-    let rows = rows.filter_map(|(_, scheme)| scene_row(cells.iter(), scheme, all));
-    rows.flat_map(|row| {
-        named(
-            &row.scheme,
-            [
-                ("bounded (%)", 100.0 * row.bounded),
-                ("net energy, 99 % (mJ)", 1e3 * row.net_energy[0]),
-                ("net energy, most (mJ)", 1e3 * row.net_energy[1]),
-                ("ripple, most (N)", row.ripple[1]),
-                ("force error, median (%)", 100.0 * row.error[0]),
-                ("force error, 90 % (%)", 100.0 * row.error[1]),
-                ("stiffness error, 90 % (%)", 100.0 * row.stiffness[1]),
-                ("run error, median (%)", 100.0 * row.run_error[0]),
-                ("run error, 90 % (%)", 100.0 * row.run_error[1]),
-                ("capped, most (%)", 100.0 * row.capped[1]),
-            ],
-        )
-    })
-    .collect()
-}
-
-fn of_hold(cells: &BTreeMap<u64, HoldCell>) -> Vec<Value> {
-    let rows = hold::SCHEMES.iter();
-    let rows = rows.filter_map(|(_, scheme)| Some((scheme, hold_row(cells.values(), scheme)?)));
-    rows.flat_map(|(scheme, row)| {
-        named(
-            scheme,
-            [
-                (
-                    "cells that pass (%)",
-                    100.0 * row.passed as f64 / row.runs.max(1) as f64,
-                ),
-                ("hold error, 90 % (%)", 100.0 * row.hold[1]),
-                ("run error, median (%)", 100.0 * row.run[0]),
-                ("run error, 90 % (%)", 100.0 * row.run[1]),
-                ("ripple, 90 % (N)", row.ripple[1]),
-                ("capped, most (%)", 100.0 * row.capped),
-                ("net energy, most (mJ)", 1e3 * row.net_energy),
-            ],
-        )
-    })
-    .collect()
-}
-
-fn of_wall(cells: &BTreeMap<u64, Wall>) -> Vec<Value> {
-    let mut values = Vec::new();
-    for outcome in cells.values() {
-        let Wall::Passive {
-            setting,
-            measured: Some(measured),
-            ..
-        } = outcome
-        else {
-            continue;
-        };
-        if setting.damping == 0.0 {
-            let name = if setting.whole {
-                "passive stiffness with friction and counts (N/m)"
-            } else {
-                "passive stiffness (N/m)"
-            };
-            let of = place(&setting.device, setting.rate, setting.delay);
-            values.extend(named(&of, [(name, *measured)]));
-        }
+fn values(path: &Path, header: &Header) -> Result<(u64, Vec<Quantity>), SeedsError> {
+    let study = STUDIES.iter().find(|study| study.name == header.study);
+    let found = study.map(|study| (study.read)(path, header)).transpose()?;
+    match found {
+        Some((cells, Some(quantities))) => Ok((cells, quantities)),
+        _ => Err(SeedsError::Unknown {
+            path: path.to_owned(),
+            study: header.study.clone(),
+        }),
     }
-    for gain in wall::gains(cells).iter().filter(|gain| gain.whole) {
-        let of = place(&gain.device, gain.rate, gain.delay);
-        let name = if gain.as_hand {
-            "multiple of the plain bound, motion of a hand"
-        } else {
-            "multiple of the plain bound, any motion"
-        };
-        values.extend(named(
-            &format!("{of}, {}", gain.scheme),
-            [(name, gain.times())],
-        ));
-    }
-    values
 }
 
-fn place(device: &str, rate: u32, delay: usize) -> String {
-    format!("{device}, {rate} Hz, delay {delay}")
+/// The names of the studies whose seeds are compared.
+fn compared() -> String {
+    let compared = STUDIES.iter().filter(|study| (study.is_compared)());
+    let names: Vec<_> = compared.map(|study| study.name).collect();
+    names.join(", ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stress::Study as _;
+    use crate::stress::faults;
     use crate::stress::jobs::Options;
 
     /// A file of the study of invalid input: `failed` of its `cells` cells fail.
     fn file(folder: &Path, seed: u64, cells: u64, failed: u64, ticks: u64) -> PathBuf {
         let path = folder.join(format!("{seed}-{cells}-{ticks}.jsonl"));
-        let mut header = faults::header(seed, cells, &[]);
+        let study = faults::Study {
+            seed,
+            cells,
+            devices: Vec::new(),
+        };
+        let mut header = study.header();
         header.settings["ticks"] = ticks.into();
         let options = Options {
             file: Some(path.clone()),

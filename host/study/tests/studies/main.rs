@@ -3,6 +3,7 @@
 mod accuracy;
 mod extrapolation;
 mod stability;
+mod stress_connections;
 mod stress_hold;
 mod stress_mounting;
 mod stress_scene;

@@ -1,6 +1,7 @@
-//! What a connection sends, for the fuzzers: any bytes, no panic, and no way past the token.
+//! What a connection sends: any bytes, no panic, and no way past the token.
 
 use super::{request, server, viewer};
+use fuzz_rules::changed::Mutator;
 
 /// The token of the requests.
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
@@ -9,7 +10,7 @@ const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 ///
 /// # Panics
 /// If a request is admitted without the token, or without the name of this machine.
-pub fn request(bytes: &[u8]) -> bool {
+fn request(bytes: &[u8]) -> bool {
     let Ok(Some(request)) = request::parse(bytes) else {
         return false;
     };
@@ -44,7 +45,7 @@ pub fn request(bytes: &[u8]) -> bool {
 ///
 /// # Panics
 /// If a speed outside the allowed range is passed on.
-pub fn command(bytes: &[u8]) -> bool {
+fn command(bytes: &[u8]) -> bool {
     use crate::feed::Command;
     // A WebSocket refuses a text that is not UTF-8 before the server reads the text.
     let text = String::from_utf8_lossy(bytes);
@@ -56,7 +57,7 @@ pub fn command(bytes: &[u8]) -> bool {
 }
 
 /// Requests that are sound: for the page, for a file, and for a WebSocket.
-pub fn requests() -> Vec<Vec<u8>> {
+fn requests() -> Vec<Vec<u8>> {
     let page =
         format!("GET /{TOKEN}/?a=1 HTTP/1.1\r\nHost: 127.0.0.1:8420\r\nAccept: text/html\r\n\r\n");
     let file = format!(
@@ -71,7 +72,7 @@ pub fn requests() -> Vec<Vec<u8>> {
 }
 
 /// Commands of each kind.
-pub fn commands() -> Vec<Vec<u8>> {
+fn commands() -> Vec<Vec<u8>> {
     let commands = [
         r#"{"do":"play"}"#,
         r#"{"do":"pause"}"#,
@@ -84,4 +85,33 @@ pub fn commands() -> Vec<Vec<u8>> {
         r#"{"do":"drawn"}"#,
     ];
     commands.map(|text| text.as_bytes().to_vec()).into()
+}
+
+/// Changes sound requests and commands at random, and reads `count` of each. Fewer than `most` are accepted.
+fn change(count: u32, most: u32) {
+    type Reader = fn(&[u8]) -> bool;
+    let kinds: [(Vec<Vec<u8>>, Reader); 2] = [(requests(), request), (commands(), command)];
+    for (seeds, read) in kinds {
+        assert!(seeds.iter().all(|bytes| read(bytes)));
+        let mut mutator = Mutator::new(4);
+        let mut accepted = 0;
+        for _ in 0..count {
+            let mut bytes = seeds[mutator.below(seeds.len())].clone();
+            mutator.change(&mut bytes, &(0..0));
+            accepted += u32::from(read(&bytes));
+        }
+        // Some changes leave the meaning, and most do not.
+        assert!((20..most).contains(&accepted), "{accepted}");
+    }
+}
+
+#[test]
+fn changed_requests_and_commands_do_not_panic() {
+    change(20_000, 15_000);
+}
+
+#[test]
+#[ignore = "a million inputs of each kind: `cargo test --release -p palpate-view --lib web::hostile -- --ignored`"]
+fn a_million_changed_requests_and_commands_do_not_panic() {
+    change(1_000_000, 750_000);
 }

@@ -29,8 +29,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 pub mod assets;
-#[doc(hidden)]
-pub mod hostile;
+#[cfg(test)]
+mod hostile;
 mod hub;
 mod mailbox;
 mod request;

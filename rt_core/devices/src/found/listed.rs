@@ -6,28 +6,28 @@ use std::path::{Path, PathBuf};
 
 /// A device in a list of the kernel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Listed {
+pub struct Listed {
     /// Name of the device, as it states it.
-    pub(crate) name: String,
+    pub name: String,
     /// Vendor and product.
-    pub(crate) numbers: (u16, u16),
+    pub numbers: (u16, u16),
     /// Whether the device is on USB.
-    pub(crate) on_usb: bool,
+    pub on_usb: bool,
     /// Serial number; empty where the device states none.
-    pub(crate) serial: String,
+    pub serial: String,
     /// The port of USB (`1-2.3`); empty for a device on another bus. The port is that of the socket, so it stays when the
     /// device is plugged in again.
-    pub(crate) port: String,
+    pub port: String,
     /// The interface of the USB device (`1-2.3:1.0`); empty where the device was not listed by its interface.
-    pub(crate) interface: String,
+    pub interface: String,
     /// The file of the device.
-    pub(crate) file: PathBuf,
+    pub file: PathBuf,
     /// Whether the device is also a keyboard, a mouse or a joystick.
-    pub(crate) input: bool,
+    pub input: bool,
     /// The driver of the kernel that has the first interface of a USB device.
-    pub(crate) driver: Option<String>,
+    pub driver: Option<String>,
     /// Whether the device is behind a hub.
-    pub(crate) behind_hub: bool,
+    pub behind_hub: bool,
 }
 
 /// The HID devices of the machine whose file system has this root.
@@ -152,19 +152,22 @@ fn numbers(folder: &Path) -> Option<(u16, u16)> {
 /// What the kernel tells of a HID device in its file `uevent`. The name and the serial number are what the device
 /// states, so they may be any text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct HidFacts {
+pub struct HidFacts {
     /// Vendor and product.
-    pub(crate) numbers: (u16, u16),
+    pub numbers: (u16, u16),
     /// Whether the device is on USB.
-    pub(crate) on_usb: bool,
-    pub(crate) name: String,
-    pub(crate) serial: String,
-    pub(crate) behind_hub: bool,
+    pub on_usb: bool,
+    /// Name of the device, without control characters.
+    pub name: String,
+    /// Serial number, without control characters; empty if the device states none.
+    pub serial: String,
+    /// Whether the device is behind a hub.
+    pub behind_hub: bool,
 }
 
 impl HidFacts {
     /// The facts in a text; `None` where it does not name a vendor and a product.
-    pub(crate) fn parse(text: &str) -> Option<Self> {
+    pub fn parse(text: &str) -> Option<Self> {
         let fact = |key: &str| {
             let lines = text.lines().filter_map(|line| line.split_once('='));
             let mut values = lines.filter(|(found, _)| *found == key);

@@ -36,7 +36,7 @@ impl Which {
     }
 
     /// Whether a device of the kind is the one.
-    pub(crate) fn is(&self, device: &Listed) -> bool {
+    pub fn is(&self, device: &Listed) -> bool {
         match self {
             Self::Only => true,
             Self::Serial(serial) => *serial == device.serial,
@@ -45,7 +45,7 @@ impl Which {
     }
 
     /// The connection of the device, where `kind` is the connection of any device of the kind.
-    pub(crate) fn connection(&self, kind: &str) -> String {
+    pub fn connection(&self, kind: &str) -> String {
         match self {
             Self::Only => kind.to_owned(),
             Self::Serial(serial) => format!("{kind}:{serial}"),
@@ -72,17 +72,18 @@ fn is_port(text: &str) -> bool {
 }
 
 /// The connected devices of one kind, all those that a connection without an end may mean.
-pub(crate) struct Alike<'a> {
+pub struct Alike<'a> {
     /// The connection of any device of the kind, such as `hid:1209:c0de`.
-    pub(crate) kind: &'a str,
+    pub kind: &'a str,
     /// The driver that takes the path of a device as its address; `None` where it takes none.
-    pub(crate) by_path: Option<&'a str>,
-    pub(crate) devices: Vec<Listed>,
+    pub by_path: Option<&'a str>,
+    /// The devices.
+    pub devices: Vec<Listed>,
 }
 
 impl Alike<'_> {
     /// The shortest connection that names the device and no other.
-    pub(crate) fn connection(&self, device: &Listed) -> String {
+    pub fn connection(&self, device: &Listed) -> String {
         let serial = Which::parse(&device.serial);
         // A serial number that looks like a port names none.
         let serial = matches!(serial, Which::Serial(_)).then_some(serial);

@@ -25,26 +25,39 @@ pub(super) struct Wrench {
 /// `palpate_state`.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
-pub(crate) struct State {
-    pub(crate) position: [f64; 3],
-    pub(crate) orientation: [f64; 4],
-    pub(crate) velocity: [f64; 3],
-    pub(crate) angular_velocity: [f64; 3],
-    pub(crate) time_ns: u64,
-    pub(crate) buttons: u32,
-    pub(crate) rendering: u32,
+pub struct State {
+    /// Position (m).
+    pub position: [f64; 3],
+    /// Orientation: a unit quaternion, real part first.
+    pub orientation: [f64; 4],
+    /// Velocity (m/s).
+    pub velocity: [f64; 3],
+    /// Angular velocity (rad/s), world axes.
+    pub angular_velocity: [f64; 3],
+    /// Time of the device (ns).
+    pub time_ns: u64,
+    /// Buttons, a bit each.
+    pub buttons: u32,
+    /// What the device renders: `PALPATE_RENDERS`, or a reason why it renders nothing.
+    pub rendering: u32,
 }
 
 /// `palpate_capabilities`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
-pub(crate) struct Capabilities {
-    pub(crate) sensed: u32,
-    pub(crate) actuated: u32,
-    pub(crate) max_force: f64,
-    pub(crate) max_moment: f64,
-    pub(crate) workspace_radius: f64,
-    pub(crate) position_step: f64,
+pub struct Capabilities {
+    /// Sensed axes, a bit each: x, y, z, and all rotations.
+    pub sensed: u32,
+    /// Actuated axes, as in `sensed`.
+    pub actuated: u32,
+    /// Largest force (N).
+    pub max_force: f64,
+    /// Largest moment (N m).
+    pub max_moment: f64,
+    /// Radius of the workspace (m).
+    pub workspace_radius: f64,
+    /// Smallest step of the position (m).
+    pub position_step: f64,
 }
 
 /// `palpate_device`, which only the plug-in knows.

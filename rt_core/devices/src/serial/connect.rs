@@ -36,7 +36,7 @@ pub struct Tty;
 pub struct Tcp;
 
 /// The path and the speed in an address; `None` where it has neither form.
-pub(crate) fn line(address: &str) -> Option<(&str, u32)> {
+pub fn line(address: &str) -> Option<(&str, u32)> {
     let (path, baud) = match address.split_once('@') {
         Some((path, baud)) => (path, number(baud)?),
         None => (address, BAUD),
@@ -45,7 +45,7 @@ pub(crate) fn line(address: &str) -> Option<(&str, u32)> {
 }
 
 /// Whether an address is a host and a port.
-pub(crate) fn is_port(address: &str) -> bool {
+pub fn is_port(address: &str) -> bool {
     let parts = address.rsplit_once(':');
     parts.is_some_and(|(host, port)| {
         !host.is_empty() && number(port).is_some_and(|port| port <= u16::MAX.into())

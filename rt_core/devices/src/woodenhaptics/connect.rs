@@ -63,17 +63,20 @@ pub struct WoodenHapticsDriver;
 
 /// Where a device is.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Address {
+pub enum Address {
     /// HID, one of the connected boards.
     Board(Which),
     /// HID by its path.
     Hidraw(HidSelector),
+    /// A serial line by its path.
     Tty(String),
+    /// A host and a port.
     Tcp(String),
 }
 
 impl Address {
-    pub(crate) fn parse(text: &str) -> Option<Self> {
+    /// The address that a text has; `None` if it has no form of an address.
+    pub fn parse(text: &str) -> Option<Self> {
         if text.is_empty() {
             return Some(Self::Board(Which::Only));
         }

@@ -1,22 +1,19 @@
 //! `palpate stress scene`: runs a scene with many kinds of hands, rates and faults.
 
 pub(super) mod cell;
-pub(super) mod picture;
-mod table;
 
-use super::{CommandError, Common, Declared, Format, Shown, Values, Written, scheme_of};
+use super::{CommandError, Common, Declared, Format, Values, Written, number, scheme_of};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
-use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use study::stress::jobs::{self, Cells, Header};
-use study::stress::scene::draw::{Choice, Trouble};
+use study::stress::scene::draw::Trouble;
 use study::stress::scene::measure::{Outcome, Trace};
-use study::stress::scene::verdict::{Verdict, of_outcome};
+use study::stress::scene::verdict::of_outcome;
+use study::stress::scene::worlds::Asked;
 use study::stress::scene::written::Written as WrittenScene;
-use study::stress::scene::{SCHEMES, STEP_RATE, Study};
+use study::stress::scene::{SCHEMES, STEP_RATE, Study, Worlds, picture};
 
 /// Arguments of `palpate stress scene`.
 #[derive(Clone, Debug, clap::Args)]
@@ -56,10 +53,9 @@ pub(super) struct SceneArguments {
     common: Common,
 }
 
-/// Default number of worlds: ten of each rate and each trouble. A world of the sheet takes about a second of one core.
-const RUNS: u64 = 420;
-/// Number of worlds of a quick study: each rate twice, without faults and with stalls.
-const QUICK: u64 = 14;
+/// Default number of worlds (ten of each rate and each trouble), and that of a quick study (each rate twice, without faults
+/// and with stalls). A world of the sheet takes about a second of one core.
+const RUNS: [u64; 2] = [420, 14];
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
     scheme_of(text, &SCHEMES)
@@ -82,44 +78,6 @@ fn trouble(text: &str) -> Result<Trouble, String> {
     found.ok_or_else(|| format!("allowed: {}", Trouble::ALL.map(Trouble::name).join(", ")))
 }
 
-impl SceneArguments {
-    /// The rates and troubles of the worlds.
-    fn choice(&self) -> Choice {
-        let mut choice = Choice::default();
-        if !self.rate.is_empty() {
-            choice.rates.clone_from(&self.rate);
-        }
-        if !self.trouble.is_empty() {
-            choice.troubles.clone_from(&self.trouble);
-        }
-        choice
-    }
-
-    /// Everything but seed and number that determines a cell. A file of a study without --rate and --trouble has no
-    /// such settings.
-    fn settings(
-        &self,
-        loaded: Option<&LoadedScene>,
-        schemes: &[(SchemeName, &str)],
-    ) -> serde_json::Value {
-        let mut settings = serde_json::json!({
-            "schemes": schemes.iter().map(|(_, name)| name).collect::<Vec<_>>(),
-        });
-        if let Some(loaded) = loaded {
-            let files = loaded.files.iter().map(|(name, bytes)| (name, bytes.len()));
-            settings["scene"] = loaded.source.text.clone().into();
-            settings["files"] = serde_json::json!(files.collect::<Vec<_>>());
-        }
-        if !self.rate.is_empty() {
-            settings["rates"] = serde_json::json!(self.rate);
-        }
-        if !self.trouble.is_empty() {
-            settings["troubles"] = serde_json::json!(self.trouble);
-        }
-        settings
-    }
-}
-
 pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     let path = arguments.scene.as_deref();
@@ -134,84 +92,18 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         .file("--log", arguments.log.as_ref(), Format::Csv)
         .file("--write", arguments.write.as_ref(), Format::Toml);
     let _held = common.declare(declared).check()?;
-    let name = loaded
-        .as_ref()
-        .map_or("drawn bodies", |loaded| &loaded.scene.name)
-        .to_owned();
-    let schemes: Vec<_> = SCHEMES
-        .into_iter()
-        .filter(|(scheme, _)| arguments.schemes.is_empty() || arguments.schemes.contains(scheme))
-        .collect();
-    let default = if common.quick { QUICK } else { RUNS };
-    let header = Header {
-        study: "scene".to_owned(),
-        schema: 4,
+    let worlds = Worlds::new(Asked {
+        loaded,
         seed: common.cells.seed,
-        cells: arguments.runs.unwrap_or(default),
-        settings: arguments.settings(loaded.as_ref(), &schemes),
-    };
-    let (seed, choice) = (common.cells.seed, arguments.choice());
-    let judged = loaded
-        .as_ref()
-        .map_or(SchemeName::Capped, |loaded| loaded.scene.realtime.scheme);
-    let study = match loaded {
-        Some(loaded) => Study::among(loaded, seed, choice)?,
-        None => Study::drawn(seed, choice),
-    };
-    if let Some(cell) = arguments.cell {
-        return show_cell(arguments, &study, cell);
+        worlds: number(arguments.runs, common.quick, RUNS),
+        schemes: arguments.schemes.clone(),
+        rates: arguments.rate.clone(),
+        troubles: arguments.trouble.clone(),
+    })?;
+    match arguments.cell {
+        Some(cell) => show_cell(arguments, &worlds.study, cell),
+        None => common.run(&worlds),
     }
-    let shown = Shown::new();
-    if header.cells > 1 {
-        shown.say(&format!(
-            "{} worlds, each with a reference and {} schemes; fewer --runs or --schemes, or a lower --rate, take less time",
-            header.cells,
-            schemes.len()
-        ));
-    }
-    let work = |cell| study.cell_told(cell, &schemes, &|part| shown.part(part));
-    let cells = jobs::run(&header, &common.cells.options(), &work, &mut |at| {
-        shown.show(at);
-    });
-    let Cells { cells, unwritten } = shown.end(cells)?;
-    // The scheme of the scene is judged, or each scheme that was run in its place.
-    let own = schemes.iter().filter(|(scheme, _)| *scheme == judged);
-    let judged = match own.clone().count() {
-        0 => schemes.clone(),
-        _ => own.copied().collect(),
-    };
-    for (_, scheme) in judged {
-        if let Some(verdict) = Verdict::of(cells.iter(), scheme) {
-            outln!("{verdict}");
-        }
-    }
-    outln!(
-        "{name}: {} worlds, seed {}\n",
-        cells.len(),
-        common.cells.seed
-    );
-    if study.tears() {
-        outln!(
-            "a body tears, and a body that tears does not soften: worlds of the trouble \"softening\" have no fault, and \
-             those of \"all\" have the others\n"
-        );
-    }
-    table::print(&cells);
-    let mut written = Written::default();
-    written.write(common.plot.as_ref(), |path| {
-        write_picture(path, &picture::distributions(&name, &cells))
-    });
-    let mut failed = cells
-        .iter()
-        .filter_map(|(n, c)| Some((n, c.failed.as_ref()?)));
-    let outcome = match failed.next() {
-        Some((number, why)) => {
-            errln!("cell {number}: {why}");
-            Err(CommandError::Incomplete)
-        }
-        None => Ok(()),
-    };
-    written.and(unwritten).end_with(outcome)
 }
 
 /// Runs one world under one scheme and prints its outcome.

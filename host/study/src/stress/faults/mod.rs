@@ -8,7 +8,8 @@
 
 use super::chance::Chance;
 use super::devices::{self, StudyDevice};
-use super::jobs::Header;
+use crate::stress::study::quantities;
+use crate::stress::{self, Done, Quantity, Verdict};
 use host::log::energy_sums;
 use host::run::panics;
 use host::run::setup::port;
@@ -38,10 +39,8 @@ pub const TICKS: u64 = 100_000;
 const STRETCH: [f64; 2] = [0.5, 1.5];
 /// Ticks a second (Hz), where no device states another rate.
 const RATE: f64 = 1000.0;
-/// Cells of the whole study: 10^8 ticks.
-pub const CELLS: u64 = 1000;
-/// Cells of the quick study.
-pub const QUICK_CELLS: u64 = 10;
+/// Cells of a whole study (10^8 ticks), and of a quick one.
+pub const CELLS: [u64; 2] = [1000, 10];
 
 /// The result of a cell.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -75,30 +74,63 @@ impl Outcome {
     }
 }
 
-/// The header of the study's file, for the devices `devices`; none of them: for devices of drawn limits.
-pub fn header(seed: u64, cells: u64, devices: &[StudyDevice]) -> Header {
-    let mut settings = serde_json::json!({ "ticks": TICKS });
-    if !devices.is_empty() {
-        settings["devices"] = devices::settings(devices);
-    }
-    Header {
-        study: "faults".to_owned(),
-        schema: 2,
-        seed,
-        cells,
-        settings,
-    }
+/// The study.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// The seed of every random choice.
+    pub seed: u64,
+    /// Number of cells.
+    pub cells: u64,
+    /// The devices of the cells, in turn; none of them: devices of drawn limits.
+    pub devices: Vec<StudyDevice>,
 }
 
-/// Runs one cell: with one of `devices`, or with devices of drawn limits if there are none.
-pub fn run(seed: u64, cell: u64, devices: &[StudyDevice]) -> Outcome {
-    let chance = Chance::new(seed, cell);
-    // In turn, so that every range of cells contains the same fraction of each device.
-    let device = devices.get(cell as usize % devices.len().max(1));
-    let mut outcome = Outcome::default();
-    let run = panics::caught(|| go_through(chance, device, &mut outcome));
-    outcome.panic = run.err();
-    outcome
+impl stress::Study for Study {
+    type Outcome = Outcome;
+    const NAME: &'static str = "faults";
+    const SCHEMA: u32 = 2;
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn cells(&self) -> u64 {
+        self.cells
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        let mut settings = serde_json::json!({ "ticks": TICKS });
+        if !self.devices.is_empty() {
+            settings["devices"] = devices::settings(&self.devices);
+        }
+        settings
+    }
+
+    fn cell(&self, cell: u64, _: &Done<'_>) -> Outcome {
+        let chance = Chance::new(self.seed, cell);
+        // In turn, so that every range of cells contains the same fraction of each device.
+        let device = self.devices.get(cell as usize % self.devices.len().max(1));
+        let mut outcome = Outcome::default();
+        let run = panics::caught(|| go_through(chance, device, &mut outcome));
+        outcome.panic = run.err();
+        outcome
+    }
+
+    fn summary(&self, cells: &BTreeMap<u64, Outcome>) -> String {
+        summary(cells)
+    }
+
+    fn verdict(&self, cells: &BTreeMap<u64, Outcome>) -> Verdict {
+        Verdict {
+            failed: cells.values().filter(|cell| !cell.passed()).count(),
+            ..Verdict::default()
+        }
+    }
+
+    fn quantities(cells: &BTreeMap<u64, Outcome>) -> Option<Vec<Quantity>> {
+        let failed = cells.values().filter(|cell| !cell.passed()).count();
+        Some(quantities("all", [("cells that fail", failed as f64)]))
+    }
 }
 
 fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcome) {
@@ -297,4 +329,48 @@ fn is_back(telemetry: &Telemetry) -> bool {
     });
     let mut bodies = telemetry.bodies();
     devices && bodies.all(|body| body.state == HostState::Live && body.trust == 1.0)
+}
+
+/// The sums of the cells by scheme, the events that occurred, and the panics.
+fn summary(cells: &BTreeMap<u64, Outcome>) -> String {
+    let mut text = String::new();
+    let mut by_scheme: BTreeMap<&str, [u64; 7]> = BTreeMap::new();
+    let mut met: BTreeMap<&str, u64> = BTreeMap::new();
+    for cell in cells.values() {
+        let sums = by_scheme.entry(&cell.scheme).or_default();
+        let counts = [
+            1,
+            cell.ticks,
+            cell.not_finite,
+            cell.beyond,
+            cell.lost_account,
+            cell.not_back,
+            u64::from(cell.panic.is_some()),
+        ];
+        for (sum, count) in sums.iter_mut().zip(counts) {
+            *sum += count;
+        }
+        for (event, count) in &cell.met {
+            *met.entry(event).or_default() += count;
+        }
+    }
+    put!(
+        text,
+        "| scheme | cells | ticks | not finite | beyond limits | account lost | not recovered | panics |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|---|");
+    for (scheme, sums) in by_scheme {
+        let columns: Vec<_> = sums.iter().map(u64::to_string).collect();
+        put!(text, "| {scheme} | {} |", columns.join(" | "));
+    }
+    put!(text, "\nEvents that occurred:");
+    for (event, count) in met {
+        put!(text, "  {count:>12}  {event}");
+    }
+    for (number, cell) in cells {
+        if let Some(panic) = &cell.panic {
+            put!(text, "  cell {number} panicked: {panic}");
+        }
+    }
+    text
 }

@@ -1,6 +1,16 @@
 //! A few cells of the study. Each check is shown to be able to fail.
 
 use super::*;
+use crate::stress::Study as _;
+
+fn run(seed: u64, cell: u64, devices: &[StudyDevice]) -> Outcome {
+    let study = Study {
+        seed,
+        cells: cell + 1,
+        devices: devices.to_vec(),
+    };
+    study.cell(cell, &|_| ())
+}
 
 #[test]
 fn bad_input_of_every_kind_is_met_and_survived() {

@@ -9,7 +9,9 @@
 //! no scheme has a reason to withhold force. In the others, a stall, a limit on the slew of the force or a fast press takes
 //! a part of it away for a while, and the hold that begins a second later is judged alone. [`verdict`] states the limits.
 
+pub mod holds;
 pub mod summary;
+mod table;
 pub mod verdict;
 
 use super::chance::Chance;
@@ -28,6 +30,8 @@ use rt_core::velocity::{VelocityEstimator, most_damping};
 use serde::{Deserialize, Serialize};
 use sim::Hand;
 use std::collections::BTreeMap;
+
+pub use holds::Holds;
 
 /// The schemes that are compared.
 pub const SCHEMES: [(SchemeName, &str); 2] = [

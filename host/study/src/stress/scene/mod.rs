@@ -19,13 +19,16 @@ pub mod draw;
 pub mod force_errors;
 mod hands;
 pub mod measure;
+pub mod picture;
 pub(crate) mod reference;
 pub(super) mod rendered;
 pub(super) mod run;
 pub mod summary;
+mod table;
 mod troubled;
 pub mod verdict;
 pub(crate) mod world;
+pub mod worlds;
 pub mod written;
 
 use super::chance::Chance;
@@ -44,6 +47,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use world::World;
 use written::Written;
+
+pub use worlds::Worlds;
 
 /// The schemes, in the order of the tables.
 pub const SCHEMES: [(SchemeName, &str); 6] = [

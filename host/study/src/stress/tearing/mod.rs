@@ -19,6 +19,7 @@ pub use draw::{Draw, Hold};
 pub use judge::NET_ENERGY;
 
 use crate::StudyError;
+use crate::stress::{self, Done, Verdict};
 use host::engine::faults::{FaultKind, Faults, HostFault};
 use host::run::{setup, virtual_clock};
 use host::scene::{LoadedScene, Scene};
@@ -47,6 +48,67 @@ pub struct CellResult {
     pub net_energy: f64,
     /// What the runs must not do, but did.
     pub failures: Vec<String>,
+}
+
+/// Cells of a whole study, and of a quick one.
+pub const CELLS: [u64; 2] = [1000, 20];
+
+/// The study.
+#[derive(Clone, Copy, Debug)]
+pub struct Study {
+    /// The seed of every random choice.
+    pub seed: u64,
+    /// Number of cells.
+    pub cells: u64,
+}
+
+impl stress::Study for Study {
+    type Outcome = CellResult;
+    const NAME: &'static str = "tearing";
+    const SCHEMA: u32 = 1;
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn cells(&self) -> u64 {
+        self.cells
+    }
+
+    fn cell(&self, cell: u64, _: &Done<'_>) -> CellResult {
+        self::cell(self.seed, cell)
+    }
+
+    fn summary(&self, cells: &BTreeMap<u64, CellResult>) -> String {
+        let mut text = String::new();
+        let count = |is: fn(&CellResult) -> bool| cells.values().filter(|c| is(c)).count();
+        put!(text, "{} runs, seed {}", cells.len(), self.seed);
+        put!(
+            text,
+            "{} tore, {} started a tear at the strength, {} parted, {} used up the room for vertices",
+            count(|cell| cell.opened > 0),
+            count(|cell| cell.started > 0),
+            count(|cell| cell.pieces > 1),
+            count(|cell| cell.full)
+        );
+        let opened: u64 = cells.values().map(|cell| cell.opened).sum();
+        let energies = cells.values().map(|cell| cell.net_energy);
+        let most = energies.fold(0.0, f64::max);
+        put!(
+            text,
+            "{opened} edges opened; net energy of the hands at most {:.3} mJ\n",
+            1e3 * most
+        );
+        text
+    }
+
+    fn verdict(&self, cells: &BTreeMap<u64, CellResult>) -> Verdict {
+        Verdict::of_failures(
+            cells,
+            |cell| &cell.failures,
+            |number, _, failure| format!("seed {}, cell {number}: {failure}", self.seed),
+        )
+    }
 }
 
 /// The scene of a cell of the study of `seed`.

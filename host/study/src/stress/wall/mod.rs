@@ -1,7 +1,7 @@
 //! A unilateral wall inside the tick: the stiffness from which on the adversary extracts energy, on each device,
 //! compared with theory; and how much stiffer the wall may be under each scheme.
 //!
-//! The wall is a local model with a contact, in the real [`rt_core::Controller`] ([`rig`]). [`sim::adversary`] measures
+//! The wall is a local model with a contact, in the real [`rt_core::Controller`] ([`rig`]). [`crate::adversary`] measures
 //! the energy at the port of the hand; the account of the controller is not used. There are four kinds of cells:
 //!
 //! - **passive**: the boundary of passivity, measured by bisection ([`passive`]) and compared with theory
@@ -12,11 +12,13 @@
 //! - **scheme**: most energy found at multiples of the plain bound, and the static stiffness there ([`stiffer`]).
 
 pub mod passive;
+mod picture;
 pub mod rig;
 pub mod stable;
 pub mod stiffer;
 mod summary;
 mod surprise;
+mod table;
 #[cfg(test)]
 mod tests;
 pub mod theory;
@@ -24,7 +26,8 @@ pub mod theory;
 pub use summary::{Gain, Panel, gains, panels};
 
 use crate::stress::devices::{StudyDevice, settings};
-use crate::stress::jobs::{self, Cells, Header, JobError, Options, Progress};
+use crate::stress::study::quantities;
+use crate::stress::{self, Done, Quantity, Verdict};
 use host::scene::{NamedDevice, SceneError};
 use rig::Wall;
 use rt_core::Scheme;
@@ -33,8 +36,6 @@ use sim::{Arm, DeviceModel};
 use std::collections::BTreeMap;
 use theory::{Plant, Sampled};
 
-/// Version of the layout of the results.
-const SCHEMA: u32 = 2;
 /// The schemes that are compared.
 pub const SCHEMES: [Scheme; 4] = [
     Scheme::Linear,
@@ -185,6 +186,74 @@ pub fn check(device: &NamedDevice) -> Result<(), SceneError> {
     Err(device.source.error("damping", "0", allowed))
 }
 
+impl stress::Study for Study {
+    type Outcome = Outcome;
+    const NAME: &'static str = "wall";
+    const SCHEMA: u32 = 2;
+
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn cells(&self) -> u64 {
+        self.tasks().len() as u64
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        let models: BTreeMap<_, _> = DeviceModel::spatial()
+            .map(|(name, m)| {
+                let numbers = [m.mass, m.damping, m.friction, m.position_step, m.max_force];
+                (name, numbers)
+            })
+            .collect();
+        let models = if self.devices.is_empty() {
+            serde_json::json!(models)
+        } else {
+            settings(&self.devices)
+        };
+        serde_json::json!({
+            "study": self,
+            "budgets": self.budgets(),
+            "devices": models,
+            "schemes": SCHEMES.map(|scheme| scheme.name()),
+        })
+    }
+
+    fn cell(&self, cell: u64, _: &Done<'_>) -> Outcome {
+        // A cell takes far longer than the list of all.
+        self.work(&self.tasks().swap_remove(cell as usize), cell)
+    }
+
+    fn summary(&self, cells: &BTreeMap<u64, Outcome>) -> String {
+        let mut text = String::new();
+        let of = stress::Study::cells(self);
+        if (cells.len() as u64) < of {
+            put!(
+                text,
+                "{} of {of} cells: merge the files of all shards for the rest\n",
+                cells.len()
+            );
+        }
+        table::boundaries(&mut text, cells);
+        table::whole(&mut text, cells);
+        table::gains(&mut text, cells, &self.devices());
+        text
+    }
+
+    /// A wall has no limits that it must keep.
+    fn verdict(&self, _: &BTreeMap<u64, Outcome>) -> Verdict {
+        Verdict::default()
+    }
+
+    fn draw(&self, cells: &BTreeMap<u64, Outcome>) -> Option<String> {
+        Some(picture::map(cells))
+    }
+
+    fn quantities(cells: &BTreeMap<u64, Outcome>) -> Option<Vec<Quantity>> {
+        Some(quantities_of(cells))
+    }
+}
+
 impl Study {
     /// The devices of the study.
     pub fn devices(&self) -> Vec<StudyDevice> {
@@ -293,47 +362,6 @@ impl Study {
         } else {
             [300_000, 60_000, 200_000]
         }
-    }
-
-    /// The header of the results: everything that determines them.
-    pub fn header(&self) -> Header {
-        let models: BTreeMap<_, _> = DeviceModel::spatial()
-            .map(|(name, m)| {
-                let numbers = [m.mass, m.damping, m.friction, m.position_step, m.max_force];
-                (name, numbers)
-            })
-            .collect();
-        let models = if self.devices.is_empty() {
-            serde_json::json!(models)
-        } else {
-            settings(&self.devices)
-        };
-        Header {
-            study: "wall".to_owned(),
-            schema: SCHEMA,
-            seed: self.seed,
-            cells: self.tasks().len() as u64,
-            settings: serde_json::json!({
-                "study": self,
-                "budgets": self.budgets(),
-                "devices": models,
-                "schemes": SCHEMES.map(|scheme| scheme.name()),
-            }),
-        }
-    }
-
-    /// Runs all cells that are not done.
-    ///
-    /// # Errors
-    /// [`JobError`] if the file of results cannot be used.
-    pub fn run(
-        &self,
-        options: &Options,
-        progress: &mut dyn FnMut(&Progress<'_>),
-    ) -> Result<Cells<Outcome>, JobError> {
-        let tasks = self.tasks();
-        let work = |cell: u64| self.work(&tasks[cell as usize], cell);
-        jobs::run(&self.header(), options, &work, progress)
     }
 
     fn work(&self, task: &Task, cell: u64) -> Outcome {
@@ -448,4 +476,44 @@ impl Task {
             whole,
         }
     }
+}
+
+fn quantities_of(cells: &BTreeMap<u64, Outcome>) -> Vec<Quantity> {
+    let mut values = Vec::new();
+    for outcome in cells.values() {
+        let Outcome::Passive {
+            setting,
+            measured: Some(measured),
+            ..
+        } = outcome
+        else {
+            continue;
+        };
+        if setting.damping == 0.0 {
+            let name = if setting.whole {
+                "passive stiffness with friction and counts (N/m)"
+            } else {
+                "passive stiffness (N/m)"
+            };
+            let of = place(&setting.device, setting.rate, setting.delay);
+            values.extend(quantities(&of, [(name, *measured)]));
+        }
+    }
+    for gain in gains(cells).iter().filter(|gain| gain.whole) {
+        let of = place(&gain.device, gain.rate, gain.delay);
+        let name = if gain.as_hand {
+            "multiple of the plain bound, motion of a hand"
+        } else {
+            "multiple of the plain bound, any motion"
+        };
+        values.extend(quantities(
+            &format!("{of}, {}", gain.scheme),
+            [(name, gain.times())],
+        ));
+    }
+    values
+}
+
+fn place(device: &str, rate: u32, delay: usize) -> String {
+    format!("{device}, {rate} Hz, delay {delay}")
 }

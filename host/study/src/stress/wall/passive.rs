@@ -1,7 +1,7 @@
 //! The measured boundary of passivity: the stiffness from which on the adversary extracts energy.
 
 use super::rig::{Rig, Wall};
-use sim::adversary::{Adversary, Goal, Limits, Rendering, Start, best_among};
+use crate::adversary::{Adversary, Goal, Limits, Rendering, Start, best_among};
 
 /// Fastest hand (m/s).
 pub const SPEED: f64 = 0.5;

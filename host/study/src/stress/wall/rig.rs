@@ -1,5 +1,6 @@
 //! The wall in the real controller, as the adversary and the simulated hand meet it.
 
+use crate::adversary::{Mechanism, Rendering};
 use host::engine::virtual_coupling::Link;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
@@ -11,7 +12,6 @@ use rt_core::{
     PassivityConfig, Pose, Scheme, Twist, Vec3,
 };
 use sim::DeviceModel;
-use sim::adversary::{Mechanism, Rendering};
 
 /// Ticks until the wall is complete: the model blends in over a few ticks.
 const WARM_UP: u32 = 20;

@@ -2,7 +2,7 @@
 
 use super::rig::{Rig, Wall};
 use super::theory::{Plant, Step};
-use sim::adversary::Rendering;
+use crate::adversary::Rendering;
 
 /// Ticks for which a disturbance is observed.
 const TICKS: usize = 6000;

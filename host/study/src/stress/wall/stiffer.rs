@@ -3,7 +3,7 @@
 use super::passive::{SURGE, adversary};
 use super::rig::{Rig, Wall};
 use super::surprise;
-use sim::adversary::{Goal, Rendering};
+use crate::adversary::{Goal, Rendering};
 
 /// The result of an attack on one wall.
 #[derive(Clone, Copy, Debug)]

@@ -13,8 +13,8 @@
 //! presses too softly, or is no stiffer than [`most`]. A hand of limited acceleration cannot make this motion: its
 //! first steps announce the rest.
 
+use crate::adversary::{Limits, Start};
 use sim::DeviceModel;
-use sim::adversary::{Limits, Start};
 
 /// The largest stiffness (N/m) of which a scheme can render the fraction `rendered` while a hand of up to `speed` (m/s)
 /// gains no more than `energy` (J). None where the motors are too weak for the motion: there is no such bound.
@@ -55,10 +55,10 @@ pub(super) fn motions(limits: &Limits, delay: usize) -> Vec<Start> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adversary::{Goal, Rendering};
     use crate::stress::wall::passive::{SPEED, adversary};
     use crate::stress::wall::rig::Wall;
     use rt_core::Scheme;
-    use sim::adversary::{Goal, Rendering};
 
     #[test]
     fn a_wall_of_the_requested_stiffness_gives_the_energy_of_theory() {

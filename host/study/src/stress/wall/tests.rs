@@ -1,4 +1,5 @@
 use super::*;
+use crate::stress::Study as _;
 
 fn quick() -> Study {
     Study {
