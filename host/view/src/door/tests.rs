@@ -450,8 +450,18 @@ fn a_slow_request_is_ended() {
     let mut silent = server.connect();
     let mut slow = server.connect();
     slow.write_all(b"GET / HTTP/1.1\r\n").expect("sent");
+    // A byte now and then does not prolong the time.
+    let mut drips = server.connect();
+    let mut drop_by_drop = drips.try_clone().expect("a socket");
+    let dripping = thread::spawn(move || {
+        while drop_by_drop.write_all(b"G").is_ok() {
+            thread::sleep(Duration::from_millis(10));
+        }
+    });
     assert!(answer(&mut slow).starts_with("HTTP/1.1 408 "));
+    assert!(answer(&mut drips).starts_with("HTTP/1.1 408 "));
     assert_eq!(answer(&mut silent), "");
+    dripping.join().expect("no panic");
 }
 
 #[test]
