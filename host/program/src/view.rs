@@ -251,7 +251,7 @@ fn serve_page(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
     }
     let options = web::Options {
         port,
-        opened: Box::new(|address| outln!("{address}")),
+        say: Arc::new(|line| outln!("{line}")),
         moment: Arc::new(moments::made),
         stop,
     };

@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let options = Options {
         port,
-        opened: Box::new(|address| println!("{address}")),
+        say: Arc::new(|line| println!("{line}")),
         moment: Arc::new(|_, picture| match picture {
             Picture::Csv => Ok(b"time_s\n0\n".to_vec()),
             _ => Err("The synthetic feed has no picture.".into()),

@@ -10,6 +10,7 @@
 //! feed from a run ([`live`]) sends nothing to the run: its commands act on the viewer alone.
 #![forbid(unsafe_code)]
 
+pub mod door;
 pub mod feed;
 pub mod foxglove;
 pub mod history;

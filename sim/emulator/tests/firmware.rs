@@ -26,8 +26,8 @@ use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time after which a test has failed.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Time after which a test has failed: so long that no busy machine needs it.
+const PATIENCE: Duration = Duration::from_secs(600);
 /// Number of states after which a test sends a report again, where the first had no effect.
 const STATES: u32 = 300;
 /// Longest time between two questions for bytes of a board.
@@ -753,7 +753,7 @@ fn the_figures_leave_half_of_the_processor_free() {
         host.greet(7, WATCHDOG_MOST_US);
         // Instructions for each state, without a wrench, and with the wrenches that QEMU passes on.
         for busy in [false, true] {
-            let (before, start) = (board.truth(), Instant::now());
+            let before = board.truth();
             let first = host.newest();
             let (mut last, mut wrenches, mut delays) = (first, 0_u32, Vec::new());
             while last.sequence.wrapping_sub(first.sequence) < 500 {
@@ -774,7 +774,6 @@ fn the_figures_leave_half_of_the_processor_free() {
                     last = host.state();
                 }
             }
-            let wall = start.elapsed().as_secs_f64();
             let after = board.truth();
             let steps = after.ticks.wrapping_sub(before.ticks);
             let slept = after.slept_cycles.wrapping_sub(before.slept_cycles);
@@ -783,19 +782,17 @@ fn the_figures_leave_half_of_the_processor_free() {
             let instructions = f64::from(worked) * f64::from(CYCLE_NS) / f64::from(INSTRUCTION_NS);
             let share = instructions / f64::from(steps) * f64::from(1000 / TICK_US);
             println!(
-                "{}: {share:.0} instructions for a state and its {} ticks; {:.0} states a second of this machine",
+                "{}: {share:.0} instructions for a state and its {} ticks",
                 board.name,
-                1000 / TICK_US,
-                states / wall
+                1000 / TICK_US
             );
             if busy {
                 assert!(wrenches > 0, "{}: no wrench came into force", board.name);
                 delays.sort_unstable();
                 println!(
-                    "{}: with {:.2} wrenches a state ({:.0} a second); motion to force {} us (median, device's clock)",
+                    "{}: with {:.2} wrenches a state; motion to force {} us (median, device's clock)",
                     board.name,
                     f64::from(wrenches) / states,
-                    f64::from(wrenches) / wall,
                     delays[delays.len() / 2]
                 );
             }

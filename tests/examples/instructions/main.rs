@@ -1,16 +1,19 @@
 //! The cost of one tick of the control law, in instructions and in time, at best and at worst:
 //!
 //! ```sh
-//! cargo run --release -p palpate-tests --example instructions              # compare
+//! cargo run --release -p palpate-tests --example instructions              # compare twelve counts
+//! cargo run --release -p palpate-tests --example instructions -- --all     # count every case
 //! cargo run --release -p palpate-tests --example instructions -- --refresh # write the table anew
 //! ```
 //!
-//! Valgrind's callgrind counts the optimized code that users run. The program fails where a count is more than 5 %
-//! above `tests/instructions/expected.toml`, or where the most expensive tick of a scheme takes more than
-//! [`MOST_RATIO`] times the instructions of the cheapest. Times are printed beside the counts, without a limit.
+//! Valgrind's callgrind counts the optimized code that users run. The program fails if a count is more than 5 % above
+//! `tests/instructions/expected.toml`, or if the most expensive tick of a scheme takes more than [`MOST_RATIO`] times the
+//! instructions of the cheapest. The table has twelve counts, one for each mechanism ([`cases::GATE`], [`rings::GATE`]):
+//! the other cases run the same loops over other numbers of handles. Times are printed beside the counts, without a
+//! limit.
 //!
-//! With the argument `count`, the program runs every case once for valgrind; with `count-rings`, every passage of a
-//! model through the rings ([`rings`]).
+//! With the argument `count` or `count-all`, the program runs these ticks once for valgrind; with `count-rings` or
+//! `count-all-rings`, these passages of a model through the rings ([`rings`]).
 
 mod callgrind;
 mod cases;
@@ -20,7 +23,6 @@ mod rings;
 use callgrind::Count;
 use cases::{Case, Situation};
 use expected::Table;
-use palpate_tests::law::{HANDLES, SCHEMES};
 use rings::Passage;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -51,11 +53,14 @@ const TIMED: usize = 301;
 fn main() -> ExitCode {
     let argument = std::env::args().nth(1);
     let done = match argument.as_deref() {
-        None => compare(),
-        Some("--refresh") => refresh(),
-        Some("count") => run_each(),
-        Some("count-rings") => pass_each(),
-        Some(other) => Err(format!("found {other}, allowed: --refresh")),
+        None => counted(false, |counts| TABLE.judge(counts)),
+        Some("--all") => counted(true, |_| Ok(())),
+        Some("--refresh") => counted(false, |counts| TABLE.refresh(counts)),
+        Some("count") => run_each(Case::chosen(false)),
+        Some("count-all") => run_each(Case::chosen(true)),
+        Some("count-rings") => pass_each(Passage::chosen(false)),
+        Some("count-all-rings") => pass_each(Passage::chosen(true)),
+        Some(other) => Err(format!("found {other}, allowed: --all, --refresh")),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -66,9 +71,9 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs every case once.
-fn run_each() -> Result<(), String> {
-    for case in Case::all() {
+/// Runs each case once.
+fn run_each(cases: Vec<Case>) -> Result<(), String> {
+    for case in cases {
         let mut prepared = case.prepare();
         let telemetry = prepared.run();
         if !prepared.met(case.situation, &telemetry) {
@@ -81,9 +86,9 @@ fn run_each() -> Result<(), String> {
     Ok(())
 }
 
-/// Runs every passage once.
-fn pass_each() -> Result<(), String> {
-    for passage in Passage::all() {
+/// Runs each passage once.
+fn pass_each(passages: Vec<Passage>) -> Result<(), String> {
+    for passage in passages {
         if !passage.prepare().run() {
             return Err(format!("{}: the model was refused", passage.name()));
         }
@@ -92,14 +97,9 @@ fn pass_each() -> Result<(), String> {
 }
 
 /// The counts of all calls of `function`, which this program with `argument` makes once for each of `all`.
-fn counted<T>(
-    argument: &str,
-    function: &str,
-    all: impl Iterator<Item = T>,
-) -> Result<Vec<(T, Count)>, String> {
+fn calls<T>(argument: &str, function: &str, all: Vec<T>) -> Result<Vec<(T, Count)>, String> {
     let program = std::env::current_exe().map_err(|e| format!("no path to myself: {e}"))?;
     let (counts, _) = callgrind::count(&program, argument, function)?;
-    let all: Vec<T> = all.collect();
     if counts.len() != all.len() {
         return Err(format!(
             "valgrind counted {} calls of {}",
@@ -110,43 +110,31 @@ fn counted<T>(
     Ok(all.into_iter().zip(counts).collect())
 }
 
-/// Every case with its count.
-fn ticks() -> Result<Vec<(Case, Count)>, String> {
-    counted("count", cases::MEASURED, Case::all())
-}
-
-/// Every passage with its count.
-fn passages() -> Result<Vec<(Passage, Count)>, String> {
-    counted("count-rings", rings::MEASURED, Passage::all())
-}
-
-/// The counts with their names in the table.
-fn named(ticks: &[(Case, Count)], passages: &[(Passage, Count)]) -> Vec<(String, Count)> {
-    let ticks = ticks.iter().map(|(case, count)| (case.name(), *count));
-    let passages = passages.iter().map(|(case, count)| (case.name(), *count));
-    ticks.chain(passages).collect()
-}
-
-fn refresh() -> Result<(), String> {
-    let (ticks, passages) = (ticks()?, passages()?);
-    print_table(&ticks);
-    print_passages(&passages);
-    TABLE.refresh(&named(&ticks, &passages))?;
-    ratios(&ticks)
-}
-
-fn compare() -> Result<(), String> {
+/// Counts the chosen cases or all, prints the counts, and passes them with their names to `then`.
+fn counted(
+    all: bool,
+    then: impl FnOnce(&[(String, Count)]) -> Result<(), String>,
+) -> Result<(), String> {
     if !callgrind::available() {
         println!(
             "!! SKIPPED: instruction counts: valgrind is not installed (apt-get install valgrind)"
         );
         return Ok(());
     }
-    let (ticks, passages) = (ticks()?, passages()?);
+    let [count, count_rings] = if all {
+        ["count-all", "count-all-rings"]
+    } else {
+        ["count", "count-rings"]
+    };
+    let ticks = calls(count, cases::MEASURED, Case::chosen(all))?;
+    let passages = calls(count_rings, rings::MEASURED, Passage::chosen(all))?;
     print_table(&ticks);
     print_passages(&passages);
     ratios(&ticks)?;
-    TABLE.judge(&named(&ticks, &passages))
+    let ticks = ticks.iter().map(|(case, count)| (case.name(), *count));
+    let passages = passages.iter().map(|(case, count)| (case.name(), *count));
+    let named: Vec<_> = ticks.chain(passages).collect();
+    then(&named)
 }
 
 /// Prints counts and times, one line for each scheme and number of handles.
@@ -230,16 +218,22 @@ fn nanoseconds(case: Case) -> u128 {
     })
 }
 
-/// Prints the ratio of the most expensive tick to the cheapest.
+/// Prints the ratio of the most expensive tick to the cheapest, for each scheme and number of handles with several ticks.
 fn ratios(counts: &[(Case, Count)]) -> Result<(), String> {
-    for (scheme, handles) in SCHEMES
-        .into_iter()
-        .flat_map(|scheme| HANDLES.map(|handles| (scheme, handles)))
-    {
-        let all = counts
-            .iter()
-            .filter(|(case, _)| case.scheme == scheme && case.handles == handles);
-        let instructions = all.map(|(_, count)| count.instructions);
+    let same = |(a, _): &(Case, Count), (b, _): &(Case, Count)| {
+        (a.scheme, a.handles) == (b.scheme, b.handles)
+    };
+    for row in counts.chunk_by(same).filter(|row| row.len() > 1) {
+        let Some((
+            Case {
+                scheme, handles, ..
+            },
+            _,
+        )) = row.first()
+        else {
+            continue;
+        };
+        let instructions = row.iter().map(|(_, count)| count.instructions);
         let best = instructions.clone().min().unwrap_or_default();
         let worst = instructions.max().unwrap_or_default();
         let ratio = worst as f64 / best as f64;

@@ -18,6 +18,18 @@ pub(crate) enum Side {
     Take,
 }
 
+/// The passages of the table: the cost of both grows with the number of handles.
+pub(crate) const GATE: [Passage; 2] = [
+    Passage {
+        side: Side::Publish,
+        handles: 8,
+    },
+    Passage {
+        side: Side::Take,
+        handles: 8,
+    },
+];
+
 /// One counted passage.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Passage {
@@ -26,10 +38,15 @@ pub(crate) struct Passage {
 }
 
 impl Passage {
-    pub(crate) fn all() -> impl Iterator<Item = Self> {
+    /// The passages of the table, or all.
+    pub(crate) fn chosen(all: bool) -> Vec<Self> {
+        if !all {
+            return GATE.into();
+        }
         [Side::Publish, Side::Take]
             .into_iter()
             .flat_map(|side| HANDLES.map(|handles| Self { side, handles }))
+            .collect()
     }
 
     /// The name in the table.

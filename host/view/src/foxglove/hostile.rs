@@ -1,9 +1,8 @@
-//! Hostile clients: random and mutated messages and requests.
+//! Hostile clients: random and mutated messages.
 //!
 //! A million inputs of each kind:
 //! `cargo test --release -p palpate-view --lib foxglove::hostile -- --ignored`
 
-use super::door::{Door, Verdict};
 use super::protocol::Channel;
 use super::session::{Incoming, Session};
 use std::io::{self, Cursor, Read, Write};
@@ -103,38 +102,6 @@ fn messages(count: usize) -> (usize, usize) {
     (effects, answers)
 }
 
-/// Gives mutated requests to a door. Returns how many were admitted and how many refused.
-fn requests(count: usize) -> (usize, usize) {
-    let seed = "GET /abc HTTP/1.1\r\nHost: 127.0.0.1:8765\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
-                Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
-                Sec-WebSocket-Protocol: foxglove.websocket.v1\r\n\r\n";
-    let door = Door {
-        token: "abc".into(),
-        origins: Vec::new(),
-    };
-    let mut random = Random(2);
-    let (mut admitted, mut refused) = (0, 0);
-    for _ in 0..count {
-        let request = random.mutate(&[seed.as_bytes().to_vec()]);
-        match door.judge(&request) {
-            Verdict::Incomplete => {}
-            Verdict::Admitted { response } => {
-                admitted += 1;
-                let token = |at: &[u8]| at == b"/abc " || at == b"/abc/";
-                assert!(request.windows(5).any(token), "no token was given");
-                assert_eq!(response.matches("\r\n\r\n").count(), 1, "{response}");
-            }
-            Verdict::Refused(refusal) => {
-                refused += 1;
-                let response = refusal.response();
-                assert!(response.len() < 1000, "{response}");
-                assert!(response.is_ascii(), "{response}");
-            }
-        }
-    }
-    (admitted, refused)
-}
-
 /// A connection that gives some bytes and then ends.
 struct Given(Cursor<Vec<u8>>);
 
@@ -207,8 +174,6 @@ fn frames(count: usize) -> usize {
 fn no_input_of_a_client_does_harm() {
     let (effects, answers) = messages(5000);
     assert!(effects > 100 && answers > 1000, "{effects}, {answers}");
-    let (admitted, refused) = requests(5000);
-    assert!(admitted > 100 && refused > 500, "{admitted}, {refused}");
     assert!(frames(5000) > 1000);
 }
 
@@ -216,11 +181,7 @@ fn no_input_of_a_client_does_harm() {
 #[ignore = "a million inputs of each kind: see the head of the file"]
 fn no_input_of_a_million_does_harm() {
     let (effects, answers) = messages(1_000_000);
-    let (admitted, refused) = requests(1_000_000);
     let decoded = frames(1_000_000);
-    println!(
-        "messages: {effects} with effect, {answers} answered; requests: {admitted} admitted, {refused} refused; \
-         frames: {decoded} decoded"
-    );
-    assert!(effects > 10_000 && admitted > 10_000 && decoded > 100_000);
+    println!("messages: {effects} with effect, {answers} answered; frames: {decoded} decoded");
+    assert!(effects > 10_000 && decoded > 100_000);
 }

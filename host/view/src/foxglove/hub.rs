@@ -1,28 +1,21 @@
 //! Passes the messages of a feed to all clients.
 
-use super::client::Client;
 use super::protocol::{Channel, Level, advertise, server_info, status, unadvertise};
+use super::queue::Queue;
+use crate::door::Client;
 use host::live::{Frame, Hello, Vertices};
 use host::log::{BodyFrame, ChannelInfo, cloud_message, frame_message};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
-
-/// Most clients at a time.
-pub(super) const MOST_CLIENTS: usize = 4;
-
-/// How long the server waits for the leave of clients that have received everything.
-const LEAVE: Duration = Duration::from_millis(300);
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The clients, and what a client that joins is told.
 #[derive(Default)]
 pub(super) struct Hub {
     state: Mutex<State>,
-    changed: Condvar,
 }
 
 #[derive(Default)]
 struct State {
-    clients: Vec<Arc<Client>>,
+    clients: Vec<Arc<Client<Queue>>>,
     channels: Arc<[Channel]>,
     /// The first texts to a client: the server, and its channels.
     greeting: [String; 2],
@@ -35,7 +28,6 @@ struct State {
     missing: u64,
     /// The number of missing messages of which the clients know.
     reported: u64,
-    closed: bool,
 }
 
 impl State {
@@ -44,11 +36,22 @@ impl State {
         let Some(channel) = self.channels.get(place) else {
             return;
         };
-        if self.clients.iter().any(|client| client.wants(channel.id)) {
+        let wants = |client: &Arc<Client<Queue>>| {
+            client.with(|queue| queue.wants(channel.id)) == Some(true)
+        };
+        if self.clients.iter().any(wants) {
             let data: Arc<[u8]> = message().into();
             for client in &self.clients {
-                client.deliver(channel.id, time_ns, self.clock_ns, &data);
+                client.with(|queue| queue.deliver(channel.id, time_ns, self.clock_ns, &data));
             }
+        }
+    }
+
+    /// Gives a client the channels in place of its former ones, and tells it the texts.
+    fn replace_channels(&self, client: &Client<Queue>, texts: &[&str]) {
+        client.with(|queue| queue.replace_channels(&self.channels));
+        for text in texts {
+            client.tell(*text);
         }
     }
 
@@ -74,23 +77,18 @@ impl Hub {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a client and greets it. Returns false if there are enough clients.
-    pub(super) fn join(&self, client: &Arc<Client>) -> bool {
+    /// Adds a client and greets it.
+    pub(super) fn join(&self, client: &Arc<Client<Queue>>) {
         let mut state = self.lock();
-        if state.closed || state.clients.len() >= MOST_CLIENTS {
-            return false;
-        }
         let [server, channels] = &state.greeting;
-        client.replace_channels(&state.channels, &[server, channels]);
+        state.replace_channels(client, &[server, channels]);
         state.clients.push(Arc::clone(client));
-        true
     }
 
     /// Removes a client.
-    pub(super) fn leave(&self, client: &Arc<Client>) {
+    pub(super) fn leave(&self, client: &Client<Queue>) {
         let mut state = self.lock();
-        state.clients.retain(|other| !Arc::ptr_eq(other, client));
-        self.changed.notify_all();
+        state.clients.retain(|other| other.number != client.number);
     }
 
     /// Takes the facts of a source. The channels of an earlier source end. `server` identifies this server to clients
@@ -114,7 +112,7 @@ impl Hub {
         let [server, channels] = &state.greeting;
         for client in &state.clients {
             let texts = [server.as_str(), &unadvertise(&gone), channels];
-            client.replace_channels(&state.channels, &texts);
+            state.replace_channels(client, &texts);
         }
     }
 
@@ -144,7 +142,9 @@ impl Hub {
         state.clock_ns = frame.time_ns;
         let clock_ns = state.clock_ns;
         let clients = state.clients.iter();
-        clients.for_each(|client| client.tell_time(clock_ns));
+        clients.for_each(|client| {
+            client.with(|queue| queue.push_time(clock_ns));
+        });
 
         state.missing += frame.more_log;
         if state.missing > 0 && state.missing >= 2 * state.reported {
@@ -153,39 +153,17 @@ impl Hub {
                 "{} messages of the run did not reach the viewer so far, because the viewer was too slow",
                 state.missing
             );
-            let text = status(Level::Warning, &text);
-            state
-                .clients
-                .iter()
-                .for_each(|client| client.tell(&[&text]));
+            drop(state);
+            self.say(Level::Warning, &text);
         }
     }
 
-    /// Sends all clients away when they have what waits for them, or after `wait`. No further client is admitted.
-    pub(super) fn end(&self, level: Level, reason: &str, wait: Duration) {
-        let mut state = self.lock();
-        state.closed = true;
-        let clients = state.clients.clone();
-        drop(state);
-        let until = Instant::now() + wait;
-        for client in &clients {
-            client.tell(&[&status(level, reason)]);
-            client.end(1001, "the source has ended");
+    /// Tells all clients something that a person should read.
+    pub(super) fn say(&self, level: Level, text: &str) {
+        let text = status(level, text);
+        for client in &self.lock().clients {
+            client.tell(text.as_str());
         }
-        for client in &clients {
-            client.wait_until_written(until);
-        }
-        // A client that reads takes its leave.
-        let until = Instant::now() + LEAVE;
-        state = self.lock();
-        while !state.clients.is_empty() {
-            let Some(left) = until.checked_duration_since(Instant::now()) else {
-                break;
-            };
-            let waited = self.changed.wait_timeout(state, left);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
-        }
-        state.clients.iter().for_each(|client| client.cut());
     }
 }
 

@@ -5,8 +5,7 @@
 use host::live::Hello;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use tungstenite::protocol::frame::FrameHeader;
-use tungstenite::protocol::frame::coding::{Control, Data, OpCode};
+use tungstenite::Message as Packet;
 
 /// The names under which clients ask for the protocol, in the order of preference. The two protocols are the same in
 /// all parts that this server uses; newer clients offer only the second name.
@@ -117,42 +116,16 @@ pub(super) fn status(level: Level, message: &str) -> String {
     json(&Text::Status { level, message })
 }
 
-/// Appends a text message, as a frame of a WebSocket.
-pub(super) fn put_text(text: &str, out: &mut Vec<u8>) {
-    put_header(OpCode::Data(Data::Text), text.len(), out);
-    out.extend_from_slice(text.as_bytes());
+/// A message of a channel to a subscription. `time_ns` is the time of the message.
+pub(super) fn message(subscription: u32, time_ns: u64, data: &[u8]) -> Packet {
+    let subscription = subscription.to_le_bytes();
+    let time = time_ns.to_le_bytes();
+    Packet::binary([&[MESSAGE_DATA][..], &subscription, &time, data].concat())
 }
 
-/// Appends a message of a channel to a subscription, as a frame of a WebSocket. `time_ns` is the time of the message.
-pub(super) fn put_message(subscription: u32, time_ns: u64, data: &[u8], out: &mut Vec<u8>) {
-    put_header(OpCode::Data(Data::Binary), 13 + data.len(), out);
-    out.push(MESSAGE_DATA);
-    out.extend_from_slice(&subscription.to_le_bytes());
-    out.extend_from_slice(&time_ns.to_le_bytes());
-    out.extend_from_slice(data);
-}
-
-/// Appends the present time, as a frame of a WebSocket.
-pub(super) fn put_time(time_ns: u64, out: &mut Vec<u8>) {
-    put_header(OpCode::Data(Data::Binary), 9, out);
-    out.push(TIME);
-    out.extend_from_slice(&time_ns.to_le_bytes());
-}
-
-/// Appends the end of a connection with its reason, as a frame of a WebSocket. A reason has at most 123 bytes.
-pub(super) fn put_close(code: u16, reason: &str, out: &mut Vec<u8>) {
-    put_header(OpCode::Control(Control::Close), 2 + reason.len(), out);
-    out.extend_from_slice(&code.to_be_bytes());
-    out.extend_from_slice(reason.as_bytes());
-}
-
-fn put_header(opcode: OpCode, length: usize, out: &mut Vec<u8>) {
-    let header = FrameHeader {
-        opcode,
-        ..FrameHeader::default()
-    };
-    // Writing to memory cannot fail.
-    let _ = header.format(length as u64, out);
+/// The present time.
+pub(super) fn time(time_ns: u64) -> Packet {
+    Packet::binary([&[TIME][..], &time_ns.to_le_bytes()].concat())
 }
 
 #[cfg(test)]
@@ -195,15 +168,9 @@ mod tests {
         );
         assert_eq!(server_info(&hello, "5"), info);
 
-        let mut out = Vec::new();
-        put_message(2, 3, &[9, 8], &mut out);
-        assert_eq!(out, [0x82, 15, 1, 2, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0, 9, 8]);
-        out.clear();
-        put_time(258, &mut out);
-        assert_eq!(out, [0x82, 9, 2, 2, 1, 0, 0, 0, 0, 0, 0]);
-        out.clear();
-        put_text("ab", &mut out);
-        put_close(1000, "c", &mut out);
-        assert_eq!(out, [0x81, 2, b'a', b'b', 0x88, 3, 3, 0xe8, b'c']);
+        let bytes = |packet: Packet| packet.into_data().to_vec();
+        let data = bytes(message(2, 3, &[9, 8]));
+        assert_eq!(data, [1, 2, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0, 9, 8]);
+        assert_eq!(bytes(time(258)), [2, 2, 1, 0, 0, 0, 0, 0, 0]);
     }
 }

@@ -1,13 +1,17 @@
 //! What waits to be sent to one client.
 //!
-//! Texts and answers go first, and none is dropped. Messages of the channels go in order. When the messages that wait
-//! exceed the limit, the oldest are dropped and counted, and a status message tells the client their number. A slow
-//! client therefore sees the present, with gaps.
+//! Messages of the channels go in order. When the messages that wait exceed the limit, the oldest are dropped and
+//! counted, and a status message tells the client their number. A slow client therefore sees the present, with gaps.
 
-use super::protocol::{Level, put_message, put_text, put_time, status};
+use super::protocol::{Channel, Level, message, status, time};
+use super::session::{Incoming, Session};
+use crate::door;
 use std::collections::VecDeque;
 use std::sync::Arc;
+use tungstenite::Message as Packet;
 
+/// Bytes of messages that wait for a client at most: several seconds of a run with large bodies.
+pub(super) const QUEUE_LIMIT: usize = 16 << 20;
 /// Bytes that each waiting message takes beside its content.
 const OVERHEAD: usize = 64;
 
@@ -26,11 +30,11 @@ impl Item {
     }
 }
 
-/// The queue of a client.
+/// The subscriptions of a client, and the messages that wait for it.
 #[derive(Debug)]
 pub(super) struct Queue {
-    /// Frames of a WebSocket.
-    first: VecDeque<Vec<u8>>,
+    session: Session,
+    channels: Arc<[Channel]>,
     items: VecDeque<Item>,
     /// Sum of the sizes of the items.
     size: usize,
@@ -46,7 +50,8 @@ impl Queue {
     /// A queue whose messages take at most `limit` bytes. A single larger message is sent nevertheless.
     pub(super) fn new(limit: usize) -> Self {
         Self {
-            first: VecDeque::new(),
+            session: Session::default(),
+            channels: Arc::from([]),
             items: VecDeque::new(),
             size: 0,
             limit,
@@ -56,32 +61,37 @@ impl Queue {
         }
     }
 
-    /// Adds a text message.
-    pub(super) fn push_text(&mut self, text: &str) {
-        let mut frame = Vec::with_capacity(text.len() + 10);
-        put_text(text, &mut frame);
-        self.first.push_back(frame);
+    /// Takes a message of the client. Returns the answer.
+    pub(super) fn receive(&mut self, incoming: Incoming<'_>) -> Option<String> {
+        let answer = self.session.receive(&self.channels, incoming);
+        self.cancel(&answer.cancelled);
+        answer.status
     }
 
-    /// Adds whole frames of a WebSocket, such as the answer to a ping.
-    pub(super) fn push_frame(&mut self, frame: &[u8]) {
-        self.first.push_back(frame.to_vec());
+    /// Gives the client new channels in place of its former ones. Their subscriptions and messages end, and do not count
+    /// as dropped.
+    pub(super) fn replace_channels(&mut self, channels: &Arc<[Channel]>) {
+        self.channels = Arc::clone(channels);
+        self.session.clear();
+        self.items.clear();
+        self.size = 0;
     }
 
-    /// Number of texts and answers that wait.
-    pub(super) fn answers(&self) -> usize {
-        self.first.len()
+    /// Whether the client has a subscription to a channel.
+    pub(super) fn wants(&self, channel: u32) -> bool {
+        self.session.subscription(channel).is_some()
+    }
+
+    /// Adds a message of a channel if the client has a subscription to the channel.
+    pub(super) fn deliver(&mut self, channel: u32, time_ns: u64, clock_ns: u64, data: &Arc<[u8]>) {
+        if let Some(subscription) = self.session.subscription(channel) {
+            self.push_message(subscription, time_ns, clock_ns, data);
+        }
     }
 
     /// Adds a message of a channel for the subscription `subscription`. `time_ns` is the time of the message, and
     /// `clock_ns` the time of the source.
-    pub(super) fn push_message(
-        &mut self,
-        subscription: u32,
-        time_ns: u64,
-        clock_ns: u64,
-        data: &Arc<[u8]>,
-    ) {
+    fn push_message(&mut self, subscription: u32, time_ns: u64, clock_ns: u64, data: &Arc<[u8]>) {
         self.push(Item {
             clock_ns,
             message: Some((subscription, time_ns, Arc::clone(data))),
@@ -110,7 +120,7 @@ impl Queue {
     }
 
     /// Removes the messages that wait for cancelled subscriptions.
-    pub(super) fn cancel(&mut self, subscriptions: &[u32]) {
+    fn cancel(&mut self, subscriptions: &[u32]) {
         let cancelled = |item: &Item| {
             let message = item.message.as_ref();
             message.is_some_and(|(subscription, ..)| subscriptions.contains(subscription))
@@ -118,40 +128,33 @@ impl Queue {
         self.items.retain(|item| !cancelled(item));
         self.size = self.items.iter().map(Item::size).sum();
     }
+}
 
-    /// Removes all messages that wait. They do not count as dropped.
-    pub(super) fn clear(&mut self) {
-        self.items.clear();
-        self.size = 0;
-    }
+impl door::Queue for Queue {
+    type Item = Packet;
 
-    /// Appends what is to be sent next, as frames of a WebSocket. Returns whether there was anything.
-    pub(super) fn pop(&mut self, out: &mut Vec<u8>) -> bool {
-        if let Some(frame) = self.first.pop_front() {
-            out.extend_from_slice(&frame);
-            return true;
+    fn pop(&mut self, _closing: bool) -> Option<Packet> {
+        loop {
+            let clock_ns = self.items.front()?.clock_ns;
+            // A client that stays slow gets a report whenever the number has doubled, and one when it has caught up.
+            let caught_up = self.items.len() == 1;
+            if self.dropped > self.reported && (caught_up || self.dropped >= 2 * self.reported) {
+                self.reported = self.dropped;
+                let text = format!(
+                    "{} messages were dropped so far because this client reads too slowly",
+                    self.dropped
+                );
+                return Some(Packet::text(status(Level::Warning, &text)));
+            }
+            if self.clock_ns.replace(clock_ns) != Some(clock_ns) {
+                return Some(time(clock_ns));
+            }
+            let item = self.items.pop_front()?;
+            self.size -= item.size();
+            if let Some((subscription, time_ns, data)) = item.message {
+                return Some(message(subscription, time_ns, &data));
+            }
         }
-        let Some(item) = self.items.pop_front() else {
-            return false;
-        };
-        self.size -= item.size();
-        // A client that stays slow gets a report whenever the number has doubled, and one when it has caught up.
-        let caught_up = self.items.is_empty();
-        if self.dropped > self.reported && (caught_up || self.dropped >= 2 * self.reported) {
-            self.reported = self.dropped;
-            let text = format!(
-                "{} messages were dropped so far because this client reads too slowly",
-                self.dropped
-            );
-            put_text(&status(Level::Warning, &text), out);
-        }
-        if self.clock_ns.replace(item.clock_ns) != Some(item.clock_ns) {
-            put_time(item.clock_ns, out);
-        }
-        if let Some((subscription, time_ns, data)) = item.message {
-            put_message(subscription, time_ns, &data, out);
-        }
-        true
     }
 }
 
@@ -163,46 +166,38 @@ mod tests {
         vec![value; length].into()
     }
 
-    /// The frames in the queue, in order: texts as they are, other frames as their bytes after the header.
-    fn frames(queue: &mut Queue) -> Vec<String> {
-        let mut out = Vec::new();
-        while queue.pop(&mut out) {}
-        let mut rest = out.as_slice();
-        let mut frames = Vec::new();
-        while let [kind, length, after @ ..] = rest {
-            assert!(*length < 126, "the tests have short frames");
-            let (payload, next) = after.split_at(usize::from(*length));
-            frames.push(match kind & 15 {
-                1 => String::from_utf8(payload.to_vec()).expect("text"),
-                _ if payload[0] == 2 => format!("time {}", payload[1]),
-                _ => format!("{} to {} at {}", payload[13], payload[1], payload[5]),
-            });
-            rest = next;
-        }
-        frames
+    /// The packets in the queue, in order.
+    fn packets(queue: &mut Queue) -> Vec<String> {
+        let pop = || door::Queue::pop(queue, false);
+        let packets = std::iter::from_fn(pop).map(|packet| match packet {
+            Packet::Text(text) => text.as_str().to_owned(),
+            other => match &other.into_data()[..] {
+                [2, time, ..] => format!("time {time}"),
+                bytes => format!("{} to {} at {}", bytes[13], bytes[1], bytes[5]),
+            },
+        });
+        packets.collect()
     }
 
     #[test]
-    fn texts_go_first_and_messages_in_order_with_the_time() {
+    fn messages_go_in_order_with_the_time() {
         let mut queue = Queue::new(1000);
         queue.push_message(3, 4, 5, &data(1, 10));
         queue.push_message(4, 5, 5, &data(1, 11));
         queue.push_message(3, 6, 6, &data(1, 12));
-        queue.push_text("first");
         let expected = [
-            "first",
             "time 5",
             "10 to 3 at 4",
             "11 to 4 at 5",
             "time 6",
             "12 to 3 at 6",
         ];
-        assert_eq!(frames(&mut queue), expected);
+        assert_eq!(packets(&mut queue), expected);
         queue.push_time(6);
         queue.push_time(7);
-        assert_eq!(frames(&mut queue), Vec::<String>::new());
+        assert_eq!(packets(&mut queue), Vec::<String>::new());
         queue.push_time(7);
-        assert_eq!(frames(&mut queue), ["time 7"]);
+        assert_eq!(packets(&mut queue), ["time 7"]);
     }
 
     #[test]
@@ -218,9 +213,9 @@ mod tests {
             "8 to 1 at 0",
             "9 to 1 at 0",
         ];
-        assert_eq!(frames(&mut queue), expected);
+        assert_eq!(packets(&mut queue), expected);
         queue.push_message(1, 0, 0, &data(10, 10));
-        assert_eq!(frames(&mut queue), ["10 to 1 at 0"]);
+        assert_eq!(packets(&mut queue), ["10 to 1 at 0"]);
         assert_eq!(queue.size, 0);
     }
 
@@ -230,7 +225,7 @@ mod tests {
         queue.push_message(1, 0, 0, &data(1, 1));
         queue.push_message(1, 0, 0, &data(110, 2));
         assert_eq!(
-            frames(&mut queue).last().map(String::as_str),
+            packets(&mut queue).last().map(String::as_str),
             Some("2 to 1 at 0")
         );
         assert_eq!(queue.dropped, 1);
@@ -239,13 +234,12 @@ mod tests {
     #[test]
     fn a_client_that_stays_slow_gets_few_reports() {
         let mut queue = Queue::new(4 * (OVERHEAD + 1));
-        let mut out = Vec::new();
+        let mut reports = 0;
         for _ in 0..1000 {
             (0..3).for_each(|_| queue.push_message(1, 0, 0, &data(1, 0)));
-            queue.pop(&mut out);
+            let packet = door::Queue::pop(&mut queue, false);
+            reports += u32::from(packet.is_some_and(|packet| packet.is_text()));
         }
-        let text = String::from_utf8_lossy(&out);
-        let reports = text.matches("dropped").count();
         assert!((5..15).contains(&reports), "{reports}");
     }
 
@@ -255,7 +249,7 @@ mod tests {
         queue.push_message(1, 0, 0, &data(1, 10));
         queue.push_message(2, 0, 0, &data(1, 11));
         queue.cancel(&[1]);
-        assert_eq!(frames(&mut queue), ["time 0", "11 to 2 at 0"]);
+        assert_eq!(packets(&mut queue), ["time 0", "11 to 2 at 0"]);
         assert_eq!((queue.dropped, queue.size), (0, 0));
     }
 }

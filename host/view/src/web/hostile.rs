@@ -1,6 +1,7 @@
 //! What a connection sends: any bytes, no panic, and no way past the token.
 
-use super::{request, server, viewer};
+use super::service;
+use crate::door::judge;
 use fuzz_rules::changed::Mutator;
 
 /// The token of the requests.
@@ -11,34 +12,33 @@ const TOKEN: &str = "0123456789abcdef0123456789abcdef";
 /// # Panics
 /// If a request is admitted without the token, or without the name of this machine.
 fn request(bytes: &[u8]) -> bool {
-    let Ok(Some(request)) = request::parse(bytes) else {
+    let Ok(Some((request, _))) = judge(bytes, TOKEN, "", &service::admits) else {
         return false;
     };
-    let _ = viewer::asked(&request);
-    let admitted = server::path(&request, TOKEN).is_ok();
-    if admitted {
-        let host = request.field("host").unwrap_or_default();
-        let names = ["127.0.0.1", "localhost", "[::1]"];
-        let named = names.iter().any(|name| {
-            let start = host.as_bytes().get(..name.len());
-            start.is_some_and(|start| start.eq_ignore_ascii_case(name.as_bytes()))
-        });
-        assert!(named, "the server answers under another name: {host}");
-        let start = request.target.get(..TOKEN.len() + 2);
-        assert!(
-            start == Some(&format!("/{TOKEN}/")),
-            "the server answers without the token: {}",
-            request.target
-        );
-        let origin = request
-            .field("origin")
-            .map(|origin| origin.replacen("http://", "", 1));
-        assert!(
-            !request.has("origin") || origin.as_deref() == Some(host),
-            "the server answers another page: {origin:?}"
-        );
-    }
-    admitted
+    let field = |name| {
+        request
+            .headers()
+            .get(name)
+            .and_then(|value| value.to_str().ok())
+    };
+    let host = field("host").unwrap_or_default();
+    let names = ["127.0.0.1", "localhost", "[::1]"];
+    let named = names.iter().any(|name| {
+        let start = host.as_bytes().get(..name.len());
+        start.is_some_and(|start| start.eq_ignore_ascii_case(name.as_bytes()))
+    });
+    assert!(named, "the server answers under another name: {host}");
+    let target = request.uri().to_string();
+    assert!(
+        target.starts_with(&format!("/{TOKEN}")),
+        "the server answers without the token: {target}"
+    );
+    let origin = field("origin").map(|origin| origin.replacen("http://", "", 1));
+    assert!(
+        !request.headers().contains_key("origin") || origin.as_deref() == Some(host),
+        "the server answers another page: {origin:?}"
+    );
+    true
 }
 
 /// Reads a command of a page. Returns whether the server understands the command.
@@ -49,7 +49,7 @@ fn command(bytes: &[u8]) -> bool {
     use crate::feed::Command;
     // A WebSocket refuses a text that is not UTF-8 before the server reads the text.
     let text = String::from_utf8_lossy(bytes);
-    let understood = viewer::understand(&text);
+    let understood = service::understand(&text);
     if let Ok(Some(Command::Speed { factor })) = understood {
         assert!((0.001..=100.0).contains(&factor), "the speed {factor}");
     }
@@ -66,7 +66,7 @@ fn requests() -> Vec<Vec<u8>> {
     let socket = format!(
         "GET /{TOKEN}/socket HTTP/1.1\r\nHost: localhost:8420\r\nOrigin: http://localhost:8420\r\n\
          Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
-         Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\nrest"
+         Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
     );
     [page, file, socket].map(String::into_bytes).into()
 }

@@ -1,6 +1,7 @@
 //! The hub: pulls the feed, and passes its messages to the mailboxes of the browsers.
 
 use super::mailbox::Mailbox;
+use crate::door::Client;
 use crate::feed::{Command, Feed, FeedError};
 use host::live::Message;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,8 +15,8 @@ const WAIT: Duration = Duration::from_millis(8);
 
 /// What a connection asks of the hub.
 pub(super) enum Ask {
-    /// A browser joins: its number and its mailbox.
-    Join(u64, Arc<Mailbox>),
+    /// A browser joins.
+    Join(Arc<Client<Mailbox>>),
     /// A browser left.
     Leave(u64),
     /// A browser sent a command.
@@ -27,32 +28,30 @@ pub(super) enum Ask {
 /// The browsers.
 #[derive(Default)]
 struct Viewers {
-    mailboxes: BTreeMap<u64, Arc<Mailbox>>,
+    clients: BTreeMap<u64, Arc<Client<Mailbox>>>,
     /// Those that show stresses.
     stressed: BTreeSet<u64>,
 }
 
 impl Viewers {
     fn tell(&self, message: &Message) {
-        for mailbox in self.mailboxes.values() {
-            mailbox.deliver(message);
+        for client in self.clients.values() {
+            client.with(|mailbox| mailbox.deliver(message));
         }
     }
 
     fn answer(&mut self, ask: Ask, feed: &mut dyn Feed, ended: Option<&Message>) {
         let stressed = !self.stressed.is_empty();
         match ask {
-            Ask::Join(viewer, mailbox) => {
-                for message in feed.present() {
-                    mailbox.deliver(&for_a_page(message));
+            Ask::Join(client) => {
+                let present = feed.present().into_iter().map(for_a_page);
+                for message in present.chain(ended.cloned()) {
+                    client.with(|mailbox| mailbox.deliver(&message));
                 }
-                if let Some(end) = ended {
-                    mailbox.deliver(end);
-                }
-                self.mailboxes.insert(viewer, mailbox);
+                self.clients.insert(client.number, client);
             }
             Ask::Leave(viewer) => {
-                self.mailboxes.remove(&viewer);
+                self.clients.remove(&viewer);
                 self.stressed.remove(&viewer);
             }
             Ask::Command(viewer, Command::Stress { on: true }) => {
@@ -81,9 +80,9 @@ pub(super) fn run(
 ) -> Result<(), FeedError> {
     let mut viewers = Viewers::default();
     let mut ended: Option<Message> = None;
-    let result = loop {
+    loop {
         if stop.load(Ordering::Acquire) {
-            break Ok(());
+            return Ok(());
         }
         while let Ok(ask) = asks.try_recv() {
             viewers.answer(ask, feed.as_mut(), ended.as_ref());
@@ -105,17 +104,10 @@ pub(super) fn run(
             Ok(None) => {}
             Err(error) => {
                 viewers.tell(&Message::Refused(error.to_string()));
-                break Err(error);
+                return Err(error);
             }
         }
-    };
-    for mailbox in viewers.mailboxes.values() {
-        mailbox.close(1001, "The server ends.");
     }
-    for mailbox in viewers.mailboxes.values() {
-        mailbox.wait_until_closed(Duration::from_secs(1));
-    }
-    result
 }
 
 /// The message without the parts that a page does not need: the scene and its files, and the messages of the log.

@@ -1,38 +1,27 @@
 //! What waits for a browser: of everything at most one, so that a browser that takes nothing costs a bounded memory.
 
+use crate::door::Queue;
 use host::live::{Folded, Frame, Message, Playback};
 use std::collections::BTreeMap;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use tungstenite::Message as Packet;
 
 /// Frames that a page has received and not confirmed, at most.
 const UNCONFIRMED: u32 = 2;
-/// Longest answers to pings that wait (bytes). A browser that sends more pings than it takes answers is disconnected.
-const CONTROL: usize = 16 * 1024;
 
-/// What the thread of a connection sends next.
-pub(super) enum Outgoing {
-    /// Bytes of the WebSocket protocol, such as the answer to a ping.
-    Control(Vec<u8>),
-    /// A line of text.
-    Line(String),
-    /// A message.
-    Message(Message),
-    /// The end: the code of RFC 6455, section 7.4, and the reason.
-    Close(u16, &'static str),
+/// A message on its way to a browser.
+pub(super) struct Outgoing(Message);
+
+impl From<Outgoing> for Packet {
+    fn from(Outgoing(message): Outgoing) -> Self {
+        let mut bytes = Vec::new();
+        message.encode(&mut bytes);
+        Self::binary(bytes)
+    }
 }
 
 /// The mailbox of a browser.
 #[derive(Default)]
 pub(super) struct Mailbox {
-    waiting: Mutex<Waiting>,
-    changed: Condvar,
-}
-
-#[derive(Default)]
-struct Waiting {
-    control: Vec<u8>,
-    line: Option<String>,
     hello: Option<Message>,
     surfaces: BTreeMap<u32, Message>,
     history: Option<Message>,
@@ -41,112 +30,50 @@ struct Waiting {
     end: Option<Message>,
     unconfirmed: u32,
     dropped: u64,
-    closing: Option<(u16, &'static str)>,
-    closed: bool,
 }
 
 impl Mailbox {
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Adds a message. A frame is merged into the frame that waits.
-    pub(super) fn deliver(&self, message: &Message) {
-        let mut waiting = self.lock();
+    pub(super) fn deliver(&mut self, message: &Message) {
         match message {
             Message::Hello(_) => {
-                waiting.hello = Some(message.clone());
-                waiting.surfaces.clear();
-                (waiting.history, waiting.playback) = (None, None);
-                (waiting.frame, waiting.end) = (None, None);
+                self.hello = Some(message.clone());
+                self.surfaces.clear();
+                (self.history, self.playback) = (None, None);
+                (self.frame, self.end) = (None, None);
             }
             Message::Surface(surface) => {
-                waiting.surfaces.insert(surface.body, message.clone());
+                self.surfaces.insert(surface.body, message.clone());
             }
             Message::History(_) => {
-                waiting.history = Some(message.clone());
-                if let Some(frame) = &mut waiting.frame {
+                self.history = Some(message.clone());
+                if let Some(frame) = &mut self.frame {
                     frame.folded = Folded::default();
                     frame.events.clear();
                 }
             }
-            Message::Playback(playback) => waiting.play(playback),
+            Message::Playback(playback) => self.play(playback),
             Message::Frame(frame) => {
-                if let Some(older) = waiting.frame.take() {
-                    waiting.dropped += 1;
+                if let Some(older) = self.frame.take() {
+                    self.dropped += 1;
                     let mut later = frame.clone();
                     later.merge_before(*older);
                     // The frames that this mailbox drops are counted apart.
                     later.dropped = frame.dropped;
-                    waiting.frame = Some(later);
+                    self.frame = Some(later);
                 } else {
-                    waiting.frame = Some(frame.clone());
+                    self.frame = Some(frame.clone());
                 }
             }
-            Message::End(_) | Message::Refused(_) => waiting.end = Some(message.clone()),
+            Message::End(_) | Message::Refused(_) => self.end = Some(message.clone()),
         }
-        self.changed.notify_all();
     }
 
     /// Notes that the page has drawn a frame.
-    pub(super) fn confirm(&self) {
-        let mut waiting = self.lock();
-        waiting.unconfirmed = waiting.unconfirmed.saturating_sub(1);
-        self.changed.notify_all();
+    pub(super) fn confirm(&mut self) {
+        self.unconfirmed = self.unconfirmed.saturating_sub(1);
     }
 
-    /// Replaces the line that waits.
-    pub(super) fn say(&self, line: String) {
-        self.lock().line = Some(line);
-        self.changed.notify_all();
-    }
-
-    /// Adds bytes of the protocol; `false` if too many wait.
-    pub(super) fn control(&self, bytes: &[u8]) -> bool {
-        let mut waiting = self.lock();
-        let fits = waiting.control.len() + bytes.len() <= CONTROL;
-        if fits {
-            waiting.control.extend(bytes);
-            self.changed.notify_all();
-        }
-        fits
-    }
-
-    /// Ends the connection, after a message of the end if one waits.
-    pub(super) fn close(&self, code: u16, reason: &'static str) {
-        self.lock().closing.get_or_insert((code, reason));
-        self.changed.notify_all();
-    }
-
-    /// Notes that the connection has ended.
-    pub(super) fn has_closed(&self) {
-        self.lock().closed = true;
-        self.changed.notify_all();
-    }
-
-    /// Waits until the connection has ended, at most for `longest`.
-    pub(super) fn wait_until_closed(&self, longest: Duration) {
-        let open = |waiting: &mut Waiting| !waiting.closed;
-        drop(self.changed.wait_timeout_while(self.lock(), longest, open));
-    }
-
-    /// Waits for the next thing to send; `None` when the connection has ended.
-    pub(super) fn next(&self) -> Option<Outgoing> {
-        let mut waiting = self.lock();
-        loop {
-            if waiting.closed {
-                return None;
-            }
-            if let Some(next) = waiting.next() {
-                return Some(next);
-            }
-            let changed = self.changed.wait(waiting);
-            waiting = changed.unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-}
-
-impl Waiting {
     /// Keeps the events and the overview of a message that waits, where the later message has none.
     fn play(&mut self, later: &Playback) {
         let mut later = Box::new(later.clone());
@@ -160,39 +87,31 @@ impl Waiting {
         }
         self.playback = Some(later);
     }
+}
 
-    fn next(&mut self) -> Option<Outgoing> {
-        if !self.control.is_empty() {
-            return Some(Outgoing::Control(std::mem::take(&mut self.control)));
-        }
-        if let Some(line) = self.line.take() {
-            return Some(Outgoing::Line(line));
-        }
-        if let Some(hello) = self.hello.take() {
-            return Some(Outgoing::Message(hello));
-        }
-        if let Some((_, surface)) = self.surfaces.pop_first() {
-            return Some(Outgoing::Message(surface));
-        }
-        if let Some(history) = self.history.take() {
-            return Some(Outgoing::Message(history));
+impl Queue for Mailbox {
+    type Item = Outgoing;
+
+    fn pop(&mut self, closing: bool) -> Option<Outgoing> {
+        let surface = |surfaces: &mut BTreeMap<u32, Message>| Some(surfaces.pop_first()?.1);
+        let first = (self.hello.take())
+            .or_else(|| surface(&mut self.surfaces))
+            .or_else(|| self.history.take());
+        if let Some(message) = first {
+            return Some(Outgoing(message));
         }
         // While a frame waits for the page, the message of the playback waits with the frame.
         let held = self.unconfirmed >= UNCONFIRMED && self.frame.is_some();
         if !held {
             if let Some(playback) = self.playback.take() {
-                return Some(Outgoing::Message(Message::Playback(playback)));
+                return Some(Outgoing(Message::Playback(playback)));
             }
             if let Some(mut frame) = self.frame.take() {
                 self.unconfirmed += 1;
                 frame.dropped = frame.dropped.saturating_add(self.dropped);
-                return Some(Outgoing::Message(Message::Frame(frame)));
+                return Some(Outgoing(Message::Frame(frame)));
             }
         }
-        if let Some(end) = self.end.take_if(|_| !held || self.closing.is_some()) {
-            return Some(Outgoing::Message(end));
-        }
-        self.closing
-            .map(|(code, reason)| Outgoing::Close(code, reason))
+        self.end.take_if(|_| !held || closing).map(Outgoing)
     }
 }

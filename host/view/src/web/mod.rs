@@ -1,15 +1,14 @@
 //! A page in a browser, served on the loopback interface.
 //!
 //! ```text
-//!   Feed -> hub (one thread) -> a mailbox for each browser -> WebSocket -> page/*.js
-//!              ^                                                               |
-//!              +------------------------- commands ----------------------------+
+//!   Feed -> hub (one thread) -> a mailbox for each browser -> door -> page/*.js
+//!              ^                                                        |
+//!              +------------------------- commands ---------------------+
 //! ```
 //!
-//! [`serve`] binds a port of 127.0.0.1 and passes the address of the page, which contains a random token, to its
-//! caller. The page is complete inside the program (`page/`, embedded by [`assets`]): it loads nothing from a network,
-//! and its content policy forbids this. A request without the token, with the name of another host, or from another
-//! page is refused with one line (`request`, `server`).
+//! [`serve`] passes the address of the page to its caller. The door (`crate::door`) says who may connect; this service
+//! admits its own page alone. The page is complete inside the program (`page/`, embedded by [`assets`]): it loads nothing
+//! from a network, and its content policy forbids this.
 //!
 //! The thread of the hub (`hub`) pulls the feed. A browser has a mailbox (`mailbox`) with at most one frame that
 //! waits. A later frame is merged into the waiting frame, so that a slow browser loses no spike and never slows the
@@ -19,10 +18,8 @@
 //! **Extension.** The messages have a kind ([`host::live::Message::kind`]), and the modules of the page register for
 //! the kinds that they show (`page/link.js`). The page sends everything through one function, as JSON with the field
 //! `do`. A display of a study, and the answers of its participants, add a kind and a command in the same way.
-//!
-//! Loopback and token follow the practice of notebook servers. The checks of `Host` and `Origin` close the way that a
-//! foreign page would take through the browser of the same person (DNS rebinding; RFC 6455, section 10.2).
 
+use crate::door::{Bound, DoorError, Say};
 use crate::feed::{Feed, FeedError};
 use host::live::Message;
 use std::sync::Arc;
@@ -33,14 +30,7 @@ pub mod assets;
 mod hostile;
 mod hub;
 mod mailbox;
-mod request;
-mod server;
-mod viewer;
-
-/// Most browsers that view at the same time.
-pub const VIEWERS: usize = 4;
-/// Most connections at the same time, beside the WebSockets of the viewers.
-pub const CONNECTIONS: usize = 32;
+mod service;
 
 /// A form in which the page offers the present moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,8 +51,8 @@ pub type Moment = dyn Fn(&[Message], Picture) -> Result<Vec<u8>, String> + Send 
 pub struct Options {
     /// The port; zero for a free port.
     pub port: u16,
-    /// Receives the address of the page, once, when the page can be opened.
-    pub opened: Box<dyn Fn(&str) + Send + Sync>,
+    /// Receives the address of the page, and a line about each client that is refused.
+    pub say: Say,
     /// Makes `moment.svg`, `moment.png` and `moment.csv`.
     pub moment: Arc<Moment>,
     /// The server ends soon after this becomes true.
@@ -72,22 +62,9 @@ pub struct Options {
 /// Why the page is not served, or no longer.
 #[derive(Debug, thiserror::Error)]
 pub enum WebError {
-    /// The port could not be bound.
-    #[error(
-        "cannot serve a page on 127.0.0.1:{port}: {error}; give another port, or 0 for a free port"
-    )]
-    Bind {
-        /// The port.
-        port: u16,
-        /// The reason.
-        error: std::io::Error,
-    },
-    /// The system gave no random bits for the token.
-    #[error("cannot read random bits from /dev/urandom: {0}")]
-    Random(std::io::Error),
-    /// A thread could not be started.
-    #[error("cannot start a thread: {0}")]
-    Thread(std::io::Error),
+    /// The server could not be started.
+    #[error(transparent)]
+    Door(#[from] DoorError),
     /// The feed ended early.
     #[error(transparent)]
     Feed(#[from] FeedError),
@@ -97,11 +74,15 @@ pub enum WebError {
 /// show the last state.
 ///
 /// # Errors
-/// [`WebError`] where the port cannot be bound, or where the feed ends early. The browsers receive the reason, too.
+/// [`WebError`] if the port cannot be bound, or if the feed ends early. The browsers receive the reason, too.
 pub fn serve(feed: Box<dyn Feed>, options: &Options) -> Result<(), WebError> {
-    let server = server::Server::start(options)?;
-    (options.opened)(&server.address());
-    let result = hub::run(feed, &server.asks(), &options.stop);
-    server.stop();
+    let bound = Bound::new(options.port)?;
+    (options.say)(&format!("http://{}/", bound.address()));
+    let (page, asks) = service::Page::new(Arc::clone(&options.moment));
+    let door = bound.open(page, Arc::clone(&options.say))?;
+    let result = hub::run(feed, &asks, &options.stop);
+    // Whoever still asks is told that the server ends.
+    drop(asks);
+    door.close("The server ends.");
     Ok(result?)
 }

@@ -56,7 +56,10 @@ pub(crate) fn server(
     let (sender, receiver) = channel();
     let options = Options {
         port: 0,
-        opened: Box::new(move |address| sender.send(address.to_owned()).unwrap()),
+        say: Arc::new(move |line| {
+            // The first line is the address.
+            let _ = sender.send(line.to_owned());
+        }),
         moment,
         stop: Arc::clone(stop),
     };

@@ -220,7 +220,7 @@ async function run(browser, address) {
   }
   const fifth = await browser.newPage();
   await fifth.goto(address);
-  await until(fifth, () => document.getElementById("notice").textContent.startsWith("4 browsers view already"));
+  await until(fifth, () => document.getElementById("notice").textContent.startsWith("4 viewers are connected already"));
   await fifth.close();
   for (const socket of others) socket.end();
 

@@ -86,8 +86,13 @@ export function connect() {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => { link.opened += 1; };
   socket.onmessage = take;
-  socket.onclose = () => {
+  socket.onclose = ({ code, reason }) => {
     socket = null;
+    // The server has as many viewers as it serves.
+    if (code === 1013) {
+      become("refused", reason);
+      tell(Kind.REFUSED, reason);
+    }
     if (link.state !== "refused") become("lost");
     link.retries += 1;
     link.retryAt = performance.now() + wait;
