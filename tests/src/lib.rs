@@ -2,7 +2,7 @@
 
 pub mod law;
 
-use host::run::setup::{Setup, setup};
+use host::run::prepare::{Options, Prepared};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 
@@ -14,11 +14,14 @@ pub fn default_scene() -> LoadedScene {
     Scene::embedded_default().expect("the built-in scene loads")
 }
 
-/// The setup of a run of the built-in scene.
+/// A session of the built-in scene before its first tick.
 ///
 /// # Panics
 /// If the scene cannot be built.
-pub fn default_setup(duration: f64) -> Setup {
-    setup(&World::new(&default_scene()).unwrap(), duration, 1)
-        .expect("the built-in scene can be built")
+pub fn default_session(duration: f64) -> Prepared {
+    Prepared::new(
+        &World::new(&default_scene()).unwrap(),
+        &Options::new(duration, 1),
+    )
+    .expect("the built-in scene can be built")
 }

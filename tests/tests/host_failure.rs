@@ -2,7 +2,7 @@
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
-use host::run::setup::setup;
+use host::run::prepare::{Options, Prepared};
 use host::scene::spec::SchemeName;
 use host::world::World;
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
@@ -29,8 +29,8 @@ fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.age_limit = Some(0.1);
     scene.scene.realtime.scheme = scheme;
-    let setup =
-        setup(&World::new(&scene).unwrap(), 3.0, 1).expect("the built-in scene can be built");
+    let setup = Prepared::new(&World::new(&scene).unwrap(), &Options::new(3.0, 1))
+        .expect("the built-in scene can be built");
     let (mut tick, mut host, mut engine) = (setup.tick, setup.host, setup.engine);
     let watch = WallStopwatch::start();
     let mut last: Option<[f64; 3]> = None;
@@ -82,7 +82,7 @@ fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
 /// Real time: the host's thread panics at once while it owns its end of the rings.
 #[test]
 fn a_panicking_host_leaves_the_tick_running() {
-    let setup = palpate_tests::default_setup(0.3);
+    let setup = palpate_tests::default_session(0.3);
     let config = RunnerConfig {
         period_ns: setup.timing.period_ns,
         ticks: Some(300),

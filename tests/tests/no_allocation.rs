@@ -4,7 +4,7 @@
 use alloc_count::calls::{Counting, count};
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
-use host::run::setup::setup;
+use host::run::prepare::{Options, Prepared};
 use host::scene::spec::SchemeName;
 use host::world::World;
 use rt_core::LocalModel;
@@ -39,7 +39,7 @@ fn host_beside(mut host: HostEnd, mut model: LocalModel, over: &AtomicBool) -> u
 #[test]
 fn a_hundred_thousand_ticks_allocate_nothing() {
     const TICKS: u64 = 100_000;
-    let setup = palpate_tests::default_setup(1.0);
+    let setup = palpate_tests::default_session(1.0);
     let (mut tick, host, mut log, mut engine) = (setup.tick, setup.host, setup.log, setup.engine);
     let period = setup.timing.period_ns;
 
@@ -111,8 +111,8 @@ fn a_steady_host_step_allocates_nothing() {
 fn steady_steps(scheme: SchemeName) {
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.scheme = scheme;
-    let setup =
-        setup(&World::new(&scene).unwrap(), 1.0, 1).expect("the built-in scene can be built");
+    let setup = Prepared::new(&World::new(&scene).unwrap(), &Options::new(1.0, 1))
+        .expect("the built-in scene can be built");
     let (mut tick, mut engine) = (setup.tick, setup.engine);
     let watch = WallStopwatch::start();
     let due = Due {

@@ -4,12 +4,12 @@
 static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 
 use host::live::slot::{Watchers, slot};
-use palpate_tests::default_setup;
+use palpate_tests::default_session;
 use std::time::{Duration, Instant};
 
 #[test]
 fn a_copy_of_the_positions_allocates_nothing() {
-    let setup = default_setup(1.0);
+    let setup = default_session(1.0);
     let watchers = Watchers::default();
     watchers.set(1);
     let (mut writer, mut reader) = slot(&setup.engine, watchers);

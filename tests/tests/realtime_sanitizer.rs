@@ -5,7 +5,7 @@
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
-use host::run::setup::setup;
+use host::run::prepare::{Options, Prepared};
 use host::scene::spec::SchemeName;
 use std::process::Command;
 
@@ -51,7 +51,8 @@ fn every_scheme_ticks_under_the_sanitizer() {
     ] {
         let mut scene = palpate_tests::default_scene();
         scene.scene.realtime.scheme = scheme;
-        let built = setup(&scene, 1.0, 1).expect("the built-in scene can be built");
+        let built =
+            Prepared::new(&scene, &Options::new(1.0, 1)).expect("the built-in scene can be built");
         let (mut tick, mut host, mut engine) = (built.tick, built.host, built.engine);
         let watch = WallStopwatch::start();
         for k in 0..1000_u64 {

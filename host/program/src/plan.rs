@@ -5,7 +5,7 @@ use super::{CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::write_json;
 use host::engine::plan::{BodyPlan, Stage, stages};
 use host::engine::rehearsal::Rehearsal;
-use host::run::setup;
+use host::run::prepare;
 use host::run::slow_host::{StepTime, cores};
 use host::run::summary::{DampedSummary, StiffSummary};
 use host::scene::connections;
@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let bar = progress_bar();
     // A scene that cannot run gets no plan. This also reports faults of its meshes.
     let world = build(&loaded, &bar)?;
-    setup::check(&world)?;
+    prepare::check(&world)?;
     bar.stage(Preparation::Settling);
     world.settle();
     let plans: Vec<_> = (0..world.bodies.len())

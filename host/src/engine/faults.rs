@@ -134,7 +134,7 @@ impl Failing {
         &mut self,
         due: Due,
         watch: &dyn Stopwatch,
-        publish: &mut dyn FnMut(usize, &LocalModel),
+        publish: &mut (dyn FnMut(usize, &LocalModel) + Send),
     ) {
         let faults = &self.faults;
         faults.panic_if_due(due.time_ns);

@@ -1,7 +1,7 @@
 //! The host loop's work: stages in their order, ending in a published local model.
 //!
 //! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the only module that joins
-//! the physics to the tick. The engine owns no thread and reads no clock; its caller may lend it [threads]. Under the real clock a thread drives it;
+//! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a thread drives it;
 //! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
 //! caller passes; nothing in the state depends on this time.
 
@@ -36,17 +36,15 @@ use change::{ChangeError, Edit};
 use core::ops::Range;
 use pacer::Due;
 use physics::team::each;
-use physics::{Alone, BodyError, Team, TearReport};
+use physics::{BodyError, Team, TearReport};
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, StepFault, Stopwatch};
+use threads::{Threads, awake};
 
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<HostBody>,
-    /// Steps bodies beside each other.
-    team: &'static dyn Team,
-    /// Number of threads of the team.
-    threads: usize,
+    threads: Threads,
     stats: EngineStats,
 }
 
@@ -57,18 +55,16 @@ impl Engine {
         stats.tears = vec![TearReport::default(); bodies.len()];
         Self {
             bodies,
-            team: &Alone,
-            threads: 1,
+            threads: Threads::default(),
             stats,
         }
     }
 
-    /// The engine on `count` threads: those in whose [`Threads::run`](threads::Threads::run) it is stepped.
+    /// The engine on `count` threads of its own, whose number is that of the bodies' recipes. One thread is the caller's.
     #[must_use]
     pub fn on(self, count: usize) -> Self {
         Self {
-            team: threads::team(count),
-            threads: count,
+            threads: Threads::new(count),
             ..self
         }
     }
@@ -118,8 +114,21 @@ impl Engine {
         &mut self,
         due: Due,
         watch: &dyn Stopwatch,
+        publish: &mut (dyn FnMut(usize, &LocalModel) + Send),
+    ) {
+        let threads = core::mem::take(&mut self.threads);
+        threads.run(|| awake(|| self.step_on(&threads, due, watch, publish)));
+        self.threads = threads;
+    }
+
+    fn step_on(
+        &mut self,
+        threads: &Threads,
+        due: Due,
+        watch: &dyn Stopwatch,
         publish: &mut dyn FnMut(usize, &LocalModel),
     ) {
+        let team = threads.team();
         self.stats.steps += 1;
         let stats = &mut self.stats;
         for (index, body) in self.bodies.iter_mut().enumerate() {
@@ -129,17 +138,20 @@ impl Engine {
             }
         }
         let all = 0..self.bodies.len();
-        self.stage(all.clone(), &|body| body.predict(watch));
-        self.stage(all.clone(), &|body| body.constrain(watch));
-        self.stage(all, &|body| body.solve(watch));
+        self.stage(team, all.clone(), &|body| body.predict(watch));
+        self.stage(team, all.clone(), &|body| body.constrain(watch));
+        self.stage(team, all, &|body| body.solve(watch));
         // One thread publishes the model of a body before it finishes the next body.
-        let beside = match self.threads {
-            1 => 1,
-            _ => self.bodies.len().max(1),
+        let beside = if threads.are_one() {
+            1
+        } else {
+            self.bodies.len().max(1)
         };
         for first in (0..self.bodies.len()).step_by(beside) {
             let range = first..self.bodies.len().min(first + beside);
-            self.stage(range.clone(), &|body| body.finish(due.publishes, watch));
+            self.stage(team, range.clone(), &|body| {
+                body.finish(due.publishes, watch)
+            });
             for index in range {
                 let body = &self.bodies[index];
                 self.stats.add(body.tally());
@@ -160,10 +172,11 @@ impl Engine {
     /// Makes one call for the bodies in `range`, beside each other.
     fn stage(
         &mut self,
+        team: &dyn Team,
         range: Range<usize>,
         call: &(impl Fn(&mut HostBody) -> Result<(), StepFault> + Sync),
     ) {
-        each(self.team, &mut self.bodies[range.clone()], &|body| {
+        each(team, &mut self.bodies[range.clone()], &|body| {
             body.fault = call(body).err();
         });
         for index in range {

@@ -6,7 +6,6 @@ use super::Engine;
 use super::build::{self, How};
 use super::pacer::{Due, Pacer};
 use super::stats::{ProcessorStopwatch, StepTimes};
-use super::threads::{Threads, awake};
 use crate::run::summary::{DampedSummary, StiffSummary};
 use crate::scene::SceneError;
 use crate::scene::spec::Scene;
@@ -23,7 +22,6 @@ const SPEED: f64 = 0.01;
 pub struct Rehearsal<'a> {
     scene: &'a Scene,
     engine: Engine,
-    threads: Threads,
     /// The record of a tick at time zero.
     record: TickRecord,
 }
@@ -48,7 +46,6 @@ impl<'a> Rehearsal<'a> {
         Ok(Self {
             scene,
             engine: Engine::new(held).on(scene.host.threads),
-            threads: Threads::new(scene.host.threads),
             record,
         })
     }
@@ -107,8 +104,6 @@ impl<'a> Rehearsal<'a> {
     }
 
     fn step(&mut self, due: Due) {
-        let engine = &mut self.engine;
-        self.threads
-            .run(|| awake(|| engine.step(due, &ProcessorStopwatch, &mut |_, _| {})));
+        self.engine.step(due, &ProcessorStopwatch, &mut |_, _| {});
     }
 }

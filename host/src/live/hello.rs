@@ -1,7 +1,7 @@
 //! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
 
 use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
-use crate::run::setup;
+use crate::run::prepare;
 use crate::scene::spec::ModelName;
 use crate::world::{Kind, World, grasps};
 use std::collections::BTreeMap;
@@ -50,7 +50,7 @@ impl Hello {
             run: 0,
             scene: scene.name.clone(),
             clock: facts.get("clock").cloned().unwrap_or_default(),
-            scheme: setup::scheme(scene).name().to_owned(),
+            scheme: prepare::scheme(scene).name().to_owned(),
             tick_rate: scene.realtime.rate,
             step_rate: scene.host.step_rate,
             publish_rate: scene.host.publish_rate,

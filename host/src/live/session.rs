@@ -6,7 +6,7 @@ use super::slot::{Moment, SlotWriter, Watchers, slot};
 use super::socket::{Listener, Server, Update};
 use super::{Hello, Source, Surface};
 use crate::engine::Engine;
-use crate::run::setup::HostSide;
+use crate::run::prepare::HostSide;
 use crate::run::summary::RunSummary;
 use crate::run::{RunError, RunOptions, facts};
 use crate::world::World;

@@ -18,11 +18,12 @@ mod pace;
 pub mod paced;
 pub mod panics;
 mod parts;
+pub mod prepare;
 mod real_clock;
 pub mod replay;
 mod report;
 mod samples;
-pub mod setup;
+pub mod session;
 mod slips;
 pub mod slow_host;
 pub mod summary;
@@ -30,14 +31,11 @@ mod taps;
 pub mod tear_force;
 pub mod tears;
 mod tick_outputs;
-pub mod timeline;
-pub mod virtual_clock;
 mod withheld;
 
 use crate::atomic_file::{AtomicFileError, write_json};
 use crate::engine::body::HostBody;
-use crate::engine::build::How;
-use crate::engine::faults::{Faults, HostFault};
+use crate::engine::faults::HostFault;
 use crate::live::session::{Session, ViewOptions};
 use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
@@ -53,9 +51,9 @@ use log_observer::LogObserver;
 use observer::Observers;
 use parts::Parts;
 use physics::{Body, FactorCode};
+use prepare::{Options, Prepared};
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
 use runner::{AnyDevice, CoreChoice, Cores, Reserved};
-use setup::Setup;
 use slow_host::StepTime;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -350,20 +348,21 @@ pub fn slow_warning(loaded: &LoadedScene, options: &RunOptions, slow: StepTime) 
     )
 }
 
-/// The parts of the run before its first tick.
+/// The session of a run before its first tick.
 fn prepare(
     world: &World<'_>,
     options: &RunOptions,
     seed: u64,
     stage: &mut dyn FnMut(Stage),
-) -> Result<Setup, SceneError> {
-    let duration = options.duration.unwrap_or(world.loaded.scene.duration);
-    let how = How {
+) -> Result<Prepared, SceneError> {
+    let session = Options {
+        duration: options.duration.unwrap_or(world.loaded.scene.duration),
+        seed,
         code: options.instructions,
         real: options.clock == Clock::Real,
+        faults: options.faults.clone(),
     };
-    let mut prepared = setup::setup_with(world, duration, seed, how, stage)?;
-    prepared.faults = Faults::new(options.faults.clone());
+    let mut prepared = Prepared::told(world, &session, stage)?;
     let devices = std::mem::take(&mut prepared.tick.devices).into_iter();
     prepared.tick.devices = devices
         .map(|device| {
@@ -460,7 +459,7 @@ pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<
     let facts = [
         ("scene", loaded.scene.name.clone()),
         ("clock", clock_name(options.clock).into()),
-        ("scheme", setup::scheme(&loaded.scene).name().into()),
+        ("scheme", prepare::scheme(&loaded.scene).name().into()),
         ("seed", seed.to_string()),
         ("version", env!("CARGO_PKG_VERSION").into()),
         ("instructions", instructions(options.instructions)),

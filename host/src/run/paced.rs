@@ -5,20 +5,50 @@
 //! stress studies have this host; a study gives it a link that loses messages, or wraps it in changes of the body.
 
 use super::late::LateLink;
-use super::setup::{HostSide, Setup};
+use super::prepare::{HostSide, Prepared};
 use super::slow_host::SlowWatch;
 use super::taps::Taps;
-use super::timeline::Host;
 use crate::engine::Engine;
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
 use crate::engine::stats::ProcessorStopwatch;
-use crate::engine::threads::{Threads, awake};
 use core::convert::Infallible;
 use rt_core::{LocalModel, TickRecord};
 use runner::TickLoop;
 use runner::link::{HostEnd, LogEnd};
+
+/// A host that steps between the ticks, with its end of the link.
+pub trait Host {
+    /// The reason why a step cannot be taken.
+    type Error;
+
+    /// The time at which the next step starts (ns).
+    fn next_ns(&self) -> u64;
+
+    /// Takes the next step.
+    ///
+    /// # Errors
+    /// The step cannot be taken, which ends the session.
+    fn step(&mut self) -> Result<(), Self::Error>;
+
+    /// Gives the tick the models that have arrived by `now_ns`.
+    fn deliver(&mut self, now_ns: u64);
+
+    /// Takes the steps that start by `now_ns`, and gives the tick the models that have arrived by then.
+    ///
+    /// # Errors
+    /// The first error of a step.
+    fn advance(&mut self, now_ns: u64) -> Result<(), Self::Error> {
+        loop {
+            self.deliver(now_ns);
+            if self.next_ns() > now_ns {
+                return Ok(());
+            }
+            self.step()?;
+        }
+    }
+}
 
 /// The host's end of a link, under virtual time.
 pub trait HostLink: Send {
@@ -57,7 +87,6 @@ impl HostLink for LateLink {
 pub struct Paced<L> {
     engine: Failing,
     taps: Taps,
-    threads: Threads,
     pacer: Pacer,
     slow: SlowWatch,
     link: L,
@@ -68,22 +97,21 @@ pub struct Paced<L> {
 }
 
 impl<L: HostLink> Paced<L> {
-    /// Takes a set-up apart: into the tick's side, the log's end of the link, and the host. `wrap` makes the host's link
+    /// Takes what is prepared apart: into the tick's side, the log's end of the link, and the host. `wrap` makes the host's link
     /// of the link with latency.
-    pub fn of(setup: Setup, wrap: impl FnOnce(LateLink) -> L) -> (TickLoop, LogEnd, Self) {
-        let bodies = setup.engine.bodies().len();
+    pub fn of(prepared: Prepared, wrap: impl FnOnce(LateLink) -> L) -> (TickLoop, LogEnd, Self) {
+        let bodies = prepared.engine.bodies().len();
         let host = Self {
-            engine: Failing::new(setup.engine, setup.faults),
-            taps: setup.taps,
-            threads: setup.threads,
-            pacer: setup.pacer,
-            slow: setup.slow,
-            link: wrap(LateLink::new(setup.host, bodies)),
-            records: Records::new(setup.timing.period_ns),
-            latency_ns: setup.timing.latency_ns,
+            engine: Failing::new(prepared.engine, prepared.faults),
+            taps: prepared.taps,
+            pacer: prepared.pacer,
+            slow: prepared.slow,
+            link: wrap(LateLink::new(prepared.host, bodies)),
+            records: Records::new(prepared.timing.period_ns),
+            latency_ns: prepared.timing.latency_ns,
             free_at: 0,
         };
-        (setup.tick, setup.log, host)
+        (prepared.tick, prepared.log, host)
     }
 
     /// The physics.
@@ -114,10 +142,6 @@ impl<L: HostLink> Paced<L> {
         }
     }
 
-    fn start_ns(&self) -> u64 {
-        self.pacer.next_ns().max(self.free_at)
-    }
-
     fn take_records(&mut self) {
         let (link, records) = (&mut self.link, &mut self.records);
         link.drain(|record| records.take(record));
@@ -127,12 +151,12 @@ impl<L: HostLink> Paced<L> {
 impl<L: HostLink> Host for Paced<L> {
     type Error = Infallible;
 
-    fn next_ns(&self) -> Option<u64> {
-        Some(self.start_ns())
+    fn next_ns(&self) -> u64 {
+        self.pacer.next_ns().max(self.free_at)
     }
 
     fn step(&mut self) -> Result<(), Infallible> {
-        let start = self.start_ns();
+        let start = self.next_ns();
         if let Some(until_ns) = self.engine.stall(start) {
             self.free_at = until_ns;
             return Ok(());
@@ -142,12 +166,8 @@ impl<L: HostLink> Host for Paced<L> {
         let (engine, link, records) = (&mut self.engine, &mut self.link, &mut self.records);
         records.see(start - due.time_ns, |record| engine.follow(record));
         let arrival_ns = start + self.latency_ns;
-        self.threads.run(|| {
-            awake(|| {
-                engine.step(due, &ProcessorStopwatch, &mut |body, model| {
-                    link.send(arrival_ns, body, model);
-                });
-            });
+        engine.step(due, &ProcessorStopwatch, &mut |body, model| {
+            link.send(arrival_ns, body, model);
         });
         self.slow.look(self.engine.stats());
         let skipped = self.pacer.skipped();
@@ -160,5 +180,60 @@ impl<L: HostLink> Host for Paced<L> {
 
     fn deliver(&mut self, now_ns: u64) {
         self.link.deliver(now_ns);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A host that steps every 3 ns. A model arrives 2 ns after the start of its step.
+    #[derive(Default)]
+    struct Diary {
+        next: u64,
+        under_way: Vec<u64>,
+        seen: Vec<(&'static str, u64)>,
+    }
+
+    impl Host for Diary {
+        type Error = &'static str;
+
+        fn next_ns(&self) -> u64 {
+            if self.next < 9 { self.next } else { u64::MAX }
+        }
+
+        fn step(&mut self) -> Result<(), &'static str> {
+            self.seen.push(("step", self.next));
+            self.under_way.push(self.next + 2);
+            self.next += 3;
+            Ok(())
+        }
+
+        fn deliver(&mut self, now_ns: u64) {
+            for arrival in self.under_way.extract_if(.., |arrival| *arrival <= now_ns) {
+                self.seen.push(("arrival", arrival));
+            }
+        }
+    }
+
+    #[test]
+    fn steps_and_arrivals_come_in_order_before_their_tick() {
+        let mut diary = Diary::default();
+        for now_ns in [0, 4, 8] {
+            assert_eq!(diary.advance(now_ns), Ok(()));
+            diary.seen.push(("tick", now_ns));
+        }
+        let expected = [
+            ("step", 0),
+            ("tick", 0),
+            ("arrival", 2),
+            ("step", 3),
+            ("tick", 4),
+            ("arrival", 5),
+            ("step", 6),
+            ("arrival", 8),
+            ("tick", 8),
+        ];
+        assert_eq!(diary.seen, expected);
     }
 }

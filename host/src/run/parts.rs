@@ -4,9 +4,10 @@
 use super::collect::Collected;
 use super::observer::Observers;
 use super::pace::Pace;
-use super::setup::{HostSide, Setup};
+use super::prepare::{HostSide, Prepared};
+use super::session::Session;
 use super::summary::PlaceSummary;
-use super::{RunError, RunOptions, host_panicked, real_clock, virtual_clock};
+use super::{RunError, RunOptions, host_panicked, real_clock};
 use crate::scene::LoadedScene;
 use crate::scene::spec::Device;
 use rt_core::Controller;
@@ -17,6 +18,10 @@ use runner::{AnyDevice, Reserved};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Longest time on the wall between two reports of progress, unless a single step takes longer.
+const SAID: Duration = Duration::from_millis(100);
 
 /// A finished run, under either clock.
 pub(super) struct Parts {
@@ -149,7 +154,7 @@ fn no_readings(device: &Device, missed: u64, ticks: u64, rates: &Rates) -> Strin
 
 /// Runs what is prepared under virtual time, until `stop` is requested. `progress` is given the number of ticks done.
 pub(super) fn under_virtual_time(
-    prepared: Setup,
+    prepared: Prepared,
     stop: &Stop,
     mut observers: Observers,
     progress: &mut dyn FnMut(u64),
@@ -160,7 +165,7 @@ pub(super) fn under_virtual_time(
         .view
         .as_ref()
         .and_then(|view| Pace::new(view.pace));
-    let sink = |record: LogRecord<'_>| {
+    let mut sink = |record: LogRecord<'_>| {
         let time_ns = match &record {
             LogRecord::Tick(telemetry) => Some(telemetry.time_ns),
             LogRecord::Model(..) => None,
@@ -174,7 +179,21 @@ pub(super) fn under_virtual_time(
             });
         }
     };
-    let done = virtual_clock::run_until(prepared, stop, sink, progress);
+    let mut session = Session::of(prepared);
+    let mut said = Instant::now();
+    while session.tick().is_some() {
+        session.records(&mut sink);
+        let before = session.ticks() - 1;
+        // Large bodies take long for a step: a person who waits sees something by the clock on the wall, too.
+        if before % 256 == 0 || said.elapsed() > SAID {
+            said = Instant::now();
+            progress(before);
+        }
+        if stop.is_requested() {
+            break;
+        }
+    }
+    let done = session.end();
     let observed = observers.finish();
     Parts {
         tick: TickSide {
@@ -209,7 +228,7 @@ pub(super) fn under_virtual_time(
 /// # Errors
 /// The system gives no thread, or the tick's thread panicked.
 pub(super) fn under_the_real_clock(
-    prepared: Setup,
+    prepared: Prepared,
     options: &RunOptions,
     reserved: &Reserved,
     observers: Observers,

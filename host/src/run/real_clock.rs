@@ -5,7 +5,7 @@
 //! the summary reports the panic.
 
 use super::observer::Observers;
-use super::setup::{HostSide, Setup};
+use super::prepare::{HostSide, Prepared};
 use super::slow_host::SlowWatch;
 use super::taps::Taps;
 use super::{RunError, host_panicked, panics};
@@ -13,7 +13,6 @@ use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
 use crate::engine::stats::WallStopwatch;
-use crate::engine::threads::awake;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
 use std::sync::Arc;
@@ -41,32 +40,31 @@ pub(super) struct RealRun {
     pub(super) failures: Vec<String>,
 }
 
-/// Runs `setup` for its whole length, or until `stop` is requested. The log's thread gives each of `observers` every
+/// Runs what is prepared for its whole length, or until `stop` is requested. The log's thread gives each of `observers` every
 /// tick's telemetry in order, and each model before the ticks that used it. From time to time `progress` is given the
 /// number of ticks done.
 ///
 /// # Errors
 /// [`RunError`] where the loop cannot start or its thread panicked.
 pub(super) fn run(
-    setup: Setup,
+    prepared: Prepared,
     config: RunnerConfig,
     stop: Arc<Stop>,
     observers: Observers,
     progress: &mut dyn FnMut(u64),
 ) -> Result<RealRun, RunError> {
-    let Setup {
+    let Prepared {
         tick,
         host,
         log,
         engine,
-        threads,
         faults,
         taps,
         pacer,
         slow,
         timing,
         told: _,
-    } = setup;
+    } = prepared;
     let config = RunnerConfig {
         period_ns: timing.period_ns,
         ticks: Some(timing.ticks),
@@ -100,7 +98,7 @@ pub(super) fn run(
             period_ns: timing.period_ns,
         };
         // The counts before a panic belong to the summary.
-        let ended = threads.run(|| panics::caught(|| running.steps(&host_over)));
+        let ended = panics::caught(|| running.steps(&host_over));
         (running.into_side(), ended.err())
     })?;
     let log_over = Arc::clone(&over);
@@ -188,11 +186,9 @@ impl Hosting {
             end.drain(|record| records.take(record));
             let late_ns = now_ns.saturating_sub(due.time_ns);
             records.see(late_ns, |record| engine.follow(record));
-            awake(|| {
-                engine.step(due, &watch, &mut |body, model| {
-                    // The link counts a full ring.
-                    let _ = end.publish(body, model);
-                });
+            engine.step(due, &watch, &mut |body, model| {
+                // The link counts a full ring.
+                let _ = end.publish(body, model);
             });
             slow.look(engine.stats());
             taps.after_step(due.time_ns, pacer.skipped(), engine.engine());

@@ -2,13 +2,13 @@
 
 use super::collect::Collected;
 use super::parts::{Parts, TickSide};
-use super::setup::HostSide;
+use super::prepare::HostSide;
 use super::summary::{
     DampedSummary, DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary,
     HeldBackSummary, HostSummary, RunSummary, SCHEMA, StiffSummary, TearSummary, TickSummary,
     TripSummary,
 };
-use super::{Clock, RunOptions, clock_name, held_back, instructions, setup, slow_host};
+use super::{Clock, RunOptions, clock_name, held_back, instructions, prepare, slow_host};
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::machine::Machine;
@@ -43,7 +43,7 @@ pub(super) fn summarize(
             instructions(options.instructions),
             parts.tick.place.and_then(|place| place.core),
         ),
-        scheme: setup::scheme(scene).name(),
+        scheme: prepare::scheme(scene).name(),
         seed,
         warnings: world.warnings.iter().map(ToString::to_string).collect(),
         tick: tick(scene, options.clock, parts, &couplings),
@@ -397,7 +397,7 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected, part: Part)
         title: scene.name.clone(),
         subtitle: format!(
             "scheme {}, tick {} Hz, host {} Hz",
-            setup::scheme(scene).name(),
+            prepare::scheme(scene).name(),
             scene.realtime.rate,
             scene.host.step_rate
         ),

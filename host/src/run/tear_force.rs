@@ -1,7 +1,7 @@
 //! The force with which a device tears a body: when the tear starts, the force in that tick, the largest force, and the
 //! plateau. The summary of a run and a sweep use the same code, so that their numbers are equal.
 
-use super::setup::Setup;
+use super::prepare::Prepared;
 use super::tears::{TearEvents, TearTap};
 use crate::scene::Scene;
 use crate::world::grasps;
@@ -169,10 +169,10 @@ impl TearForces {
         }
     }
 
-    /// Watches over the bodies of `scene`, whose run is set up.
-    pub fn listening(scene: &Scene, setup: &mut Setup) -> Self {
-        let bodies = setup.engine.bodies();
-        let tap = &mut setup.taps.tears;
+    /// Watches over the bodies of `scene`, whose session is prepared.
+    pub fn listening(scene: &Scene, prepared: &mut Prepared) -> Self {
+        let bodies = prepared.engine.bodies();
+        let tap = &mut prepared.taps.tears;
         if tap.is_none() {
             *tap = TearTap::new(bodies);
         }

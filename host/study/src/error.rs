@@ -33,6 +33,9 @@ pub enum StudyError {
         /// Length of the runs (s).
         duration: f64,
     },
+    /// The host of a run panicked.
+    #[error("the host panicked: {0}")]
+    Host(String),
     /// The text of a scene cannot be read as TOML.
     #[error(transparent)]
     Text(#[from] toml::de::Error),

@@ -1,6 +1,7 @@
 //! Scenes with emulated devices: the forces are those of simulated devices, but for the encoders and the delay.
 
-use host::run::{setup, virtual_clock};
+use host::run::prepare::{Options, Prepared};
+use host::run::session::Session;
 use host::scene::{LoadedScene, Override, Scene};
 use host::world::World;
 use rt_core::Vec3;
@@ -22,14 +23,14 @@ fn scene(model: &str, connect: &str) -> Result<LoadedScene, Box<dyn Error>> {
 
 /// The force on each hand in every tick.
 fn forces(scene: &LoadedScene) -> Result<Vec<Vec3>, Box<dyn Error>> {
-    let built = setup::setup(&World::new(scene).unwrap(), DURATION, 1)?;
+    let built = Prepared::new(&World::new(scene).unwrap(), &Options::new(DURATION, 1))?;
     let mut forces = Vec::new();
     let sink = |record: LogRecord<'_>| {
         if let LogRecord::Tick(telemetry) = record {
             forces.extend(telemetry.devices().map(|device| device.wrench.force));
         }
     };
-    virtual_clock::run(built, sink, |_| {});
+    Session::of(built).run(sink);
     Ok(forces)
 }
 
@@ -74,7 +75,7 @@ fn an_emulated_device_is_calibrated_at_its_origin_and_has_no_other_wire() {
         assert!(text.contains(own));
         let text = text.replacen(own, "# states", 1);
         let scene = Scene::load_texts("x.toml", &text, &BTreeMap::new())?;
-        setup::setup(&World::new(&scene).unwrap(), 0.01, 1).map(|_| ())
+        Prepared::new(&World::new(&scene).unwrap(), &Options::new(0.01, 1)).map(|_| ())
     };
     let said = |fields: &str| device(fields).expect_err("refused").to_string();
     let origin = said("mounting.origin = [0.0, 0.0, 0.2]");

@@ -1,8 +1,10 @@
 //! The energy account in whole runs: it equals the work at the devices, a cap without cause changes nothing, and every
 //! trip is reported.
 
+use host::run::prepare::{Options, Prepared};
+use host::run::session::Session;
 use host::run::summary::RunSummary;
-use host::run::{Clock, RunOptions, run, setup, virtual_clock};
+use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use rt_core::Vec3;
@@ -33,14 +35,14 @@ fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Err
 
 /// The force on every hand in every tick.
 fn forces(scene: &LoadedScene, duration: f64) -> Result<Vec<Vec3>, Box<dyn Error>> {
-    let built = setup::setup(&World::new(scene).unwrap(), duration, 1)?;
+    let built = Prepared::new(&World::new(scene).unwrap(), &Options::new(duration, 1))?;
     let mut forces = Vec::new();
     let sink = |record: LogRecord<'_>| {
         if let LogRecord::Tick(telemetry) = record {
             forces.extend(telemetry.devices().map(|device| device.wrench.force));
         }
     };
-    virtual_clock::run(built, sink, |_| {});
+    Session::of(built).run(sink);
     Ok(forces)
 }
 

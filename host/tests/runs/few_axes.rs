@@ -1,6 +1,7 @@
 //! Scenes with devices of one and two degrees of freedom.
 
-use host::run::{setup, virtual_clock};
+use host::run::prepare::{Options, Prepared};
+use host::run::session::Session;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Vec3, Wrench};
@@ -28,7 +29,7 @@ fn devices_of_shipped_scenes_stay_on_their_axes_and_feel_the_body_there() {
         let loaded = load(text, &[]).unwrap();
         let freedom = loaded.models[0].freedom();
         let back = World::new(&loaded).unwrap().mounts[0].rotation.inverse();
-        let built = setup::setup(&World::new(&loaded).unwrap(), 3.0, 1).unwrap();
+        let built = Prepared::new(&World::new(&loaded).unwrap(), &Options::new(3.0, 1)).unwrap();
         let (mut largest, mut models) = (0.0_f64, 0);
         let sink = |record: LogRecord<'_>| match record {
             LogRecord::Tick(telemetry) => {
@@ -56,7 +57,7 @@ fn devices_of_shipped_scenes_stay_on_their_axes_and_feel_the_body_there() {
                 }
             }
         };
-        virtual_clock::run(built, sink, |_| {});
+        Session::of(built).run(sink);
         assert!(
             largest > 0.5 && models > 100,
             "{largest} N, {models} models"
@@ -102,7 +103,8 @@ fn paddles_and_pantographs_are_passive_at_the_port() {
     ] {
         let net = |scheme: &str| {
             let loaded = load(&linear(text, scheme), &[changes]).unwrap();
-            let mut built = setup::setup(&World::new(&loaded).unwrap(), 4.0, 1).unwrap();
+            let mut built =
+                Prepared::new(&World::new(&loaded).unwrap(), &Options::new(4.0, 1)).unwrap();
             let net = Arc::new(Mutex::new(NetEnergy::new(0.0)));
             let device = built.tick.devices.remove(0);
             let net_of = Arc::clone(&net);
@@ -111,7 +113,7 @@ fn paddles_and_pantographs_are_passive_at_the_port() {
                 net: net_of,
             };
             built.tick.devices.push(Box::new(watched));
-            virtual_clock::run(built, |_| {}, |_| {});
+            Session::of(built).run(|_| {});
             let net = net.lock().expect("nothing panics");
             net.largest()
         };
@@ -139,7 +141,7 @@ fn a_handle_off_the_axes_and_a_motion_across_them_are_errors() {
 
     let beside = "[device.mounting]\norigin = [0.0, 0.001, 0.05]\n";
     let loaded = load(PADDLE, &[(mount, beside)]).unwrap();
-    let error = setup::setup(&World::new(&loaded).unwrap(), 1.0, 1)
+    let error = Prepared::new(&World::new(&loaded).unwrap(), &Options::new(1.0, 1))
         .err()
         .unwrap()
         .to_string();

@@ -1,6 +1,6 @@
 //! Hands of scenes: grips, tasks, and devices of six degrees of freedom.
 
-use host::run::setup::controls;
+use host::run::prepare::controls;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;

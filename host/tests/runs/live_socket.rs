@@ -5,9 +5,10 @@ use host::live::session::ViewOptions;
 use host::live::socket::SocketError;
 use host::live::{Frame, Hello, Message, Surface, Vertices};
 use host::run::observer::{Observed, Observer, Observers};
+use host::run::prepare::{Options, Prepared};
+use host::run::session::Session;
 use host::run::summary::RunSummary;
-use host::run::virtual_clock::run_seen;
-use host::run::{Clock, RunError, RunOptions, run, run_watched, setup};
+use host::run::{Clock, RunError, RunOptions, run, run_watched};
 use host::scene::Scene;
 use host::world::World;
 use runner::link::LogRecord;
@@ -195,16 +196,19 @@ fn a_viewer_that_comes_late_receives_everything_and_vertices_are_those_of_their_
 
     // The positions after each step of an equal run that nobody watches.
     let mut expected: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
-    let prepared = setup::setup(&World::new(&Scene::embedded_default()?).unwrap(), 1.0, 1)?;
-    let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
-        let engine = engine.expect("the host does not panic");
+    let prepared = Prepared::new(
+        &World::new(&Scene::embedded_default()?).unwrap(),
+        &Options::new(1.0, 1),
+    )?;
+    let mut session = Session::of(prepared);
+    while session.tick().is_some() {
+        let engine = session.engine().expect("the host does not panic");
         let positions = engine.bodies()[0].body().positions();
         let rounded = positions.flat_map(|x| [x.x, x.y, x.z].map(|x| (x as f32).to_bits()));
         expected
             .entry(engine.stats().steps)
             .or_insert_with(|| rounded.collect());
-    };
-    run_seen(prepared, see, |_| (), |_| ());
+    }
 
     for received in [&all, &other] {
         let mut steps = Vec::new();

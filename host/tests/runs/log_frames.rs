@@ -2,9 +2,10 @@
 
 use host::log::Log;
 use host::log::index::LogIndex;
+use host::run::prepare::{Options, Prepared};
 use host::run::replay::{replay, scene_of};
-use host::run::setup::setup;
-use host::run::{Clock, RunOptions, log_frames, run, virtual_clock};
+use host::run::session::Session;
+use host::run::{Clock, RunOptions, log_frames, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use std::collections::BTreeMap;
@@ -47,9 +48,13 @@ type Steps = BTreeMap<u64, Vec<Vec<u32>>>;
 /// The positions of the bodies after each step of a run that a tick follows, as bits of `f32`, by number of the step.
 fn positions(loaded: &LoadedScene) -> Result<Steps, Box<dyn Error>> {
     let mut steps = BTreeMap::new();
-    let setup = setup(&World::new(loaded).unwrap(), DURATION, loaded.scene.seed)?;
-    let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
-        let Some(engine) = engine else { return };
+    let setup = Prepared::new(
+        &World::new(loaded).unwrap(),
+        &Options::new(DURATION, loaded.scene.seed),
+    )?;
+    let mut session = Session::of(setup);
+    while session.tick().is_some() {
+        let engine = session.engine().ok_or("the host panicked")?;
         steps.entry(engine.stats().steps).or_insert_with(|| {
             let bodies = engine.bodies().iter().map(|body| {
                 let positions = body.body().positions();
@@ -58,8 +63,7 @@ fn positions(loaded: &LoadedScene) -> Result<Steps, Box<dyn Error>> {
             });
             bodies.collect()
         });
-    };
-    virtual_clock::run_seen(setup, see, |_| {}, |_| {});
+    }
     Ok(steps)
 }
 

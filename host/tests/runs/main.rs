@@ -25,6 +25,7 @@ mod replay_fields;
 mod run_frames;
 mod run_table;
 mod schemes;
+mod sessions;
 mod slips;
 mod slow_host;
 mod solvers;

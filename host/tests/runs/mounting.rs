@@ -1,6 +1,6 @@
 //! Mountings: a device stands anywhere in the scene, turned in any way. Positions pass in, and forces pass back.
 
-use host::run::setup::controls;
+use host::run::prepare::controls;
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};

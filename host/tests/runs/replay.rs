@@ -1,8 +1,8 @@
 //! A logged run is reproduced bit for bit, and a difference is reported with its tick and field.
 
 use host::log::{Log, LogHeader, LogWriter};
+use host::run::prepare::{Options, Prepared};
 use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
-use host::run::setup::setup;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
@@ -96,7 +96,7 @@ const FAULTS: [(Range<u64>, Fault); 4] = [
 #[test]
 fn the_failures_of_a_device_are_reproduced() -> Outcome {
     let loaded = Scene::embedded_default()?;
-    let setup = setup(&World::new(&loaded).unwrap(), 0.4, 1)?;
+    let setup = Prepared::new(&World::new(&loaded).unwrap(), &Options::new(0.4, 1))?;
     let faults = FAULTS.map(|(span, fault)| (span.start * 1_000_000..span.end * 1_000_000, fault));
     let devices = setup.tick.devices.into_iter().map(|device| {
         let device: AnyDevice = Box::new(Faulty::new(device, faults.to_vec()));

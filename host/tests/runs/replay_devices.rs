@@ -3,8 +3,10 @@
 //! the loss of a device, and a pause of the loop.
 
 use host::log::{Log, LogHeader, LogWriter};
+use host::run::prepare::{self, Options, Prepared};
 use host::run::replay::{ReplayReport, replay, scene_of};
-use host::run::{Clock, RunOptions, run, setup, virtual_clock};
+use host::run::session::Session;
+use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Override, Scene};
 use host::world::World;
 use rt_core::safety::SafetyState;
@@ -56,14 +58,17 @@ fn scene(case: &Case) -> Result<LoadedScene, Box<dyn Error>> {
 
 /// The models that the host publishes in a run without faults, in order.
 fn models(scene: &LoadedScene) -> Result<Vec<(usize, LocalModel)>, Box<dyn Error>> {
-    let built = setup::setup(&World::new(scene).unwrap(), TICKS as f64 * 1e-3, 1)?;
+    let built = Prepared::new(
+        &World::new(scene).unwrap(),
+        &Options::new(TICKS as f64 * 1e-3, 1),
+    )?;
     let mut models = Vec::new();
     let sink = |record: LogRecord<'_>| {
         if let LogRecord::Model(body, model) = record {
             models.push((usize::from(body), *model));
         }
     };
-    virtual_clock::run(built, sink, |_| {});
+    Session::of(built).run(sink);
     Ok(models)
 }
 
@@ -72,11 +77,14 @@ fn models(scene: &LoadedScene) -> Result<Vec<(usize, LocalModel)>, Box<dyn Error
 fn logged(case: &Case) -> Result<Log, Box<dyn Error>> {
     let scene = scene(case)?;
     let models = models(&scene)?;
-    let built = setup::setup(&World::new(&scene).unwrap(), TICKS as f64 * 1e-3, 1)?;
+    let built = Prepared::new(
+        &World::new(&scene).unwrap(),
+        &Options::new(TICKS as f64 * 1e-3, 1),
+    )?;
     // The limits as the drivers state them. The left device is a plug-in that states less.
     let devices = built.tick.devices;
     let mut limits: Vec<_> = devices.iter().map(|device| device.capabilities()).collect();
-    let (mut config, _) = setup::controls(&World::new(&scene).unwrap(), 1)?;
+    let (mut config, _) = prepare::controls(&World::new(&scene).unwrap(), 1)?;
     limits[0].max_force = STATED;
     config.devices[0].safety.max_force = STATED;
     if let Some(actuates) = case.actuates {

@@ -4,7 +4,7 @@ use host::engine::pacer::Due;
 use host::engine::plan::links;
 use host::engine::stats::WallStopwatch;
 use host::engine::virtual_coupling::VirtualCoupling;
-use host::run::setup::setup;
+use host::run::prepare::{Options, Prepared};
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
@@ -27,7 +27,7 @@ fn with(scheme: &str, lines: &str) -> Result<LoadedScene, Box<dyn Error>> {
 
 /// The tenth model that a run publishes.
 fn published(scene: &LoadedScene) -> Result<LocalModel, Box<dyn Error>> {
-    let mut built = setup(&World::new(scene).unwrap(), 1.0, 1)?;
+    let mut built = Prepared::new(&World::new(scene).unwrap(), &Options::new(1.0, 1))?;
     let watch = WallStopwatch::start();
     let mut found = LocalModel::empty();
     for k in 0..10 {

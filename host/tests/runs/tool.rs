@@ -1,6 +1,7 @@
 //! Grasps: one device holds several places, on one body or on several.
 
-use host::run::{setup, virtual_clock};
+use host::run::prepare::{self, Options, Prepared};
+use host::run::session::Session;
 use host::scene::{LoadedScene, Scene};
 use host::solve::solve;
 use host::world::{World, bodies_held, grasps};
@@ -47,13 +48,13 @@ fn fork() -> String {
 }
 
 fn observed(loaded: &LoadedScene, duration: f64) -> (Vec<Telemetry>, Vec<(usize, LocalModel)>) {
-    let built = setup::setup(&World::new(loaded).unwrap(), duration, 1).unwrap();
+    let built = Prepared::new(&World::new(loaded).unwrap(), &Options::new(duration, 1)).unwrap();
     let (mut ticks, mut models) = (Vec::new(), Vec::new());
     let sink = |record: LogRecord<'_>| match record {
         LogRecord::Tick(telemetry) => ticks.push(*telemetry),
         LogRecord::Model(body, model) => models.push((usize::from(body), *model)),
     };
-    virtual_clock::run(built, sink, |_| {});
+    Session::of(built).run(sink);
     (ticks, models)
 }
 
@@ -153,9 +154,9 @@ fn a_tool_on_two_bodies_feels_both_and_their_accounts_add_up_to_its_work() {
     // The bodies are alike.
     assert!((accounts[0].supplied - accounts[1].supplied).abs() < 1e-9);
     // The accounts rely on no more dissipation than the device has: each on half of it.
-    let (config, _) = setup::controls(&World::new(&loaded).unwrap(), 1).unwrap();
+    let (config, _) = prepare::controls(&World::new(&loaded).unwrap(), 1).unwrap();
     let alone = pressed("omega3", &(block("a", "") + &top));
-    let (whole, _) = setup::controls(&World::new(&alone).unwrap(), 1).unwrap();
+    let (whole, _) = prepare::controls(&World::new(&alone).unwrap(), 1).unwrap();
     for body in &config.bodies {
         let (share, port) = (body.passivity.ports[0], whole.bodies[0].passivity.ports[0]);
         assert_eq!(2.0 * share.damping, port.damping);

@@ -5,10 +5,11 @@ use host::live::slot::{Watchers, slot};
 use host::log::Log;
 use host::log::index::LogIndex;
 use host::run::frames::FrameOptions;
+use host::run::prepare::{Options, Prepared};
 use host::run::replay::{replay, scene_of};
-use host::run::setup::setup;
+use host::run::session::Session;
 use host::run::summary::RunSummary;
-use host::run::{Clock, RunOptions, run, virtual_clock};
+use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use physics::Vec3;
@@ -91,9 +92,13 @@ type Steps = BTreeMap<u64, (Vec<u32>, Vec<u32>)>;
 fn steps() -> Result<Steps, Box<dyn Error>> {
     let loaded = scene()?;
     let mut steps = BTreeMap::new();
-    let setup = setup(&World::new(&loaded).unwrap(), DURATION, loaded.scene.seed)?;
-    let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
-        let Some(engine) = engine else { return };
+    let setup = Prepared::new(
+        &World::new(&loaded).unwrap(),
+        &Options::new(DURATION, loaded.scene.seed),
+    )?;
+    let mut session = Session::of(setup);
+    while session.tick().is_some() {
+        let engine = session.engine().ok_or("the host panicked")?;
         steps.entry(engine.stats().steps).or_insert_with(|| {
             let body = engine.bodies()[0].body();
             let numbers = body
@@ -105,8 +110,7 @@ fn steps() -> Result<Steps, Box<dyn Error>> {
                 triangles.unwrap_or_default().as_flattened().to_vec(),
             )
         });
-    };
-    virtual_clock::run_seen(setup, see, |_| {}, |_| {});
+    }
     Ok(steps)
 }
 
@@ -144,28 +148,32 @@ fn a_log_has_the_surface_of_every_frame_of_a_torn_sheet() -> Outcome {
 #[test]
 fn a_viewer_gets_the_newest_surface_with_the_newest_positions() -> Outcome {
     let loaded = scene()?;
-    let setup = setup(&World::new(&loaded).unwrap(), DURATION, loaded.scene.seed)?;
+    let setup = Prepared::new(
+        &World::new(&loaded).unwrap(),
+        &Options::new(DURATION, loaded.scene.seed),
+    )?;
     let watchers = Watchers::default();
     watchers.set(1);
     let (mut writer, mut reader) = slot(&setup.engine, watchers);
     let (mut now, mut steps) = (Instant::now(), 0);
     let (mut known, mut seen) = (None, 0);
     let mut faults = Vec::new();
-    let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
-        let Some(engine) = engine else { return };
+    let mut session = Session::of(setup);
+    while session.tick().is_some() {
+        let engine = session.engine().ok_or("the host panicked")?;
         if engine.stats().steps == steps {
-            return;
+            continue;
         }
         steps = engine.stats().steps;
         // A copy is due after each step.
         now += Duration::from_millis(20);
         writer.after_step_at(now, 0, 0, engine);
         if !steps.is_multiple_of(7) {
-            return;
+            continue;
         }
         let Some(moment) = reader.newest() else {
             faults.push(format!("step {steps}: no moment"));
-            return;
+            continue;
         };
         let body = &moment.bodies[0];
         if let Some(surface) = body.torn.fresh() {
@@ -180,8 +188,7 @@ fn a_viewer_gets_the_newest_surface_with_the_newest_positions() -> Outcome {
             faults.push(format!("step {steps}: {known:?} {}", body.epoch));
         }
         reader.give_back(moment);
-    };
-    virtual_clock::run_seen(setup, see, |_| {}, |_| {});
+    }
     assert_eq!(faults, Vec::<String>::new());
     assert!(seen > 2, "{seen} surfaces");
     Ok(())

@@ -1,5 +1,6 @@
 //! Scene files on disk: those shipped with the program, and files that are missing or wrong.
 
+use host::run::prepare::{Options, Prepared};
 use host::scene::{LoadedScene, Scene, recording};
 use host::world::World;
 use physics::mesh::Mesh;
@@ -106,7 +107,7 @@ fn a_mesh_file_is_read_once_for_all_bodies_and_devices() -> Outcome {
     let before: *const Mesh = first.mesh().map_err(Clone::clone)?;
     // Copies of the scene, and everything that a run sets up, find the mesh that was read.
     let copy = two.clone();
-    host::run::setup::setup(&World::new(&copy).unwrap(), 1.0, 1)?;
+    Prepared::new(&World::new(&copy).unwrap(), &Options::new(1.0, 1))?;
     for mesh in copy.meshes.iter().chain(&two.meshes).flatten() {
         assert!(std::ptr::eq(mesh.mesh().map_err(Clone::clone)?, before));
     }

@@ -3,7 +3,7 @@
 use devices::Scripted;
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
-use palpate_tests::default_setup;
+use palpate_tests::default_session;
 use rt_core::controller::Reading;
 use rt_core::{LocalModel, Wrench};
 use runner::{AnyDevice, TickLoop};
@@ -59,7 +59,7 @@ pub(crate) struct Recording {
 
 /// Runs the scene once.
 pub(crate) fn record() -> Recording {
-    let setup = default_setup(1.0);
+    let setup = default_session(1.0);
     let (mut host, mut log, mut engine) = (setup.host, setup.log, setup.engine);
     let period_ns = setup.timing.period_ns;
     let recorders = setup.tick.devices.into_iter().map(recorder);

@@ -4,8 +4,8 @@ use crate::common::Spread;
 use crate::recording::{HOST_EVERY, Recording, TICKS, record};
 use devices::ReplayDevice;
 use divan::black_box;
-use host::run::setup::Setup;
-use palpate_tests::default_setup;
+use host::run::prepare::Prepared;
+use palpate_tests::default_session;
 use rt_core::MAX_DEVICES;
 use rt_core::device::DeviceError;
 use runner::AnyDevice;
@@ -40,22 +40,22 @@ fn pass(tick: &mut TickLoop, host: &mut HostEnd, log: &mut LogEnd, run: &Recordi
 }
 
 fn pass_whole(run: &Recording) -> Vec<f64> {
-    let Setup {
+    let Prepared {
         mut tick,
         mut host,
         mut log,
         ..
-    } = default_setup(1.0);
+    } = default_session(1.0);
     pass(&mut tick, &mut host, &mut log, run)
 }
 
 fn pass_recorded(run: &Recording) -> Vec<f64> {
-    let Setup {
+    let Prepared {
         tick,
         mut host,
         mut log,
         ..
-    } = default_setup(1.0);
+    } = default_session(1.0);
     let players = tick
         .devices
         .iter()
@@ -70,7 +70,7 @@ fn pass_recorded(run: &Recording) -> Vec<f64> {
 }
 
 fn pass_law(run: &Recording) -> Vec<f64> {
-    let mut law = default_setup(1.0).tick.controller;
+    let mut law = default_session(1.0).tick.controller;
     let timed = |k: usize| {
         let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
         for (reading, recorded) in readings.iter_mut().zip(&run.readings) {
@@ -89,7 +89,7 @@ fn pass_law(run: &Recording) -> Vec<f64> {
 }
 
 fn pass_devices(run: &Recording) -> Vec<f64> {
-    let mut devices = default_setup(1.0).tick.devices;
+    let mut devices = default_session(1.0).tick.devices;
     let timed = |k: usize| {
         let now = k as u64 * run.period_ns;
         let start = Instant::now();

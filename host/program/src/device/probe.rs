@@ -9,7 +9,7 @@ use super::open::{self, Opened};
 use devices::DeviceModel;
 use devices::response::{Pulses, Response, ResponseError};
 use host::atomic_file::write_json;
-use host::run::setup::patience;
+use host::run::prepare::patience;
 use rt_core::{Device, Wrench};
 use runner::Stop;
 use runner::schedule::realtime;

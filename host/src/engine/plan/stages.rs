@@ -2,7 +2,7 @@
 
 use super::{BodyPlan, TearPlan};
 use crate::engine::parting::FAR;
-use crate::run::setup;
+use crate::run::prepare;
 use crate::scene::spec::{Scene, SolverName, Starts, TearLawName};
 use crate::world::Kind;
 
@@ -227,7 +227,7 @@ fn condense(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
     let why = format!(
         "scheme \"{}\" extrapolates with stiffness, damping and drift, {}, at {} Hz; the shapes are updated with the \
          frozen factor",
-        setup::scheme(scene).name(),
+        prepare::scheme(scene).name(),
         motions(bodies),
         scene.host.publish_rate,
     );

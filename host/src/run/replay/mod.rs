@@ -16,7 +16,7 @@ mod waiting;
 pub use compare::{Difference, Field, Part, Value};
 
 use super::observer::{Observed, Observers};
-use super::{devices, setup};
+use super::{devices, prepare};
 use crate::atomic_file::AtomicFileError;
 use crate::log::index::{IndexError, LogIndex};
 use crate::log::{Log, ModelRow, TickRow};
@@ -246,7 +246,7 @@ fn replay_any(
     let mut done = |number: usize| progress(0.5 * number as f64 / parts.max(1) as f64);
     let ticks = check(log, &mut done)?;
     let (feeds, devices) = devices::replayed(loaded, log.limits());
-    let config = setup::controller(&World::new(loaded)?, &devices)?;
+    let config = prepare::controller(&World::new(loaded)?, &devices)?;
     // At most one model per body and one record wait in the rings at a time.
     let (end, mut host, _) = link(&LinkConfig {
         bodies: scene.bodies.len(),

@@ -23,9 +23,10 @@ use crate::stress::scene::draw::Draw;
 use crate::stress::scene::world::World;
 use crate::stress::scene::{SCHEMES, reference};
 use crate::workers;
-use host::engine::faults::{Faults, HostFault};
+use host::engine::faults::HostFault;
+use host::run::prepare::{Options, Prepared};
+use host::run::session::Session;
 use host::run::tear_force::TearForce;
-use host::run::{setup, virtual_clock};
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
 use host::world::World as Built;
@@ -280,21 +281,24 @@ pub(crate) fn run(
     add: &dyn Fn(u64),
 ) -> Result<Ran, StudyError> {
     let scene = &loaded.scene;
-    let mut prepared = setup::setup(&Built::new(loaded)?, scene.duration, scene.seed)?;
-    prepared.faults = Faults::new(faults.to_vec());
+    let options = Options {
+        faults: faults.to_vec(),
+        ..Options::new(scene.duration, scene.seed)
+    };
+    let mut prepared = Prepared::new(&Built::new(loaded)?, &options)?;
     let ticks = prepared.timing.ticks;
     let mut recorder = Recorder::new(scene, &mut prepared);
+    let mut session = Session::of(prepared);
     let mut shown = 0;
-    let running = virtual_clock::run_seen(
-        prepared,
-        |tick, telemetry, engine| recorder.take(tick, telemetry, engine),
-        |_| (),
-        |done| {
-            let now = 1000 * done / ticks.max(1);
+    while let Some(telemetry) = session.tick() {
+        recorder.take(session.tick_loop(), &telemetry, session.engine());
+        let now = 1000 * session.ticks() / ticks.max(1);
+        if now > shown {
             add(now - shown);
             shown = now;
-        },
-    );
+        }
+    }
+    let running = session.end();
     add(1000 - shown);
     let mut failures = Vec::new();
     if let Some(message) = &running.panicked {

@@ -4,7 +4,7 @@ use crate::stress::scene::measure::{Trace, main_direction};
 use crate::stress::scene::world::probe;
 use host::engine::Engine;
 use host::engine::body::HostBody;
-use host::run::setup::Setup;
+use host::run::prepare::Prepared;
 use host::run::tear_force::{TearForce, TearForces};
 use host::scene::Scene;
 use physics::{Body, Vec3};
@@ -94,7 +94,7 @@ pub(super) struct Recorder {
 
 impl Recorder {
     /// Records the run of `scene` that is set up.
-    pub(super) fn new(scene: &Scene, prepared: &mut Setup) -> Self {
+    pub(super) fn new(scene: &Scene, prepared: &mut Prepared) -> Self {
         let tears = TearForces::listening(scene, prepared);
         let bodies = prepared.engine.bodies();
         Self {

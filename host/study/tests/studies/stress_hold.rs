@@ -1,8 +1,8 @@
 //! The study of holds: its cells are reproducible, its limits accept the body's own force, and it detects a scheme that
 //! renders another force.
 
-use host::run::setup::setup;
-use host::run::virtual_clock::run_seen;
+use host::run::prepare::Options;
+use host::run::session::Session;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
@@ -34,23 +34,14 @@ fn first(fits: impl Fn(&Draw) -> bool) -> u64 {
 
 /// The forces of the motors in each tick of a run of a scene.
 fn forces(loaded: &LoadedScene) -> Vec<Vec<Vec3>> {
-    let setup = setup(
-        &World::new(loaded).unwrap(),
-        loaded.scene.duration,
-        loaded.scene.seed,
-    )
-    .expect("it is sound");
+    let world = World::new(loaded).expect("it is sound");
+    let mut session = Session::new(&world, &Options::of(&world)).expect("it is sound");
     let mut forces = Vec::new();
-    run_seen(
-        setup,
-        |tick, _, _| {
-            let devices = tick.devices.iter();
-            let probes = devices.map(|device| device.probe().expect("it is simulated"));
-            forces.push(probes.map(|probe| probe.held.force).collect());
-        },
-        |_| {},
-        |_| {},
-    );
+    while session.tick().is_some() {
+        let devices = session.tick_loop().devices.iter();
+        let probes = devices.map(|device| device.probe().expect("it is simulated"));
+        forces.push(probes.map(|probe| probe.held.force).collect());
+    }
     forces
 }
 

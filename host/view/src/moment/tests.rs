@@ -1,13 +1,14 @@
 use super::*;
 use crate::feed::Feed;
 use crate::synthetic::Synthetic;
+use host::engine::Engine;
 use host::live::Message;
 use host::live::frame::FoldedHand;
 use host::live::gather::{Gatherer, TickView};
 use host::live::{BodyState, Source};
 use host::plot::collisions;
-use host::run::setup::setup;
-use host::run::virtual_clock::run_seen;
+use host::run::prepare::Options;
+use host::run::session::Session;
 use host::run::{Clock, RunOptions, facts};
 use host::scene::Scene;
 use host::world::World;
@@ -67,32 +68,28 @@ fn run_to(scene: &str, time: f64) -> Result<Seen, Box<dyn std::error::Error>> {
     let mut history = History::new(10.0);
     let mut vertices = Vec::new();
     let mut frame = Frame::default();
-    run_seen(
-        setup(&world, time, 1)?,
-        |_, telemetry, engine| {
-            gatherer.take(&TickView::from(telemetry));
-            if (telemetry.tick + 1).is_multiple_of(16) {
-                frame = gatherer.frame();
-                history.push(&frame.folded);
-                let bodies = engine.iter().flat_map(|engine| engine.bodies());
-                vertices = bodies
-                    .map(|body| {
-                        let points = body.body().positions();
-                        let floats = points.flat_map(|p| [p.x as f32, p.y as f32, p.z as f32]);
-                        let positions: Vec<_> = floats.collect();
-                        Vertices {
-                            epoch: body.body().epoch() as u32,
-                            count: positions.len() as u32 / 3,
-                            positions,
-                            ..Vertices::default()
-                        }
-                    })
-                    .collect();
-            }
-        },
-        |_| {},
-        |_| {},
-    );
+    let mut session = Session::new(&world, &Options::new(time, 1))?;
+    while let Some(telemetry) = session.tick() {
+        gatherer.take(&TickView::from(&telemetry));
+        if (telemetry.tick + 1).is_multiple_of(16) {
+            frame = gatherer.frame();
+            history.push(&frame.folded);
+            let bodies = session.engine().into_iter().flat_map(Engine::bodies);
+            vertices = bodies
+                .map(|body| {
+                    let points = body.body().positions();
+                    let floats = points.flat_map(|p| [p.x as f32, p.y as f32, p.z as f32]);
+                    let positions: Vec<_> = floats.collect();
+                    Vertices {
+                        epoch: body.body().epoch() as u32,
+                        count: positions.len() as u32 / 3,
+                        positions,
+                        ..Vertices::default()
+                    }
+                })
+                .collect();
+        }
+    }
     for (body, vertices) in frame.bodies.iter_mut().zip(vertices) {
         body.vertices = Some(vertices);
     }

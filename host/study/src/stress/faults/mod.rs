@@ -12,7 +12,7 @@ use crate::stress::study::quantities;
 use crate::stress::{self, Done, Quantity, Verdict};
 use host::log::energy_sums;
 use host::run::panics;
-use host::run::setup::port;
+use host::run::prepare::port;
 use input::{Clock, Encoder, Hands};
 use models::Models;
 use rt_core::controller::{DeviceConfig, Reading};

@@ -284,7 +284,7 @@ impl Prepared {
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
         loaded.scene.duration = draw::DURATION;
         let built = host::world::World::new(&loaded)?;
-        let (config, devices) = host::run::setup::controls(&built, seed)?;
+        let (config, devices) = host::run::prepare::controls(&built, seed)?;
         let friction = loaded.models.iter().map(|model| model.friction).collect();
         let stiffness = stiffness(&loaded)?;
         let mut reaches = hands::reaches(&loaded);

@@ -19,8 +19,7 @@ use crate::StudyError;
 use crate::tearing::rig::renew;
 use host::engine::plan::BodyPlan;
 use host::engine::tears::{self, MOST_PAIRS};
-use host::run::setup;
-use host::run::timeline::{Host, Timeline};
+use host::run::prepare;
 use host::scene::LoadedScene;
 use host::world::grasps;
 use nalgebra::{Matrix3, UnitQuaternion};
@@ -202,21 +201,6 @@ impl<'a> Copy<'a> {
     }
 }
 
-/// All work is done in the ticks.
-impl Host for Copy<'_> {
-    type Error = StudyError;
-
-    fn next_ns(&self) -> Option<u64> {
-        None
-    }
-
-    fn step(&mut self) -> Result<(), StudyError> {
-        Ok(())
-    }
-
-    fn deliver(&mut self, _: u64) {}
-}
-
 /// Moves the bodies along the path of `run`, and stores the wrenches that they exert. Returns the bodies at the end of
 /// the path.
 pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StudyError> {
@@ -226,13 +210,10 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         device.own.reserve(device.proxy.len());
     }
     let frames = world.frames()?;
-    let timeline = Timeline {
-        ticks: run.out.len() as u64,
-        ..world.timeline()
-    };
-    timeline.drive(&mut copy, |copy, now_ns| {
-        let tick = (now_ns / timeline.period_ns) as usize;
-        copy.place(now_ns, |device| handle(&run.devices[device].proxy[tick]))?;
+    for tick in 0..run.out.len() {
+        copy.place(tick as u64 * world.period_ns(), |device| {
+            handle(&run.devices[device].proxy[tick])
+        })?;
         let (wrenches, _) = copy.bodies.exerted();
         let specs = frames.iter().zip(&world.loaded.models);
         for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
@@ -244,8 +225,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
                 moment: moment * f64::from(u8::from(model.rotation.is_some())),
             });
         }
-        Ok(())
-    })?;
+    }
     let leaves = copy.bodies.leaves(&run.apart)?;
     for ((device, force), frame) in run.devices.iter_mut().zip(leaves).zip(&frames) {
         let force = Wrench {
@@ -296,7 +276,7 @@ pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut copy = Copy::new(world)?;
     let stored = copy.bodies.all().map(Body::total_energy).sum();
     let built = host::world::World::new(&world.loaded)?;
-    let (config, devices) = setup::controls(&built, world.loaded.scene.seed)?;
+    let (config, devices) = prepare::controls(&built, world.loaded.scene.seed)?;
     let mut devices = world.faulty(devices);
     let mut kept = world.kept(stored)?;
     let mut limiters: Vec<_> = config
@@ -308,7 +288,8 @@ pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut left = vec![DeviceState::resting(); frames.len()];
     let mut clutches = vec![Clutch::new(); frames.len()];
     let mut seen = vec![false; frames.len()];
-    world.timeline().drive(&mut copy, |copy, now| {
+    for number in 0..world.ticks() {
+        let now = number * world.period_ns();
         let mut readings = [None; MAX_DEVICES];
         for (index, device) in devices.iter_mut().enumerate() {
             let state = device.read(now).ok();
@@ -337,8 +318,7 @@ pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
         }
         let states = limiters.iter().map(Limiter::state);
         kept.keep(&devices, states, &wrenches, weight, [0.0; 2]);
-        Ok(())
-    })?;
+    }
     Ok(kept.finish(0))
 }
 

@@ -12,9 +12,8 @@ use super::world::{World, probe};
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::body::HostBody;
-use host::engine::faults::Faults;
-use host::run::paced::Paced;
-use host::run::setup::setup;
+use host::run::prepare::{Options, Prepared};
+use host::run::session::Session;
 use host::scene::spec::SchemeName;
 use host::world::World as Built;
 use nalgebra::UnitQuaternion;
@@ -69,15 +68,17 @@ pub(in crate::stress) fn run(
 ) -> Result<Trace, StudyError> {
     let world = &world.under(scheme);
     let (scene, draw) = (&world.loaded.scene, &world.draw);
-    let mut setup = setup(&Built::new(&world.loaded)?, scene.duration, scene.seed)?;
-    setup.faults = Faults::new(stalls(&draw.stalls));
-    setup.tick.devices = world.faulty(setup.tick.devices);
-    let bodies = setup.engine.bodies().iter();
+    let built = Built::new(&world.loaded)?;
+    let options = Options {
+        faults: stalls(&draw.stalls),
+        ..Options::of(&built)
+    };
+    let mut prepared = Prepared::new(&built, &options)?;
+    prepared.tick.devices = world.faulty(prepared.tick.devices);
+    let bodies = prepared.engine.bodies().iter();
     let mut kept = world.kept(bodies.map(|body| body.body().total_energy()).sum())?;
-    let (mut tick, _, host) = Paced::of(setup, |link| {
-        Lossy::new(link, draw, chance, scene.bodies.len())
-    });
-    let mut host = Troubled::new(host, world);
+    let lossy = |link| Lossy::new(link, draw, chance, scene.bodies.len());
+    let mut session = Session::with(prepared, lossy, |host| Troubled::new(host, world));
     let period = world.period();
     let frames = world.frames()?;
     let mut shifted = vec![ShiftedPose::new(period); world.loaded.scene.devices.len()];
@@ -85,7 +86,8 @@ pub(in crate::stress) fn run(
     let mut unaware = Span::default();
     let mut held = Vec::new();
     let hold_ns = ((scene.duration - HOLD) * 1e9) as u64;
-    world.timeline().drive(&mut host, |host, now| {
+    while let Some(telemetry) = session.try_tick()? {
+        let (now, tick, host) = (telemetry.time_ns, session.tick_loop(), session.host());
         let time = now as f64 * 1e-9;
         if let Some(at) = softens.filter(|at| time >= *at && host.awaits_model()) {
             unaware = Span {
@@ -93,7 +95,6 @@ pub(in crate::stress) fn run(
                 duration: time + period - at,
             };
         }
-        let telemetry = tick.tick(now);
         let devices = tick.devices.iter().zip(&mut shifted).enumerate();
         for (index, (device, shifted)) in devices {
             let shown = telemetry.devices[index].pose;
@@ -116,9 +117,12 @@ pub(in crate::stress) fn run(
         });
         let states = telemetry.devices.iter().map(|device| device.safety);
         kept.keep(&tick.devices, states, &wrenches, weight, account);
-        Ok(())
-    })?;
-    let capped = tick.controller.energy().map(|account| account.capped).sum();
+    }
+    if let Some(panic) = session.panicked() {
+        return Err(StudyError::Host(panic.to_owned()));
+    }
+    let energy = session.tick_loop().controller.energy();
+    let capped = energy.map(|account| account.capped).sum();
     let mut trace = Trace {
         unaware,
         ..kept.finish(capped)

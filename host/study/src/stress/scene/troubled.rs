@@ -8,8 +8,7 @@ use host::engine::Engine;
 use host::engine::build::{self, How};
 use host::engine::faults::{FaultKind, HostFault};
 use host::run::late::LateLink;
-use host::run::paced::{HostLink, Paced};
-use host::run::timeline::Host;
+use host::run::paced::{Host, HostLink, Paced};
 use host::world::World as Built;
 use rt_core::{LocalModel, TickRecord};
 use runner::link::HostEnd;
@@ -130,12 +129,12 @@ impl<'a> Troubled<'a> {
 impl Host for Troubled<'_> {
     type Error = StudyError;
 
-    fn next_ns(&self) -> Option<u64> {
+    fn next_ns(&self) -> u64 {
         self.host.next_ns()
     }
 
     fn step(&mut self) -> Result<(), StudyError> {
-        let time = self.next_ns().unwrap_or(0) as f64 * 1e-9;
+        let time = self.next_ns() as f64 * 1e-9;
         if let (None, Some(softening), Some(soft)) =
             (&self.softened, self.world.draw.softening, &self.world.soft)
             && time >= softening.at

@@ -3,7 +3,6 @@
 
 use super::draw::Draw;
 use super::measure::{Apart, DeviceTrace, HOLD, Trace};
-use host::run::timeline::Timeline;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, SceneError};
 use host::world::grasps;
@@ -47,12 +46,9 @@ impl World {
         self.period_ns() as f64 * 1e-9
     }
 
-    /// The times of the ticks of a run.
-    pub(super) fn timeline(&self) -> Timeline {
-        Timeline {
-            period_ns: self.period_ns(),
-            ticks: (self.loaded.scene.duration * self.loaded.scene.realtime.rate).round() as u64,
-        }
+    /// Number of ticks of a run.
+    pub(super) fn ticks(&self) -> u64 {
+        (self.loaded.scene.duration * self.loaded.scene.realtime.rate).round() as u64
     }
 
     /// For each body and handle, the device that holds it.
@@ -87,7 +83,7 @@ impl World {
 
     /// The empty recording of a run. `stored` is the energy that the bodies store (J).
     pub(super) fn kept(&self, stored: f64) -> Result<Kept, SceneError> {
-        let ticks = self.timeline().ticks as usize;
+        let ticks = self.ticks() as usize;
         let models = self.loaded.models.iter();
         Ok(Kept {
             held: self.held(),

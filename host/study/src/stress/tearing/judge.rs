@@ -2,7 +2,7 @@
 
 use host::engine::Engine;
 use host::engine::body::HostBody;
-use host::run::setup::Running;
+use host::run::session::Ended;
 use physics::TearReport;
 use physics::tear::Sheet;
 use physics::tear::strength::{Symmetric, cannot_start, highest, stresses};
@@ -217,7 +217,7 @@ impl Judge {
     }
 
     /// Ends the run.
-    pub(super) fn end(&mut self, running: &Running) {
+    pub(super) fn end(&mut self, running: &Ended) {
         let engine = &running.host.engine;
         let stats = engine.stats();
         (self.faults, self.first_fault) = (stats.faults, stats.first_fault.clone());

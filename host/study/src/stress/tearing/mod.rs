@@ -20,13 +20,13 @@ pub use judge::NET_ENERGY;
 
 use crate::StudyError;
 use crate::stress::{self, Done, Verdict};
-use host::engine::faults::{FaultKind, Faults, HostFault};
-use host::run::{setup, virtual_clock};
+use host::engine::faults::{FaultKind, HostFault};
+use host::run::prepare::{Options, Prepared};
+use host::run::session::Session;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use judge::Judge;
 use serde::{Deserialize, Serialize};
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 /// The result of a cell.
@@ -162,26 +162,25 @@ fn finite(value: f64) -> f64 {
 
 fn run(seed: u64, cell: u64, draw: &Draw) -> Result<Judge, StudyError> {
     let loaded = scene(seed, cell)?;
-    let mut setup = setup::setup(
-        &World::new(&loaded)?,
-        loaded.scene.duration,
-        loaded.scene.seed,
-    )?;
+    let world = World::new(&loaded)?;
     let stalls = draw.stall.iter().map(|[at, duration]| HostFault {
         kind: FaultKind::Stall,
         at: *at,
         duration: *duration,
     });
-    setup.faults = Faults::new(stalls.collect());
+    let options = Options {
+        faults: stalls.collect(),
+        ..Options::of(&world)
+    };
+    let prepared = Prepared::new(&world, &options)?;
     let masses = loaded.models.iter().map(|model| model.mass).collect();
-    let judge = RefCell::new(Judge::new(&setup.engine, masses));
-    let running = virtual_clock::run_seen(
-        setup,
-        |tick, telemetry, engine| judge.borrow_mut().see(tick, telemetry, engine),
-        |record| judge.borrow_mut().log(record),
-        |_| {},
-    );
-    let mut judge = judge.into_inner();
+    let mut judge = Judge::new(&prepared.engine, masses);
+    let mut session = Session::of(prepared);
+    while let Some(telemetry) = session.tick() {
+        judge.see(session.tick_loop(), &telemetry, session.engine());
+        session.records(|record| judge.log(record));
+    }
+    let running = session.end();
     judge.end(&running);
     Ok(judge)
 }

@@ -3,7 +3,8 @@
 //! The scene runs under virtual time with its simulated devices and hands. The force is that which a device renders.
 
 use crate::StudyError;
-use host::run::{setup, virtual_clock};
+use host::run::prepare::Options;
+use host::run::session::Session;
 use host::scene::LoadedScene;
 use host::world::World;
 use rt_core::Vec3;
@@ -66,26 +67,26 @@ impl Course {
 pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Course, StudyError> {
     let scene = &loaded.scene;
     let duration = scene.duration.min(most);
-    let setup = setup::setup(&World::new(loaded)?, duration, scene.seed)?;
-    let ticks = setup.timing.ticks as f64;
+    let world = World::new(loaded)?;
+    let mut session = Session::new(&world, &Options::new(duration, scene.seed))?;
+    let ticks = duration * scene.realtime.rate;
     let mut start: Option<[Vec3; 2]> = None;
     let mut paths: Vec<(f64, [Vec3; 2], [Vec3; 2], f64)> = Vec::new();
-    let running = virtual_clock::run_seen(
-        setup,
-        |_, telemetry, engine| {
-            let devices = [0, 1].map(|hand| &telemetry.devices[hand]);
-            let places = devices.map(|device| device.pose.position);
-            let start = start.get_or_insert(places);
-            let moved = [0, 1].map(|hand| places[hand] - start[hand]);
-            let force = devices.map(|device| device.wrench.force);
-            let area = engine.map_or(0.0, |engine| {
-                engine.stats().tears.iter().map(|tear| tear.area).sum()
-            });
-            paths.push((telemetry.time_ns as f64 * 1e-9, moved, force, area));
-        },
-        |_| {},
-        |done| progress(done as f64 / ticks),
-    );
+    while let Some(telemetry) = session.tick() {
+        let devices = [0, 1].map(|hand| &telemetry.devices[hand]);
+        let places = devices.map(|device| device.pose.position);
+        let start = start.get_or_insert(places);
+        let moved = [0, 1].map(|hand| places[hand] - start[hand]);
+        let force = devices.map(|device| device.wrench.force);
+        let area = session.engine().map_or(0.0, |engine| {
+            engine.stats().tears.iter().map(|tear| tear.area).sum()
+        });
+        paths.push((telemetry.time_ns as f64 * 1e-9, moved, force, area));
+        if session.ticks().is_multiple_of(256) {
+            progress(session.ticks() as f64 / ticks);
+        }
+    }
+    let running = session.end();
     // Each hand moves along a line.
     let ways = paths.last().map_or([Vec3::zeros(); 2], |(_, moved, ..)| {
         moved.map(|moved| moved.try_normalize(0.0).unwrap_or_default())

@@ -1,18 +1,18 @@
-//! Builds everything that a run of a scene needs, before the run starts.
+//! What a session of a world needs, before its first tick.
 
 use super::devices;
 use super::slow_host::{SlowWatch, StepTime};
 use super::taps::Taps;
 use crate::engine::build::How;
-use crate::engine::faults::Faults;
+use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::Rehearsal;
-use crate::engine::threads::Threads;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
 use crate::world::{World, bodies_held};
+use physics::FactorCode;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
@@ -45,8 +45,42 @@ pub struct Timing {
     pub latency_ns: u64,
 }
 
-/// Everything that a run needs.
-pub struct Setup {
+/// The options of a session.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Length (s).
+    pub duration: f64,
+    /// Seed of the hands and devices.
+    pub seed: u64,
+    /// The code that makes factors.
+    pub code: FactorCode,
+    /// Whether the session is under the real clock.
+    pub real: bool,
+    /// Faults that the host makes on purpose.
+    pub faults: Vec<HostFault>,
+}
+
+impl Options {
+    /// A session of `duration` (s) with `seed`, in virtual time and without faults.
+    pub fn new(duration: f64, seed: u64) -> Self {
+        Self {
+            duration,
+            seed,
+            code: FactorCode::default(),
+            real: false,
+            faults: Vec::new(),
+        }
+    }
+
+    /// A session as the world's scene describes it, in virtual time.
+    pub fn of(world: &World<'_>) -> Self {
+        let scene = &world.loaded.scene;
+        Self::new(scene.duration, scene.seed)
+    }
+}
+
+/// Everything that a session needs.
+pub struct Prepared {
     /// The tick with its devices.
     pub tick: TickLoop,
     /// The host's end of the link.
@@ -55,8 +89,6 @@ pub struct Setup {
     pub log: LogEnd,
     /// The physics.
     pub engine: Engine,
-    /// The threads on which the engine is stepped.
-    pub threads: Threads,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
     /// What copies the state of the bodies after a step.
@@ -81,83 +113,74 @@ pub struct HostSide {
     pub end: HostEnd,
 }
 
-/// The parts of a [`Setup`] after its run.
-pub struct Running {
-    /// The tick with its devices.
-    pub tick: TickLoop,
-    /// The log's end of the link.
-    pub log: LogEnd,
-    /// The host's side; where the host panicked, as the panic left it.
-    pub host: HostSide,
-    /// The message of the panic, if there was one.
-    pub panicked: Option<String>,
-}
+impl Prepared {
+    /// Prepares a session of a world.
+    ///
+    /// # Errors
+    /// [`SceneError`], naming the file, line and field that cannot be built.
+    pub fn new(world: &World<'_>, options: &Options) -> Result<Self, SceneError> {
+        Self::told(world, options, &mut |_| ())
+    }
 
-/// Builds everything for a run of `duration` (s) of a world with `seed`.
-///
-/// # Errors
-/// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn setup(world: &World<'_>, duration: f64, seed: u64) -> Result<Setup, SceneError> {
-    setup_with(world, duration, seed, How::default(), &mut |_| ())
-}
-
-/// As `setup`, with options for the bodies. `stage` is given each stage of the preparation when it begins.
-///
-/// # Errors
-/// As [`setup`].
-pub(crate) fn setup_with(
-    world: &World<'_>,
-    duration: f64,
-    seed: u64,
-    how: How,
-    stage: &mut dyn FnMut(Stage),
-) -> Result<Setup, SceneError> {
-    let scene = &world.loaded.scene;
-    build::check(world.loaded)?;
-    stage(Stage::Settling);
-    world.settle();
-    // Under the real clock, a warning must come before hands hold the devices.
-    let slow = if how.real {
+    /// As `new`. `stage` is given each stage of the preparation when it begins.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn told(
+        world: &World<'_>,
+        options: &Options,
+        stage: &mut dyn FnMut(Stage),
+    ) -> Result<Self, SceneError> {
+        let scene = &world.loaded.scene;
+        build::check(world.loaded)?;
+        stage(Stage::Settling);
+        world.settle();
+        // Under the real clock, a warning must come before hands hold the devices.
+        let slow = if options.real {
+            stage(Stage::Factorizing);
+            let rehearsal = Rehearsal::new(world)?;
+            stage(Stage::Timing);
+            SlowWatch::rehearsed(scene, StepTime::new(scene, rehearsal.step_time()))
+        } else {
+            SlowWatch::new(scene)
+        };
         stage(Stage::Factorizing);
-        let rehearsal = Rehearsal::new(world)?;
-        stage(Stage::Timing);
-        SlowWatch::rehearsed(scene, StepTime::new(scene, rehearsal.step_time()))
-    } else {
-        SlowWatch::new(scene)
-    };
-    stage(Stage::Factorizing);
-    let held = build::bodies(world, how)?;
-    let (devices, told) = devices::open(world, seed, how.real)?;
-    let config = controller(world, &devices)?;
-    let (end, host, log) = link(&LinkConfig {
-        bodies: scene.bodies.len(),
-        handles: scene.devices.len(),
-        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
-    });
-    let period = 1.0 / scene.realtime.rate;
-    Ok(Setup {
-        tick: TickLoop::new(Controller::new(&config), devices, end),
-        host,
-        log,
-        engine: Engine::new(held).on(scene.host.threads),
-        threads: Threads::new(scene.host.threads),
-        faults: Faults::default(),
-        taps: Taps::default(),
-        pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
-        slow,
-        timing: Timing {
-            period_ns: (1e9 * period).round() as u64,
-            ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,
-            latency_ns: (scene.host.latency * 1e9).round() as u64,
-        },
-        told,
-    })
+        let how = How {
+            code: options.code,
+            real: options.real,
+        };
+        let engine = Engine::new(build::bodies(world, how)?).on(scene.host.threads);
+        let (devices, told) = devices::open(world, options.seed, options.real)?;
+        let config = controller(world, &devices)?;
+        let (end, host, log) = link(&LinkConfig {
+            bodies: scene.bodies.len(),
+            handles: scene.devices.len(),
+            ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
+        });
+        let period = 1.0 / scene.realtime.rate;
+        Ok(Self {
+            tick: TickLoop::new(Controller::new(&config), devices, end),
+            host,
+            log,
+            engine,
+            faults: Faults::new(options.faults.clone()),
+            taps: Taps::default(),
+            pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
+            slow,
+            timing: Timing {
+                period_ns: (1e9 * period).round() as u64,
+                ticks: (options.duration * scene.realtime.rate).round().max(1.0) as u64,
+                latency_ns: (scene.host.latency * 1e9).round() as u64,
+            },
+            told,
+        })
+    }
 }
 
 /// Checks what a run refuses before its first tick, beside the bodies, without opening a real device.
 ///
 /// # Errors
-/// As [`setup`].
+/// As [`Prepared::new`].
 pub fn check(world: &World<'_>) -> Result<(), SceneError> {
     build::check(world.loaded)?;
     devices::check(world)?;
@@ -169,7 +192,7 @@ pub fn check(world: &World<'_>) -> Result<(), SceneError> {
 /// The tick's side of a world alone: the configuration of its controller, and its simulated devices.
 ///
 /// # Errors
-/// As [`setup`].
+/// As [`Prepared::new`].
 pub fn controls(
     world: &World<'_>,
     seed: u64,
@@ -181,7 +204,7 @@ pub fn controls(
 /// The configuration of a world's controller, for its open `devices`.
 ///
 /// # Errors
-/// As [`setup`].
+/// As [`Prepared::new`].
 pub(super) fn controller(
     world: &World<'_>,
     devices: &[AnyDevice],
