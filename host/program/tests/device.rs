@@ -339,7 +339,7 @@ fn comes_back_on_a_pty(model: &str) {
     let (emulated, connect) = emulate(model, "pty");
     let scene = SCENE.replace("MODEL", model).replace("CONNECT", &connect);
     std::fs::write(file("scene.toml"), scene).expect("a temporary folder");
-    let mut run = palpate(&["run", "--clock", "real", "--armed", "--duration", "30"])
+    let mut run = palpate(&["run", "--clock", "real", "--armed", "--duration", "300"])
         .arg(file("scene.toml"))
         .arg("--csv")
         .arg(file("run.csv"))
@@ -348,20 +348,25 @@ fn comes_back_on_a_pty(model: &str) {
         .stderr(Stdio::null())
         .spawn()
         .expect("the program runs");
-    let pause = || std::thread::sleep(std::time::Duration::from_millis(20));
-    while ptys(&run).is_empty() {
-        assert!(
-            run.try_wait().expect("a child").is_none(),
-            "{model}: the run ended"
-        );
-        pause();
-    }
-    // It runs for a while.
-    std::thread::sleep(std::time::Duration::from_secs(2));
+    let mut until = |what: &str, holds: &dyn Fn(&Child, &[bool]) -> bool| {
+        while !holds(&run, &silent(&file("run.csv"))) {
+            let ended = run.try_wait().expect("a child");
+            assert!(ended.is_none(), "{model}: the run ended before {what}");
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+    };
+    until("the device gave a state", &|_, silent| {
+        silent.contains(&false)
+    });
     drop(emulated);
-    while !ptys(&run).is_empty() {
-        pause();
-    }
+    until("the device was lost", &|run, _| ptys(run).is_empty());
+    // The table is up to half a second late.
+    let lost = |silent: &[bool]| {
+        let last = silent.rchunks_exact(1000).next();
+        last.is_some_and(|last| !last.contains(&false))
+    };
+    until("the table had the loss", &|_, silent| lost(silent));
+    let before = silent(&file("run.csv")).len();
     // Other tests may take the name first.
     let mut others = Vec::new();
     let back = loop {
@@ -372,41 +377,27 @@ fn comes_back_on_a_pty(model: &str) {
         others.push(emulated);
         assert!(others.len() < 50, "{model}: nobody gets {connect} again");
     };
-    while ptys(&run).is_empty() {
-        assert!(
-            run.try_wait().expect("a child").is_none(),
-            "{model}: it did not come back"
-        );
-        pause();
-    }
     // The operator calibrates it.
-    std::thread::sleep(std::time::Duration::from_secs(2));
+    until("it came back", &|_, silent| {
+        silent.iter().skip(before).any(|silent| !silent)
+    });
     let signal = Command::new("kill")
         .args(["-INT", &run.id().to_string()])
         .status();
     assert!(signal.is_ok_and(|status| status.success()));
     run.wait().expect("a child");
     drop(back);
-    let table = std::fs::read_to_string(file("run.csv")).expect("it was written");
+}
+
+/// Whether the device was silent in each tick of a table that is written.
+fn silent(table: &Path) -> Vec<bool> {
+    let table = std::fs::read_to_string(table).unwrap_or_default();
     let mut lines = table.lines().filter(|line| !line.starts_with('#'));
-    let head: Vec<_> = lines.next().expect("a header").split(',').collect();
-    let column = head
-        .iter()
-        .position(|name| *name == "hand_silent")
-        .expect("a column");
-    let silent: Vec<_> = lines
-        .map(|line| line.split(',').nth(column) == Some("1"))
-        .collect();
-    assert!(
-        silent.iter().any(|&silent| silent),
-        "{model}: it was never lost"
-    );
-    // In the last second it is there for some ticks, also on a busy machine.
-    let last = &silent[silent.len().saturating_sub(1000)..];
-    assert!(
-        last.iter().any(|&silent| !silent),
-        "{model}: it did not come back"
-    );
+    let head = lines.next().unwrap_or_default();
+    let column = head.split(',').position(|name| name == "hand_silent");
+    let column = column.unwrap_or(usize::MAX);
+    let cells = lines.filter_map(|line| line.split(',').nth(column));
+    cells.map(|cell| cell == "1").collect()
 }
 
 #[test]
