@@ -380,7 +380,7 @@ impl<'a> Drive<'a> {
         };
         let handles = self.grasps.iter().enumerate();
         let handles =
-            handles.map(|(number, tool)| of_handle(number, &tool.name(self.spec), "handle"));
+            handles.map(|(number, grasp)| of_handle(number, &grasp.name(self.spec), "handle"));
         let supports = self.spec.supports.iter().zip(&self.built.carriers);
         let supports = supports.map(|(support, carrier)| match *carrier {
             Carrier::Handle(number) => of_handle(number, &support.name, "turned support"),

@@ -81,7 +81,7 @@ pub struct Reaction {
     pub by: &'static str,
     /// Force on the body (N); 0 along free axes.
     pub force: [f64; 3],
-    /// Moment on the body about the present centre of the held vertices, of a tool about its origin (N m). Only handles
+    /// Moment on the body about the present centre of the held vertices, of a grasp about its origin (N m). Only handles
     /// and turned supports have one, because they hold their vertices as one rigid piece.
     pub moment: Option<[f64; 3]>,
 }

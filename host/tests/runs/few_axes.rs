@@ -141,10 +141,7 @@ fn a_handle_off_the_axes_and_a_motion_across_them_are_errors() {
 
     let beside = "[device.mounting]\norigin = [0.0, 0.001, 0.05]\n";
     let loaded = load(PADDLE, &[(mount, beside)]).unwrap();
-    let error = Prepared::new(&World::new(&loaded).unwrap(), &Options::new(1.0, 1))
-        .err()
-        .unwrap()
-        .to_string();
+    let error = World::new(&loaded).unwrap_err().to_string();
     assert!(
         error.starts_with(
             "x.toml:40: device[0].mounting.origin: found a handle at rest that is off the axes"
