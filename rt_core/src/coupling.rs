@@ -71,8 +71,9 @@ impl Passed {
     };
 }
 
-/// The state of the coupling.
+/// The state of the coupling. The numbers are the codes of the states in logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum HostState {
     /// No model has come yet.
     Waiting,
@@ -82,6 +83,35 @@ pub enum HostState {
     Fading,
     /// The model is too old and only the safe hold is left.
     Held,
+}
+
+impl HostState {
+    /// All states, by their codes.
+    pub const ALL: [Self; 4] = [Self::Waiting, Self::Live, Self::Fading, Self::Held];
+
+    /// Its code in logs.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// Its name in tables and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Live => "live",
+            Self::Fading => "fading",
+            Self::Held => "held",
+        }
+    }
+
+    /// The effect of a model that is too old, for people; `None` while no model is too old.
+    pub fn words(self) -> Option<&'static str> {
+        match self {
+            Self::Waiting | Self::Live => None,
+            Self::Fading => Some("model too old, force fading"),
+            Self::Held => Some("model too old, safe hold"),
+        }
+    }
 }
 
 /// Counts of the events in a coupling. The counts only grow.

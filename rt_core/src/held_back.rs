@@ -127,7 +127,7 @@ impl HeldBackByDevice {
             SafetyState::HandsOff => &mut self.hands_off,
             SafetyState::Disarmed => &mut self.disarmed,
             SafetyState::Stopped => &mut self.stopped,
-            SafetyState::DeviceStale => &mut self.silent,
+            SafetyState::Silent => &mut self.silent,
             SafetyState::LetGo | SafetyState::DeviceFault => &mut self.let_go,
             SafetyState::Normal | SafetyState::NotANumber => return,
         };
@@ -207,7 +207,7 @@ mod tests {
             (SafetyState::HandsOff, |held| held.hands_off),
             (SafetyState::Disarmed, |held| held.disarmed),
             (SafetyState::Stopped, |held| held.stopped),
-            (SafetyState::DeviceStale, |held| held.silent),
+            (SafetyState::Silent, |held| held.silent),
         ];
         let (asked, passed) = (Vec3::new(0.0, 3.0, 4.0), Vec3::new(1.0, 0.0, 0.0));
         for (state, of) in causes {

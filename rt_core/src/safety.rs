@@ -100,38 +100,115 @@ impl SafetyConfig {
 }
 
 /// What the last stage does to the wrench.
+///
+/// The numbers are the codes of the states in logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum SafetyState {
     /// The wrench passes.
-    Normal,
+    Normal = 0,
     /// The wrench is scaled to the device's limits.
-    Limited,
+    Limited = 1,
     /// The wrench is scaled down, because its mean square heats the motors.
-    Hot,
+    Hot = 8,
     /// The force changes no faster than the device can stand.
-    Slewed,
+    Slewed = 5,
     /// The force comes back after a fault.
-    Recovering,
+    Recovering = 2,
     /// The force comes in after the device was engaged.
-    Engaging,
+    Engaging = 9,
     /// The force fades, because the device moves too fast.
-    TooFast,
+    TooFast = 6,
     /// The force fades, because the device is out of reach.
-    OutOfReach,
+    OutOfReach = 7,
     /// The force fades or is zero, because the hand does not hold the dead-man button.
-    HandsOff,
+    HandsOff = 10,
     /// The wrench is replaced by zero, because the device is not armed.
-    Disarmed,
+    Disarmed = 11,
     /// The wrench is replaced by zero, because of the emergency stop.
-    Stopped,
+    Stopped = 12,
     /// The wrench is replaced by zero, because the device gives no good state, or the loop stood still.
-    DeviceStale,
+    Silent = 3,
     /// The wrench is replaced by zero, because the device says that it renders none.
-    LetGo,
+    LetGo = 13,
     /// The wrench is replaced by zero, because the device says that it has a fault.
-    DeviceFault,
+    DeviceFault = 14,
     /// The wrench is replaced by zero, because it was not a number.
-    NotANumber,
+    NotANumber = 4,
+}
+
+impl SafetyState {
+    /// All states, by their codes.
+    pub const ALL: [Self; 15] = [
+        Self::Normal,
+        Self::Limited,
+        Self::Recovering,
+        Self::Silent,
+        Self::NotANumber,
+        Self::Slewed,
+        Self::TooFast,
+        Self::OutOfReach,
+        Self::Hot,
+        Self::Engaging,
+        Self::HandsOff,
+        Self::Disarmed,
+        Self::Stopped,
+        Self::LetGo,
+        Self::DeviceFault,
+    ];
+
+    /// Its code in logs.
+    pub fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// Its name in tables and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Normal => "normal",
+            Self::Limited => "limited",
+            Self::Hot => "hot",
+            Self::Slewed => "slewed",
+            Self::Recovering => "recovering",
+            Self::Engaging => "engaging",
+            Self::TooFast => "too_fast",
+            Self::OutOfReach => "out_of_reach",
+            Self::HandsOff => "hands_off",
+            Self::Disarmed => "disarmed",
+            Self::Stopped => "stopped",
+            Self::Silent => "silent",
+            Self::LetGo => "let_go",
+            Self::DeviceFault => "device_fault",
+            Self::NotANumber => "not_a_number",
+        }
+    }
+
+    /// The cause that holds back the force, and what happens to the force, for people; `None` if nothing does, or if the force
+    /// only comes back.
+    pub fn words(self) -> Option<&'static str> {
+        Some(match self {
+            Self::Normal | Self::Recovering => return None,
+            Self::Limited => "force limited",
+            Self::Hot => "motors hot, force limited",
+            Self::Slewed => "force at its slew limit",
+            Self::Engaging => "engaging, force coming in",
+            Self::TooFast => "too fast, force fading",
+            Self::OutOfReach => "out of reach, force fading",
+            Self::HandsOff => "dead-man button not held, no force",
+            Self::Disarmed => "disarmed, no force",
+            Self::Stopped => "emergency stop, no force",
+            Self::Silent => "device silent",
+            Self::LetGo => "the device renders no force",
+            Self::DeviceFault => "fault of the device, no force",
+            Self::NotANumber => "force not a number",
+        })
+    }
+
+    /// The cause alone, for people; as [`words`](Self::words).
+    pub fn cause(self) -> Option<&'static str> {
+        let words = self.words()?;
+        Some(words.split_once(", ").map_or(words, |(cause, _)| cause))
+    }
 }
 
 /// Counts of the events in the last stage. The counts only grow.
@@ -344,7 +421,7 @@ impl Limiter {
     fn stall(&mut self, waited_ns: u64) -> Wrench {
         let found = waited_ns as f64 * 1e-9 / self.config.period;
         let limit = self.standstill / self.config.period;
-        self.fault(SafetyState::DeviceStale, found, limit)
+        self.fault(SafetyState::Silent, found, limit)
     }
 
     /// The wrench that may leave. `state` is the good state that the device gave in this tick (its own axes), if there
@@ -454,7 +531,7 @@ impl Limiter {
         }
         if self.is_stale() {
             let (found, limit) = (f64::from(self.misses), f64::from(self.config.patience));
-            return self.fault(SafetyState::DeviceStale, found, limit);
+            return self.fault(SafetyState::Silent, found, limit);
         }
         match self.rendering {
             Rendering::Commanded => {}

@@ -286,7 +286,7 @@ fn a_cycle_reads_all_devices_then_computes_then_writes_all_devices() {
             let state = if renders {
                 SafetyState::Normal
             } else {
-                SafetyState::DeviceStale
+                SafetyState::Silent
             };
             assert_eq!(device.safety, state);
             assert_eq!(device.wrench.force.x != 0.0, renders);

@@ -378,14 +378,14 @@ fn rendered(tick: &([Wrench; MAX_DEVICES], Telemetry)) -> [(SafetyState, bool); 
 
 #[test]
 fn the_first_tick_after_a_pause_commands_nothing_by_the_clock() {
-    use SafetyState::{DeviceStale, Normal, Recovering};
+    use SafetyState::{Normal, Recovering, Silent};
     // The watchdog of a device is 10 ms; a fifth of this time is for the way of the command.
     for (away_ns, stands_still) in [(6_900_000, false), (7_100_000, true), (3_000 * MS, true)] {
         let mut run = rendering(Scheme::Linear, 0.0);
         let first = rendered(&run.tick(Cause::Late, 0, away_ns));
         let next = rendered(&run.tick(Cause::Nothing, 0, 0));
         let expected = if stands_still {
-            ([(DeviceStale, false); 2], [(Recovering, true); 2])
+            ([(Silent, false); 2], [(Recovering, true); 2])
         } else {
             ([(Normal, true); 2], [(Normal, true); 2])
         };
@@ -397,13 +397,13 @@ fn the_first_tick_after_a_pause_commands_nothing_by_the_clock() {
 
 #[test]
 fn a_pause_within_a_tick_replaces_its_commands_by_zero() {
-    use SafetyState::{DeviceStale, Normal, Recovering};
+    use SafetyState::{Normal, Recovering, Silent};
     let mut run = rendering(Scheme::Linear, 0.0);
     let short = rendered(&run.tick(Cause::Long, 0, 6_900_000));
     assert_eq!(short, [(Normal, true); 2]);
     let mut run = rendering(Scheme::Linear, 0.0);
     let tick = run.tick(Cause::Long, 0, 7_100_000);
-    assert_eq!(rendered(&tick), [(DeviceStale, false); 2]);
+    assert_eq!(rendered(&tick), [(Silent, false); 2]);
     assert_eq!(tick.1.took_ns, 7_100_000);
     assert_eq!(tick.1.devices[1].wrench, Wrench::zero());
     assert_eq!(
@@ -417,7 +417,7 @@ fn a_pause_within_a_tick_replaces_its_commands_by_zero() {
         .flatten()
         .expect("a trip");
     // In ticks: since the command of the tick before, and the part of the watchdog.
-    assert_eq!((trip.state, trip.limit), (DeviceStale, 8.0));
+    assert_eq!((trip.state, trip.limit), (Silent, 8.0));
     assert!((trip.found - 8.1).abs() < 1e-9, "{trip:?}");
     assert_eq!(trip.tick, tick.1.tick);
 }

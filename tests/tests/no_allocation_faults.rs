@@ -6,7 +6,7 @@ use devices::scripted::{Scripted, small};
 use palpate_tests::law::{HANDLES, Limits, PATIENCE, SCHEMES, law, model, reading, scheme};
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
 use rt_core::safety::SafetyState::{
-    self, DeviceStale, Limited, Normal, NotANumber, OutOfReach, Recovering, TooFast,
+    self, Limited, Normal, NotANumber, OutOfReach, Recovering, Silent, TooFast,
 };
 use rt_core::{Corruption, DeviceError, Freedom, LocalModel, Telemetry, TickTime, Vec3, Wrench};
 use runner::AnyDevice;
@@ -173,7 +173,7 @@ fn go_through_every_fault(name: &str, handles: usize) {
     run.late_ticks(1, 5_000_000_000);
     assert_eq!(run.tick.latencies.lateness.overflow(), 1);
     // The loop stood still, so the force returns along a ramp.
-    run.expect(Live, DeviceStale);
+    run.expect(Live, Silent);
     run.live(&mut ends, 300, 4);
     the_others_stall_and_go(&mut run, ends);
 }
@@ -225,7 +225,7 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
         run.live(ends, u64::from(PATIENCE), 4);
         run.expect(Live, Normal);
         run.live(ends, 3, 4);
-        run.expect(Live, DeviceStale);
+        run.expect(Live, Silent);
         run.script(Script::Move);
         run.live(ends, 10, 4);
         run.expect(Live, Recovering);
@@ -234,7 +234,7 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
     }
     run.script(Script::SayNotANumber);
     run.live(ends, u64::from(PATIENCE) + 1, 4);
-    run.expect(Live, DeviceStale);
+    run.expect(Live, Silent);
     run.script(Script::Move);
     run.live(ends, 300, 4);
     run.expect(Live, Normal);
@@ -279,7 +279,7 @@ fn forces_that_cannot_leave(run: &mut Watched, ends: &mut (HostEnd, LogEnd), sch
     // A hand out of all bounds would overflow in the extrapolation: its state is ignored.
     run.script(Script::Stray(f64::MAX));
     run.live(ends, 50, 4);
-    run.expect(Live, DeviceStale);
+    run.expect(Live, Silent);
     run.script(Script::Move);
     run.live(ends, 400, 4);
     run.expect(Live, Normal);

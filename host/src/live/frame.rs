@@ -269,7 +269,7 @@ pub struct Hand {
     pub buttons: u32,
     /// Whether the device gave a good state in the last tick.
     pub fresh: bool,
-    /// State of the last stage: `normal`, `limited`, `recovering`, `device_stale`, `let_go`, `device_fault`, `not_a_number`,
+    /// State of the last stage: `normal`, `limited`, `recovering`, `silent`, `let_go`, `device_fault`, `not_a_number`,
     /// `slewed`, `too_fast`, `out_of_reach`, `hot`, `engaging`, `hands_off`, `disarmed` or `stopped`.
     pub safety: String,
     /// Largest force since the start (N).

@@ -54,7 +54,7 @@ pub(super) fn telemetry(tick: u64) -> Telemetry {
         device.safety = if i == 0 {
             SafetyState::Limited
         } else {
-            SafetyState::DeviceStale
+            SafetyState::Silent
         };
     }
     let mut state = DeviceState::resting();

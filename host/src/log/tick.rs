@@ -150,10 +150,7 @@ pub(crate) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
         out.u64(body.age_ns);
         out.f64(body.trust);
         out.u32(body.epoch);
-        out.u8(HOST_STATES
-            .iter()
-            .position(|s| *s == body.state)
-            .map_or(u8::MAX, |i| i as u8));
+        out.u8(body.state.code());
         out.f64(body.withheld.force);
         out.f64(body.withheld.of);
         for (_, sum) in energy_sums(&body.energy) {
@@ -176,10 +173,7 @@ fn encode_device(device: &DeviceTelemetry, out: &mut CdrWriter) {
     out.u64(device.device_time_ns);
     out.u32(device.buttons);
     out.u8(u8::from(device.fresh));
-    out.u8(SAFETY_STATES
-        .iter()
-        .position(|s| *s == device.safety)
-        .map_or(u8::MAX, |i| i as u8));
+    out.u8(device.safety.code());
 }
 
 /// Reads a tick back; `None` if the message is too short or holds an unknown code.
@@ -221,7 +215,7 @@ fn decode_device(from: &mut CdrReader) -> Option<DeviceTelemetry> {
         device_time_ns: from.u64()?,
         buttons: from.u32()?,
         fresh: from.u8()? != 0,
-        safety: *SAFETY_STATES.get(usize::from(from.u8()?))?,
+        safety: *SafetyState::ALL.get(usize::from(from.u8()?))?,
     })
 }
 
@@ -231,7 +225,7 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
         age_ns: from.u64()?,
         trust: from.f64()?,
         epoch: from.u32()?,
-        state: *HOST_STATES.get(usize::from(from.u8()?))?,
+        state: *HostState::ALL.get(usize::from(from.u8()?))?,
         withheld: Withheld {
             force: from.f64()?,
             of: from.f64()?,
@@ -272,30 +266,3 @@ pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
         ("available", available),
     ]
 }
-
-/// In the order of the constants in [`SCHEMA`].
-const SAFETY_STATES: [SafetyState; 15] = [
-    SafetyState::Normal,
-    SafetyState::Limited,
-    SafetyState::Recovering,
-    SafetyState::DeviceStale,
-    SafetyState::NotANumber,
-    SafetyState::Slewed,
-    SafetyState::TooFast,
-    SafetyState::OutOfReach,
-    SafetyState::Hot,
-    SafetyState::Engaging,
-    SafetyState::HandsOff,
-    SafetyState::Disarmed,
-    SafetyState::Stopped,
-    SafetyState::LetGo,
-    SafetyState::DeviceFault,
-];
-
-/// In the order of the constants in [`SCHEMA`].
-const HOST_STATES: [HostState; 4] = [
-    HostState::Waiting,
-    HostState::Live,
-    HostState::Fading,
-    HostState::Held,
-];

@@ -3,7 +3,7 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
-use super::device_totals::{DeviceSum, DeviceTotals, acting_limit, old_model, place};
+use super::device_totals::{DeviceSum, DeviceTotals, place};
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::samples::{Sample, Samples};
@@ -95,10 +95,8 @@ impl Collector {
                 states.take(time);
             }
         }
-        let limited = telemetry
-            .devices()
-            .map(|device| acting_limit(device.safety));
-        let aged = telemetry.bodies().map(|body| old_model(body.state));
+        let limited = telemetry.devices().map(|device| device.safety.words());
+        let aged = telemetry.bodies().map(|body| body.state.words());
         let names = self.device_names.iter().chain(&self.body_names);
         for ((now, open), name) in limited.chain(aged).zip(&mut self.open).zip(names) {
             if open.map(|(_, description)| description) != now {

@@ -22,30 +22,26 @@ const FLUSH_PERIOD: f64 = 0.5;
 /// Most rows that wait to be written (bytes).
 const WAITING: usize = 1 << 16;
 
-/// What the last stage does to a wrench, each with its column.
-const SAFETY: [(SafetyState, &str); 14] = [
-    (SafetyState::Limited, "limited"),
-    (SafetyState::Slewed, "slewed"),
-    (SafetyState::Recovering, "recovering"),
-    (SafetyState::TooFast, "too_fast"),
-    (SafetyState::OutOfReach, "out_of_reach"),
-    (SafetyState::Hot, "hot"),
-    (SafetyState::Engaging, "engaging"),
-    (SafetyState::HandsOff, "hands_off"),
-    (SafetyState::Disarmed, "disarmed"),
-    (SafetyState::Stopped, "stopped"),
-    (SafetyState::DeviceStale, "silent"),
-    (SafetyState::LetGo, "let_go"),
-    (SafetyState::DeviceFault, "device_fault"),
-    (SafetyState::NotANumber, "not_a_number"),
+/// The states of the last stage that have a column, in the order of the columns.
+const SAFETY: [SafetyState; 14] = [
+    SafetyState::Limited,
+    SafetyState::Slewed,
+    SafetyState::Recovering,
+    SafetyState::TooFast,
+    SafetyState::OutOfReach,
+    SafetyState::Hot,
+    SafetyState::Engaging,
+    SafetyState::HandsOff,
+    SafetyState::Disarmed,
+    SafetyState::Stopped,
+    SafetyState::Silent,
+    SafetyState::LetGo,
+    SafetyState::DeviceFault,
+    SafetyState::NotANumber,
 ];
 
-/// What a coupling does without a model that it trusts, each with its column.
-const COUPLING: [(HostState, &str); 3] = [
-    (HostState::Waiting, "waiting"),
-    (HostState::Fading, "fading"),
-    (HostState::Held, "held"),
-];
+/// The states of a coupling without a model that it trusts, which have a column each.
+const COUPLING: [HostState; 3] = [HostState::Waiting, HostState::Fading, HostState::Held];
 
 /// Writes a row for each tick.
 pub(super) struct CsvObserver {
@@ -187,8 +183,8 @@ fn columns(scene: &Scene) -> Columns {
         columns.add(of, "slip_rad");
         columns.add(of, "buttons");
         columns.add(of, "missed");
-        for (_, name) in SAFETY {
-            columns.add(of, name);
+        for state in SAFETY {
+            columns.add(of, state.name());
         }
     }
     for body in &scene.bodies {
@@ -196,8 +192,8 @@ fn columns(scene: &Scene) -> Columns {
         for name in ["model", "model_age_s", "trust"] {
             columns.add(of, name);
         }
-        for (_, name) in COUPLING {
-            columns.add(of, name);
+        for state in COUPLING {
+            columns.add(of, state.name());
         }
         for name in ["capped", "withheld_N", "springs_N"] {
             columns.add(of, name);
@@ -221,7 +217,7 @@ fn write_device(line: &mut Line, device: &DeviceTelemetry) {
     line.number(device.slip_angle);
     line.whole(u64::from(device.buttons));
     line.flag(!device.fresh);
-    for (state, _) in SAFETY {
+    for state in SAFETY {
         line.flag(device.safety == state);
     }
 }
@@ -235,7 +231,7 @@ fn write_body(line: &mut Line, body: &BodyTelemetry, capped: &mut u64) {
         line.seconds(body.age_ns);
     }
     line.number(body.trust);
-    for (state, _) in COUPLING {
+    for state in COUPLING {
         line.flag(body.state == state);
     }
     line.flag(body.energy.capped > *capped);

@@ -5,9 +5,7 @@ use crate::scene::spec::{Device, Rotation};
 use nalgebra::UnitQuaternion;
 use rt_core::Vec3;
 use rt_core::controller::Reading;
-use rt_core::coupling::HostState;
 use rt_core::record::DeviceTelemetry;
-use rt_core::safety::SafetyState;
 
 /// Totals of one device over a run. Forces act on the hand, in the axes of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -108,34 +106,5 @@ impl DeviceSum {
     /// The totals of the ticks so far.
     pub(crate) fn totals(&self) -> &DeviceTotals {
         &self.totals
-    }
-}
-
-/// The limit of the last stage that acts in a state, in words; `None` where none acts.
-pub(crate) fn acting_limit(safety: SafetyState) -> Option<&'static str> {
-    match safety {
-        SafetyState::Normal | SafetyState::Recovering => None,
-        SafetyState::Limited => Some("force limited"),
-        SafetyState::Slewed => Some("force at its slew limit"),
-        SafetyState::TooFast => Some("too fast, force fading"),
-        SafetyState::OutOfReach => Some("out of reach, force fading"),
-        SafetyState::Hot => Some("motors hot, force limited"),
-        SafetyState::Engaging => Some("engaging, force coming in"),
-        SafetyState::HandsOff => Some("dead-man button not held, no force"),
-        SafetyState::Disarmed => Some("disarmed, no force"),
-        SafetyState::Stopped => Some("emergency stop, no force"),
-        SafetyState::DeviceStale => Some("device silent"),
-        SafetyState::LetGo => Some("the device renders no force"),
-        SafetyState::DeviceFault => Some("fault of the device, no force"),
-        SafetyState::NotANumber => Some("force not a number"),
-    }
-}
-
-/// The effect of a model that is too old, in words; `None` where the model is young enough.
-pub(crate) fn old_model(state: HostState) -> Option<&'static str> {
-    match state {
-        HostState::Waiting | HostState::Live => None,
-        HostState::Fading => Some("model too old, force fading"),
-        HostState::Held => Some("model too old, safe hold"),
     }
 }

@@ -58,7 +58,7 @@ impl Marks {
                 Some((Cause::Disengaged, time))
             }
             SafetyState::TooFast | SafetyState::OutOfReach => Some((Cause::Fading, time)),
-            SafetyState::DeviceStale => Some((Cause::Silent, time)),
+            SafetyState::Silent => Some((Cause::Silent, time)),
             SafetyState::LetGo => Some((Cause::LetGo, time)),
             SafetyState::DeviceFault => Some((Cause::Fault, time)),
             SafetyState::NotANumber => Some((Cause::NotANumber, time)),

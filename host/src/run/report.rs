@@ -258,26 +258,12 @@ fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<E
 
 /// The trip of a device whose largest moment is `max_moment` (N m), in words.
 fn trip_summary(trip: &Trip, max_moment: f64, rate: f64) -> TripSummary {
+    // A trip holds the limit itself.
+    let by_moment =
+        trip.state == SafetyState::Limited && trip.limit.to_bits() == max_moment.to_bits();
     let (event, unit) = match trip.state {
-        SafetyState::Hot => ("motors hot", "N"),
-        SafetyState::Normal
-        | SafetyState::Recovering
-        | SafetyState::Engaging
-        | SafetyState::HandsOff
-        | SafetyState::Disarmed
-        | SafetyState::Stopped
-        | SafetyState::LetGo => ("nothing", ""),
-        // A trip holds the limit itself.
-        SafetyState::Limited if trip.limit.to_bits() == max_moment.to_bits() => {
-            ("moment limited", "N m")
-        }
-        SafetyState::Limited => ("force limited", "N"),
-        SafetyState::Slewed => ("force at its slew limit", "N/s"),
-        SafetyState::TooFast => ("too fast", "m/s"),
-        SafetyState::OutOfReach => ("out of reach", "m"),
-        SafetyState::DeviceStale => ("device silent", "ticks"),
-        SafetyState::DeviceFault => ("fault of the device", "(number of the fault)"),
-        SafetyState::NotANumber => ("force not a number", "N"),
+        _ if by_moment => ("moment limited", "N m"),
+        state => (state.cause().unwrap_or("nothing"), unit(state)),
     };
     TripSummary {
         event,
@@ -285,6 +271,20 @@ fn trip_summary(trip: &Trip, max_moment: f64, rate: f64) -> TripSummary {
         found: trip.found,
         limit: trip.limit,
         unit,
+    }
+}
+
+/// The unit of the limit of a trip.
+fn unit(state: SafetyState) -> &'static str {
+    match state {
+        SafetyState::Limited | SafetyState::Hot | SafetyState::NotANumber => "N",
+        SafetyState::Slewed => "N/s",
+        SafetyState::TooFast => "m/s",
+        SafetyState::OutOfReach => "m",
+        SafetyState::Silent => "ticks",
+        SafetyState::DeviceFault => "(number of the fault)",
+        // These states are no trips.
+        _ => "",
     }
 }
 

@@ -75,7 +75,7 @@ fn a_silent_device_gets_zero_after_its_patience() {
         assert_eq!(limiter.pass(&push(1.0), None), push(1.0));
     }
     assert_eq!(limiter.pass(&push(1.0), None), Wrench::zero());
-    assert_eq!(limiter.state(), SafetyState::DeviceStale);
+    assert_eq!(limiter.state(), SafetyState::Silent);
     let counters = limiter.counters();
     assert_eq!((counters.missed_reads, counters.stale), (4, 1));
 }
@@ -195,7 +195,7 @@ fn after_a_standstill_of_the_loop_the_force_comes_back_smoothly() {
             if !away {
                 continue;
             }
-            assert_eq!(limiter.state(), SafetyState::DeviceStale);
+            assert_eq!(limiter.state(), SafetyState::Silent);
             let mut last = 0.0;
             for _ in 0..60 {
                 let now = tick(&mut limiter, 1, Some(&here()));

@@ -277,7 +277,7 @@ impl Prepared {
             }
             Situation::Slipping => telemetry.devices[0].slip != Vec3::zeros(),
             Situation::NotANumber => !fresh && safety == SafetyState::Normal,
-            Situation::Silent => safety == SafetyState::DeviceStale,
+            Situation::Silent => safety == SafetyState::Silent,
             Situation::TooFast => safety == SafetyState::TooFast,
             Situation::Fading => safety == SafetyState::Limited && host == HostState::Fading,
             Situation::Refused => safety == SafetyState::Limited && counters.not_finite == 1,

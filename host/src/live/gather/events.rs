@@ -1,7 +1,6 @@
 //! Finds the events that ticks show: a limit of the last stage begins to act, or a model becomes too old.
 
 use super::TickView;
-use crate::run::device_totals::{acting_limit, old_model};
 
 /// A change from one tick to the next: the index of the device or of the body, and the new state in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +25,7 @@ impl Watch {
         self.limits.resize(tick.devices.len(), None);
         self.old.resize(tick.bodies.len(), false);
         for (index, (device, before)) in tick.devices.iter().zip(&mut self.limits).enumerate() {
-            let now = acting_limit(device.safety);
+            let now = device.safety.words();
             if let Some(words) = now
                 && *before != now
             {
@@ -35,7 +34,7 @@ impl Watch {
             *before = now;
         }
         for (index, (body, before)) in tick.bodies.iter().zip(&mut self.old).enumerate() {
-            let now = old_model(body.state);
+            let now = body.state.words();
             if let Some(words) = now
                 && !*before
             {

@@ -6,9 +6,7 @@ use crate::live::{BodyState, Hand};
 use crate::log::energy_sums;
 use crate::run::device_totals::DeviceTotals;
 use rt_core::Vec3;
-use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
-use rt_core::safety::SafetyState;
 
 /// The hand that holds a device.
 pub(super) fn hand(device: &DeviceTelemetry, totals: &DeviceTotals) -> Hand {
@@ -21,7 +19,7 @@ pub(super) fn hand(device: &DeviceTelemetry, totals: &DeviceTotals) -> Hand {
         velocity: vector(&device.twist.linear),
         buttons: device.buttons,
         fresh: device.fresh,
-        safety: safety_name(device.safety).to_owned(),
+        safety: device.safety.name().to_owned(),
         peak_force: finite(totals.peak_force),
         work: finite(totals.work),
         reach: finite(totals.reach),
@@ -32,7 +30,7 @@ pub(super) fn hand(device: &DeviceTelemetry, totals: &DeviceTotals) -> Hand {
 pub(super) fn body(body: &BodyTelemetry) -> BodyState {
     let sums = energy_sums(&body.energy).into_iter();
     BodyState {
-        state: state_name(body.state).to_owned(),
+        state: body.state.name().to_owned(),
         sequence: body.sequence,
         epoch: body.epoch,
         age: body.age_ns as f64 * 1e-9,
@@ -52,35 +50,4 @@ fn finite(value: f64) -> f64 {
 
 fn vector(value: &Vec3) -> [f64; 3] {
     [value.x, value.y, value.z].map(finite)
-}
-
-/// The name of a state of the last stage in messages.
-fn safety_name(safety: SafetyState) -> &'static str {
-    match safety {
-        SafetyState::Normal => "normal",
-        SafetyState::Limited => "limited",
-        SafetyState::Recovering => "recovering",
-        SafetyState::DeviceStale => "device_stale",
-        SafetyState::LetGo => "let_go",
-        SafetyState::DeviceFault => "device_fault",
-        SafetyState::NotANumber => "not_a_number",
-        SafetyState::Slewed => "slewed",
-        SafetyState::TooFast => "too_fast",
-        SafetyState::OutOfReach => "out_of_reach",
-        SafetyState::Hot => "hot",
-        SafetyState::Engaging => "engaging",
-        SafetyState::HandsOff => "hands_off",
-        SafetyState::Disarmed => "disarmed",
-        SafetyState::Stopped => "stopped",
-    }
-}
-
-/// The name of a state of a coupling in messages.
-fn state_name(state: HostState) -> &'static str {
-    match state {
-        HostState::Waiting => "waiting",
-        HostState::Live => "live",
-        HostState::Fading => "fading",
-        HostState::Held => "held",
-    }
 }

@@ -12,7 +12,7 @@ const STATES = {
   normal: ["✓", "good"], live: ["✓", "good"], waiting: ["…", "plain"], recovering: ["↻", "warn"], fading: ["◐", "warn"],
   limited: ["▲", "warn"], slewed: ["▲", "warn"], held: ["■", "bad"], too_fast: ["▲", "bad"], out_of_reach: ["▲", "bad"],
   hot: ["▲", "warn"], engaging: ["↻", "warn"], hands_off: ["■", "bad"], disarmed: ["■", "plain"], stopped: ["■", "bad"],
-  device_stale: ["✕", "bad"], let_go: ["✕", "bad"], device_fault: ["✕", "bad"], not_a_number: ["✕", "bad"],
+  silent: ["✕", "bad"], let_go: ["✕", "bad"], device_fault: ["✕", "bad"], not_a_number: ["✕", "bad"],
 };
 const KINDS = { trip: ["▲", "trip"], missed_deadline: ["✕", "missed deadline"], stale_model: ["◐", "stale model"], worst_tick: ["◆", "worst tick"], tear: ["✂", "tear"] };
 
@@ -199,7 +199,7 @@ export class Panel {
       this.set(`hand${i}.force`, force.toFixed(2), force);
       this.set(`hand${i}.peak`, hand.peak_force.toFixed(2), hand.peak_force);
       this.set(`hand${i}.speed`, speed.toFixed(2), speed);
-      this.state(`hand${i}.state`, hand.fresh ? hand.safety : "device_stale");
+      this.state(`hand${i}.state`, hand.fresh ? hand.safety : "silent");
     });
     frame.bodies.forEach((body, i) => {
       this.state(`state${i}`, body.state);
