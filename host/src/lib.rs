@@ -15,6 +15,7 @@ pub mod engine;
 pub mod live;
 pub mod log;
 pub mod machine;
+pub mod record;
 pub mod run;
 pub mod solve;
 pub mod stage;

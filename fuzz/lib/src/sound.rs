@@ -21,10 +21,10 @@ pub fn scene_of(log: &[u8]) -> std::ops::Range<usize> {
 /// # Errors
 /// None: the scene is sound, and memory is written.
 pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-    use host::live::Surface;
     use host::live::gather::Gatherer;
     use host::log::overview::OverviewBuilder;
     use host::log::{BodyFrame, LogHeader, LogWriter};
+    use host::record::Surface;
     use host::run::Clock;
     use host::scene::Scene;
     use rt_core::Telemetry;

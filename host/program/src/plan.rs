@@ -7,7 +7,7 @@ use host::engine::plan::{BodyPlan, Stage, stages};
 use host::engine::rehearsal::Rehearsal;
 use host::run::prepare;
 use host::run::slow_host::{StepTime, cores};
-use host::run::summary::{DampedSummary, StiffSummary};
+use host::engine::unrendered::{DampedSummary, StiffSummary};
 use host::scene::connections;
 use host::stage::Stage as Preparation;
 use serde::Serialize;

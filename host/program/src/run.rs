@@ -12,10 +12,10 @@ use super::watch::Watch;
 use super::{COMMIT, CommandError, SceneArgument, build};
 use devices::panel::{Panel, TimedOrder};
 use host::engine::faults::HostFault;
-#[cfg(feature = "view")]
-use host::live::session::ViewOptions;
 use host::plot::Part;
 use host::run::frames::FrameOptions;
+#[cfg(feature = "view")]
+use host::run::view::ViewOptions;
 use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
 use host::scene::spec::Device;

@@ -29,6 +29,7 @@ pub mod stiff;
 pub mod stored;
 pub mod tears;
 pub mod threads;
+pub mod unrendered;
 pub mod virtual_coupling;
 
 use body::HostBody;

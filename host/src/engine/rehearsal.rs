@@ -6,7 +6,7 @@ use super::Engine;
 use super::build::{self, How};
 use super::pacer::{Due, Pacer};
 use super::stats::{ProcessorStopwatch, StepTimes};
-use crate::run::summary::{DampedSummary, StiffSummary};
+use super::unrendered::{DampedSummary, StiffSummary};
 use crate::scene::SceneError;
 use crate::scene::spec::Scene;
 use crate::world::World;

@@ -1,12 +1,12 @@
 //! The mesh of a body whose connectivity may have changed, for its new surface.
 
-use super::Surface;
+use crate::record::Surface;
 use physics::mesh::tet::TetMesh;
 use physics::mesh::{Cells, LineMesh, Mesh, TriMesh};
 use physics::{Body, Vec3};
 
 /// The elements of `body` at its present positions. Without groups and fields; `None` for a body without elements.
-pub(super) fn mesh_of(body: &Body) -> Option<Mesh> {
+pub(crate) fn mesh_of(body: &Body) -> Option<Mesh> {
     let positions: Vec<Vec3> = body.positions().collect();
     let corners = body
         .elements()
@@ -48,7 +48,7 @@ fn elements<const N: usize>(body: &Body) -> Vec<[u32; N]> {
 
 /// The surface of a body of this `mesh` from the topology epoch on. The positions at rest stay those of `before` where
 /// the body has as many vertices; otherwise they are those of the mesh.
-pub(super) fn after_change(before: &Surface, epoch: u32, mesh: &Mesh) -> Surface {
+pub(crate) fn after_change(before: &Surface, epoch: u32, mesh: &Mesh) -> Surface {
     let mut surface = Surface::of_mesh(before.body as usize, u64::from(epoch), mesh);
     if surface.rest.len() == before.rest.len() {
         surface.rest.clone_from(&before.rest);
@@ -69,7 +69,7 @@ mod tests {
         for name in ["cloth.toml", "press.toml", "thread.toml"] {
             let loaded = Scene::load(&scenes.join(name))?;
             for (index, built) in World::new(&loaded)?.bodies.iter().enumerate() {
-                let before = Surface::new(index, built);
+                let before = Surface::of_mesh(index, built.body.epoch(), &built.mesh);
                 let mesh = mesh_of(&built.body).ok_or("a body without elements")?;
                 let after = after_change(&before, 7, &mesh);
                 let expected = Surface { epoch: 7, ..before };

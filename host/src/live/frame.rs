@@ -2,7 +2,7 @@
 //! are integers since the start of the run.
 
 use super::Range;
-use crate::run::summary::Distribution;
+use crate::record::Distribution;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -94,31 +94,6 @@ pub struct HandleInfo {
     pub device: u32,
     /// The origin of the handle at rest (m).
     pub origin: [f64; 3],
-}
-
-/// The connectivity of a body as a person sees it: sent before the first frame of each topology epoch.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Surface {
-    /// Index of the body.
-    pub body: u32,
-    /// Topology epoch.
-    pub epoch: u32,
-    /// Number of vertices of the body, including those inside.
-    pub vertices: u32,
-    /// Number of triangles.
-    pub triangle_count: u32,
-    /// Number of lines.
-    pub line_count: u32,
-    /// Positions at rest (m), three numbers a vertex. In the binary part, as are the next two.
-    #[serde(skip)]
-    pub rest: Vec<f32>,
-    /// The triangles of a sheet, or of the boundary of a solid, whose corners run counterclockwise seen from outside:
-    /// three vertices each. A quadratic face is divided into four triangles.
-    #[serde(skip)]
-    pub triangles: Vec<u32>,
-    /// The bars of a thread: two vertices each.
-    #[serde(skip)]
-    pub lines: Vec<u32>,
 }
 
 /// One moment of a run or of a log.

@@ -19,10 +19,10 @@ pub use resume::{Checkpoint, HandSums};
 pub use view::TickView;
 
 use super::frame::{Event, EventKind, Folded, Frame, Totals};
-use crate::run::Clock;
-use crate::run::device_totals::DeviceSum;
-use crate::run::summary::Distribution;
-use crate::run::tears::TearEvent;
+use crate::record::Clock;
+use crate::record::Distribution;
+use crate::record::TearEvent;
+use crate::record::totals::DeviceSum;
 use crate::scene::LoadedScene;
 use bins::bins;
 use events::{Change, Watch};
@@ -95,7 +95,9 @@ impl Gatherer {
             real: clock == Clock::Real,
             period_ns: ((1e9 / scene.realtime.rate).round() as u64).max(1),
             counts: Totals::default(),
-            sums: devices.map(DeviceSum::new).collect(),
+            sums: devices
+                .map(|device| DeviceSum::new(device.mounting.turn()))
+                .collect(),
             lateness: empty.lateness,
             ages: empty.model_age,
             tick_time: None,

@@ -1,9 +1,8 @@
 //! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
 
 use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
-use crate::run::prepare;
 use crate::scene::spec::ModelName;
-use crate::world::{Kind, World, grasps};
+use crate::world::{Kind, World, grasps, scheme};
 use std::collections::BTreeMap;
 
 impl Hello {
@@ -50,7 +49,7 @@ impl Hello {
             run: 0,
             scene: scene.name.clone(),
             clock: facts.get("clock").cloned().unwrap_or_default(),
-            scheme: prepare::scheme(scene).name().to_owned(),
+            scheme: scheme(scene).name().to_owned(),
             tick_rate: scene.realtime.rate,
             step_rate: scene.host.step_rate,
             publish_rate: scene.host.publish_rate,
@@ -78,7 +77,6 @@ fn kind_name(kind: Kind) -> &'static str {
 mod tests {
     use super::*;
     use crate::live::Message;
-    use crate::run::{Clock, RunOptions, facts};
     use crate::scene::Scene;
 
     #[test]
@@ -87,8 +85,9 @@ mod tests {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cloth.toml");
         let loaded = Scene::load(path.as_ref())?;
         let world = World::new(&loaded)?;
-        let facts = facts(&loaded, &RunOptions::new(Clock::Real), 7);
-        let hello = Hello::new(Source::Run, &world, facts);
+        let facts = [("clock", "real"), ("seed", "7")];
+        let facts = facts.map(|(name, fact)| (name.to_owned(), fact.to_owned()));
+        let hello = Hello::new(Source::Run, &world, facts.into());
         let names = hello.devices.iter().map(|device| device.name.as_str());
         assert_eq!(names.collect::<Vec<_>>(), ["left", "right"]);
         // The right device is an omega3, which the scene limits.

@@ -5,7 +5,8 @@
 //! stream, each message has its length (`u32`) before it; a WebSocket message has none.
 
 use super::Folded;
-use super::frame::{Frame, Hello, LogMessage, PROTOCOL, Playback, Surface};
+use super::frame::{Frame, Hello, LogMessage, PROTOCOL, Playback};
+use crate::record::Surface;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

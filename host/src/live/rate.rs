@@ -8,14 +8,14 @@ const FRAMES: u32 = 60;
 /// Says when the next frame is due. The times are a grid, so that a step that comes late does not delay the frames
 /// after it.
 #[derive(Clone, Debug)]
-pub(super) struct Rate {
+pub(crate) struct Rate {
     period: Duration,
     next: Option<Instant>,
 }
 
 impl Rate {
     /// The rate of frames. The first frame is due at once.
-    pub(super) fn of_frames() -> Self {
+    pub(crate) fn of_frames() -> Self {
         Self {
             period: Duration::from_secs(1) / FRAMES,
             next: None,
@@ -23,7 +23,7 @@ impl Rate {
     }
 
     /// Whether a frame is due at `now`. The next frame is then due one period later.
-    pub(super) fn is_due(&mut self, now: Instant) -> bool {
+    pub(crate) fn is_due(&mut self, now: Instant) -> bool {
         let due = self.next.unwrap_or(now);
         if now < due {
             return false;

@@ -88,7 +88,7 @@ impl Moment {
     }
 
     /// The moment with the meshes of the bodies whose epoch is not that of `epochs`.
-    pub(super) fn since(mut self, epochs: &[u32], engine: &Engine) -> Self {
+    pub(crate) fn since(mut self, epochs: &[u32], engine: &Engine) -> Self {
         let bodies = self.bodies.iter_mut().zip(engine.bodies());
         for (index, ((copy, body), known)) in bodies.zip(epochs).enumerate() {
             if copy.epoch != *known {

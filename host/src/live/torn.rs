@@ -3,7 +3,7 @@
 //! A tear adds vertices and triangles at the end of the lists of the body, and changes corners of triangles. The whole
 //! surface is copied, because a viewer may have missed every surface before. The host copies it only after an edit.
 
-use super::Surface;
+use crate::record::Surface;
 use physics::Body;
 
 /// A buffer for the surface of one body. It is empty for a body that cannot tear.

@@ -2,7 +2,7 @@
 //! topology epoch.
 
 use super::cdr::{CdrReader, CdrWriter};
-use crate::live::Surface;
+use crate::record::Surface;
 
 /// Name of the type of [`BodyFrame`].
 pub(super) const FRAME_SCHEMA_NAME: &str = "palpate_msgs/msg/BodyFrame";

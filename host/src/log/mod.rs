@@ -45,16 +45,13 @@ use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{Capabilities, LocalModel, Telemetry};
 
-use crate::live::Surface;
-use crate::run::tears::TearEvent;
+use crate::record::{Surface, TearEvent};
 
 pub use body::BodyFrame;
 pub(crate) use file::LogFile;
 pub use model::ModelRow;
 use overview::Overview;
 pub use read::{Log, read_log};
-pub use reading::{LoggedReading, ReadFault};
-pub use tick::{TickRow, energy_sums};
 
 /// The channel of the ticks.
 pub(crate) const TICK_TOPIC: &str = "/tick";

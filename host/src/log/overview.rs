@@ -3,7 +3,7 @@
 
 use crate::live::gather::{Checkpoint, Gatherer, TickView};
 use crate::live::{Event, Folded, Totals};
-use crate::run::tears::TearEvent;
+use crate::record::TearEvent;
 use crate::scene::source::printable;
 use serde::{Deserialize, Serialize};
 

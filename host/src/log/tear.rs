@@ -1,7 +1,7 @@
 //! The message of an edit by which a sheet tore.
 
 use super::cdr::{CdrReader, CdrWriter};
-use crate::run::tears::TearEvent;
+use crate::record::TearEvent;
 
 /// Name of the message type.
 pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/Tear";

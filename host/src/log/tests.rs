@@ -10,7 +10,8 @@ use rt_core::{
 
 use super::index::IndexError;
 use super::tick::SCHEMA;
-use super::{Log, LogError, LogFile, LogHeader, LogWriter, TickRow, energy_sums, read_log};
+use super::{Log, LogError, LogFile, LogHeader, LogWriter, read_log};
+use crate::record::{TickRow, energy_sums};
 
 /// The limits of a device that is driven with this force at most (N).
 fn limits(freedom: Freedom, max_force: f64) -> Capabilities {

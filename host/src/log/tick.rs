@@ -7,7 +7,7 @@ use rt_core::{EnergyAccount, Telemetry, Withheld};
 
 use super::cdr::{CdrReader, CdrWriter};
 use super::geometry::geometry_messages;
-use super::reading::LoggedReading;
+use crate::record::{LoggedReading, TickRow, energy_sums};
 
 /// Name of the message type.
 pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/Tick";
@@ -99,39 +99,6 @@ uint8 fault         # number of the fault, where it has one
 ",
     geometry_messages!()
 );
-
-/// One tick, read back from a log.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TickRow {
-    /// Number of the tick, from zero.
-    pub tick: u64,
-    /// Nominal time of the tick (ns).
-    pub time_ns: u64,
-    /// Lateness of the tick (ns).
-    pub lateness_ns: u64,
-    /// Time from the wake-up to the moment just before the commands left (ns).
-    pub took_ns: u64,
-    /// The devices.
-    pub devices: Vec<DeviceTelemetry>,
-    /// The bodies.
-    pub bodies: Vec<BodyTelemetry>,
-    /// The reading of each device (device axes).
-    pub readings: Vec<LoggedReading>,
-}
-
-impl From<&Telemetry> for TickRow {
-    fn from(telemetry: &Telemetry) -> Self {
-        Self {
-            tick: telemetry.tick,
-            time_ns: telemetry.time_ns,
-            lateness_ns: telemetry.lateness_ns,
-            took_ns: telemetry.took_ns,
-            devices: telemetry.devices().copied().collect(),
-            bodies: telemetry.bodies().copied().collect(),
-            readings: telemetry.readings().map(LoggedReading::from).collect(),
-        }
-    }
-}
 
 /// Writes `telemetry` into `bytes`, in place of the former content.
 pub(crate) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
@@ -241,28 +208,4 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
             capped: from.u64()?,
         },
     })
-}
-
-/// The sums of energy (J), by the names and in the order of the message definition. They are all fields of the account
-/// except the count of ticks.
-pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
-    let EnergyAccount {
-        supplied,
-        raised,
-        least,
-        initial,
-        stored,
-        credited,
-        available,
-        capped: _,
-    } = *energy;
-    [
-        ("supplied", supplied),
-        ("raised", raised),
-        ("least", least),
-        ("initial", initial),
-        ("stored", stored),
-        ("credited", credited),
-        ("available", available),
-    ]
 }

@@ -3,7 +3,6 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
-use super::device_totals::{DeviceSum, DeviceTotals, place};
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::samples::{Sample, Samples};
@@ -12,6 +11,7 @@ use super::tear_force::{TearForce, TearForces};
 use super::tears::TearEvents;
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
+use crate::record::totals::{DeviceSum, DeviceTotals, place};
 use crate::scene::Scene;
 use rt_core::Telemetry;
 use runner::link::LogRecord;
@@ -59,7 +59,9 @@ impl Collector {
         let bodies = scene.bodies.iter();
         let body_names: Vec<_> = bodies.map(|body| body.name.clone()).collect();
         Self {
-            sums: devices.map(DeviceSum::new).collect(),
+            sums: devices
+                .map(|device| DeviceSum::new(device.mounting.turn()))
+                .collect(),
             slips: vec![slips::Watch::default(); device_names.len()],
             states: vec![States::default(); device_names.len()],
             open: vec![None; device_names.len() + body_names.len()],

@@ -5,7 +5,7 @@
 
 use super::observer::{Observed, Observer};
 use crate::atomic_file::{AtomicFileError, Stream, open_stream, stream};
-use crate::log::energy_sums;
+use crate::record::energy_sums;
 use crate::scene::Scene;
 use crate::table::{Columns, Line};
 use rt_core::Telemetry;

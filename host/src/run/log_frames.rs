@@ -7,9 +7,9 @@
 use super::Clock;
 use super::frames::{FrameRateError, Missing, Schedule};
 use crate::engine::body::HostBody;
-use crate::live::Surface;
 use crate::live::torn::{TornSurface, vertex_room};
 use crate::log::{BodyFrame, LogError, LogWriter};
+use crate::record::Surface;
 use crate::scene::Scene;
 use crate::world::World;
 use physics::mesh::Mesh;

@@ -2,7 +2,6 @@
 
 mod collect;
 mod csv;
-pub(crate) mod device_totals;
 mod devices;
 pub mod frames;
 mod hand;
@@ -31,18 +30,18 @@ mod taps;
 pub mod tear_force;
 pub mod tears;
 mod tick_outputs;
+pub mod view;
 mod withheld;
 
 use crate::atomic_file::{AtomicFileError, write_json};
 use crate::engine::body::HostBody;
 use crate::engine::faults::HostFault;
-use crate::live::session::{Session, ViewOptions};
 use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError, connections};
 use crate::stage::Stage;
-use crate::world::World;
+use crate::world::{World, scheme};
 use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
@@ -61,18 +60,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use summary::RunSummary;
 use tears::TearTap;
+use view::{Session, ViewOptions};
 
+pub use crate::record::Clock;
 pub use devices::simulated_hand;
 pub use tick_outputs::TickOutputs;
-
-/// Which clock a run follows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Clock {
-    /// Virtual time: exact, repeatable, and as fast as the machine computes.
-    Virtual,
-    /// The machine's monotonic clock.
-    Real,
-}
 
 /// The options of a run beyond its scene.
 #[derive(Clone, Debug)]
@@ -458,8 +450,8 @@ fn header(
 pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<String, String> {
     let facts = [
         ("scene", loaded.scene.name.clone()),
-        ("clock", clock_name(options.clock).into()),
-        ("scheme", prepare::scheme(&loaded.scene).name().into()),
+        ("clock", options.clock.name().into()),
+        ("scheme", scheme(&loaded.scene).name().into()),
         ("seed", seed.to_string()),
         ("version", env!("CARGO_PKG_VERSION").into()),
         ("instructions", instructions(options.instructions)),
@@ -468,13 +460,6 @@ pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<
         .into_iter()
         .map(|(name, fact)| (name.to_owned(), fact))
         .collect()
-}
-
-fn clock_name(clock: Clock) -> &'static str {
-    match clock {
-        Clock::Virtual => "virtual",
-        Clock::Real => "real",
-    }
 }
 
 /// The instructions that the linear algebra uses. Two runs of the same program give equal bytes where these are

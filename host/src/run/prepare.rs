@@ -8,10 +8,10 @@ use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::Rehearsal;
 use crate::engine::{Engine, build};
-use crate::scene::spec::{self, Scene, SchemeName};
+use crate::scene::spec::{self, Scene};
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
-use crate::world::{World, bodies_held};
+use crate::world::{World, bodies_held, port, scheme};
 use physics::FactorCode;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
@@ -20,9 +20,8 @@ use rt_core::engage::EngageConfig;
 use rt_core::heat::HeatConfig;
 use rt_core::passivity::MAX_DELAY;
 use rt_core::safety::SafetyConfig;
-use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
-    Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Scheme, Vec3,
+    Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Vec3,
 };
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::{AnyDevice, TickLoop};
@@ -288,21 +287,6 @@ fn delay(loaded: &LoadedScene, period: f64) -> Result<usize, SceneError> {
     Ok(most)
 }
 
-/// The force scheme that a scene names.
-pub fn scheme(scene: &Scene) -> Scheme {
-    match scene.realtime.scheme {
-        SchemeName::Hold => Scheme::Hold,
-        SchemeName::Thesis => Scheme::Thesis {
-            stiffness: scene.realtime.thesis_stiffness,
-            damping: scene.realtime.thesis_damping,
-        },
-        SchemeName::Linear => Scheme::Linear,
-        SchemeName::Proxy => Scheme::Proxy,
-        SchemeName::Classic => Scheme::Classic,
-        SchemeName::Capped => Scheme::Capped,
-    }
-}
-
 fn coupling(
     scene: &Scene,
     period: f64,
@@ -318,28 +302,6 @@ fn coupling(
         recovery: scene.realtime.recovery,
         hold_damping,
         passivity: *passivity,
-    }
-}
-
-/// The port of a device, in the units of the scene. The account of energy takes the device's dissipation from it. The
-/// force of the device changes by `max_slew` (N/s) at most.
-pub fn port(model: &DeviceModel, max_slew: f64, frame: &DeviceFrame, period: f64) -> Port {
-    let scale = frame.motion_scale;
-    // The delay of the velocity estimate that the device's driver makes.
-    let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
-    let turning = model.rotation;
-    Port {
-        damping: model.damping / (scale * scale),
-        friction: model.friction / scale,
-        turning_damping: turning.map_or(0.0, |rotation| rotation.damping),
-        turning_friction: turning.map_or(0.0, |rotation| rotation.friction),
-        most_damping: most_damping(model.mass, period, delay) / (scale * scale * frame.force_scale),
-        most_turning_damping: turning.map_or(f64::INFINITY, |rotation| {
-            most_damping(rotation.inertia, period, delay) / frame.force_scale
-        }),
-        force_scale: frame.force_scale,
-        count: model.position_step * scale,
-        max_slew: max_slew / (scale * frame.force_scale),
     }
 }
 

@@ -4,17 +4,18 @@ use super::collect::Collected;
 use super::parts::{Parts, TickSide};
 use super::prepare::HostSide;
 use super::summary::{
-    DampedSummary, DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary,
-    HeldBackSummary, HostSummary, RunSummary, SCHEMA, StiffSummary, TearSummary, TickSummary,
-    TripSummary,
+    DeviceSummary, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary, HostSummary,
+    RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
 };
-use super::{Clock, RunOptions, clock_name, held_back, instructions, prepare, slow_host};
+use super::{Clock, RunOptions, held_back, instructions, slow_host};
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
+use crate::engine::unrendered::{DampedSummary, StiffSummary};
 use crate::machine::Machine;
 use crate::plot::{DeviceSeries, Part, PlotData};
+use crate::record::Distribution;
 use crate::scene::{LoadedScene, Scene};
-use crate::world::World;
+use crate::world::{World, scheme};
 use firmware_proto::report::fault;
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
@@ -37,13 +38,13 @@ pub(super) fn summarize(
     RunSummary {
         schema: SCHEMA,
         scene: scene.name.clone(),
-        clock: clock_name(options.clock),
+        clock: options.clock.name(),
         machine: Machine::here(
             options.commit,
             instructions(options.instructions),
             parts.tick.place.and_then(|place| place.core),
         ),
-        scheme: prepare::scheme(scene).name(),
+        scheme: scheme(scene).name(),
         seed,
         warnings: world.warnings.iter().map(ToString::to_string).collect(),
         tick: tick(scene, options.clock, parts, &couplings),
@@ -397,7 +398,7 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected, part: Part)
         title: scene.name.clone(),
         subtitle: format!(
             "scheme {}, tick {} Hz, host {} Hz",
-            prepare::scheme(scene).name(),
+            scheme(scene).name(),
             scene.realtime.rate,
             scene.host.step_rate
         ),

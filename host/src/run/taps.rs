@@ -6,7 +6,7 @@ use super::frames::FrameTap;
 use super::log_frames::LogTap;
 use super::tears::TearTap;
 use crate::engine::Engine;
-use crate::live::session::HostView;
+use crate::run::view::HostView;
 
 /// The taps of a run. By default there are none.
 #[derive(Default)]

@@ -16,6 +16,7 @@ mod mesh;
 mod mount;
 mod notch;
 mod places;
+mod port;
 mod press;
 pub mod shapes;
 mod survey;
@@ -31,6 +32,7 @@ pub use body::{Built, Carrier};
 pub use grasp::{Grasp, bodies_held, freedom, grasps};
 pub use kind::{Kind, bending};
 pub use mount::Mount;
+pub use port::{port, scheme};
 pub use tear::TearSpec;
 
 /// A scene, built.

@@ -1,7 +1,6 @@
 //! Where devices stand in the scene: their mountings, and where the handles that they hold are in their workspaces.
 
 use crate::scene::plausible::{START, Warning};
-use crate::scene::spec::Rotation;
 use crate::scene::{LoadedScene, SceneError};
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
@@ -29,8 +28,7 @@ pub(super) fn mount(
     handle: Option<Vec3>,
 ) -> Result<Mount, SceneError> {
     let spec = &loaded.scene.devices[device];
-    let rotation = spec.mounting.rotation.map(Rotation::quaternion);
-    let rotation = rotation.unwrap_or_else(UnitQuaternion::identity);
+    let rotation = spec.mounting.turn();
     let (origin, start) = match (spec.mounting.origin.map(Vec3::from), handle) {
         (None, handle) => (handle.unwrap_or_else(Vec3::zeros), Vec3::zeros()),
         (Some(origin), None) => (origin, Vec3::zeros()),

@@ -6,8 +6,6 @@
 use super::places;
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
-use crate::scene::spec::Rotation;
-use nalgebra::UnitQuaternion;
 use physics::Vec3;
 use physics::mesh::Mesh;
 
@@ -42,8 +40,7 @@ pub(super) fn warnings(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<W
         let device = loaded.scene.device_of(handle);
         let spec = &loaded.scene.devices[device];
         let Some(hand) = &spec.hand else { continue };
-        let turn = spec.mounting.rotation.map(Rotation::quaternion);
-        let turn = turn.unwrap_or_else(UnitQuaternion::identity);
+        let turn = spec.mounting.turn();
         let rows = hand
             .waypoints
             .iter()

@@ -1,13 +1,14 @@
 //! A run that viewers watch over its Unix socket: what they receive, and that the run does not depend on them.
 
 use host::live::message::LONGEST;
-use host::live::session::ViewOptions;
 use host::live::socket::SocketError;
-use host::live::{Frame, Hello, Message, Surface, Vertices};
+use host::live::{Frame, Hello, Message, Vertices};
+use host::record::Surface;
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
 use host::run::summary::RunSummary;
+use host::run::view::ViewOptions;
 use host::run::{Clock, RunError, RunOptions, run, run_watched};
 use host::scene::Scene;
 use host::world::World;

@@ -3,7 +3,8 @@
 use host::engine::faults::{FaultKind, HostFault};
 use host::live::frame::{EventKind, Frame};
 use host::live::gather::{Gatherer, TickView};
-use host::log::{TickRow, read_log};
+use host::log::read_log;
+use host::record::TickRow;
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run_watched};

@@ -3,7 +3,8 @@
 //! The fields are listed by destructuring the records without `..`. A field that is added to a record and not to this
 //! list is a compile error.
 
-use host::log::{Log, TickRow};
+use host::log::Log;
+use host::record::TickRow;
 use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};

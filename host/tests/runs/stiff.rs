@@ -3,8 +3,9 @@
 
 use host::engine::plan::{BodyPlan, renderable};
 use host::engine::rehearsal::Rehearsal;
+use host::engine::unrendered::StiffSummary;
 use host::log::Log;
-use host::run::summary::{RunSummary, StiffSummary};
+use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
 use host::world::{World, condense};

@@ -5,10 +5,10 @@
 //! gigabyte for each twenty minutes. A file that is there already is used again.
 
 use fuzz_rules::changed::Mutator;
-use host::live::Surface;
 use host::live::gather::Gatherer;
 use host::log::overview::OverviewBuilder;
 use host::log::{BodyFrame, LogHeader, LogWriter};
+use host::record::Surface;
 use host::run::Clock;
 use host::scene::Scene;
 use host::world::World;
@@ -80,7 +80,7 @@ fn write(path: &Path, seconds: u64) -> Result<(), Box<dyn std::error::Error>> {
         ..LogHeader::default()
     };
     let world = World::new(&loaded)?;
-    let surface = Surface::new(0, &world.bodies[0]);
+    let surface = Surface::of_mesh(0, world.bodies[0].body.epoch(), &world.bodies[0].mesh);
     let mut overview = OverviewBuilder::new(Gatherer::new(&loaded, Clock::Real));
     let file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     let mut log = LogWriter::create(file, &header)?;

@@ -1,8 +1,9 @@
 //! A moment as a picture (SVG, PNG) and as tables (CSV).
 
 use crate::history::History;
-use host::live::{Folded, Frame, Hello, Range, Surface, Vertices};
+use host::live::{Folded, Frame, Hello, Range, Vertices};
 use host::plot::{HandMark, MomentPicture, Ribbons, Shape, moment_svg};
+use host::record::Surface;
 use host::table::quoted;
 use std::fmt::Write as _;
 

@@ -4,9 +4,10 @@ use crate::feed::{Command, Feed, FeedError};
 use host::live::frame::{FoldedBody, FoldedHand, PROTOCOL};
 use host::live::{
     Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
-    Hello, HostState, Message, Range, Surface, Totals, Vertices,
+    Hello, HostState, Message, Range, Totals, Vertices,
 };
-use host::run::summary::Distribution;
+use host::record::Distribution;
+use host::record::Surface;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 

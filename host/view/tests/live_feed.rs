@@ -3,8 +3,9 @@
 use host::live::slot::Watchers;
 use host::live::socket::{Listener, Server, Update};
 use host::live::{
-    BodyState, Folded, Frame, Hello, Message, MessageError, Surface, Vertices, frame::PROTOCOL,
+    BodyState, Folded, Frame, Hello, Message, MessageError, Vertices, frame::PROTOCOL,
 };
+use host::record::Surface;
 use std::error::Error;
 use std::io::Write;
 use std::os::unix::net::UnixListener;

@@ -7,7 +7,8 @@ mod browser;
 
 use host::engine::faults::{FaultKind, HostFault};
 use host::log::index::LogIndex;
-use host::log::{TickRow, read_log};
+use host::log::read_log;
+use host::record::TickRow;
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;

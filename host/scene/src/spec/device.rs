@@ -3,6 +3,7 @@
 use super::{Hand, Rotation, one};
 use crate::check;
 use devices::Connection;
+use nalgebra::UnitQuaternion;
 use serde::Deserialize;
 
 /// `[[device]]`: a haptic device, and the hand of a simulated one.
@@ -111,6 +112,14 @@ pub struct Mounting {
     /// The rotation from the device's axes to those of the scene. Default: the axes are parallel.
     #[serde(deserialize_with = "check::optional_table")]
     pub rotation: Option<Rotation>,
+}
+
+impl Mounting {
+    /// The rotation from the device's axes to those of the scene.
+    pub fn turn(&self) -> UnitQuaternion<f64> {
+        self.rotation
+            .map_or_else(UnitQuaternion::identity, Rotation::quaternion)
+    }
 }
 
 /// Time in which the force of a device comes in, where the scene gives none (s).

@@ -11,7 +11,6 @@ pub use stages::{Stage, in_words, stages};
 use super::choice::{Choice, choose};
 use super::stiff::Renderable;
 use super::virtual_coupling::Link;
-use crate::run::prepare;
 use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName, Starts, TearLawName};
 use crate::world::{self, Grasp, Kind, TearSpec, World};
@@ -201,7 +200,7 @@ pub fn renderable(loaded: &LoadedScene) -> Vec<Renderable> {
                         motion_scale: device.motion_scale,
                         ..DeviceFrame::at(Vec3::zeros())
                     };
-                    let port = prepare::port(model, f64::INFINITY, &frame, period);
+                    let port = world::port(model, f64::INFINITY, &frame, period);
                     [port.most_damping, port.most_turning_damping].map(|most| most / held)
                 } else {
                     [f64::INFINITY; 2]

@@ -2,9 +2,9 @@
 
 use super::{BodyPlan, TearPlan};
 use crate::engine::parting::FAR;
-use crate::run::prepare;
 use crate::scene::spec::{Scene, SolverName, Starts, TearLawName};
 use crate::world::Kind;
+use crate::world::scheme;
 
 /// One stage of the host step.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -227,7 +227,7 @@ fn condense(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
     let why = format!(
         "scheme \"{}\" extrapolates with stiffness, damping and drift, {}, at {} Hz; the shapes are updated with the \
          frozen factor",
-        prepare::scheme(scene).name(),
+        scheme(scene).name(),
         motions(bodies),
         scene.host.publish_rate,
     );

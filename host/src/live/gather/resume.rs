@@ -2,7 +2,7 @@
 //! of a log without the ticks before it.
 
 use super::{Event, Folded, Gatherer, TickView};
-use crate::run::device_totals::DeviceTotals;
+use crate::record::totals::DeviceTotals;
 use serde::{Deserialize, Serialize};
 
 /// The sums over the ticks up to some tick. They have no histograms.

@@ -3,8 +3,8 @@
 //! A number that is not finite, which only a damaged log holds, becomes zero, because a message has finite numbers only.
 
 use crate::live::{BodyState, Hand};
-use crate::log::energy_sums;
-use crate::run::device_totals::DeviceTotals;
+use crate::record::energy_sums;
+use crate::record::totals::DeviceTotals;
 use rt_core::Vec3;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 

@@ -1,7 +1,7 @@
 //! A tick as a gatherer takes it, from a run or from a log.
 
-use crate::log::{LoggedReading, TickRow};
-use crate::run::device_totals::place;
+use crate::record::totals::place;
+use crate::record::{LoggedReading, TickRow};
 use rt_core::controller::Reading;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::{MAX_DEVICES, Telemetry, Vec3};

@@ -2,7 +2,7 @@ use super::*;
 use crate::live::Vertices;
 use crate::live::frame::Folded;
 use crate::live::gather::tests::{gatherer, tick};
-use crate::run::Clock;
+use crate::record::Clock;
 use proptest::prelude::*;
 use rt_core::Vec3;
 use rt_core::safety::SafetyState;

@@ -1,7 +1,8 @@
 //! What all viewers of a run are sent. A message is encoded once for all viewers that need the same bytes.
 
-use super::super::frame::{Frame, Hello, Surface, Vertices};
+use super::super::frame::{Frame, Hello, Vertices};
 use super::super::message::Message;
+use crate::record::Surface;
 use std::cell::OnceCell;
 use std::rc::Rc;
 

@@ -1,12 +1,10 @@
 //! The content of one chunk.
 
 use super::{Chunk, IndexError};
-use crate::live::Surface;
 use crate::log::read::same_fields;
-use crate::log::{
-    BodyFrame, LogError, ModelRow, TickRow, body, chunks, cloud, model, record, tear, tick,
-};
-use crate::run::tears::TearEvent;
+use crate::log::{BodyFrame, LogError, ModelRow, body, chunks, cloud, model, record, tear, tick};
+use crate::record::TearEvent;
+use crate::record::{Surface, TickRow};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};

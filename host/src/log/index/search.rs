@@ -2,8 +2,8 @@
 
 use super::decode::Content;
 use super::{Chunk, IndexError, LogIndex};
-use crate::live::Surface;
-use crate::log::{BodyFrame, TickRow, body_topic};
+use crate::log::{BodyFrame, body_topic};
+use crate::record::{Surface, TickRow};
 use std::io::{Read, Seek};
 use std::sync::Arc;
 

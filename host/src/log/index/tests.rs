@@ -1,10 +1,11 @@
 use super::{IndexError, LogIndex, Place};
-use crate::live::Surface;
 use crate::live::gather::Gatherer;
 use crate::log::overview::{MOST_EVENTS, Overview, OverviewBuilder};
 use crate::log::tests::{header, log, telemetry};
-use crate::log::{BodyFrame, Log, LogError, LogWriter, TickRow};
-use crate::run::Clock;
+use crate::log::{BodyFrame, Log, LogError, LogWriter};
+use crate::record::Clock;
+use crate::record::Surface;
+use crate::record::TickRow;
 use crate::scene::Scene;
 use proptest::prelude::*;
 use rt_core::Telemetry;

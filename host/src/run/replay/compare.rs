@@ -1,6 +1,6 @@
 //! Compares two records of one tick, field by field and bit by bit.
 
-use crate::log::{TickRow, energy_sums};
+use crate::record::{TickRow, energy_sums};
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;

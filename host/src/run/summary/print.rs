@@ -1,8 +1,7 @@
 //! The summary for people, one line for each subject.
 
-use super::{
-    DeviceSummary, Distribution, EnergySummary, HeldBackSummary, PlaceSummary, RunSummary,
-};
+use super::{DeviceSummary, EnergySummary, HeldBackSummary, PlaceSummary, RunSummary};
+use crate::record::Distribution;
 use std::fmt;
 
 /// Most events that are printed; `--json` writes all of them.

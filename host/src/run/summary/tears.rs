@@ -1,7 +1,7 @@
 //! The tears of a body in the summary of a run.
 
-use super::Distribution;
 use crate::engine::tears::BodyTears;
+use crate::record::Distribution;
 use crate::run::tear_force::TearForce;
 use serde::Serialize;
 use std::fmt;

@@ -1,7 +1,8 @@
 //! What a feed keeps of a run, for displays that join later.
 
 use crate::history::History;
-use host::live::{Folded, Frame, Hello, Message, Surface};
+use host::live::{Folded, Frame, Hello, Message};
+use host::record::Surface;
 use std::collections::BTreeMap;
 
 /// Length of the curves that are kept (s).

@@ -97,7 +97,7 @@ fn run_to(scene: &str, time: f64) -> Result<Seen, Box<dyn std::error::Error>> {
         hello: Hello::new(Source::Run, &world, facts(&loaded, &options, 1)),
         surfaces: (0..)
             .zip(&world.bodies)
-            .map(|(k, b)| Surface::new(k, b))
+            .map(|(k, b)| Surface::of_mesh(k, b.body.epoch(), &b.mesh))
             .collect(),
         frame,
         history,

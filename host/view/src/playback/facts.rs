@@ -4,9 +4,10 @@ use super::{Player, PlayerError, SPAN};
 use crate::history::History;
 use crate::stress::Stresses;
 use host::live::gather::Gatherer;
-use host::live::{Frame, Hello, Message, Source, Surface};
+use host::live::{Frame, Hello, Message, Source};
 use host::log::index::{IndexError, LogIndex};
 use host::log::overview::{Overview, OverviewBuilder};
+use host::record::Surface;
 use host::run::Clock;
 use host::scene::Scene;
 use host::world::World;
@@ -66,7 +67,7 @@ impl<R: Read + Seek + Send> Player<R> {
             bodies: loaded.scene.bodies.iter().map(|b| b.name.clone()).collect(),
             rest: (0..)
                 .zip(&world.bodies)
-                .map(|(index, built)| Surface::new(index, built))
+                .map(|(index, built)| Surface::of_mesh(index, built.body.epoch(), &built.mesh))
                 .collect(),
             gatherer: gatherer.clone(),
         };

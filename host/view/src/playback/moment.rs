@@ -1,7 +1,8 @@
 //! The frame of the tick that is shown.
 
 use super::{Player, PlayerError};
-use host::live::{EventKind, Frame, Message, Surface, Totals, Vertices};
+use host::live::{EventKind, Frame, Message, Totals, Vertices};
+use host::record::Surface;
 use std::io::{Read, Seek};
 
 impl<R: Read + Seek + Send> Player<R> {

@@ -2,9 +2,8 @@
 
 use crate::history::History;
 use crate::moment::Shown;
-use host::live::{
-    Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Surface, Vertices,
-};
+use host::live::{Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Vertices};
+use host::record::Surface;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 

@@ -4,7 +4,7 @@ use super::format::{count, fit, moment, scaled, time};
 use super::model::{Model, kind};
 use super::palette::Palette;
 use host::live::Event;
-use host::run::summary::Distribution;
+use host::record::Distribution;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};

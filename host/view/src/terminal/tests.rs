@@ -11,8 +11,9 @@ use crate::feed::{Command, Feed};
 use crate::synthetic::Synthetic;
 use host::live::{
     Bins, BodyState, Event, EventKind, Folded, Frame, Hand, Hello, Message, Playback, Range,
-    Source, Surface, Vertices,
+    Source, Vertices,
 };
+use host::record::Surface;
 use proptest::prelude::*;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;

@@ -4,14 +4,15 @@
 //! viewer is connected, it makes up to sixty frames a second of the wall clock, adds the newest positions of the slot, and
 //! gives the frames to the thread of the viewers without waiting.
 
-use super::connectivity::after_change;
-use super::frame::{Frame, HostState, LogMessage, Surface};
-use super::gather::Gatherer;
-use super::merge::MAX_LOG;
-use super::rate::Rate;
-use super::slot::{Moment, SlotReader, Watchers};
-use super::socket::{Update, UpdateSender};
+use crate::live::connectivity::after_change;
+use crate::live::frame::{Frame, HostState, LogMessage};
+use crate::live::gather::Gatherer;
+use crate::live::merge::MAX_LOG;
+use crate::live::rate::Rate;
+use crate::live::slot::{Moment, SlotReader, Watchers};
+use crate::live::socket::{Update, UpdateSender};
 use crate::log;
+use crate::record::Surface;
 use crate::run::observer::{Observed, Observer};
 use crate::run::tears::TearEvents;
 use runner::LatencyReader;

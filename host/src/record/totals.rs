@@ -1,7 +1,6 @@
 //! The totals of one device over the ticks of a run. The summary and the frames for viewers use the same code, so that
 //! their numbers are equal.
 
-use crate::scene::spec::{Device, Rotation};
 use nalgebra::UnitQuaternion;
 use rt_core::Vec3;
 use rt_core::controller::Reading;
@@ -44,11 +43,10 @@ pub(crate) struct DeviceSum {
 }
 
 impl DeviceSum {
-    /// A sum for a device of the scene.
-    pub(crate) fn new(device: &Device) -> Self {
+    /// A sum for a device, with the rotation from its axes to those of the scene.
+    pub(crate) fn new(rotation: UnitQuaternion<f64>) -> Self {
         Self {
-            rotation: (device.mounting.rotation)
-                .map_or_else(Default::default, Rotation::quaternion),
+            rotation,
             totals: DeviceTotals::default(),
             start: None,
             place: None,

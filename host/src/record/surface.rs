@@ -4,22 +4,41 @@
 //! corners of such a face run counterclockwise seen from outside. A quadratic face has a vertex at the middle of each edge
 //! and is divided into four triangles, so the surface bends with the face.
 
-use super::Surface;
-use crate::world::Built;
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, Mesh};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// The corners of the four faces of a tetrahedron, counterclockwise seen from outside. The volume
 /// `(x1 - x0) x (x2 - x0) . (x3 - x0)` of a tetrahedron is positive.
 const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 
-impl Surface {
-    /// The surface of the body of index `body`, as it is at rest.
-    pub fn new(body: usize, built: &Built) -> Self {
-        Self::of_mesh(body, built.body.epoch(), &built.mesh)
-    }
+/// The connectivity of a body as a person sees it: sent before the first frame of each topology epoch.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Surface {
+    /// Index of the body.
+    pub body: u32,
+    /// Topology epoch.
+    pub epoch: u32,
+    /// Number of vertices of the body, including those inside.
+    pub vertices: u32,
+    /// Number of triangles.
+    pub triangle_count: u32,
+    /// Number of lines.
+    pub line_count: u32,
+    /// Positions at rest (m), three numbers a vertex. In the binary part, as are the next two.
+    #[serde(skip)]
+    pub rest: Vec<f32>,
+    /// The triangles of a sheet, or of the boundary of a solid, whose corners run counterclockwise seen from outside:
+    /// three vertices each. A quadratic face is divided into four triangles.
+    #[serde(skip)]
+    pub triangles: Vec<u32>,
+    /// The bars of a thread: two vertices each.
+    #[serde(skip)]
+    pub lines: Vec<u32>,
+}
 
+impl Surface {
     /// The surface of a mesh, for the body of index `body` in this topology epoch.
     pub fn of_mesh(body: usize, epoch: u64, mesh: &Mesh) -> Self {
         let (triangles, lines) = match mesh {
@@ -171,7 +190,7 @@ mod tests {
     fn a_sheet_shows_its_triangles_and_a_thread_its_bars() {
         let sheet = Scene::embedded_default().expect("the scene is sound");
         let sheet = &World::new(&sheet).expect("a world").bodies[0];
-        let surface = Surface::new(0, sheet);
+        let surface = Surface::of_mesh(0, 0, &sheet.mesh);
         let elements = sheet.body.element_count();
         assert_eq!(surface.triangle_count as usize, elements);
         assert_eq!(surface.vertices as usize, sheet.body.vertex_count());
@@ -184,7 +203,7 @@ mod tests {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/thread.toml");
         let thread = Scene::load(path.as_ref()).expect("the scene is sound");
         let thread = &World::new(&thread).expect("a world").bodies[0];
-        let surface = Surface::new(0, thread);
+        let surface = Surface::of_mesh(0, 0, &thread.mesh);
         assert_eq!(surface.line_count as usize, thread.body.element_count());
         assert_eq!(surface.lines.len(), 2 * thread.body.element_count());
         assert!(surface.triangles.is_empty());

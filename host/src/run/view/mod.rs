@@ -1,15 +1,18 @@
 //! A run that viewers watch: joins the host's slot, the observer and the thread of the viewers.
 
-use super::gather::Gatherer;
-use super::observer::{Frames, Rest, TickTime, ViewObserver};
-use super::slot::{Moment, SlotWriter, Watchers, slot};
-use super::socket::{Listener, Server, Update};
-use super::{Hello, Source, Surface};
+mod observer;
+
 use crate::engine::Engine;
+use crate::live::gather::Gatherer;
+use crate::live::slot::{Moment, SlotWriter, Watchers, slot};
+use crate::live::socket::{Listener, Server, Update};
+use crate::live::{Hello, Source};
+use crate::record::Surface;
 use crate::run::prepare::HostSide;
 use crate::run::summary::RunSummary;
 use crate::run::{RunError, RunOptions, facts};
 use crate::world::World;
+use observer::{Frames, Rest, TickTime, ViewObserver};
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -18,7 +21,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewOptions {
     /// Path of the socket. `None` for this process's own path in the folder of the user
-    /// ([`address::of_this_process`](super::socket::address::of_this_process)).
+    /// ([`address::of_this_process`](crate::live::socket::address::of_this_process)).
     pub socket: Option<PathBuf>,
     /// Seconds of a run in virtual time for each second of the wall clock. Zero: as fast as possible.
     pub pace: f64,
@@ -58,7 +61,7 @@ impl Session {
         hello.duration = options.duration.unwrap_or(hello.duration);
         let mut surfaces: Vec<_> = (0..)
             .zip(&world.bodies)
-            .map(|(index, built)| Surface::new(index, built))
+            .map(|(index, built)| Surface::of_mesh(index, built.body.epoch(), &built.mesh))
             .collect();
         for (surface, body) in surfaces.iter_mut().zip(engine.bodies()) {
             surface.epoch = body.body().epoch() as u32;
@@ -114,7 +117,7 @@ fn identity() -> u64 {
 
 /// Gives a frame the totals of the summary. The frame has counted the ticks whose record arrived; the summary counts all
 /// ticks.
-fn take_totals(frame: &mut super::Frame, summary: &RunSummary) {
+fn take_totals(frame: &mut crate::live::Frame, summary: &RunSummary) {
     let (totals, tick) = (&mut frame.totals, &summary.tick);
     totals.ticks = tick.count;
     totals.missed = tick.missed_deadlines;

@@ -1,0 +1,34 @@
+//! Records: what a run tells of itself, as plain data.
+//!
+//! The host makes them; the log, the viewers, the tables and the summary take them. This room stands at the ground of the host:
+//! it imports no other of its rooms.
+
+mod surface;
+pub mod tear;
+pub mod tick;
+mod times;
+pub mod totals;
+
+pub use surface::Surface;
+pub use tear::TearEvent;
+pub use tick::{LoggedReading, ReadFault, TickRow, energy_sums};
+pub use times::Distribution;
+
+/// Which clock a run follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// Virtual time: exact, repeatable, and as fast as the machine computes.
+    Virtual,
+    /// The machine's monotonic clock.
+    Real,
+}
+
+impl Clock {
+    /// Its name in logs and summaries.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Virtual => "virtual",
+            Self::Real => "real",
+        }
+    }
+}
