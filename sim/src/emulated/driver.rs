@@ -108,6 +108,9 @@ impl Driver {
     }
 
     /// The reading of the tick at `now_ns`.
+    ///
+    /// # Errors
+    /// If the device has no new state.
     pub fn read(&mut self, link: &Link, now_ns: u64) -> Reading {
         match self {
             Self::Exchanged(thread) => {

@@ -151,6 +151,9 @@ pub struct World {
 
 impl World {
     /// The world of `device`, which speaks `protocol`, with a fault whose choices come from `random`.
+    ///
+    /// # Panics
+    /// If WoodenHaptics is refused, which its built-in geometry never causes.
     pub fn new(protocol: Protocol, device: SimDevice, fault: Injected, random: Pcg64) -> Self {
         let emulated = match protocol {
             Protocol::Reports | Protocol::Stream => {
@@ -441,7 +444,7 @@ impl Link {
     }
 
     /// Opens the connection.
-    pub fn open(&self) -> Result<Self, i32> {
+    pub(crate) fn open(&self) -> Result<Self, i32> {
         let mut world = self.world();
         if world.is_unplugged() {
             return Err(NO_DEVICE);
@@ -453,7 +456,7 @@ impl Link {
     }
 
     /// The next report that has come; zero where none waits.
-    pub fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
+    pub(crate) fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
         let mut world = self.world();
         let now_ns = world.now_ns;
         Ok(world

@@ -8,7 +8,7 @@
 mod device;
 mod terminal;
 
-use super::{CommandError, Declared, Runs, number, run_study};
+use super::{CommandError, Declared, Plain, number, run_study};
 use device::{NONE, Watched};
 use host::log::Log;
 use host::run::replay::{replay, scene_of};
@@ -240,7 +240,7 @@ struct Study {
     round: Vec<(Held, Way)>,
 }
 
-pub(super) fn run(asked: &Runs) -> Result<(), CommandError> {
+pub(super) fn run(asked: &Plain) -> Result<(), CommandError> {
     let _held = asked.cells.declare(Declared::default()).check()?;
     let round = round(asked.quick);
     let runs = number(asked.runs, asked.quick, RUNS);

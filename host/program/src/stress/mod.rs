@@ -41,13 +41,13 @@ enum Study {
         mut_arg("runs", |runs| runs.help("Number of runs of each fault on each protocol. Default: 100, or 1 with --quick")),
         mut_arg("quick", |quick| quick.help("Run each fault on each protocol once"))
     )]
-    Connections(Runs),
+    Connections(Plain),
     /// End commands that hold a device by signals and closed terminals, and watch the force of the device
     #[command(
         mut_arg("runs", |runs| runs.help("Number of runs of each way out of each command. Default: 3, or 1 with --quick")),
         mut_arg("quick", |quick| quick.help("Run a few ways out of a few commands once"))
     )]
-    Endings(Runs),
+    Endings(Plain),
     /// Press, hold, rub and shake every kind of body without faults, and compare the force with that of the body
     Hold(hold::HoldArguments),
     /// Run a scene with many kinds of hands, rates and faults, under each scheme
@@ -90,7 +90,7 @@ struct CellArguments {
 
 /// The arguments of a study that has no others.
 #[derive(Clone, Debug, clap::Args)]
-struct Runs {
+struct Plain {
     /// Number of runs
     #[arg(long, value_name = "N", value_parser = cells)]
     runs: Option<u64>,
@@ -101,7 +101,7 @@ struct Runs {
     cells: CellArguments,
 }
 
-impl Runs {
+impl Plain {
     /// Runs the study that `new` makes of a seed and a number of runs: one of the `numbers` of a whole study and of a quick
     /// one, if the person gives no number.
     fn run<S: stress::Study>(

@@ -19,7 +19,7 @@ mod study;
 pub mod tearing;
 pub mod wall;
 
-pub use study::{Done, Entry, Quantity, Study, Verdict};
+pub use study::{Done, Entry, Found, Quantity, Study, Verdict};
 
 /// The studies.
 pub const STUDIES: &[Entry] = &[

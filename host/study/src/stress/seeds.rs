@@ -4,7 +4,7 @@
 //! the study. Their spread over the seeds shows which of their differences, between two schemes say, mean anything.
 
 use super::jobs::{self, Header, JobError};
-use super::{Quantity, STUDIES};
+use super::{Entry, Quantity, STUDIES};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -79,7 +79,7 @@ pub enum SeedsError {
         seed: u64,
     },
     /// A study whose results this program does not compare.
-    #[error("{}: found the study {study:?}, allowed: {}", path.display(), compared())]
+    #[error("{}: found the study {study:?}, allowed: {}", path.display(), names())]
     Unknown {
         /// The file.
         path: PathBuf,
@@ -209,21 +209,22 @@ fn difference(first: &Header, other: &Header) -> Option<String> {
 
 /// The number of cells of a file, and its quantities.
 fn values(path: &Path, header: &Header) -> Result<(u64, Vec<Quantity>), SeedsError> {
-    let study = STUDIES.iter().find(|study| study.name == header.study);
-    let found = study.map(|study| (study.read)(path, header)).transpose()?;
-    match found {
-        Some((cells, Some(quantities))) => Ok((cells, quantities)),
-        _ => Err(SeedsError::Unknown {
+    match compared().find(|study| study.name == header.study) {
+        Some(study) => Ok((study.read)(path, header)?),
+        None => Err(SeedsError::Unknown {
             path: path.to_owned(),
             study: header.study.clone(),
         }),
     }
 }
 
-/// The names of the studies whose seeds are compared.
-fn compared() -> String {
-    let compared = STUDIES.iter().filter(|study| (study.is_compared)());
-    let names: Vec<_> = compared.map(|study| study.name).collect();
+/// The studies whose seeds are compared.
+fn compared() -> impl Iterator<Item = &'static Entry> {
+    STUDIES.iter().filter(|study| study.is_compared)
+}
+
+fn names() -> String {
+    let names: Vec<_> = compared().map(|study| study.name).collect();
     names.join(", ")
 }
 

@@ -21,6 +21,8 @@ pub trait Study: Sync {
     const NAME: &'static str;
     /// Version of the layout of the results.
     const SCHEMA: u32;
+    /// Whether results of several seeds are compared.
+    const COMPARED: bool = false;
 
     /// The seed of every random choice.
     fn seed(&self) -> u64;
@@ -52,9 +54,9 @@ pub trait Study: Sync {
         None
     }
 
-    /// The quantities that are compared over seeds; none for a study that is not compared.
-    fn quantities(_cells: &BTreeMap<u64, Self::Outcome>) -> Option<Vec<Quantity>> {
-        None
+    /// The quantities that are compared over seeds, if the study is [`COMPARED`](Self::COMPARED).
+    fn quantities(_cells: &BTreeMap<u64, Self::Outcome>) -> Vec<Quantity> {
+        Vec::new()
     }
 
     /// The first line of the file of results.
@@ -140,6 +142,9 @@ pub(super) fn quantities(
     values.collect()
 }
 
+/// The number of cells of a file of results, and its quantities.
+pub type Found = Result<(u64, Vec<Quantity>), JobError>;
+
 /// A study as the commands that treat all studies alike know it: the comparison of seeds, and the page on JSON.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
@@ -147,11 +152,10 @@ pub struct Entry {
     pub name: &'static str,
     /// The path of the type of its results.
     pub outcome: fn() -> &'static str,
-    /// Number of cells and quantities of the file of results at a path, whose header is given; no quantities for a study
-    /// that is not compared.
-    pub read: fn(&Path, &Header) -> Result<(u64, Option<Vec<Quantity>>), JobError>,
-    /// Whether seeds of the study are compared.
-    pub is_compared: fn() -> bool,
+    /// Whether results of several seeds are compared.
+    pub is_compared: bool,
+    /// Reads the file of results at a path, whose header is given.
+    pub read: fn(&Path, &Header) -> Found,
 }
 
 impl Entry {
@@ -160,11 +164,11 @@ impl Entry {
         Self {
             name: S::NAME,
             outcome: std::any::type_name::<S::Outcome>,
+            is_compared: S::COMPARED,
             read: |path, header| {
                 let cells = jobs::read::<S::Outcome>(path, header)?;
                 Ok((cells.len() as u64, S::quantities(&cells)))
             },
-            is_compared: || S::quantities(&BTreeMap::new()).is_some(),
         }
     }
 }

@@ -40,6 +40,7 @@ impl stress::Study for Holds {
     type Outcome = CellResult;
     const NAME: &'static str = "hold";
     const SCHEMA: u32 = 2;
+    const COMPARED: bool = true;
 
     fn seed(&self) -> u64 {
         self.study.seed
@@ -73,8 +74,8 @@ impl stress::Study for Holds {
         Some(picture::holds(cells))
     }
 
-    fn quantities(cells: &BTreeMap<u64, CellResult>) -> Option<Vec<Quantity>> {
-        Some(quantities_of(cells))
+    fn quantities(cells: &BTreeMap<u64, CellResult>) -> Vec<Quantity> {
+        quantities_of(cells)
     }
 }
 

@@ -101,6 +101,7 @@ impl stress::Study for Worlds {
     type Outcome = CellResult;
     const NAME: &'static str = "scene";
     const SCHEMA: u32 = 4;
+    const COMPARED: bool = true;
 
     fn seed(&self) -> u64 {
         self.seed
@@ -181,8 +182,8 @@ impl stress::Study for Worlds {
         Some(picture::distributions(&self.name, cells))
     }
 
-    fn quantities(cells: &BTreeMap<u64, CellResult>) -> Option<Vec<Quantity>> {
-        Some(quantities_of(cells))
+    fn quantities(cells: &BTreeMap<u64, CellResult>) -> Vec<Quantity> {
+        quantities_of(cells)
     }
 }
 

@@ -190,6 +190,7 @@ impl stress::Study for Study {
     type Outcome = Outcome;
     const NAME: &'static str = "wall";
     const SCHEMA: u32 = 2;
+    const COMPARED: bool = true;
 
     fn seed(&self) -> u64 {
         self.seed
@@ -249,8 +250,8 @@ impl stress::Study for Study {
         Some(picture::map(cells))
     }
 
-    fn quantities(cells: &BTreeMap<u64, Outcome>) -> Option<Vec<Quantity>> {
-        Some(quantities_of(cells))
+    fn quantities(cells: &BTreeMap<u64, Outcome>) -> Vec<Quantity> {
+        quantities_of(cells)
     }
 }
 
