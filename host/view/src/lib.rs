@@ -7,7 +7,8 @@
 //! ```
 //!
 //! A **feed** ([`feed::Feed`]) gives the messages of [`host::live`], and takes the commands of the person who looks. A
-//! feed from a run ([`live`]) sends nothing to the run: its commands act on the viewer alone.
+//! feed from a run ([`live`]) sends nothing to the run: its commands act on the viewer alone. The page and the server for
+//! other viewers stand behind one [`door`].
 #![forbid(unsafe_code)]
 
 pub mod door;

@@ -256,21 +256,27 @@ fn a_viewer_that_confirms_nothing_gets_two_frames_and_slows_nobody() {
     }
     // Everything that was sent to the idle viewer up to the answer to its command.
     idle.send(Packet::text(r#"{"do":"nonsense"}"#)).unwrap();
-    let mut frames = 0;
+    let mut frames = Vec::new();
     loop {
         match idle.read().unwrap() {
-            Packet::Binary(bytes) => frames += u32::from(bytes[0] == 3),
+            Packet::Binary(bytes) => {
+                if let Message::Frame(frame) = Message::decode(&bytes).unwrap() {
+                    frames.push(frame);
+                }
+            }
             Packet::Text(_) => break,
             _ => {}
         }
     }
-    assert_eq!(frames, 2);
+    assert_eq!(frames.len(), 2);
     idle.send(Packet::text(r#"{"do":"drawn"}"#)).unwrap();
     let Message::Frame(merged) = next(&mut idle, 3) else {
         unreachable!()
     };
-    assert!(merged.dropped > 200, "{} dropped", merged.dropped);
-    assert_eq!(merged.folded.ticks, 16 * (merged.dropped + 1));
+    // A busy machine may have merged frames before the first was sent.
+    let dropped = merged.dropped - frames[1].dropped;
+    assert!(dropped > 200, "{dropped} dropped");
+    assert_eq!(merged.folded.ticks, 16 * (dropped + 1));
 }
 
 #[test]

@@ -44,9 +44,9 @@ use std::time::{Duration, Instant};
 use tungstenite::Message as Packet;
 
 /// Most clients with a WebSocket at a time.
-pub const CLIENTS: usize = 4;
+const CLIENTS: usize = 4;
 /// Most connections at a time, beside the WebSockets of the clients.
-pub const CONNECTIONS: usize = 32;
+const CONNECTIONS: usize = 32;
 /// Most different lines about clients that were refused.
 const LINES: usize = 20;
 
