@@ -6,7 +6,7 @@
 
 use crate::channel::Channel;
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters, Passed};
-use crate::device::{Device, DeviceError, DeviceState, Freedom};
+use crate::device::{Device, DeviceError, Freedom, Reading};
 use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::held_back::{HeldBackByBody, HeldBackByDevice};
@@ -155,9 +155,6 @@ impl Clone for Controller {
         *has_slips = source.has_slips;
     }
 }
-
-/// A device's reading in one tick: its state, or why there is none.
-pub type Reading = Result<DeviceState, DeviceError>;
 
 /// The time of a tick. A number of nanoseconds alone is the time of a tick that is not late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

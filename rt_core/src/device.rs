@@ -247,3 +247,6 @@ impl<D: Device + ?Sized> Device for &mut D {
         (**self).refused_wrenches()
     }
 }
+
+/// A device's reading in one tick: its state, or why there is none.
+pub type Reading = Result<DeviceState, DeviceError>;

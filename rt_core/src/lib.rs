@@ -68,7 +68,8 @@ pub mod velocity;
 
 pub use controller::{Controller, ControllerConfig, Stage, TickTime, cycle, cycle_watched};
 pub use device::{
-    Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe, Rendering,
+    Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe, Reading,
+    Rendering,
 };
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use held_back::{HeldBack, HeldBackByBody, HeldBackByDevice};

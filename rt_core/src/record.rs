@@ -1,8 +1,8 @@
 //! The records of a tick: a short one for the host, a full one for the log.
 
-use crate::controller::Reading;
 use crate::coupling::HostState;
 use crate::device::DeviceError;
+use crate::device::Reading;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::passivity::{EnergyAccount, Withheld};
 use crate::safety::SafetyState;

@@ -3,7 +3,8 @@
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use proptest::prelude::*;
-use rt_core::controller::{DeviceConfig, Reading, Stage, cycle, cycle_watched};
+use rt_core::Reading;
+use rt_core::controller::{DeviceConfig, Stage, cycle, cycle_watched};
 use rt_core::coupling::{CouplingConfig, HostState};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::local_model::ModelFault;

@@ -1,6 +1,7 @@
 //! The controller's record of the forces that it held back, against springs whose force is known.
 
-use rt_core::controller::{DeviceConfig, Reading};
+use rt_core::Reading;
+use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;

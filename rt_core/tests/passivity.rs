@@ -5,7 +5,8 @@
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use nalgebra::UnitQuaternion;
-use rt_core::controller::{DeviceConfig, Reading};
+use rt_core::Reading;
+use rt_core::controller::DeviceConfig;
 use rt_core::coupling::{Coupling, CouplingConfig, Passed};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;

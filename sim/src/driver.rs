@@ -2,9 +2,9 @@
 
 use crate::delayed::Delayed;
 use crate::device::SimDevice;
-use crate::emulated::fault::Protocol;
 use crate::firmware::Wired;
 use crate::hand::Hand;
+use crate::protocol::Protocol;
 use devices::{AnyDevice, Driver, Kind, OpenError, Request};
 use rt_core::Vec3;
 

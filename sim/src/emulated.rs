@@ -16,11 +16,12 @@ pub mod link;
 
 use crate::device::LONGEST_MOVE_NS;
 use crate::driver::Held;
+use crate::protocol::Protocol;
 use crate::{Hand, SimDevice, Trajectory};
 use devices::falcon::MOST_FORCE;
 use devices::{AnyDevice, Driver, Kind, OpenError, Request};
 use driver::Driver as Opened;
-use fault::{Injected, Kind as Fault, Protocol};
+use fault::{Injected, Kind as Fault};
 use link::{Link, World};
 use rand_pcg::Pcg64;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Vec3, Wrench};

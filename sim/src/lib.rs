@@ -26,6 +26,7 @@ pub mod energy;
 pub mod faulty;
 pub mod firmware;
 pub mod hand;
+pub mod protocol;
 pub mod tasks;
 pub mod trajectory;
 pub mod tremor;

@@ -8,8 +8,8 @@ use devices::{AnyDevice, DeviceModel, Registry, ReplayDevice, Request};
 use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
 use firmware_proto::report::{Model, StateReport, axes};
 use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Rendering, Vec3, Wrench};
-use sim::emulated::fault::Protocol;
 use sim::firmware::state_bytes;
+use sim::protocol::Protocol;
 use sim::{
     Delayed, EmulatedDriver, Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind,
     Tremor, Wired,

@@ -2,7 +2,7 @@
 
 use devices::{DeviceModel, Registry, Request};
 use rt_core::{Rendering, Vec3, Wrench};
-use sim::emulated::fault::Protocol;
+use sim::protocol::Protocol;
 use sim::{EmulatedDriver, Hand, Held, Trajectory};
 
 #[test]

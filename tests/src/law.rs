@@ -2,7 +2,8 @@
 //! turns, and models in which every block is full.
 
 use nalgebra::UnitQuaternion;
-use rt_core::controller::{DeviceConfig, Reading};
+use rt_core::Reading;
+use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;

@@ -24,6 +24,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod error;
 pub mod file;
 pub mod gmsh;
 mod lines;
@@ -43,4 +44,5 @@ pub mod write_gmsh;
 pub mod write_vtk;
 pub mod write_vtu;
 
-pub use file::{Choices, MeshFileError, Place, read, read_mesh, read_mesh_as, read_with_pattern};
+pub use error::{GmshError, MeshFileError, Place};
+pub use file::{Choices, read, read_mesh, read_mesh_as, read_with_pattern};

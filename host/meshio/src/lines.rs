@@ -1,6 +1,6 @@
 //! A text as lines of fields, with errors that name the place.
 
-use crate::file::Place;
+use crate::error::{MeshFileError, Place};
 use crate::text::quoted;
 use std::str::FromStr;
 
@@ -150,6 +150,16 @@ impl<'a> Fields<'a> {
             Ok(())
         } else {
             Err(self.unexpected("the end of the line"))
+        }
+    }
+}
+
+impl From<Unexpected> for MeshFileError {
+    fn from(error: Unexpected) -> Self {
+        Self::Syntax {
+            place: error.place,
+            expected: error.expected,
+            found: error.found,
         }
     }
 }

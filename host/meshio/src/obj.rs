@@ -16,7 +16,7 @@
 //!   edges with their angles). Curved surfaces are an error.
 //! - A backslash at the end of a line continues the statement on the next line.
 
-use crate::file::{MAX_GROUPS, MeshFileError, Place};
+use crate::error::{MAX_GROUPS, MeshFileError, Place};
 use crate::lines::{Fields, Lines};
 use crate::soup::{Fault, Soup};
 use crate::text::line_of;

@@ -6,7 +6,7 @@
 //!
 //! Many binary files begin with the word `solid`, so the length of the file tells which of the two it is.
 
-use crate::file::{MAX_GROUPS, MeshFileError, Place};
+use crate::error::{MAX_GROUPS, MeshFileError, Place};
 use crate::lines::Lines;
 use crate::merge;
 use crate::soup::{Fault, Soup};

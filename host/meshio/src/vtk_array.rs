@@ -2,7 +2,7 @@
 //!
 //! Numbers are parsed on demand. An array that is not encoded therefore takes no memory in addition to the file.
 
-use crate::file::{MeshFileError, Place};
+use crate::error::{MeshFileError, Place};
 use crate::text::{line_of, quoted_bytes};
 use std::borrow::Cow;
 use std::ops::Range;

@@ -2,7 +2,7 @@
 //!
 //! Source: "VTK File Formats" in the VTK documentation, and `vtkCellType.h` for the numbers of the types.
 
-use crate::file::{MeshFileError, Place, Wanted};
+use crate::error::{MeshFileError, Place, Wanted};
 use crate::soup::{Fault, Soup};
 use crate::soup_solid::{SolidFault, SolidSoup};
 use crate::soup_thread::{ThreadFault, ThreadSoup};

@@ -1,6 +1,6 @@
 //! Converts VTK's arrays of cell data to the fields of a mesh, for legacy and XML files alike.
 
-use crate::file::{MAX_FIELDS, MeshFileError, Place};
+use crate::error::{MAX_FIELDS, MeshFileError, Place};
 use crate::text::quoted;
 use crate::vtk_array::Array;
 use physics::mesh::{Field, Mesh};

@@ -13,7 +13,7 @@
 mod attributes;
 mod cursor;
 
-use crate::file::{MeshFileError, Place, Wanted, into_sheet};
+use crate::error::{MeshFileError, Place, Wanted, into_sheet};
 use crate::text::quoted;
 use crate::vtk_array::{Array, Scalar};
 use crate::vtk_cells::{Cells, POLYGON};

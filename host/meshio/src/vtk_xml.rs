@@ -16,7 +16,7 @@ mod data;
 mod document;
 mod tag;
 
-use crate::file::{MeshFileError, Place, Wanted, into_sheet};
+use crate::error::{MeshFileError, Place, Wanted, into_sheet};
 use crate::vtk_array::Array;
 use crate::vtk_cells::{Cells, POLYGON};
 use crate::vtk_fields;

@@ -1,6 +1,6 @@
 //! Fields from `$ElementData` of an MSH file: by the tags of elements, one value for each cell.
 
-use meshio::file::MAX_FIELDS;
+use meshio::error::MAX_FIELDS;
 use meshio::{read, read_mesh};
 use physics::mesh::{Field, Mesh};
 

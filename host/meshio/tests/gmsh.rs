@@ -1,7 +1,8 @@
 //! Reading MSH 4.1: a real file, a small one with every feature, and an error for each way to be wrong.
 
+use meshio::GmshError;
 use meshio::Place;
-use meshio::gmsh::{GmshError, MAX_GROUPS, parse, parse_bytes};
+use meshio::gmsh::{MAX_GROUPS, parse, parse_bytes};
 use physics::Vec3;
 use physics::mesh::{MeshError, TriMesh};
 use std::f64::consts::PI;

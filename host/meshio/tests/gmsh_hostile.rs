@@ -1,6 +1,7 @@
 //! No text makes the MSH reader panic, and what it accepts is a mesh.
 
-use meshio::gmsh::{GmshError, parse, parse_bytes};
+use meshio::GmshError;
+use meshio::gmsh::{parse, parse_bytes};
 use proptest::prelude::*;
 use proptest::sample::Index;
 

@@ -4,7 +4,7 @@
 //! and no knowledge of devices. A mesh is given as arrays, time as the length of a step, and every budget as a number
 //! of iterations. For this reason a run repeats to the byte.
 //!
-//! Each folder is a room. Rooms import downwards only, as `tests/rooms.rs` checks:
+//! Each folder is a room. Rooms import downwards only, as `tests/tests/rooms.rs` checks:
 //!
 //! - [`condense`]: the condensation of a body onto its handles.
 //! - [`motion`]: steps and equilibria of a body.

@@ -45,6 +45,8 @@ use threads::{Threads, awake};
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<HostBody>,
+    /// Number of threads that share a step.
+    count: usize,
     threads: Threads,
     stats: EngineStats,
 }
@@ -56,6 +58,7 @@ impl Engine {
         stats.tears = vec![TearReport::default(); bodies.len()];
         Self {
             bodies,
+            count: 1,
             threads: Threads::default(),
             stats,
         }
@@ -65,6 +68,7 @@ impl Engine {
     #[must_use]
     pub fn on(self, count: usize) -> Self {
         Self {
+            count,
             threads: Threads::new(count),
             ..self
         }
@@ -118,18 +122,18 @@ impl Engine {
         publish: &mut (dyn FnMut(usize, &LocalModel) + Send),
     ) {
         let threads = core::mem::take(&mut self.threads);
-        threads.run(|| awake(|| self.step_on(&threads, due, watch, publish)));
+        threads.run(|| awake(|| self.step_here(due, watch, publish)));
         self.threads = threads;
     }
 
-    fn step_on(
+    /// Makes a step on the present thread, which leads the others.
+    fn step_here(
         &mut self,
-        threads: &Threads,
         due: Due,
         watch: &dyn Stopwatch,
         publish: &mut dyn FnMut(usize, &LocalModel),
     ) {
-        let team = threads.team();
+        let team = threads::team(self.count);
         self.stats.steps += 1;
         let stats = &mut self.stats;
         for (index, body) in self.bodies.iter_mut().enumerate() {
@@ -143,7 +147,7 @@ impl Engine {
         self.stage(team, all.clone(), &|body| body.constrain(watch));
         self.stage(team, all, &|body| body.solve(watch));
         // One thread publishes the model of a body before it finishes the next body.
-        let beside = if threads.are_one() {
+        let beside = if self.count == 1 {
             1
         } else {
             self.bodies.len().max(1)

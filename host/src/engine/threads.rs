@@ -29,8 +29,6 @@ thread_local! {
 /// The threads of an engine. By default the caller's thread is alone.
 #[derive(Debug, Default)]
 pub struct Threads {
-    /// Whether there are to be others beside the caller's.
-    several: bool,
     /// `None` for the calling thread alone.
     pool: Option<ThreadPool>,
 }
@@ -42,21 +40,9 @@ impl Threads {
             .stack_size(runner::STACK)
             .num_threads(count)
             .thread_name(|index| format!("palpate-step-{index}"));
-        let several = count > 1;
         Self {
-            several,
-            pool: several.then(|| pool.build().ok()).flatten(),
+            pool: (count > 1).then(|| pool.build().ok()).flatten(),
         }
-    }
-
-    /// Whether the calling thread is to be alone.
-    pub(super) fn are_one(&self) -> bool {
-        !self.several
-    }
-
-    /// The team of the threads.
-    pub(super) fn team(&self) -> &'static dyn Team {
-        if self.several { &Pool } else { &Alone }
     }
 
     /// Does `work` on one of the threads. The others take the parts that `work` gives to its team.

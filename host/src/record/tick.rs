@@ -1,6 +1,6 @@
 //! One tick: the telemetry of devices and bodies, and the readings of the devices, from which a run is replayed.
 
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::{Corruption, DeviceError, DeviceState, EnergyAccount, Telemetry};
 use std::fmt;

@@ -2,8 +2,8 @@
 //! their numbers are equal.
 
 use nalgebra::UnitQuaternion;
+use rt_core::Reading;
 use rt_core::Vec3;
-use rt_core::controller::Reading;
 use rt_core::record::DeviceTelemetry;
 
 /// Totals of one device over a run. Forces act on the hand, in the axes of the scene.

@@ -7,9 +7,9 @@ use crate::world::World;
 use devices::registry::Notes;
 use devices::replay::fed;
 use devices::{AnyDevice, Kind, OpenError, Registry, Request};
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::{Capabilities, Vec3};
-use sim::emulated::fault::Protocol;
+use sim::protocol::Protocol;
 use sim::{Hand, Held};
 use std::sync::mpsc::Sender;
 

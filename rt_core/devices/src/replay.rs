@@ -1,6 +1,6 @@
 //! A device that returns the readings of a recorded run, one per tick.
 
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use std::sync::mpsc::{Sender, channel};
 

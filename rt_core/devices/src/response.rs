@@ -19,7 +19,7 @@
 )]
 
 use crate::models::DeviceModel;
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::{Freedom, Vec3, Wrench};
 
 /// Pulses of force, half of them in each direction.

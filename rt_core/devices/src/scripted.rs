@@ -1,7 +1,7 @@
 //! A device made of two functions: one reads, and the other writes. Tests script the device, and benchmarks record the
 //! calls.
 
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Wrench};
 
 /// A device whose calls run two functions. The functions themselves hold any data that an observer also reads.

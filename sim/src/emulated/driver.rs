@@ -1,8 +1,8 @@
 //! The driver of an emulated device, with its threads in virtual time.
 
-use super::fault::Protocol;
 use super::link::{IMAGE, Link};
 use crate::DeviceModel;
+use crate::protocol::Protocol;
 use core::num::NonZeroU32;
 use devices::exchange::{Gate, RETRY, let_go_after};
 use devices::falcon::{Falcon, Firmware, Settings, Tries};
@@ -11,7 +11,7 @@ use devices::hid::Reports;
 use devices::serial::Serial;
 use devices::woodenhaptics::{Setup, WoodenHaptics};
 use devices::{Exchange, Transport};
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::{DeviceError, Freedom, Vec3, Wrench};
 use std::collections::VecDeque;
 use std::path::Path;

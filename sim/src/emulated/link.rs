@@ -3,9 +3,10 @@
 //! The world of a run is the device, the bytes on their way, and the time. Everything that a driver does takes its time
 //! there. The fault changes the packets on their way, or the device itself.
 
-use super::fault::{Injected, Kind, Protocol};
+use super::fault::{Injected, Kind};
 use crate::emulate::falcon::{Falcon, Settings};
 use crate::emulate::{Emulator, Firmware, Framing, WoodenHaptics};
+use crate::protocol::Protocol;
 use crate::{NetEnergy, SimDevice};
 use devices::Transport;
 use devices::ftdi::{PACKET, STATUS, Setup, Usb};

@@ -18,7 +18,7 @@ use common::tables_wanted;
 use divan::{Bencher, black_box};
 use palpate_tests::law::{HANDLES, Limits, SCHEMES, law, model, reading, scheme};
 use rt_core::MAX_DEVICES;
-use rt_core::controller::Reading;
+use rt_core::Reading;
 
 /// Ticks until every smooth start has ended.
 const SETTLE: usize = 300;

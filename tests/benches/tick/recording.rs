@@ -4,7 +4,7 @@ use devices::Scripted;
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
 use palpate_tests::default_session;
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::{LocalModel, Wrench};
 use runner::{AnyDevice, TickLoop};
 use std::mem::take;

@@ -3,7 +3,7 @@
 use palpate_tests::law::{
     AGE_LIMIT_NS, HANDLES, Limits, MODEL_NS, PATIENCE, SCHEMES, law, model, reading, scheme,
 };
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{

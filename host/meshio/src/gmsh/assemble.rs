@@ -3,8 +3,8 @@
 use super::elements::of_dimension;
 use super::groups::groups;
 use super::sections::Sections;
-use super::{GmshError, elements::Element, fields};
-use crate::file::Place;
+use super::{elements::Element, fields};
+use crate::error::{GmshError, Place};
 use crate::soup::{Fault, Soup};
 use physics::mesh::TriMesh;
 use physics::mesh::check::Location;

@@ -1,9 +1,8 @@
 //! The section `$Elements` of an MSH file: the supported kinds of elements, and the errors for the others.
 
-use super::GmshError;
 use super::input::Input;
 use super::sections::{Sections, dimension, head, total};
-use crate::file::{Place, Wanted};
+use crate::error::{GmshError, Place, Wanted};
 
 /// A kind of element.
 #[derive(Debug, PartialEq, Eq)]

@@ -1,10 +1,9 @@
 //! The sections `$ElementData` of an MSH file, and their conversion to a value for each cell.
 
-use super::GmshError;
 use super::elements::{Block, Element, of_dimension};
 use super::input::Input;
 use super::sections::Sections;
-use crate::file::{MAX_FIELDS, Place};
+use crate::error::{GmshError, MAX_FIELDS, Place};
 use crate::lines::{Fields, Unexpected};
 use crate::text::quoted;
 use physics::mesh::Field;

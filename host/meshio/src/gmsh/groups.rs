@@ -1,9 +1,9 @@
 //! Physical groups: converts names and tags of entities to sets of vertices and of cells.
 
-use super::GmshError;
 use super::assemble::{Places, place_of};
 use super::elements::Block;
 use super::sections::{PhysicalName, Sections};
+use crate::error::GmshError;
 use crate::soup::UNUSED;
 use physics::mesh::Group;
 use std::collections::BTreeMap;

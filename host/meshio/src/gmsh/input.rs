@@ -3,8 +3,7 @@
 //! The sections of both files have the same items in the same order, so one reader reads both. The names of sections and
 //! the beginnings of fields are lines of text in a binary file, too.
 
-use super::GmshError;
-use crate::file::Place;
+use crate::error::{GmshError, Place};
 use crate::lines::{Fields, Lines, Unexpected};
 use std::fmt::Display;
 use std::str::FromStr;

@@ -35,123 +35,15 @@ pub(crate) mod solid;
 mod thread;
 mod version2;
 
-use crate::file::{Place, Wanted};
+use crate::error::{GmshError, Wanted};
 use crate::lines::Unexpected;
-use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
-use thiserror::Error;
+use physics::mesh::{Mesh, TriMesh};
 
 /// Largest number of named physical groups in a file.
-pub const MAX_GROUPS: usize = crate::file::MAX_GROUPS;
+pub const MAX_GROUPS: usize = crate::error::MAX_GROUPS;
 /// Largest number of physical groups of one entity. This limit bounds the memory for groups by the memory for
 /// elements.
 pub const MAX_TAGS: usize = 16;
-
-/// The reason why a text holds no valid mesh. Lines are counted from one. Every message is one line of text.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum GmshError {
-    /// A number, a name or a section is missing or malformed.
-    #[error("{place}: expected {expected}, found {found}")]
-    Syntax {
-        /// Where.
-        place: Place,
-        /// What should stand there.
-        expected: String,
-        /// The text found, shortened.
-        found: String,
-    },
-    /// The file is in another version of the format.
-    #[error(
-        "line {line}: expected MSH 4.1 or 2.2, found MSH {found}; convert the file with \
-         `gmsh in.msh -save -o out.msh -format msh41`"
-    )]
-    Version {
-        /// Where.
-        line: usize,
-        /// The version and whether it is ASCII or binary.
-        found: String,
-    },
-    /// The bytes are not UTF-8 text.
-    #[error(
-        "line {line}: found bytes that are no text, expected MSH ASCII in UTF-8; convert the file \
-         with `gmsh in.msh -save -o out.msh -format msh41`"
-    )]
-    NotText {
-        /// The line of the first such byte.
-        line: usize,
-    },
-    /// The file has elements of an unsupported type.
-    #[error("{place}: found elements of type {code} ({name}), expected {expected}; {advice}")]
-    Element {
-        /// Where the block of elements starts.
-        place: Place,
-        /// Gmsh's number for the type.
-        code: u32,
-        /// The type in words.
-        name: &'static str,
-        /// The supported types, in words.
-        expected: &'static str,
-        /// Advice to the user.
-        advice: &'static str,
-    },
-    /// Some elements are of first order, others of second order.
-    #[error(
-        "{place}: found {name}, in {first} {first_name}; mesh again with one Mesh.ElementOrder for \
-         all"
-    )]
-    MixedOrder {
-        /// Where the block of elements of the other order starts.
-        place: Place,
-        /// The name of these elements.
-        name: &'static str,
-        /// Where the first block of tetrahedra starts.
-        first: Place,
-        /// The name of the elements of that block.
-        first_name: &'static str,
-    },
-    /// A section, a field or a tag that may occur only once occurs again.
-    #[error("{place}: expected {item} once, found a second one; the first is in {first}")]
-    Repeated {
-        /// Where the repetition stands.
-        place: Place,
-        /// The section, the field, or the kind of tag with its number.
-        item: String,
-        /// Where the first one stands.
-        first: Place,
-    },
-    /// A section is missing.
-    #[error("{place}: expected a section {section}, found the end of the file")]
-    Missing {
-        /// The end of the file.
-        place: Place,
-        /// The section.
-        section: &'static str,
-    },
-    /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
-    #[error("{place}: {source}")]
-    Mesh {
-        /// The place of the faulty triangle or vertex.
-        place: Place,
-        /// The fault.
-        source: MeshError,
-    },
-    /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
-    #[error("{place}: {source}")]
-    Solid {
-        /// The place of the faulty cell or vertex.
-        place: Place,
-        /// The fault.
-        source: SolidError,
-    },
-    /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
-    /// mesh.
-    #[error("{place}: {source}")]
-    Thread {
-        /// Where the element or vertex at fault stands.
-        place: Place,
-        /// What is wrong with it.
-        source: ThreadError,
-    },
-}
 
 impl From<Unexpected> for GmshError {
     fn from(error: Unexpected) -> Self {

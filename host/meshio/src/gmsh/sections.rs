@@ -3,8 +3,8 @@
 use super::elements::{self, Block};
 use super::fields::{self, Data};
 use super::input::Input;
-use super::{GmshError, MAX_GROUPS, MAX_TAGS, version2};
-use crate::file::{Place, Wanted};
+use super::{MAX_GROUPS, MAX_TAGS, version2};
+use crate::error::{GmshError, Place, Wanted};
 use crate::lines::{Fields, Lines};
 use crate::text::shortened;
 use physics::Vec3;

@@ -3,9 +3,10 @@
 
 use super::assemble::{Places, nodes_of, place_of_fault, places};
 use super::elements::of_dimension;
+use super::fields;
 use super::groups::groups;
 use super::sections::Sections;
-use super::{GmshError, fields};
+use crate::error::GmshError;
 use crate::soup_solid::{SolidFault, SolidSoup};
 use physics::mesh::{Cells, TetMesh};
 

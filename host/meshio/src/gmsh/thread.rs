@@ -2,9 +2,10 @@
 
 use super::assemble::{nodes_of, place_of_fault, places};
 use super::elements::of_dimension;
+use super::fields;
 use super::groups::groups;
 use super::sections::Sections;
-use super::{GmshError, fields};
+use crate::error::GmshError;
 use crate::soup_thread::{ThreadFault, ThreadSoup};
 use physics::mesh::LineMesh;
 

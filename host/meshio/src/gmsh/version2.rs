@@ -3,11 +3,10 @@
 //! Source: the Gmsh reference manual, "MSH file format version 2 (Legacy)". An element names its own physical group by
 //! its first tag. Gmsh repeats an element of several groups once for each; here such elements are one.
 
-use super::GmshError;
 use super::elements::{Block, Kind, kind_of};
 use super::input::Input;
 use super::sections::{Entity, Node, Sections};
-use crate::file::Wanted;
+use crate::error::{GmshError, Wanted};
 use physics::Vec3;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;

@@ -5,7 +5,7 @@
 
 use super::cursor::{Cursor, Line};
 use super::{Items, items};
-use crate::file::{MAX_FIELDS, MeshFileError, Place};
+use crate::error::{MAX_FIELDS, MeshFileError, Place};
 use crate::vtk_array::{Array, Scalar};
 use crate::vtk_fields::check_name;
 

@@ -1,7 +1,7 @@
 //! Reads a file that mixes lines of text and binary arrays.
 
 use super::Items;
-use crate::file::{MeshFileError, Place};
+use crate::error::{MeshFileError, Place};
 use crate::text::{newlines, quoted, quoted_bytes};
 use crate::vtk_array::{Array, Origin, Scalar, nth_word, words};
 use std::borrow::Cow;

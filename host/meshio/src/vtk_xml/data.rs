@@ -6,7 +6,7 @@
 
 use super::document::{Data, DataArray, Encoding};
 use super::{MAX_RATIO, MAX_UNPACKED, MIN_UNPACKED};
-use crate::file::{MeshFileError, Place};
+use crate::error::{MeshFileError, Place};
 use crate::text::quoted_bytes;
 use crate::vtk_array::{Array, Origin};
 use flate2::{Decompress, FlushDecompress, Status};

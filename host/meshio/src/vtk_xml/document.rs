@@ -1,7 +1,7 @@
 //! Reads the tags of a VTU or VTP file: the arrays and their places. The numbers of the arrays are not read here.
 
 use super::tag::Tag;
-use crate::file::{MeshFileError, Place};
+use crate::error::{MeshFileError, Place};
 use crate::text::{line_of, newlines, quoted};
 use crate::vtk_array::Scalar;
 use crate::vtk_fields::check_name;

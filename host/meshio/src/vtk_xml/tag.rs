@@ -1,7 +1,7 @@
 //! One tag of a VTU or VTP file: its attributes, each checked by itself.
 
 use super::document::{Appended, Data, DataArray, Encoding, Piece, Role};
-use crate::file::{MeshFileError, Place};
+use crate::error::{MeshFileError, Place};
 use crate::text::quoted;
 use crate::vtk_array::Scalar;
 use quick_xml::escape::unescape;

@@ -2,7 +2,7 @@
 
 use crate::record::totals::place;
 use crate::record::{LoggedReading, TickRow};
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::{MAX_DEVICES, Telemetry, Vec3};
 

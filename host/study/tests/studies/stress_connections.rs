@@ -1,6 +1,7 @@
 //! Faults on every protocol, in virtual time: the short form of `palpate stress connections`.
 
-use sim::emulated::fault::{Kind, Protocol};
+use sim::emulated::fault::Kind;
+use sim::protocol::Protocol;
 use study::stress::connections::run::{Outcome, run};
 
 /// The first of the seeds.

@@ -2,7 +2,8 @@
 
 use super::run::{Outcome, Plan};
 use rt_core::Scheme;
-use sim::emulated::fault::{Kind, Protocol};
+use sim::emulated::fault::Kind;
+use sim::protocol::Protocol;
 
 /// Largest growth of a force in a millisecond beyond the growth that the motion of the hand and the ramps explain (N). The
 /// damper of the cap stops in a tick in which the velocity disagrees with the last counts, and returns at once: a run

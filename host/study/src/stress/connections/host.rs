@@ -1,7 +1,8 @@
 //! The host of a run: the driver of the device, and the controller with the wall.
 
 use super::run::{DISTANCE, PATIENCE, PERIOD_NS, Plan, RECOVERY, WALL};
-use rt_core::controller::{DeviceConfig, Reading};
+use rt_core::Reading;
+use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::engage::{ARM_ORDER, EngageConfig, STOP_ORDER};
@@ -13,8 +14,9 @@ use rt_core::{
 };
 use sim::DeviceModel;
 use sim::emulated::driver::Driver;
-use sim::emulated::fault::{Injected, Kind, Protocol};
+use sim::emulated::fault::{Injected, Kind};
 use sim::emulated::link::Link;
+use sim::protocol::Protocol;
 
 /// Period of the tick (s).
 const PERIOD: f64 = PERIOD_NS as f64 * 1e-9;

@@ -11,7 +11,8 @@ pub mod run;
 use crate::stress::{self, Done, Verdict};
 use expected::Case;
 use serde::{Deserialize, Serialize};
-use sim::emulated::fault::{Kind, Protocol};
+use sim::emulated::fault::Kind;
+use sim::protocol::Protocol;
 use std::collections::BTreeMap;
 
 /// Cells of a study with one run of each fault on each protocol.

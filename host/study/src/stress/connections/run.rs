@@ -18,8 +18,9 @@ use super::host::Host;
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rt_core::{Scheme, Vec3};
-use sim::emulated::fault::{Injected, Kind, Protocol};
+use sim::emulated::fault::{Injected, Kind};
 use sim::emulated::link::{Link, World};
+use sim::protocol::Protocol;
 use sim::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor};
 
 /// The stream of the random generator: no other part of the program draws from it.

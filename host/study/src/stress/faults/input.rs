@@ -2,7 +2,7 @@
 
 use super::Chance;
 use nalgebra::{Quaternion, UnitQuaternion};
-use rt_core::controller::Reading;
+use rt_core::Reading;
 use rt_core::{DeviceError, DeviceState, MAX_DEVICES, Pose, Twist, Vec3};
 
 /// The rate for which the motions of hands are stated (Hz).

@@ -2,7 +2,8 @@
 
 use crate::adversary::{Mechanism, Rendering};
 use host::engine::virtual_coupling::Link;
-use rt_core::controller::{DeviceConfig, Reading};
+use rt_core::Reading;
+use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;

@@ -1,0 +1,240 @@
+//! Why a mesh file cannot be read: the errors of all formats, the places in files, and the bounds that all formats keep.
+
+use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
+use std::fmt;
+use thiserror::Error;
+
+/// Largest number of named groups in a file.
+pub const MAX_GROUPS: usize = 256;
+/// Largest number of named fields in a file, without the fields that are skipped.
+pub const MAX_FIELDS: usize = 256;
+
+/// The kinds of mesh that a reader accepts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Sheets only; a tetrahedron is an error.
+    Sheet,
+    /// Sheets, solids where the file has a tetrahedron, and threads where it has lines alone.
+    Any,
+}
+
+/// The reason why a file holds no valid mesh. Every message is one line of text.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MeshFileError {
+    /// Neither the beginning nor the name of the file identifies a format.
+    #[error(
+        "expected a mesh file whose name ends in .obj, .stl, .vtk, .vtu, .vtp or .msh, found another name and {found}"
+    )]
+    Format {
+        /// The beginning of the file.
+        found: String,
+    },
+    /// The file should have a flat pattern, but its format has no texture coordinates.
+    #[error(
+        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh as \
+         .obj with texture coordinates"
+    )]
+    NoTexture,
+    /// The file has a syntax error.
+    #[error("{place}: expected {expected}, found {found}")]
+    Syntax {
+        /// Place of the error.
+        place: Place,
+        /// The expected text, in some cases with advice.
+        expected: String,
+        /// The text found, shortened.
+        found: String,
+    },
+    /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
+    #[error("{place}: {source}")]
+    Mesh {
+        /// Place of the faulty triangle or vertex.
+        place: Place,
+        /// The fault.
+        source: MeshError,
+    },
+    /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
+    #[error("{place}: {source}")]
+    Solid {
+        /// Place of the faulty cell or vertex.
+        place: Place,
+        /// The fault.
+        source: SolidError,
+    },
+    /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
+    /// mesh.
+    #[error("{place}: {source}")]
+    Thread {
+        /// Where the cell or vertex at fault stands.
+        place: Place,
+        /// What is wrong with it.
+        source: ThreadError,
+    },
+    /// A Gmsh file is wrong.
+    #[error(transparent)]
+    Gmsh(#[from] GmshError),
+}
+
+/// A place in a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A line, counted from one.
+    Line(usize),
+    /// A byte of a file that is not text, counted from zero.
+    Byte(usize),
+    /// A number of an encoded array, counted from zero, and the line where the array begins.
+    Item {
+        /// The line, counted from one.
+        line: usize,
+        /// Index of the number in the array, from zero.
+        item: usize,
+    },
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(to, "line {line}"),
+            Self::Byte(byte) => write!(to, "byte {byte}"),
+            Self::Item { line, item } => write!(to, "line {line}, number {item} of the array"),
+        }
+    }
+}
+
+impl MeshFileError {
+    pub(crate) fn syntax(
+        place: Place,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Syntax {
+            place,
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+}
+
+/// The mesh as a sheet. A reader that accepts only sheets has already refused any tetrahedron, with its place.
+pub(crate) fn into_sheet(mesh: Mesh) -> Result<TriMesh, MeshFileError> {
+    match mesh {
+        Mesh::Sheet(mesh) => Ok(mesh),
+        Mesh::Thread(_) => Err(MeshFileError::syntax(
+            Place::Line(1),
+            "a sheet",
+            "a file of lines",
+        )),
+        Mesh::Solid(_) => Err(MeshFileError::syntax(
+            Place::Line(1),
+            "a sheet",
+            "a file of tetrahedra",
+        )),
+    }
+}
+
+/// The reason why a text holds no valid mesh. Lines are counted from one. Every message is one line of text.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum GmshError {
+    /// A number, a name or a section is missing or malformed.
+    #[error("{place}: expected {expected}, found {found}")]
+    Syntax {
+        /// Where.
+        place: Place,
+        /// What should stand there.
+        expected: String,
+        /// The text found, shortened.
+        found: String,
+    },
+    /// The file is in another version of the format.
+    #[error(
+        "line {line}: expected MSH 4.1 or 2.2, found MSH {found}; convert the file with \
+         `gmsh in.msh -save -o out.msh -format msh41`"
+    )]
+    Version {
+        /// Where.
+        line: usize,
+        /// The version and whether it is ASCII or binary.
+        found: String,
+    },
+    /// The bytes are not UTF-8 text.
+    #[error(
+        "line {line}: found bytes that are no text, expected MSH ASCII in UTF-8; convert the file \
+         with `gmsh in.msh -save -o out.msh -format msh41`"
+    )]
+    NotText {
+        /// The line of the first such byte.
+        line: usize,
+    },
+    /// The file has elements of an unsupported type.
+    #[error("{place}: found elements of type {code} ({name}), expected {expected}; {advice}")]
+    Element {
+        /// Where the block of elements starts.
+        place: Place,
+        /// Gmsh's number for the type.
+        code: u32,
+        /// The type in words.
+        name: &'static str,
+        /// The supported types, in words.
+        expected: &'static str,
+        /// Advice to the user.
+        advice: &'static str,
+    },
+    /// Some elements are of first order, others of second order.
+    #[error(
+        "{place}: found {name}, in {first} {first_name}; mesh again with one Mesh.ElementOrder for \
+         all"
+    )]
+    MixedOrder {
+        /// Where the block of elements of the other order starts.
+        place: Place,
+        /// The name of these elements.
+        name: &'static str,
+        /// Where the first block of tetrahedra starts.
+        first: Place,
+        /// The name of the elements of that block.
+        first_name: &'static str,
+    },
+    /// A section, a field or a tag that may occur only once occurs again.
+    #[error("{place}: expected {item} once, found a second one; the first is in {first}")]
+    Repeated {
+        /// Where the repetition stands.
+        place: Place,
+        /// The section, the field, or the kind of tag with its number.
+        item: String,
+        /// Where the first one stands.
+        first: Place,
+    },
+    /// A section is missing.
+    #[error("{place}: expected a section {section}, found the end of the file")]
+    Missing {
+        /// The end of the file.
+        place: Place,
+        /// The section.
+        section: &'static str,
+    },
+    /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
+    #[error("{place}: {source}")]
+    Mesh {
+        /// The place of the faulty triangle or vertex.
+        place: Place,
+        /// The fault.
+        source: MeshError,
+    },
+    /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
+    #[error("{place}: {source}")]
+    Solid {
+        /// The place of the faulty cell or vertex.
+        place: Place,
+        /// The fault.
+        source: SolidError,
+    },
+    /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
+    /// mesh.
+    #[error("{place}: {source}")]
+    Thread {
+        /// Where the element or vertex at fault stands.
+        place: Place,
+        /// What is wrong with it.
+        source: ThreadError,
+    },
+}
