@@ -114,10 +114,10 @@ fn middles(cell: &[u32], [a, b, c]: [usize; 3]) -> Option<[u32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
-    use crate::world::World;
     use physics::Vec3;
+    use physics::mesh::generate::{self, Pattern};
     use physics::mesh::generate_box::solid_box;
+    use physics::mesh::generate_thread::straight_thread;
     use std::collections::BTreeMap;
 
     fn corners(surface: &Surface) -> Vec<[Vec3; 3]> {
@@ -188,24 +188,20 @@ mod tests {
 
     #[test]
     fn a_sheet_shows_its_triangles_and_a_thread_its_bars() {
-        let sheet = Scene::embedded_default().expect("the scene is sound");
-        let sheet = &World::new(&sheet).expect("a world").bodies[0];
-        let surface = Surface::of_mesh(0, 0, &sheet.mesh);
-        let elements = sheet.body.element_count();
-        assert_eq!(surface.triangle_count as usize, elements);
-        assert_eq!(surface.vertices as usize, sheet.body.vertex_count());
-        let normals: f64 = corners(&surface)
-            .iter()
-            .map(|[a, b, c]| (b - a).cross(&(c - a)).norm())
-            .sum();
-        assert!(normals > 0.0 && surface.lines.is_empty());
+        let sheet = generate::sheet(0.2, 0.1, 4, 3, Pattern::Alternating).expect("a sheet");
+        let (vertices, triangles) = (sheet.positions.len(), sheet.triangles.len());
+        let surface = Surface::of_mesh(0, 0, &Mesh::Sheet(sheet));
+        assert_eq!(
+            (surface.vertices, surface.triangle_count),
+            (vertices as u32, triangles as u32)
+        );
+        let areas = corners(&surface).into_iter();
+        let twice: f64 = areas.map(|[a, b, c]| (b - a).cross(&(c - a)).norm()).sum();
+        assert!((0.5 * twice / 0.02 - 1.0).abs() < 1e-6 && surface.lines.is_empty());
 
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/thread.toml");
-        let thread = Scene::load(path.as_ref()).expect("the scene is sound");
-        let thread = &World::new(&thread).expect("a world").bodies[0];
-        let surface = Surface::of_mesh(0, 0, &thread.mesh);
-        assert_eq!(surface.line_count as usize, thread.body.element_count());
-        assert_eq!(surface.lines.len(), 2 * thread.body.element_count());
+        let thread = straight_thread(0.3, 7).expect("a thread");
+        let surface = Surface::of_mesh(0, 0, &Mesh::Thread(thread));
+        assert_eq!((surface.line_count, surface.lines.len()), (7, 14));
         assert!(surface.triangles.is_empty());
     }
 }
