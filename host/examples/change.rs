@@ -8,7 +8,7 @@
 //! for the change (it copies the body), of the step in which the change lands, and from the call to the landing.
 
 use host::engine::Engine;
-use host::engine::build::{How, bodies};
+use host::engine::build::{BuildOptions, bodies};
 use host::engine::change::{Edit, Grip};
 use host::engine::pacer::Due;
 use host::engine::stats::{Stopwatch, WallStopwatch};
@@ -104,9 +104,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let [mut steps, mut calls, mut landings, mut waits] = [const { Vec::new() }; 4];
         let mut count = 0;
         for _ in 0..RUNS {
-            let how = How {
+            let how = BuildOptions {
                 real: true,
-                ..How::default()
+                ..BuildOptions::default()
             };
             let built = bodies(&World::new(&loaded).unwrap(), how)?;
             let body = built[0].body();

@@ -10,7 +10,7 @@
 //! `--quick` makes short runs, which show that the program works.
 
 use host::engine::Engine;
-use host::engine::build::{How, bodies};
+use host::engine::build::{BuildOptions, bodies};
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
 use host::live::slot::{Watchers, slot};
@@ -164,9 +164,9 @@ fn steps(quick: bool, random: &mut Random) -> Result<(), Box<dyn Error>> {
         }
     }
     // As under the real clock, factors are made beside the steps.
-    let how = How {
+    let how = BuildOptions {
         real: true,
-        ..How::default()
+        ..BuildOptions::default()
     };
     let mut engine = Engine::new(bodies(&World::new(&loaded).unwrap(), how)?);
     let count: usize = engine

@@ -2,13 +2,13 @@
 
 mod landing;
 
+use super::background::Background;
 use super::balance::Balance;
-use super::beside::Beside;
-use super::borne::Borne;
 use super::change::Rebuild;
 use super::clock::BodyClock;
 use super::damped::{Damped, DampedDirection};
 use super::path::HandlePath;
+use super::projected::Projected;
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
@@ -44,7 +44,7 @@ pub struct HostBody {
     paths: Vec<HandlePath>,
     devices: Vec<u8>,
     /// What devices of one or two degrees of freedom render.
-    borne: Borne,
+    projected: Projected,
     targets: Vec<HandlePose>,
     /// Length of a step (s).
     step: f64,
@@ -80,7 +80,7 @@ pub struct HostBody {
     /// Cut-off of the handles' paths (Hz).
     smoothing: f64,
     /// Makes the solvers of changes; `None` before the first change.
-    beside: Option<Beside<Box<Rebuild>>>,
+    background: Option<Background<Box<Rebuild>>>,
     /// The hands that join with the change that is under way.
     joining: Option<Vec<Joining>>,
     /// The tears of the body; `None` for a body that does not tear.
@@ -113,7 +113,7 @@ pub struct HostBodyParts {
     /// The device of each handle.
     pub devices: Vec<u8>,
     /// What devices of one or two degrees of freedom render.
-    pub borne: Borne,
+    pub projected: Projected,
     /// Length of a step (s).
     pub step: f64,
     /// Publication period (s).
@@ -154,7 +154,7 @@ impl HostBody {
         {
             reference.device = *device;
             reference.weight = weight;
-            parts.borne.weight(reference);
+            parts.projected.weight(reference);
         }
         Self {
             stored,
@@ -170,7 +170,7 @@ impl HostBody {
             solver: parts.solver,
             paths: parts.paths,
             devices: parts.devices,
-            borne: parts.borne,
+            projected: parts.projected,
             step: parts.step,
             clock: BodyClock::new(parts.step),
             newest_ns: None,
@@ -184,7 +184,7 @@ impl HostBody {
             model,
             recipe: parts.recipe,
             smoothing: parts.smoothing,
-            beside: None,
+            background: None,
             joining: None,
             tears: parts.tears,
         }
@@ -230,7 +230,7 @@ impl HostBody {
         self.body = other.body;
         self.solver = other.solver;
         self.recipe = other.recipe;
-        (self.beside, self.joining) = (None, None);
+        (self.background, self.joining) = (None, None);
         if let Some(tears) = &mut self.tears {
             // The same shape stores another energy.
             tears.balance = Balance::default();
@@ -333,7 +333,7 @@ impl HostBody {
                     tear_slope: reference.tear_slope,
                     ..reference_of(reference.device, report)
                 };
-                self.borne.wrench(reference);
+                self.projected.wrench(reference);
             }
         }
         if let Some(stored) = &mut self.stored {
@@ -496,7 +496,7 @@ impl HostBody {
             stored.part(before, &from[..sums.len()], body, sums, model);
         }
         for reference in &mut self.model.handles[..usize::from(self.model.handle_count)] {
-            self.borne.weight(reference);
+            self.projected.weight(reference);
         }
     }
 
@@ -537,7 +537,7 @@ impl HostBody {
             return Ok(());
         };
         fill_blocks(&mut self.model, condensed);
-        self.borne.blocks(&mut self.model);
+        self.projected.blocks(&mut self.model);
         if let Some(stored) = &mut self.stored {
             stored.keep(&self.model, condensed.length);
         }

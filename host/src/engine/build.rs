@@ -1,9 +1,9 @@
 //! Builds the bodies of the host's loop from the bodies of a scene.
 
 use super::body::{HostBody, HostBodyParts};
-use super::borne::Borne;
 use super::path::HandlePath;
 use super::plan::{BodyPlan, in_words};
+use super::projected::Projected;
 use super::recipe::Recipe;
 use super::tears::BodyTears;
 use super::virtual_coupling::VirtualCoupling;
@@ -15,7 +15,7 @@ use rt_core::{MAX_DEVICES, Pose};
 
 /// Options of a run that concern its bodies.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct How {
+pub struct BuildOptions {
     /// The code that makes factors.
     pub code: FactorCode,
     /// Whether the run is under the real clock: factors are then made on threads, and the budget of a step applies.
@@ -26,10 +26,10 @@ pub struct How {
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn bodies(world: &World<'_>, how: How) -> Result<Vec<HostBody>, SceneError> {
-    let borne = Borne::new(world);
+pub fn bodies(world: &World<'_>, how: BuildOptions) -> Result<Vec<HostBody>, SceneError> {
+    let projected = Projected::new(world);
     (0..world.bodies.len())
-        .map(|index| body(world, index, how, borne.clone()))
+        .map(|index| body(world, index, how, projected.clone()))
         .collect()
 }
 
@@ -64,7 +64,12 @@ pub(crate) fn steps_per_publication(scene: &Scene) -> u64 {
         .max(1.0) as u64
 }
 
-fn body(world: &World<'_>, index: usize, how: How, borne: Borne) -> Result<HostBody, SceneError> {
+fn body(
+    world: &World<'_>,
+    index: usize,
+    how: BuildOptions,
+    projected: Projected,
+) -> Result<HostBody, SceneError> {
     let loaded = world.loaded;
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
@@ -109,7 +114,7 @@ fn body(world: &World<'_>, index: usize, how: How, borne: Borne) -> Result<HostB
         smoothing: scene.host.smoothing,
         paths,
         devices,
-        borne,
+        projected,
         step: plan.step,
         period: plan.period,
         horizon: plan.horizon,

@@ -6,7 +6,7 @@
 //! the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with the first step after
 //! the work; in virtual time it lands at a fixed step.
 
-use super::beside::{Lost, Work};
+use super::background::{Lost, Work};
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::StepFault;

@@ -5,10 +5,9 @@
 //! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
 //! caller passes; nothing in the state depends on this time.
 
+mod background;
 mod balance;
-mod beside;
 pub mod body;
-pub mod borne;
 pub mod build;
 pub mod change;
 pub mod choice;
@@ -19,6 +18,7 @@ pub mod pacer;
 mod parting;
 mod path;
 pub mod plan;
+pub mod projected;
 pub mod recipe;
 pub(crate) mod records;
 pub mod rehearsal;
@@ -147,13 +147,13 @@ impl Engine {
         self.stage(team, all.clone(), &|body| body.constrain(watch));
         self.stage(team, all, &|body| body.solve(watch));
         // One thread publishes the model of a body before it finishes the next body.
-        let beside = if self.count == 1 {
+        let together = if self.count == 1 {
             1
         } else {
             self.bodies.len().max(1)
         };
-        for first in (0..self.bodies.len()).step_by(beside) {
-            let range = first..self.bodies.len().min(first + beside);
+        for first in (0..self.bodies.len()).step_by(together) {
+            let range = first..self.bodies.len().min(first + together);
             self.stage(team, range.clone(), &|body| {
                 body.finish(due.publishes, watch)
             });

@@ -178,15 +178,15 @@ impl Parting {
         for (group, sums) in (0_u8..).zip(&self.by_group) {
             let on = |piece: u8| piece == group;
             let whole = size * sums.mass;
-            let borne: f64 = handles
+            let projected: f64 = handles
                 .iter()
                 .filter(|h| on(h.piece))
                 .map(|h| h.weight.dot(&down))
                 .sum();
             let holders = handles.iter().filter(|h| on(h.piece)).count().max(1) as f64;
             for handle in handles.iter_mut().filter(|h| on(h.piece)) {
-                let share = if borne > 0.0 {
-                    handle.weight.dot(&down) / borne
+                let share = if projected > 0.0 {
+                    handle.weight.dot(&down) / projected
                 } else {
                     1.0 / holders
                 };

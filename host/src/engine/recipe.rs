@@ -1,7 +1,7 @@
 //! How the solver of a body is made: before a run, and again beside the steps when the body's topology changes.
 
-use super::beside::Beside;
-use super::build::How;
+use super::background::Background;
+use super::build::BuildOptions;
 use super::plan::BodyPlan;
 use super::solver::Solver;
 use super::stats::StepFault;
@@ -32,7 +32,7 @@ pub struct Recipe {
 
 impl Recipe {
     /// The recipe of a body with the plan `plan`.
-    pub(super) fn new(scene: &Scene, plan: &BodyPlan, how: How) -> Self {
+    pub(super) fn new(scene: &Scene, plan: &BodyPlan, how: BuildOptions) -> Self {
         let budget = how.real.then_some(scene.host.budget).flatten();
         Self {
             options: StepperOptions {
@@ -77,10 +77,10 @@ impl Recipe {
                     ..ShapeOptions::default()
                 },
             });
-        let beside = Beside::new(self.real, self.step);
+        let background = Background::new(self.real, self.step);
         Ok(Solver::new(
             stepper,
-            beside,
+            background,
             shapes,
             (self.step, self.real),
             self.budget_ns,

@@ -3,7 +3,7 @@
 //! the solvers have work to do.
 
 use super::Engine;
-use super::build::{self, How};
+use super::build::{self, BuildOptions};
 use super::pacer::{Due, Pacer};
 use super::stats::{ProcessorStopwatch, StepTimes};
 use super::unrendered::{DampedSummary, StiffSummary};
@@ -33,7 +33,7 @@ impl<'a> Rehearsal<'a> {
     /// As [`build::bodies`].
     pub fn new(world: &World<'a>) -> Result<Self, SceneError> {
         let scene = &world.loaded.scene;
-        let held = build::bodies(world, How::default())?;
+        let held = build::bodies(world, BuildOptions::default())?;
         let mut record = TickRecord::empty();
         for body in &held {
             for (device, pose) in body.hands() {

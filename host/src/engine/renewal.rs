@@ -10,7 +10,7 @@
 //!
 //! The value goes to and fro with its memory, so that neither its beginning nor its landing allocates.
 
-use super::beside::{Beside, Lost, Work};
+use super::background::{Background, Lost, Work};
 use super::stats::StepFault;
 use physics::team::Team;
 use physics::topology::Edit;
@@ -79,7 +79,7 @@ impl Renewal {
 
 /// Renews the stepper of a body that tears.
 pub(super) struct Renewals {
-    beside: Beside<Box<Renewal>>,
+    background: Background<Box<Renewal>>,
     /// The value of the next renewal; `None` while one is under way, and after a renewal has failed.
     idle: Option<Box<Renewal>>,
 }
@@ -97,7 +97,7 @@ impl Renewals {
             .surface()
             .map_or(0, |surface| surface.limits().vertices);
         Self {
-            beside: Beside::new(real, h),
+            background: Background::new(real, h),
             idle: Some(Box::new(Renewal {
                 mirror: body.copy_with_room(),
                 known: 0,
@@ -128,7 +128,7 @@ impl Renewals {
         renewal.leaving.extend_from_slice(body.leaving());
         renewal.x.clear();
         renewal.x.extend_from_slice(body.node_positions());
-        self.beside.begin(renewal);
+        self.background.begin(renewal);
     }
 
     /// Takes a stepper that has been made since the last call, and lets it take over the motion of `stepper`; the step took the
@@ -140,7 +140,7 @@ impl Renewals {
         journal: &[Edit],
         passed: u32,
     ) -> Result<bool, Lost> {
-        let Some(mut renewal) = self.beside.done(passed)? else {
+        let Some(mut renewal) = self.background.done(passed)? else {
             return Ok(false);
         };
         let landed = match renewal.made.take() {

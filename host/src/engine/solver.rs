@@ -1,6 +1,6 @@
 //! How a body is stepped and condensed: on a frozen factor, without an assembled matrix.
 
-use super::beside::{Beside, Work};
+use super::background::{Background, Work};
 use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::MOST_PAIRS;
@@ -21,9 +21,9 @@ const MOST_KEPT: usize = 2;
 /// Time that a step of one body has taken so far (ns). It is summed over the calls, because the calls of other bodies
 /// lie between them.
 #[derive(Clone, Copy, Debug, Default)]
-struct Spent(u64);
+struct Elapsed(u64);
 
-impl Spent {
+impl Elapsed {
     /// Makes `call` and counts its time.
     fn count<R>(&mut self, watch: &dyn Stopwatch, call: impl FnOnce() -> R) -> R {
         let start = watch.now_ns();
@@ -58,7 +58,7 @@ pub(super) struct Solver {
     /// Steps the body. It makes only the first factor itself.
     stepper: Stepper<f64>,
     /// Makes the other factors.
-    beside: Beside<Box<Refresher<f64>>>,
+    background: Background<Box<Refresher<f64>>>,
     /// The refresher that has done its work, while its factor is read ahead.
     made: Option<Box<Refresher<f64>>>,
     /// Whether a refresher is under way.
@@ -74,7 +74,7 @@ pub(super) struct Solver {
     /// Time that a step may take under the real clock (ns).
     budget_ns: Option<u64>,
     /// Time spent on the present step.
-    spent: Spent,
+    elapsed: Elapsed,
     /// Steppers for the topologies that tears make; `None` for a body that does not tear.
     renewals: Option<Renewals>,
     /// Whether the present step of a body that tears has much work, and the number of models in turn with the same shapes.
@@ -94,14 +94,14 @@ impl Solver {
     /// take `budget_ns` (ns).
     pub(super) fn new(
         stepper: Stepper<f64>,
-        beside: Beside<Box<Refresher<f64>>>,
+        background: Background<Box<Refresher<f64>>>,
         options: Option<ShapeOptions>,
         (h, real): (f64, bool),
         budget_ns: Option<u64>,
     ) -> Self {
         Self {
             stepper,
-            beside,
+            background,
             made: None,
             lent: false,
             read: false,
@@ -109,7 +109,7 @@ impl Solver {
             options,
             shapes: Shapes::default(),
             budget_ns,
-            spent: Spent::default(),
+            elapsed: Elapsed::default(),
             renewals: None,
             is_busy: false,
             kept: 0,
@@ -123,7 +123,7 @@ impl Solver {
     fn receive(&mut self) {
         if self.made.is_none() {
             // If the thread has ended, the factor in use stays in use.
-            self.made = self.beside.done(self.passed).unwrap_or_default();
+            self.made = self.background.done(self.passed).unwrap_or_default();
             self.lent &= self.made.is_none();
         }
         if let Some(refresher) = &mut self.made {
@@ -155,9 +155,9 @@ impl Solver {
             self.stepper.give_back(refresher);
             tally.factors += 1;
         }
-        self.spent = Spent::default();
+        self.elapsed = Elapsed::default();
         let stepper = &mut self.stepper;
-        Ok(self.spent.count(watch, || stepper.predict(body, h))?)
+        Ok(self.elapsed.count(watch, || stepper.predict(body, h))?)
     }
 
     /// Sets up the equation of the step, in which the handles move to `targets`.
@@ -172,7 +172,7 @@ impl Solver {
     ) -> Result<(), StepFault> {
         let stepper = &mut self.stepper;
         Ok(self
-            .spent
+            .elapsed
             .count(watch, || stepper.constrain(body, targets))?)
     }
 
@@ -181,10 +181,10 @@ impl Solver {
     /// # Errors
     /// [`StepFault`].
     pub(super) fn solve(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
-        let (start, before) = (watch.now_ns(), self.spent);
+        let (start, before) = (watch.now_ns(), self.elapsed);
         let late = || before.reaches(self.budget_ns, watch, start);
         let stepper = &mut self.stepper;
-        Ok(self.spent.count(watch, || stepper.solve(late))?)
+        Ok(self.elapsed.count(watch, || stepper.solve(late))?)
     }
 
     /// Applies the step to `body`.
@@ -197,11 +197,11 @@ impl Solver {
         watch: &dyn Stopwatch,
         tally: &mut Tally,
     ) -> Result<(), StepFault> {
-        let (start, before) = (watch.now_ns(), self.spent);
+        let (start, before) = (watch.now_ns(), self.elapsed);
         let late = || before.reaches(self.budget_ns, watch, start);
         let stepper = &mut self.stepper;
-        let report = self.spent.count(watch, || stepper.finish(body, late))?;
-        tally.solve = Some(self.spent.0);
+        let report = self.elapsed.count(watch, || stepper.finish(body, late))?;
+        tally.solve = Some(self.elapsed.0);
         self.is_busy = self.renewals.is_some() && report.iterations > MUCH_WORK;
         if self.renewals.is_some() {
             let time = report.iterations as f64 * ITERATION;
@@ -217,7 +217,7 @@ impl Solver {
             && let Some(refresher) = self.stepper.lend()
         {
             self.lent = true;
-            self.beside.begin(refresher);
+            self.background.begin(refresher);
         }
         Ok(())
     }

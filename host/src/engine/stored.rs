@@ -50,12 +50,12 @@ pub struct Stored {
     /// The energy released so far (J).
     released: f64,
     /// The account of each piece, by its number; empty for a whole body.
-    purses: Vec<Purse>,
+    pieces: Vec<PieceTotals>,
 }
 
 /// The account of one piece.
 #[derive(Clone, Copy, Debug, Default)]
-struct Purse {
+struct PieceTotals {
     /// `c` of the piece (J).
     constant: f64,
     /// The energy that the piece has released since the body parted (J).
@@ -74,7 +74,7 @@ impl Stored {
             origins,
             constant: None,
             released: 0.0,
-            purses: Vec::with_capacity(MAX_HANDLES),
+            pieces: Vec::with_capacity(MAX_HANDLES),
         }
     }
 
@@ -89,7 +89,7 @@ impl Stored {
         sums: &[PieceSums],
         model: &LocalModel,
     ) {
-        self.purses.clear();
+        self.pieces.clear();
         for (piece, own) in sums.iter().enumerate() {
             let old = from.get(piece).map_or(0, |&old| usize::from(old));
             let siblings = || {
@@ -105,7 +105,7 @@ impl Stored {
             };
             let energy = before.get(old).copied().unwrap_or(0.0) * share;
             let now = own.elastic + own.potential + self.lifted(body, model, Some(piece));
-            self.purses.push(Purse {
+            self.pieces.push(PieceTotals {
                 constant: energy - now,
                 released: 0.0,
             });
@@ -122,14 +122,14 @@ impl Stored {
         energies: &mut Vec<f64>,
     ) {
         energies.clear();
-        if self.purses.is_empty() {
+        if self.pieces.is_empty() {
             let own = elastic + self.potential(body, model);
             energies.push(own + self.constant.unwrap_or(-own));
             return;
         }
-        for (piece, (sums, purse)) in sums.iter().zip(&self.purses).enumerate() {
+        for (piece, (sums, totals)) in sums.iter().zip(&self.pieces).enumerate() {
             let own = sums.elastic + sums.potential + self.lifted(body, model, Some(piece));
-            energies.push(own + purse.constant);
+            energies.push(own + totals.constant);
         }
     }
 
@@ -141,24 +141,24 @@ impl Stored {
         model: &mut LocalModel,
     ) {
         let mut whole = 0.0;
-        for (piece, own) in sums.iter().enumerate().take(self.purses.len()) {
+        for (piece, own) in sums.iter().enumerate().take(self.pieces.len()) {
             let tangent = self.tangent(model, Some(piece));
             let now = own.elastic + own.potential + self.lifted(body, model, Some(piece));
-            let purse = &mut self.purses[piece];
-            let below = (-(now + purse.constant)).max(0.0);
-            purse.constant += below;
-            purse.released += below;
-            let stored = (now + purse.constant).min(tangent).max(0.0);
+            let totals = &mut self.pieces[piece];
+            let below = (-(now + totals.constant)).max(0.0);
+            totals.constant += below;
+            totals.released += below;
+            let stored = (now + totals.constant).min(tangent).max(0.0);
             whole += stored;
             if let Some(out) = model.pieces.get_mut(piece) {
                 *out = PieceEnergy {
                     stored,
-                    released: purse.released,
+                    released: totals.released,
                 };
             }
         }
         model.energy = whole;
-        let released: f64 = self.purses.iter().map(|purse| purse.released).sum();
+        let released: f64 = self.pieces.iter().map(|totals| totals.released).sum();
         model.released = self.released + released;
     }
 

@@ -3,7 +3,7 @@
 use super::devices;
 use super::slow_host::{SlowWatch, StepTime};
 use super::taps::Taps;
-use crate::engine::build::How;
+use crate::engine::build::BuildOptions;
 use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::Rehearsal;
@@ -144,7 +144,7 @@ impl Prepared {
             SlowWatch::new(scene)
         };
         stage(Stage::Factorizing);
-        let how = How {
+        let how = BuildOptions {
             code: options.code,
             real: options.real,
         };

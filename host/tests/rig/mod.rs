@@ -1,7 +1,7 @@
 //! The engine with hands that a test moves, tick by tick.
 
 use host::engine::Engine;
-use host::engine::build::{How, bodies};
+use host::engine::build::{BuildOptions, bodies};
 use host::engine::pacer::Due;
 use host::engine::stats::Stopwatch;
 use host::scene::LoadedScene;
@@ -33,7 +33,7 @@ pub(crate) struct Rig {
 
 impl Rig {
     /// The rig of a scene with one body, at rest. It has published nothing.
-    pub(crate) fn new(loaded: &LoadedScene, how: How) -> Self {
+    pub(crate) fn new(loaded: &LoadedScene, how: BuildOptions) -> Self {
         let bodies = bodies(&World::new(loaded).unwrap(), how).expect("it can be built");
         let body = bodies[0].body();
         let handles = (0..).map_while(|index| body.handle_report(index));

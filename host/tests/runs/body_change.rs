@@ -5,7 +5,7 @@ use crate::rig;
 use host::world::World;
 
 use host::engine::Engine;
-use host::engine::build::{How, bodies};
+use host::engine::build::{BuildOptions, bodies};
 use host::engine::change::{ChangeError, Edit, Grip};
 use host::engine::pacer::Due;
 use host::engine::virtual_coupling::Link;
@@ -39,7 +39,7 @@ fn steps(rig: &mut Rig, count: usize) {
 }
 
 /// A rig in motion, with a third hand that holds nothing yet.
-fn moving(loaded: &LoadedScene, how: How) -> Rig {
+fn moving(loaded: &LoadedScene, how: BuildOptions) -> Rig {
     let mut rig = Rig::new(loaded, how);
     let between = (rig.rest[0].position + rig.rest[1].position) * 0.5;
     rig.rest.push(Pose::at(between));
@@ -97,7 +97,7 @@ fn largest_step(published: &[LocalModel], from: usize) -> f64 {
 #[test]
 fn a_hand_takes_hold_at_a_fixed_step_while_the_old_solver_serves() {
     let run = || {
-        let mut rig = moving(&scene(), How::default());
+        let mut rig = moving(&scene(), BuildOptions::default());
         let before = rig.published.len();
         let usual = largest_step(&rig.published, before - 25);
         let edit = grab(&rig, None);
@@ -137,7 +137,7 @@ fn a_hand_takes_hold_at_a_fixed_step_while_the_old_solver_serves() {
 
 #[test]
 fn a_hand_lets_go_and_the_others_continue() {
-    let mut rig = moving(&scene(), How::default());
+    let mut rig = moving(&scene(), BuildOptions::default());
     let edit = grab(&rig, None);
     rig.engine.change(0, vec![edit]).unwrap();
     steps(&mut rig, LANDING + 20);
@@ -165,7 +165,7 @@ fn a_hand_lets_go_and_the_others_continue() {
 
 #[test]
 fn all_hands_let_go_and_one_takes_hold_again() {
-    let mut rig = moving(&scene(), How::default());
+    let mut rig = moving(&scene(), BuildOptions::default());
     let release = |handle| Edit::Release { handle };
     rig.engine.change(0, vec![release(1), release(0)]).unwrap();
     steps(&mut rig, LANDING - 1);
@@ -186,7 +186,7 @@ fn all_hands_let_go_and_one_takes_hold_again() {
 
 #[test]
 fn a_support_comes_and_goes() {
-    let mut rig = moving(&scene(), How::default());
+    let mut rig = moving(&scene(), BuildOptions::default());
     let vertices = middle(&rig);
     let guide = Edit::Guide {
         vertices: vertices.clone(),
@@ -212,7 +212,7 @@ fn a_support_comes_and_goes() {
 
 #[test]
 fn a_clamp_comes_and_a_hand_takes_its_place() {
-    let mut rig = moving(&scene(), How::default());
+    let mut rig = moving(&scene(), BuildOptions::default());
     // The vertices in the middle of the lower border.
     let rest: Vec<Vec3> = body(&rig).positions().collect();
     let lowest = rest.iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
@@ -270,7 +270,7 @@ fn replace() -> Edit {
 #[test]
 fn a_replaced_body_continues_the_motion() {
     let run = |replaces: bool| {
-        let mut rig = moving(&scene(), How::default());
+        let mut rig = moving(&scene(), BuildOptions::default());
         if replaces {
             rig.engine.change(0, vec![replace()]).unwrap();
         }
@@ -289,9 +289,9 @@ fn a_replaced_body_continues_the_motion() {
 
 #[test]
 fn under_the_real_clock_a_thread_makes_the_solver() {
-    let how = How {
+    let how = BuildOptions {
         real: true,
-        ..How::default()
+        ..BuildOptions::default()
     };
     let mut rig = moving(&scene(), how);
     let edit = grab(&rig, None);
@@ -319,7 +319,7 @@ fn every_solver_and_scheme_takes_a_change() {
             let mut loaded = scene();
             loaded.scene.host.solver = solver;
             loaded.scene.realtime.scheme = scheme;
-            let mut rig = moving(&loaded, How::default());
+            let mut rig = moving(&loaded, BuildOptions::default());
             let link = Link {
                 stiffness: 500.0,
                 damping: 1.0,
@@ -345,8 +345,8 @@ fn every_solver_and_scheme_takes_a_change() {
 
 #[test]
 fn what_cannot_be_changed_is_refused_and_the_body_continues() {
-    let mut rig = moving(&scene(), How::default());
-    let mut undisturbed = moving(&scene(), How::default());
+    let mut rig = moving(&scene(), BuildOptions::default());
+    let mut undisturbed = moving(&scene(), BuildOptions::default());
     let refused = rig.engine.change(7, Vec::new()).unwrap_err();
     assert_eq!(refused, ChangeError::NoBody { body: 7, count: 1 });
     let edit = match grab(&rig, None) {
@@ -378,7 +378,7 @@ fn what_cannot_be_changed_is_refused_and_the_body_continues() {
 fn a_scheme_with_proxies_needs_a_link_for_each_grip() {
     let mut loaded = scene();
     loaded.scene.realtime.scheme = SchemeName::Proxy;
-    let mut rig = moving(&loaded, How::default());
+    let mut rig = moving(&loaded, BuildOptions::default());
     let edit = grab(&rig, None);
     let refused = rig.engine.change(0, vec![edit]).unwrap_err();
     assert_eq!(refused, ChangeError::NoLink { device: 2 });
@@ -398,7 +398,7 @@ group = "left"
     let text = format!("{}{loose}", include_str!("../../scenes/thread.toml"));
     let loaded = Scene::load_texts("x.toml", &text, &BTreeMap::new()).expect("a scene");
     let mut engine = Engine::new(
-        bodies(&World::new(&loaded).unwrap(), How::default()).expect("it can be built"),
+        bodies(&World::new(&loaded).unwrap(), BuildOptions::default()).expect("it can be built"),
     );
     let lowest = |engine: &Engine| {
         let heights = engine.bodies()[1].body().positions().map(|x| x.z);

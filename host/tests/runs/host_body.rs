@@ -5,7 +5,7 @@ use crate::rig;
 use host::world::World;
 
 use host::engine::Engine;
-use host::engine::build::{How, bodies};
+use host::engine::build::{BuildOptions, bodies};
 use host::engine::pacer::Due;
 use host::scene::Scene;
 use rig::{Rig, Still};
@@ -25,7 +25,7 @@ const STEP: f64 = 4e-3;
 fn rested() -> Rig {
     let loaded = Scene::embedded_default().expect("the built-in scene");
     assert_eq!(loaded.scene.host.step_rate * STEP, 1.0);
-    let mut rig = Rig::new(&loaded, How::default());
+    let mut rig = Rig::new(&loaded, BuildOptions::default());
     for _ in 0..125 {
         rig.follow(TICKS, |_, _| {});
         rig.step();
@@ -112,7 +112,8 @@ fn no_tick_is_published_twice() {
 #[test]
 fn before_the_first_tick_no_model_is_published() {
     let loaded = Scene::embedded_default().expect("the built-in scene");
-    let bodies = bodies(&World::new(&loaded).unwrap(), How::default()).expect("it can be built");
+    let bodies =
+        bodies(&World::new(&loaded).unwrap(), BuildOptions::default()).expect("it can be built");
     let mut engine = Engine::new(bodies);
     let due = Due {
         time_ns: 0,

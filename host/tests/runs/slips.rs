@@ -2,7 +2,7 @@
 //! becomes that of the body at the pose of the proxy.
 
 use crate::rig::Rig;
-use host::engine::build::How;
+use host::engine::build::BuildOptions;
 use host::engine::faults::{FaultKind, HostFault};
 use host::log::Log;
 use host::run::summary::RunSummary;
@@ -123,7 +123,7 @@ fn logged(
 /// The force (N) that the body of a scene exerts on its handle once it rests at `pose`. Another hand moves it there within
 /// two seconds.
 fn at_rest(loaded: &LoadedScene, pose: &Pose) -> Result<Vec3, Box<dyn Error>> {
-    let mut rig = Rig::new(loaded, How::default());
+    let mut rig = Rig::new(loaded, BuildOptions::default());
     let from = rig.rest[0];
     let ticks = (1000.0 / loaded.scene.host.step_rate).round() as u64;
     for _ in 0..6000 / ticks {

@@ -82,7 +82,7 @@ impl Coupling {
                 && *wrench != Wrench::zero()
                 && (fade.left > 0.0 || wrench.stacked().amax() > RESIDUE);
             let last = usize::from(pending.handle_count);
-            let heir = to.heir_of(old.piece, pending).unwrap_or(pieces);
+            let successor = to.successor_of(old.piece, pending).unwrap_or(pieces);
             let place = pending.handles.get_mut(last);
             let Some(place) = place.filter(|_| leaves && has_force) else {
                 continue;
@@ -90,14 +90,14 @@ impl Coupling {
             let part = smooth_step(fade.left);
             *place = HandleReference {
                 device: old.device,
-                piece: heir,
+                piece: successor,
                 pose: devices.get(device).map_or(old.pose, |(pose, _)| *pose),
                 wrench: fade.wrench.scaled(part),
                 weight: fade.weight * part,
                 ..HandleReference::zero()
             };
-            if heir == pieces {
-                if let Some(energy) = pending.pieces.get_mut(usize::from(heir)) {
+            if successor == pieces {
+                if let Some(energy) = pending.pieces.get_mut(usize::from(successor)) {
                     *energy = PieceEnergy::default();
                 }
                 pieces = pieces.saturating_add(1);

@@ -17,14 +17,14 @@ use crate::passivity::Division;
 impl LocalModel {
     /// The piece of `newer` to which a piece of this model went, by the hands that both models name; `None` where no
     /// hand of the piece is left.
-    pub(super) fn heir_of(&self, piece: u8, newer: &Self) -> Option<u8> {
+    pub(super) fn successor_of(&self, piece: u8, newer: &Self) -> Option<u8> {
         if self.piece_count() == 1 && newer.piece_count() == 1 {
             return Some(0);
         }
         let mut own = self.handles().filter(|handle| handle.piece == piece);
         own.find_map(|old| {
-            let heir = newer.handles().find(|handle| handle.device == old.device);
-            heir.map(|heir| heir.piece)
+            let successor = newer.handles().find(|handle| handle.device == old.device);
+            successor.map(|successor| successor.piece)
         })
     }
 

@@ -121,8 +121,8 @@ impl Passivity {
     ) {
         let [mut whole, ..] = self.pieces;
         let capped = self.cap_piece(&mut whole, devices, motions, stored, elastic, viscous);
-        let [kept, ..] = &mut self.pieces;
-        *kept = whole;
+        let [first, ..] = &mut self.pieces;
+        *first = whole;
         self.withheld = capped.unwrap_or_default();
         if capped.is_some() {
             crate::count_one(&mut self.account.capped);
@@ -159,8 +159,9 @@ impl Passivity {
         // Handles that do not exist have no force.
         let elastic = holders.used(elastic);
         let viscous = holders.used(viscous);
-        let [kept, solvent] = self.certified(left, bowed, &holders.reaches, elastic, viscous);
-        let withheld = withhold([kept, solvent], elastic, viscous);
+        let [elastic_share, viscous_share] =
+            self.certified(left, bowed, &holders.reaches, elastic, viscous);
+        let withheld = withhold([elastic_share, viscous_share], elastic, viscous);
         self.settle_counts(piece, &holders, elastic);
         withheld
     }
@@ -231,7 +232,7 @@ impl Passivity {
         if missing > 0.0 || eased > step {
             let mut clear = *motions;
             for (motion, port) in clear.iter_mut().zip(ports) {
-                quieten(&mut motion.velocity, port.count);
+                without_count(&mut motion.velocity, port.count);
             }
             piece.damped = damp(missing, period, bounds, ports, &clear, viscous);
         }
@@ -253,14 +254,14 @@ impl Passivity {
         };
         let (springs, dampers) = (most(elastic), most(viscous));
         let budget = left.max(0.0);
-        let kept = if springs * bowed > budget {
+        let elastic_share = if springs * bowed > budget {
             budget / springs
         } else {
             bowed
         };
-        let room = (left + self.config.allowance - springs * kept).max(0.0);
-        let solvent = if dampers > room { room / dampers } else { 1.0 };
-        [kept, solvent]
+        let room = (left + self.config.allowance - springs * elastic_share).max(0.0);
+        let viscous_share = if dampers > room { room / dampers } else { 1.0 };
+        [elastic_share, viscous_share]
     }
 
     /// Corrects the account for counts that came after a rest. The hand reached such a count slowly, and leaves it at
@@ -288,33 +289,33 @@ impl Passivity {
     }
 }
 
-/// Scales the elastic wrenches by `kept` and the viscous ones by `solvent`. Returns the withheld force; `None` where
+/// Scales the elastic wrenches by `elastic_share` and the viscous ones by `viscous_share`. Returns the withheld force; `None` where
 /// both stay whole.
 fn withhold(
-    [kept, solvent]: [f64; 2],
+    [elastic_share, viscous_share]: [f64; 2],
     elastic: &mut [Vec6],
     viscous: &mut [Vec6],
 ) -> Option<Withheld> {
     let mut withheld = Withheld::default();
-    if kept < 1.0 {
+    if elastic_share < 1.0 {
         for elastic in elastic.iter_mut() {
             let [force, _] = norms(elastic);
             withheld.of = withheld.of.max(force);
-            *elastic *= kept;
+            *elastic *= elastic_share;
         }
-        withheld.force = withheld.of * (1.0 - kept);
+        withheld.force = withheld.of * (1.0 - elastic_share);
     }
-    if solvent < 1.0 {
+    if viscous_share < 1.0 {
         for viscous in viscous.iter_mut() {
-            *viscous *= solvent;
+            *viscous *= viscous_share;
         }
     }
-    (kept < 1.0 || solvent < 1.0).then_some(withheld)
+    (elastic_share < 1.0 || viscous_share < 1.0).then_some(withheld)
 }
 
 /// Takes from a velocity the part that a single count (m) produces. That the hand reached an edge does not tell its
 /// speed, and a trembling hold would buzz under its damper.
-fn quieten(velocity: &mut Vec6, count: f64) {
+fn without_count(velocity: &mut Vec6, count: f64) {
     let quiet = count / VelocityEstimator::SPAN;
     let [speed, _] = norms(velocity);
     let fraction = if speed > quiet {

@@ -5,7 +5,7 @@
 //! without a jump. Models name the new handles from the next publication on, in a new epoch.
 
 use super::{HostBody, Joining};
-use crate::engine::beside::Beside;
+use crate::engine::background::Background;
 use crate::engine::change::{ChangeError, Edit, Hand, Made, Rebuild};
 use crate::engine::path::HandlePath;
 use crate::engine::stats::StepFault;
@@ -52,11 +52,11 @@ impl HostBody {
             }
         }
         let (recipe, step) = (self.recipe, self.step);
-        let beside = self
-            .beside
-            .get_or_insert_with(|| Beside::new(recipe.is_real(), step));
+        let background = self
+            .background
+            .get_or_insert_with(|| Background::new(recipe.is_real(), step));
         let copy = self.body.clone();
-        beside.begin(Box::new(Rebuild::new(recipe, self.response, copy, edits)));
+        background.begin(Box::new(Rebuild::new(recipe, self.response, copy, edits)));
         self.joining = Some(joining);
         Ok(())
     }
@@ -69,7 +69,11 @@ impl HostBody {
         if self.joining.is_none() {
             return Ok(false);
         }
-        let done = match self.beside.as_mut().map(|beside| beside.done(1)) {
+        let done = match self
+            .background
+            .as_mut()
+            .map(|background| background.done(1))
+        {
             Some(Ok(None)) => return Ok(false),
             Some(Ok(done)) => done,
             Some(Err(_)) | None => None,
@@ -79,13 +83,13 @@ impl HostBody {
             let made = rebuild.take()?;
             Some((rebuild, made))
         }) else {
-            self.beside = None;
+            self.background = None;
             return Err(ChangeError::Lost.into());
         };
         let spent = self.continue_as(made?, &joining)?;
         rebuild.keep(spent);
-        if let Some(beside) = &mut self.beside {
-            beside.drop(rebuild);
+        if let Some(background) = &mut self.background {
+            background.drop(rebuild);
         }
         Ok(true)
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::engine::build::{How, bodies};
+use crate::engine::build::{BuildOptions, bodies};
 use crate::engine::change::Edit;
 use crate::engine::pacer::Due;
 use crate::engine::stats::WallStopwatch;
@@ -19,8 +19,8 @@ struct Rig {
 impl Rig {
     fn new() -> Self {
         let loaded = Scene::embedded_default().expect("the built-in scene loads");
-        let bodies =
-            bodies(&World::new(&loaded).unwrap(), How::default()).expect("it can be built");
+        let bodies = bodies(&World::new(&loaded).unwrap(), BuildOptions::default())
+            .expect("it can be built");
         Self {
             engine: Engine::new(bodies),
             now: Instant::now(),

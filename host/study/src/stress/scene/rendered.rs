@@ -12,8 +12,8 @@
 
 use crate::StudyError;
 use host::engine::body::{fill_blocks, reference_of};
-use host::engine::borne::Borne;
 use host::engine::plan::renderable;
+use host::engine::projected::Projected;
 use host::engine::stiff::{Renderable, SeriesSprings};
 use host::world::World;
 use nalgebra::UnitQuaternion;
@@ -31,7 +31,7 @@ const SMALL: usize = 1500;
 /// The stiffness of one body at its handles, and the springs of its devices.
 pub(in crate::stress) struct Rendered {
     condenser: Condenser,
-    borne: Borne,
+    projected: Projected,
     springs: Option<SeriesSprings>,
     /// What the device of each handle can render.
     limits: Vec<Renderable>,
@@ -57,18 +57,18 @@ impl Rendered {
         let numbers: Vec<u8> = devices.iter().map(|device| *device as u8).collect();
         let mut model = LocalModel::empty();
         model.handle_count = numbers.len() as u8;
-        let borne = Borne::new(world);
+        let projected = Projected::new(world);
         let weights = body.handle_weights();
         for ((handle, device), weight) in model.handles.iter_mut().zip(&numbers).zip(weights) {
             handle.device = *device;
             handle.weight = weight;
-            borne.weight(handle);
+            projected.weight(handle);
         }
         let mut rendered = Self {
             condenser: Condenser::new(body)?,
             springs: SeriesSprings::of(&numbers, &all),
             limits: devices.iter().map(|device| all[*device]).collect(),
-            borne,
+            projected,
             model,
             horizon,
             corrected: vec![Vec6::zeros(); devices.len()],
@@ -92,14 +92,14 @@ impl Rendered {
         body.assemble();
         let condensed = self.condenser.condense(body, self.horizon)?;
         fill_blocks(&mut self.model, condensed);
-        self.borne.blocks(&mut self.model);
+        self.projected.blocks(&mut self.model);
         let count = usize::from(self.model.handle_count);
         for (index, handle) in self.model.handles[..count].iter_mut().enumerate() {
             if let Some(report) = body.handle_report(index) {
                 let (weight, drift) = (handle.weight, handle.drift);
                 *handle = reference_of(handle.device, report);
                 (handle.weight, handle.drift) = (weight, drift);
-                self.borne.wrench(handle);
+                self.projected.wrench(handle);
             }
         }
         if let Some(springs) = &mut self.springs {

@@ -5,7 +5,7 @@ use super::world::World;
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::Engine;
-use host::engine::build::{self, How};
+use host::engine::build::{self, BuildOptions};
 use host::engine::faults::{FaultKind, HostFault};
 use host::run::late::LateLink;
 use host::run::paced::{Host, HostLink, Paced};
@@ -139,7 +139,7 @@ impl Host for Troubled<'_> {
             (&self.softened, self.world.draw.softening, &self.world.soft)
             && time >= softening.at
         {
-            let others = build::bodies(&Built::new(soft)?, How::default())?;
+            let others = build::bodies(&Built::new(soft)?, BuildOptions::default())?;
             self.host.change(|engine| engine.exchange(others))?;
             let newest = self.host.link().newest.iter();
             self.softened = Some(newest.map(|[sent, _]| *sent).collect());

@@ -10,7 +10,7 @@
 use super::hands::Hands;
 use crate::StudyError;
 use host::engine::Engine;
-use host::engine::build::{self, How};
+use host::engine::build::{self, BuildOptions};
 use host::engine::pacer::Pacer;
 use host::engine::stats::WallStopwatch;
 use host::scene::LoadedScene;
@@ -104,7 +104,10 @@ impl Rival {
             })
         };
         Ok(Self {
-            engine: Engine::new(build::bodies(&World::new(&loaded)?, How::default())?),
+            engine: Engine::new(build::bodies(
+                &World::new(&loaded)?,
+                BuildOptions::default(),
+            )?),
             pacer: Pacer::new(rate, steps),
             couplings: vec![coupling(), coupling()],
             forces: [Vec::new(), Vec::new()],

@@ -8,7 +8,7 @@ use super::hands::Hands;
 use crate::StudyError;
 use crate::speed::clock::{Times, cpu_time};
 use host::engine::Engine;
-use host::engine::build::{self, How};
+use host::engine::build::{self, BuildOptions};
 use host::engine::pacer::Pacer;
 use host::engine::stats::{EngineStats, Stopwatch};
 use host::scene::LoadedScene;
@@ -123,9 +123,9 @@ impl Sums {
 /// [`StudyError`] if the scene cannot be built.
 pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Row, StudyError> {
     let scene = &loaded.scene;
-    let how = How {
+    let how = BuildOptions {
         real: true,
-        ..How::default()
+        ..BuildOptions::default()
     };
     let world = World::new(loaded)?;
     let mut engine = Engine::new(build::bodies(&world, how)?);

@@ -13,12 +13,12 @@ use rt_core::{HandleReference, LocalModel, Mat6, Vec3};
 
 /// The projections onto the axes of a scene's devices, by device.
 #[derive(Clone, Debug, Default)]
-pub struct Borne {
+pub struct Projected {
     /// `None` for a device that moves along all axes, and for one beyond the list.
     axes: Vec<Option<Matrix3<f64>>>,
 }
 
-impl Borne {
+impl Projected {
     /// The projections for the devices of a world.
     pub fn new(world: &World<'_>) -> Self {
         let each = world.loaded.models.iter().zip(&world.mounts);
@@ -101,9 +101,9 @@ mod tests {
     use rt_core::{Pose, Twist};
 
     /// Two handles; the device of the first moves along a slanting line, that of the second along all axes.
-    fn example() -> (Borne, LocalModel, Vec3) {
+    fn example() -> (Projected, LocalModel, Vec3) {
         let line = Rotation3::from_euler_angles(0.3, -0.4, 0.7) * Vector3::x();
-        let borne = Borne {
+        let projected = Projected {
             axes: vec![Some(line * line.transpose())],
         };
         let mut model = LocalModel::empty();
@@ -125,17 +125,17 @@ mod tests {
                 (model.stiffness[i][j], model.damping[i][j]) = (block(1.0), block(0.1));
             }
         }
-        (borne, model, line)
+        (projected, model, line)
     }
 
     #[test]
     fn a_hand_on_a_line_feels_the_bodys_force_along_the_line_and_none_across() {
-        let (borne, whole, line) = example();
+        let (projected, whole, line) = example();
         let mut part = whole;
-        borne.blocks(&mut part);
+        projected.blocks(&mut part);
         for handle in &mut part.handles {
-            borne.wrench(handle);
-            borne.weight(handle);
+            projected.wrench(handle);
+            projected.weight(handle);
         }
         // A displacement along the line, as the device allows it.
         let at = |by: Vec3, speed: Vec3| {
@@ -171,7 +171,7 @@ mod tests {
     fn devices_of_all_axes_leave_a_model_as_it_is() {
         let (_, whole, _) = example();
         let mut part = whole;
-        Borne::default().blocks(&mut part);
+        Projected::default().blocks(&mut part);
         assert_eq!(part, whole);
     }
 }

@@ -30,7 +30,7 @@ pub(super) enum Message<W> {
 }
 
 /// Does one piece of work at a time. Each piece that was begun comes back in the end, unless the thread has ended.
-pub(super) enum Beside<W> {
+pub(super) enum Background<W> {
     /// At once. The result is not taken before its step, so that a run repeats to the byte.
     AtAStep {
         /// The work that was begun, and the number of steps until it is taken.
@@ -47,7 +47,7 @@ pub(super) enum Beside<W> {
     },
 }
 
-impl<W: Work> Beside<W> {
+impl<W: Work> Background<W> {
     /// Under the real clock on a thread, in virtual time at a step. The steps take `h` seconds.
     pub(super) fn new(real: bool, h: f64) -> Self {
         if real {
@@ -156,21 +156,23 @@ mod tests {
 
     #[test]
     fn in_virtual_time_work_lands_at_its_step() {
-        let mut beside = Beside::new(false, 4e-3);
-        assert!(beside.done(1).unwrap().is_none());
-        beside.begin(Count(0));
-        let landed: Vec<bool> = (0..5).map(|_| beside.done(1).unwrap().is_some()).collect();
+        let mut background = Background::new(false, 4e-3);
+        assert!(background.done(1).unwrap().is_none());
+        background.begin(Count(0));
+        let landed: Vec<bool> = (0..5)
+            .map(|_| background.done(1).unwrap().is_some())
+            .collect();
         // 10 ms are two and a half steps, rounded up.
         assert_eq!(landed, [false, false, true, false, false]);
         // A step that takes the time of two.
-        beside.begin(Count(0));
-        let landed = [1, 2, 1].map(|passed| beside.done(passed).unwrap().is_some());
+        background.begin(Count(0));
+        let landed = [1, 2, 1].map(|passed| background.done(passed).unwrap().is_some());
         assert_eq!(landed, [false, true, false]);
     }
 
-    fn wait(beside: &mut Beside<Count>) -> Result<Count, Lost> {
+    fn wait(background: &mut Background<Count>) -> Result<Count, Lost> {
         loop {
-            if let Some(work) = beside.done(1)? {
+            if let Some(work) = background.done(1)? {
                 return Ok(work);
             }
             thread::yield_now();
@@ -179,13 +181,13 @@ mod tests {
 
     #[test]
     fn a_thread_gives_each_piece_back_once_and_a_panic_is_noticed() {
-        let mut beside = Beside::new(true, 4e-3);
-        beside.begin(Count(0));
-        let work = wait(&mut beside).unwrap();
+        let mut background = Background::new(true, 4e-3);
+        background.begin(Count(0));
+        let work = wait(&mut background).unwrap();
         assert_eq!(work.0, 1);
-        assert!(beside.done(1).unwrap().is_none());
-        beside.drop(work);
-        beside.begin(Count(2));
-        assert_eq!(wait(&mut beside).err(), Some(Lost));
+        assert!(background.done(1).unwrap().is_none());
+        background.drop(work);
+        background.begin(Count(2));
+        assert_eq!(wait(&mut background).err(), Some(Lost));
     }
 }
