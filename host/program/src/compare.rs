@@ -4,7 +4,7 @@ use super::fault::fault;
 use super::outputs::{Declared, Format};
 use super::stress::scheme_of;
 use super::written::Written;
-use super::{CommandError, SceneArgument, progress_bar};
+use super::{CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::engine::faults::HostFault;
 use host::plot::{self, Panel, Role, Series, write_picture};
@@ -101,6 +101,8 @@ pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
         threads: arguments.threads,
     };
     let bar = progress_bar();
+    // This prints the warnings of the meshes.
+    build(&loaded, &bar)?;
     let found = compare(&loaded, &settings, &|fraction| {
         bar.set_position((1000.0 * fraction) as u64);
     });

@@ -2,6 +2,7 @@
 
 use super::scene::{cell, log, write_scene};
 use super::{CommandError, Common, Declared, Format, Values, Written, judged, number, scheme_of};
+use crate::{build, progress_bar};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
 use host::scene::spec::SchemeName;
@@ -49,7 +50,10 @@ fn scheme(text: &str) -> Result<SchemeName, String> {
 pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     if let Some(path) = &arguments.file {
-        let cell = judge(arguments.values.load(Some(path), Vec::new())?)?;
+        let loaded = arguments.values.load(Some(path), Vec::new())?;
+        // This prints the warnings of the meshes.
+        build(&loaded, &progress_bar())?;
+        let cell = judge(loaded)?;
         if cell.moves {
             outln!("a hand moves in the last second; the hold is not judged");
         }

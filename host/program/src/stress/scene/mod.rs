@@ -3,6 +3,7 @@
 pub(super) mod cell;
 
 use super::{CommandError, Common, Declared, Format, Values, Written, number, scheme_of};
+use crate::{build, progress_bar};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
 use host::scene::spec::SchemeName;
@@ -86,6 +87,8 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         .transpose()?;
     let mut declared = Declared::default();
     if let Some(loaded) = &loaded {
+        // This prints the warnings of the meshes.
+        build(loaded, &progress_bar())?;
         declared = declared.scene(path, loaded);
     }
     let declared = declared
