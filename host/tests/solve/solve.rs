@@ -554,7 +554,7 @@ group = "top"
                 );
                 assert!(said.contains(expected), "{said}");
             }
-            None => assert_eq!(said, "solved", "{second}"),
+            None => assert_eq!(said, "built", "{second}"),
         }
     }
 }
