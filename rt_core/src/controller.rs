@@ -351,8 +351,8 @@ impl Controller {
         }
     }
 
-    /// The third phase: limits the command for each device. What a limit takes off a wrench is taken off the wrenches
-    /// of the bodies, too.
+    /// The third phase: limits the command for each device. If a limit reduces a wrench, the wrenches of the bodies are reduced
+    /// by the same part.
     fn limit(
         &mut self,
         proxies: &[(Pose, Twist)],

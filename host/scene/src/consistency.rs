@@ -354,7 +354,7 @@ fn check_mounting(at: &str, device: &Device) -> Check {
     })
 }
 
-/// The force that the motors bear for ever bears the grip, and more.
+/// The continuous force of the motors must exceed the weight of the grip.
 fn check_heat(at: &str, device: &Device) -> Check {
     let weight = Vec3::from(device.grip_weight.unwrap_or_default()).norm();
     device.continuous_force.map_or(Ok(()), |force| {

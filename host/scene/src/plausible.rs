@@ -1,4 +1,5 @@
-//! Values that no scene can mean are refused, and values that few scenes mean are warned of, each with the likely cause.
+//! The program refuses a value that no scene can mean, and warns of a value that few scenes mean. Both messages name the
+//! likely cause.
 //!
 //! A number in the wrong unit is still a number: an organ of 80 m, an encoder that counts centimetres and a hand that
 //! jumps by 400 mm all run, and give results that mean nothing. Each [`Quantity`] has two ranges. A value outside the

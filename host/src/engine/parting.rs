@@ -1,7 +1,7 @@
 //! The pieces into which the tears of a body part its handles.
 //!
-//! A torn body stays one body with one local model. Its handles have the number of their **group**: handles on one piece,
-//! and those on pieces that a handle joins, have one group. When an edit parts two groups, the account of energy parts
+//! A torn body stays one body with one local model. Each of its handles has the number of its **group**. Handles on the
+//! same piece belong to one group. If a handle holds several pieces, the handles on all of them belong to one group. When an edit parts two groups, the account of energy parts
 //! with them, and each handle's weight is found anew from the mass of its group.
 
 use physics::topology::{NONE, Pieces};

@@ -365,7 +365,7 @@ fn engage(spec: &spec::Device, start: Vec3) -> EngageConfig {
     }
 }
 
-/// Checks that a device keeps most of its force beside the weight of its grip.
+/// Checks that the weight of its grip takes at most half of the largest force of a device.
 fn check_grip(
     loaded: &LoadedScene,
     index: usize,

@@ -70,7 +70,8 @@ pub(super) fn run(
         ticks: Some(timing.ticks),
         ..config
     };
-    // Whoever shows the preparation with a thread ends this thread now: it may run on the tick's core.
+    // A display may show the preparation with a thread of its own. It ends that thread at this call, because the thread may
+    // run on the tick's core.
     progress(0);
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
     let thread = spawn(config, controller, devices, end, stop)?;

@@ -15,7 +15,7 @@ pub struct Taps {
     pub frames: Option<FrameTap>,
     /// Takes frames of the bodies for the log.
     pub log_frames: Option<LogTap>,
-    /// Passes on what tears; `None` where nothing tears.
+    /// Passes on the edits of tears; `None` if no body tears.
     pub tears: Option<TearTap>,
     /// Shows the bodies to viewers.
     pub view: Option<HostView>,

@@ -65,7 +65,7 @@ pub trait Exchange: Send {
     /// As [`exchange`](Self::exchange).
     fn reopen(&mut self) -> Result<(), DeviceError>;
 
-    /// Who knows the motion to force: the thread, unless the device tells.
+    /// The source of the motion to force: the thread measures it, unless the device states it.
     fn motion_to_force(&self) -> MotionSource {
         MotionSource::Thread
     }

@@ -6,8 +6,8 @@
 //! and damping for the hand. Cap and energy account thus treat its force as any other force. The stiffness that the hand
 //! felt passes to zero with the blend, as every stiffness passes to that of the new model.
 //!
-//! Such a handle is on the piece of the body that continues its former piece. Where none does, it has a piece of its own,
-//! so that its force is paid for by its own account.
+//! Such a handle belongs to the piece of the body that continues its former piece. If no piece continues it, the handle gets a
+//! piece of its own, and the account of that piece pays for its force.
 
 use super::Coupling;
 use crate::geometry::{Mat6, Pose, Twist, Vec3, Wrench, smooth_step};

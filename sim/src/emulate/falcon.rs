@@ -67,15 +67,15 @@ pub struct Faults {
     pub upload: UploadFault,
     /// Number of handshakes in each upload that are not answered at first.
     pub deaf_handshakes: u32,
-    /// Every so many answers, one has 14 bytes: no status.
+    /// One of this number of answers has 14 bytes: no status.
     pub short_every: u32,
-    /// Every so many answers, one comes in two USB packets.
+    /// One of this number of answers comes in two USB packets.
     pub split_every: u32,
-    /// Every so many answers, one comes after a USB packet of status bytes alone.
+    /// One of this number of answers follows a USB packet of status bytes alone.
     pub bare_every: u32,
-    /// Every so many answers, one does not come.
+    /// One of this number of answers does not come.
     pub lost_every: u32,
-    /// Every so many answers, one comes late.
+    /// One of this number of answers comes late.
     pub late_every: u32,
     /// How late it is (ns).
     pub late_ns: u64,

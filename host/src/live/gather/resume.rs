@@ -65,8 +65,8 @@ impl Gatherer {
         }
     }
 
-    /// This gatherer, which has taken no tick, as if it had taken the ticks up to `last`, where the sums were
-    /// `checkpoint`. Its histograms stay empty.
+    /// Continues from a moment of a log: the gatherer, which has taken no tick, gets the sums of `checkpoint` and the state
+    /// of the tick `last`, as if it had taken all ticks until then. Its histograms stay empty.
     #[must_use]
     pub fn resume(mut self, checkpoint: &Checkpoint, last: &TickView<'_>) -> Self {
         self.counts.ticks = checkpoint.ticks;

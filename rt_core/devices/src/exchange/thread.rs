@@ -106,7 +106,7 @@ impl<E: Exchange> Work<E> {
             let away = self.looked.elapsed();
             self.looked = Instant::now();
             // After a longer time between two looks, the process was stopped or the device blocked, and the wrench may be
-            // as old. A wake-up that is late is no such case.
+            // as old. A late wake-up does not count as such a case.
             if let Some(handed) = take_newest(&mut self.commands, |handed, _| *handed)
                 && away <= let_go.saturating_mul(2)
             {

@@ -40,9 +40,9 @@ pub struct Reports {
     pub fault: u8,
     /// The last motion to force that the device's reports show.
     pub motion_to_force: Option<MotionToForce>,
-    /// The same, where the last read showed it.
+    /// The motion to force that the last read showed; `None` if it showed none.
     shown: Option<MotionToForce>,
-    /// Why the last report that was not used was not.
+    /// The reason why the newest of the refused reports was refused.
     pub refused: Option<HostError>,
     /// Reports that the device refused since it has its reference. The device's own count wraps at 256.
     pub refused_by_device: u64,
@@ -210,7 +210,7 @@ impl Reports {
         Newest::default()
     }
 
-    /// Motion to force (ns), where the last read showed it.
+    /// The motion to force (ns) that the last read showed; `None` if it showed none.
     pub(crate) fn shown_ns(&self) -> Option<u64> {
         let shown = self.shown?;
         Some(u64::from(shown.delay_us).saturating_mul(1000))
