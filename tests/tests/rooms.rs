@@ -113,12 +113,14 @@ const CRATES: [&str; 13] = [
 #[test]
 fn rooms_import_downwards_only() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut imports = 0;
     for name in CRATES {
         let graph = rooms(&root.join(name).join("src"));
-        let imports: usize = graph.values().map(BTreeSet::len).sum();
-        assert!(graph.len() < 3 || imports > 0, "{name}: {graph:?}");
+        imports += graph.values().map(BTreeSet::len).sum::<usize>();
         assert_eq!(circles(&graph), Vec::<String>::new(), "{name}: {graph:#?}");
     }
+    // A reader that finds no imports finds no circle, either.
+    assert!(imports > 100, "{imports}");
 }
 
 /// The ground of the host stands on no other of its rooms.
