@@ -185,7 +185,7 @@ pub(super) fn under_virtual_time(
         session.records(&mut sink);
         let before = session.ticks() - 1;
         // Large bodies take long for a step: a person who waits sees something by the clock on the wall, too.
-        if before % 256 == 0 || said.elapsed() > SAID {
+        if before.is_multiple_of(256) || said.elapsed() > SAID {
             said = Instant::now();
             progress(before);
         }

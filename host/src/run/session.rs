@@ -41,8 +41,8 @@ pub struct Session<H = Paced<LateLink>> {
     /// The tick's period (ns).
     period_ns: u64,
     /// Ticks in the whole session, and those done.
+    of: u64,
     ticks: u64,
-    done: u64,
     /// The text of a panic of the host. The host then does nothing more, as under the real clock, and the ticks go on.
     panicked: Option<String>,
 }
@@ -92,7 +92,7 @@ impl Session {
 
     /// Ends, and releases the devices.
     pub fn end(mut self) -> Ended {
-        self.tick.release(self.done * self.period_ns);
+        self.tick.release(self.ticks * self.period_ns);
         Ended {
             tick: self.tick,
             host: self.host.into_side(),
@@ -120,8 +120,8 @@ impl<H: Host> Session<H> {
             host: host(paced),
             log,
             period_ns: timing.period_ns,
-            ticks: timing.ticks,
-            done: 0,
+            of: timing.ticks,
+            ticks: 0,
             panicked: None,
         }
     }
@@ -131,7 +131,7 @@ impl<H: Host> Session<H> {
     /// # Errors
     /// That of the host.
     pub fn try_tick(&mut self) -> Result<Option<Telemetry>, H::Error> {
-        if self.done == self.ticks {
+        if self.ticks == self.of {
             return Ok(None);
         }
         let now_ns = self.now_ns();
@@ -141,7 +141,7 @@ impl<H: Host> Session<H> {
                 Err(panic) => self.panicked = Some(panic),
             }
         }
-        self.done += 1;
+        self.ticks += 1;
         Ok(Some(self.tick.tick(now_ns)))
     }
 
@@ -167,11 +167,11 @@ impl<H: Host> Session<H> {
 
     /// The time of the next tick (ns).
     pub fn now_ns(&self) -> u64 {
-        self.done * self.period_ns
+        self.ticks * self.period_ns
     }
 
     /// The ticks done.
     pub fn ticks(&self) -> u64 {
-        self.done
+        self.ticks
     }
 }
