@@ -276,7 +276,7 @@ impl<T: Precision> Stepper<T> {
             if let Some(bending) = bending {
                 elements.push(Divided::Whole(Box::new(bending.kernel(&rank, &rest))));
             }
-            for set in &mut elements {
+            for set in elements.iter_mut().filter_map(Divided::tearable) {
                 set.reserve(spare.triangles);
             }
         }
