@@ -412,6 +412,7 @@ impl<T: Precision> Stepper<T> {
         }
         core::mem::swap(&mut self.sleep, &mut running.sleep);
         core::mem::swap(&mut self.pairs, &mut running.pairs);
+        core::mem::swap(&mut self.released, &mut running.released);
         core::mem::swap(&mut self.learned, &mut running.learned);
         core::mem::swap(&mut self.ledger, &mut running.ledger);
         core::mem::swap(&mut self.targets, &mut running.targets);
