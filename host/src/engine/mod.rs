@@ -4,6 +4,11 @@
 //! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a thread drives it;
 //! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
 //! caller passes; nothing in the state depends on this time.
+//!
+//! Bodies that are joined, by contact or by springs, have their place between `constrain` and `solve`. All bodies have
+//! their equations then. A stage there would take those that are joined as groups, have each body of a group lend its
+//! equation ([`Stepper::equation`](physics::Stepper::equation)) and solve the group; `solve` would leave these bodies out.
+//! The other bodies, and all bodies of a scene without joints, would be solved as now.
 
 mod background;
 mod balance;

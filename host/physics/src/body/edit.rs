@@ -87,19 +87,15 @@ impl Body {
         let triangles: Option<Vec<[u32; 3]>> = (0..set.count())
             .map(|element| set.nodes(element).try_into().ok())
             .collect();
-        let shapes: Option<Vec<_>> = (0..set.count())
-            .map(|element| set.rest_shape(element))
-            .collect();
-        let (Some(triangles), Some(shapes)) = (triangles, shapes) else {
+        let all = 0..set.count();
+        let (Some(triangles), Some(set)) = (triangles, set.tearable_mut()) else {
             return kind("elements that are not triangles of a sheet");
         };
+        let shapes: Vec<_> = all.clone().map(|element| set.rest_shape(element)).collect();
         let surface = Surface::new(count, &triangles, &shapes, reserve)?;
-        let areal =
-            (0..set.count()).map(|element| set.mass(element) / surface.area(element as u32));
+        let areal = all.map(|element| set.mass(element) / surface.area(element as u32));
         let areal = areal.collect();
-        if !set.reserve(reserve.triangles) {
-            return kind("elements that cannot be edited");
-        }
+        set.reserve(reserve.triangles);
         if let Some(bent) = &mut self.model.bent {
             if !bent.reserve(&surface, reserve.triangles) {
                 return kind("stiffness against bending of other triangles");
@@ -408,7 +404,9 @@ impl Body {
             rest: &self.model.rest,
         };
         for set in &mut self.model.elements {
-            set.follow(&torn);
+            if let Some(set) = set.tearable_mut() {
+                set.follow(&torn);
+            }
         }
         if let Some(bent) = &mut self.model.bent {
             bent.follow(surface);

@@ -35,10 +35,13 @@ impl Body {
             }
         }
         for set in &self.model.elements {
+            let Some(sheet) = set.tearable() else {
+                continue;
+            };
             for triangle in 0..set.count() {
                 let piece = pieces.of_triangle(triangle as u32);
                 if let (Some(sums), Some(strained)) =
-                    (sums.get_mut(piece as usize), set.strained(triangle, x))
+                    (sums.get_mut(piece as usize), sheet.strained(triangle, x))
                 {
                     sums.elastic += strained.density * strained.area * strained.thickness;
                 }

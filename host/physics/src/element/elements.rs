@@ -4,28 +4,11 @@
 //! elements. The body calls functions of whole sets only, so there is no dispatch element by element. Nodes are the
 //! vertices of the mesh. A solver may renumber a copy of the set to its own places.
 
-use super::triangle::membrane::Element;
-use super::{Torn, VectorForm};
+use super::{Tearable, VectorForm};
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Tangent;
-use crate::topology::Shape;
 use crate::{Mat3, Vec3};
 use core::fmt;
-
-/// A strained triangle, in its frame at rest.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Strained {
-    /// The two columns of the deformation gradient `F`.
-    pub gradient: [Vec3; 2],
-    /// The two columns of the first Piola-Kirchhoff stress `P` (Pa).
-    pub stress: [Vec3; 2],
-    /// Elastic energy per volume at rest (J/m³).
-    pub density: f64,
-    /// Area at rest (m²).
-    pub area: f64,
-    /// Thickness at rest (m).
-    pub thickness: f64,
-}
 
 /// A set of elements of one kind.
 pub trait Elements: fmt::Debug + Send + Sync {
@@ -72,57 +55,13 @@ pub trait Elements: fmt::Debug + Send + Sync {
         None
     }
 
-    /// Mass of an element (kg). Zero for elements that cannot be torn.
-    fn mass(&self, _element: usize) -> f64 {
-        0.0
-    }
-
-    /// The corners of a triangle at rest (m), in the frame in which the set has its deformation gradient; `None` for
-    /// elements that cannot be torn.
-    fn rest_shape(&self, _element: usize) -> Option<Shape> {
+    /// The elements as those of a sheet that can tear, or `None` if they cannot be torn.
+    fn tearable(&self) -> Option<&dyn Tearable> {
         None
     }
 
-    /// Makes room for `triangles` more triangles, so that [`follow`](Self::follow) allocates nothing. The result is `false`
-    /// if the set cannot follow edits; the other functions of edits then do nothing. Copies have the same room.
-    fn reserve(&mut self, _triangles: usize) -> bool {
-        false
-    }
-
-    /// Follows the latest edit of a torn surface, which is the set's own: element by element its triangles, with shapes in
-    /// the frames of [`strained`](Self::strained). The set has to be [bound](Self::bind) anew before it is assembled.
-    fn follow(&mut self, _torn: &Torn<'_>) {}
-
-    /// Force and tangent of a triangle with its corners at these positions (m), or `None` for elements that cannot be torn.
-    fn triangle(&self, _triangle: usize, _at: [Vec3; 3], _tangent: Tangent) -> Option<Element> {
-        None
-    }
-
-    /// Calls `add` with the blocks (N/m) of the clipped tangent of `triangles` at node positions `x` (m), by row and
-    /// column. No matrix is needed.
-    fn local_stiffness(&self, triangles: &[u32], x: &[Vec3], add: &mut dyn FnMut(u32, u32, &Mat3)) {
-        for &triangle in triangles {
-            let Ok(nodes) = <[u32; 3]>::try_from(self.nodes(triangle as usize)) else {
-                continue;
-            };
-            let at = nodes.map(|node| x[node as usize]);
-            let element = self.triangle(triangle as usize, at, Tangent::Clipped);
-            for (&row, blocks) in nodes.iter().zip(element.iter().flat_map(|e| &e.stiffness)) {
-                for (&column, block) in nodes.iter().zip(blocks) {
-                    add(row, column, block);
-                }
-            }
-        }
-    }
-
-    /// Adds the elastic forces (N) at node positions `x` (m) to `force`, without a matrix.
-    fn add_force(&self, _x: &[Vec3], _force: &mut [Vec3]) {}
-
-    /// The elastic energy (J) of each triangle at node positions `x` (m).
-    fn energies(&self, _x: &[Vec3], _energies: &mut [f64]) {}
-
-    /// The state of a triangle at node positions `x` (m) in its frame at rest, or `None` for elements that cannot be torn.
-    fn strained(&self, _triangle: usize, _x: &[Vec3]) -> Option<Strained> {
+    /// [`tearable`](Self::tearable), to be changed.
+    fn tearable_mut(&mut self) -> Option<&mut dyn Tearable> {
         None
     }
 

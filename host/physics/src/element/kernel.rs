@@ -3,8 +3,7 @@
 //! A step linearizes a kernel once. The solver then calls its product repeatedly. A matrix is assembled only for a
 //! factorization.
 
-use super::Torn;
-use crate::Mat3;
+use super::torn::TearableKernel;
 use crate::cost::Cost;
 use crate::lanes::Node;
 use crate::linear::block_matrix::BlockMatrix;
@@ -25,26 +24,9 @@ pub(crate) trait Kernel<T>: Counted + fmt::Debug + Send {
     /// Memory of the kernel (bytes).
     fn bytes(&self) -> usize;
 
-    /// Makes room for `triangles` more triangles, so that [`follow`](Self::follow) allocates nothing. The result is `false`
-    /// if the kernel cannot follow edits.
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    fn reserve(&mut self, _triangles: usize) -> bool {
-        false
-    }
-
-    /// Follows the latest edit of a torn surface. Products use the tangent of the next linearization. From then on
-    /// [`add_to`](Self::add_to) adds nothing of the set: a new factor is made from kernels of the torn sheet.
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    fn follow(&mut self, _torn: &Torn<'_>) {}
-
-    /// Calls `add` with the blocks (N/m) of the tangent of `triangles` at displacements `d` (m), by row and column.
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    fn local_stiffness(
-        &self,
-        _triangles: &[u32],
-        _d: &[Node<T>],
-        _add: &mut dyn FnMut(u32, u32, &Mat3),
-    ) {
+    /// The kernel as one of triangles that can tear, or `None` if it cannot follow edits.
+    fn tearable(&mut self) -> Option<&mut dyn TearableKernel<T>> {
+        None
     }
 }
 

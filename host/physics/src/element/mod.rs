@@ -5,7 +5,7 @@
 //! - `kernel`: the interface of a set to the realtime step, on padded nodes. `placed` and `assembled` are its two
 //!   kinds.
 //! - `parts`: a large set as several kernels, for several cores.
-//! - [`torn`]: how sets follow the edits of a torn surface. `unassembled`: the kernel of torn cloth.
+//! - [`torn`]: how sets follow the edits of a torn surface.
 //! - [`tet`]: the common parts of linear and quadratic tetrahedra: shape functions, any law in exact form, any
 //!   isotropic law in vectors.
 //! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
@@ -29,10 +29,9 @@ pub mod tet4;
 pub mod torn;
 pub mod triangle;
 pub mod truss;
-mod unassembled;
 
-pub use elements::{Elements, Strained};
-pub use torn::Torn;
+pub use elements::Elements;
+pub use torn::{Strained, Tearable, Torn};
 pub use triangle::membrane::Element;
 
 use crate::Vec3;
@@ -47,7 +46,6 @@ use tet::principal;
 use tet4::Tet;
 use tet10::QuadraticTet;
 use triangle::triangles::{self, Triangle};
-use unassembled::Unassembled;
 
 /// A set of elements as the list from which a kernel for vector instructions is made. Nodes are in the set's numbering.
 #[derive(Clone, Debug)]
@@ -160,23 +158,4 @@ pub(crate) fn divided<T: Precision>(
     } else {
         Divided::parts(parts, rest.len())
     }
-}
-
-/// The triangles of a sheet that can tear, as a stepper computes them: one kernel, with room for `triangles` more; `None`
-/// if the elements cannot follow edits. The sheet is not divided, because an edit may add triangles to any part. `rest`
-/// contains the starting positions of the nodes (m).
-#[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-pub(crate) fn tearable<T: Precision>(
-    mut elements: Box<dyn Elements>,
-    triangles: usize,
-    rest: &[Vec3],
-) -> Option<Divided<T>> {
-    // A matrix that couples nothing: the kernel is not assembled.
-    let apart = BlockMatrix::new(rest.len(), rest.len(), core::iter::empty());
-    let mut kernel: Box<dyn Kernel<T>> = match elements.vector_form() {
-        Some(form) => form.kernel(&apart),
-        None if elements.reserve(triangles) => Box::new(Unassembled::new(elements, rest)?),
-        None => return None,
-    };
-    kernel.reserve(triangles).then_some(Divided::Whole(kernel))
 }

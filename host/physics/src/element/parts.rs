@@ -9,14 +9,15 @@
 //!
 //! A part is small enough that its nodes stay in the nearest cache.
 
+use super::VectorForm;
 use super::kernel::Kernel;
 use super::precision::Precision;
-use super::{Torn, VectorForm};
+use super::torn::TearableKernel;
+use crate::Vec3;
 use crate::cost::Cost;
 use crate::lanes::{Node, Real, add};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::team::{self, Team};
-use crate::{Mat3, Vec3};
 
 /// Most nodes that the elements of a part gather: those of 4,096 linear tetrahedra. Below this number, a part is too
 /// short to be worth a thread.
@@ -305,33 +306,11 @@ impl<T: Real> Divided<T> {
         }
     }
 
-    /// See [`Kernel::reserve`]. A set in parts cannot follow edits.
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    pub(crate) fn reserve(&mut self, triangles: usize) -> bool {
+    /// See [`Kernel::tearable`]. A set in parts cannot follow edits.
+    pub(crate) fn tearable(&mut self) -> Option<&mut dyn TearableKernel<T>> {
         match self {
-            Self::Whole(kernel) => kernel.reserve(triangles),
-            Self::Parts(_) => false,
-        }
-    }
-
-    /// See [`Kernel::follow`].
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    pub(crate) fn follow(&mut self, torn: &Torn<'_>) {
-        if let Self::Whole(kernel) = self {
-            kernel.follow(torn);
-        }
-    }
-
-    /// See [`Kernel::local_stiffness`].
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    pub(crate) fn local_stiffness(
-        &self,
-        triangles: &[u32],
-        d: &[Node<T>],
-        add: &mut dyn FnMut(u32, u32, &Mat3),
-    ) {
-        if let Self::Whole(kernel) = self {
-            kernel.local_stiffness(triangles, d, add);
+            Self::Whole(kernel) => kernel.tearable(),
+            Self::Parts(_) => None,
         }
     }
 

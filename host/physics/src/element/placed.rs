@@ -1,8 +1,8 @@
 //! The kernel of elements in blocks: elements that compute with vector instructions, and the slots of their stiffness.
 
-use super::Torn;
 use super::elements::slots;
 use super::kernel::{Counted, Kernel};
+use super::torn::TearableKernel;
 use crate::Mat3;
 use crate::cost::Cost;
 use crate::lanes::{Node, Real};
@@ -25,20 +25,8 @@ pub(crate) trait InBlocks<T, const N: usize>: fmt::Debug + Send {
     /// Memory of the elements (bytes).
     fn bytes(&self) -> usize;
 
-    /// See [`Kernel::reserve`].
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    fn reserve(&mut self, _triangles: usize) -> bool {
-        false
-    }
-
-    /// See [`Kernel::follow`].
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    fn follow(&mut self, _torn: &Torn<'_>) {}
-
-    /// The nodes of an element, and the blocks of its stiffness at displacements `d` (m) (N/m). `None` if the set cannot
-    /// follow edits.
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    fn stiffness_at(&self, _element: usize, _d: &[Node<T>]) -> Option<([u32; N], [[Mat3; N]; N])> {
+    /// See [`Kernel::tearable`].
+    fn tearable(&mut self) -> Option<&mut dyn TearableKernel<T>> {
         None
     }
 }
@@ -88,33 +76,8 @@ impl<T: Real, E: InBlocks<T, N> + Counted, const N: usize> Kernel<T> for Placed<
         self.elements.bytes() + size_of_val(self.slots.as_slice())
     }
 
-    fn reserve(&mut self, triangles: usize) -> bool {
-        self.elements.reserve(triangles)
-    }
-
-    fn follow(&mut self, torn: &Torn<'_>) {
-        // The slots are those of the triangles before the edit.
-        self.slots.clear();
-        self.elements.follow(torn);
-    }
-
-    fn local_stiffness(
-        &self,
-        triangles: &[u32],
-        d: &[Node<T>],
-        add: &mut dyn FnMut(u32, u32, &Mat3),
-    ) {
-        for &triangle in triangles {
-            let found = self.elements.stiffness_at(triangle as usize, d);
-            let Some((nodes, blocks)) = found else {
-                continue;
-            };
-            for (&row, blocks) in nodes.iter().zip(&blocks) {
-                for (&column, block) in nodes.iter().zip(blocks) {
-                    add(row, column, block);
-                }
-            }
-        }
+    fn tearable(&mut self) -> Option<&mut dyn TearableKernel<T>> {
+        self.elements.tearable()
     }
 }
 

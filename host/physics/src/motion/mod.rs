@@ -3,11 +3,13 @@
 //! - [`Stepper`]: one linearization by conjugate gradients on a frozen factor, without an assembled matrix.
 //! - [`refresh`]: a new factor, made in parallel with the steps.
 //! - `sleep`: bodies at rest, which are not stepped.
+//! - [`constraint`]: laws over the differences of nodes, in the equation of a step.
 //! - [`tearing`]: the tears of a sheet, after each step.
 //! - `step`: the same step with an assembled matrix. [`AssembledStepper`]: the same in four calls.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 
 mod assembled;
+pub mod constraint;
 pub mod equilibrium;
 pub mod integrator;
 pub mod newton;
@@ -18,11 +20,12 @@ pub mod stepper;
 pub mod tearing;
 
 pub use assembled::AssembledStepper;
+pub use constraint::cohesion::Cohesion;
 pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
 pub use integrator::{Integrator, IntegratorOptions, StepReport, TimeScheme};
 pub use newton::{NewtonOptions, NewtonReport};
 pub use refresh::Refresher;
 pub use stepper::{
-    Guess, Ledger, Pair, Part, Stepper, StepperOptions, StepperReport, complete_bytes,
+    Equation, Guess, Ledger, Part, Stepper, StepperOptions, StepperReport, complete_bytes,
 };
 pub use tearing::{Course, Grown, Starts, TearLimit, TearOptions, TearReport, Tearing};

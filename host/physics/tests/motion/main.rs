@@ -11,6 +11,7 @@ mod guess;
 mod incomplete;
 mod integrator;
 mod inverted;
+mod joined;
 mod rounding;
 mod stability;
 mod stages;

@@ -11,8 +11,8 @@ use physics::linear::torn::{Tie, TornFactor};
 use physics::mesh::TriMesh;
 use physics::topology::{AdvanceOptions, Done, Edit, Pieces, Reserve};
 use physics::{
-    Body, BodyConfig, Freedom, HandlePose, Ledger, Material, Node, Pair, Stepper, StepperOptions,
-    StepperReport, Vec3,
+    Body, BodyConfig, Cohesion, Freedom, HandlePose, Ledger, Material, Node, Stepper,
+    StepperOptions, StepperReport, Vec3,
 };
 
 /// Implicit Euler with a step of 1 ms.
@@ -341,7 +341,7 @@ fn a_pair_takes_its_energy_on_every_path() {
     let mut random = Random(17);
     for _ in 0..400 {
         let force = random.vector() * 3.0;
-        let mut pair = Pair::new([0, 1], &force, 1e-3).unwrap();
+        let mut pair = Cohesion::new([0, 1], &force, 1e-3).unwrap();
         while !pair.is_over() {
             // The opening grows and shrinks along the line between the vertices.
             let opening = pair.opening();
@@ -361,7 +361,7 @@ fn a_pair_that_slackens_gives_up_the_area_that_it_loses() {
     for path in 0..400 {
         let force = random.vector() * 3.0;
         let energy = 1e-3;
-        let mut pair = Pair::new([0, 1], &force, energy).unwrap();
+        let mut pair = Cohesion::new([0, 1], &force, energy).unwrap();
         let mut lost = 0.0;
         while !pair.is_over() {
             let before = pair;
@@ -415,7 +415,7 @@ fn a_stepper_forgets_a_pair_that_has_lost_its_strength() {
     let nodes = [[40, 41], [100, 101]];
     let energy = 1e-3;
     for nodes in nodes {
-        let pair = Pair::new(nodes, &(Vec3::y() * 2.0), energy).unwrap();
+        let pair = Cohesion::new(nodes, &(Vec3::y() * 2.0), energy).unwrap();
         assert!(run.stepper.add_pair(pair));
     }
     assert_eq!(run.stepper.slacken([40, 101], 1.0), 0.0);
@@ -437,7 +437,7 @@ fn a_stepper_forgets_a_pair_that_has_lost_its_strength() {
 }
 
 /// Opens a pair by `change` (m) along its direction in a step.
-fn open(pair: &mut Pair, change: f64) {
+fn open(pair: &mut Cohesion, change: f64) {
     let force = pair.step_force(pair.opening() + change);
     pair.advance(force, &(pair.direction() * change));
 }
@@ -445,7 +445,7 @@ fn open(pair: &mut Pair, change: f64) {
 #[test]
 fn a_paced_pair_loses_its_force_as_the_tip_asks() {
     let (first, energy, length) = (2.0, 1e-3, 1e-3);
-    let new = || Pair::new([0, 1], &(Vec3::y() * first), energy).unwrap();
+    let new = || Cohesion::new([0, 1], &(Vec3::y() * first), energy).unwrap();
     // The force would be lost within 1 mm. The tip asks for 4/3 mm at least: the force falls by 1.5 N in 4/3 mm.
     let fall = 1.5 / (4e-3 / 3.0);
     let change = 1e-5;
@@ -483,7 +483,7 @@ fn a_paced_pair_loses_its_force_as_the_tip_asks() {
 #[test]
 fn a_paced_pair_tells_where_the_tip_is() {
     let energy = 1e-3;
-    let mut pair = Pair::new([0, 1], &(Vec3::y() * 2.0), energy)
+    let mut pair = Cohesion::new([0, 1], &(Vec3::y() * 2.0), energy)
         .unwrap()
         .paced(1e-3);
     // A spring that does not lose its force leaves the tip in its place, also under a larger opening.
@@ -506,7 +506,7 @@ fn a_paced_pair_tells_where_the_tip_is() {
     pair.slacken(1.0);
     assert!(pair.is_over() && pair.strength() == 0.0 && pair.ahead() == 0.0);
     // The pair has also let go where its own law ends.
-    let mut pair = Pair::new([0, 1], &(Vec3::y() * 2.0), energy)
+    let mut pair = Cohesion::new([0, 1], &(Vec3::y() * 2.0), energy)
         .unwrap()
         .paced(1e-3);
     let change = 1.1 * (pair.critical() - pair.largest);
@@ -519,7 +519,7 @@ fn energy_that_a_paced_pair_did_not_take_is_told() {
     let mut run = Run::new(0.0, 1e-6);
     run.stepper.reserve_pairs(8);
     let (nodes, energy) = ([40, 41], 1e-3);
-    let pair = Pair::new(nodes, &(Vec3::y() * 2.0), energy).unwrap();
+    let pair = Cohesion::new(nodes, &(Vec3::y() * 2.0), energy).unwrap();
     assert!(run.stepper.add_pair(pair.paced(1e-3)));
     assert_eq!(run.stepper.slacken(nodes, 0.4), 0.0);
     assert_eq!(run.stepper.take_lost(), 0.0);
@@ -555,7 +555,7 @@ fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
         // The last vertex before the tip is held together by a pair that does not give, until it pulls with 0.2 N.
         let first = NY / 2 * (NX + 1);
         let nodes = [first + 7, whole_mesh.positions.len() as u32 + 7];
-        let mut strong = Pair::new(nodes, &(Vec3::y() * 100.0), 1e-2).unwrap();
+        let mut strong = Cohesion::new(nodes, &(Vec3::y() * 100.0), 1e-2).unwrap();
         // Without a force at first.
         strong.advance(0.0, &-strong.apart);
         assert!(stepper.add_pair(strong));
@@ -575,7 +575,7 @@ fn a_pair_lets_go_without_a_jump_and_takes_its_energy() {
         assert!(pull >= 0.2, "{pull}");
         stepper.clear_pairs();
         let force = stepper.force_between(&body, nodes);
-        assert!(stepper.add_pair(Pair::new(nodes, &force, energy).unwrap()));
+        assert!(stepper.add_pair(Cohesion::new(nodes, &force, energy).unwrap()));
         let (mut taken, mut steps, mut iterations, mut last) = (0.0, 0, 0, 0.0);
         while !stepper.pairs().is_empty() && steps < 400 {
             targets[1].position.y += 2e-5;
@@ -774,7 +774,7 @@ fn turning(can_tear: bool) -> Vec<usize> {
         stepper.reserve_pairs(8);
         for vertex in [3, 20] {
             let nodes = [NY / 2 * (NX + 1) + vertex, (NX + 1) * (NY + 1) + vertex];
-            let pair = Pair::new(nodes, &(Vec3::y() * 0.1), 1e-3).unwrap();
+            let pair = Cohesion::new(nodes, &(Vec3::y() * 0.1), 1e-3).unwrap();
             assert!(stepper.add_pair(pair));
         }
     }
@@ -820,7 +820,7 @@ fn nothing_is_allocated_while_a_stepper_grows_and_steps() {
                 .map(|opened| [opened.right[0], opened.left[0]])
                 .unwrap();
             let force = run.stepper.force_between(&run.body, nodes);
-            if let Some(pair) = Pair::new(nodes, &force, 1e-6) {
+            if let Some(pair) = Cohesion::new(nodes, &force, 1e-6) {
                 run.stepper.add_pair(pair);
             }
             for _ in 0..3 {

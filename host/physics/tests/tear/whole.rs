@@ -5,7 +5,7 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::tear::{TearLaw, TearMaterial};
 use physics::topology::{Edit, Growth, NONE, Reserve};
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Pair, Starts, Stepper,
+    Body, BodyConfig, Border, Cohesion, Freedom, HandlePose, HandleSpec, Material, Starts, Stepper,
     StepperOptions, TearOptions, Tearing, Vec3,
 };
 
@@ -436,7 +436,7 @@ fn a_pair_makes_good_at_most_a_tenth_of_its_energy() {
         near.position(|near| near).expect("a corner") as u32
     };
     let nodes = [corner(-0.03), corner(0.03)];
-    let greedy = Pair::new(nodes, &(Vec3::x() * 1e4), 1e-3).expect("a pair");
+    let greedy = Cohesion::new(nodes, &(Vec3::x() * 1e4), 1e-3).expect("a pair");
     assert!(strip.stepper.add_pair(greedy));
     let mut step = 0;
     while strip.tearing.grown().len() < 3 {

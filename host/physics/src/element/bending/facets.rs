@@ -13,12 +13,12 @@ use super::kernels::{Blocks, Curved, Rest, State, linearize, product};
 use super::patch::Sided;
 use super::scalar::{ScalarMatrix, add_product, differences, set_product};
 use super::torn_facets::Followed;
-use crate::element::Torn;
+use crate::Vec3;
 use crate::element::kernel::Kernel;
+use crate::element::torn::TearableKernel;
 use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
 use crate::linear::block_matrix::BlockMatrix;
-use crate::{Mat3, Vec3};
 use std::sync::Arc;
 
 /// A derivative at rest that leaves the plane of its triangle by less than this value is in the plane: rounding.
@@ -239,23 +239,8 @@ impl<T: Real> Kernel<T> for BentFacets<T> {
                 .map_or(0, |followed| followed.bytes())
     }
 
-    fn reserve(&mut self, _: usize) -> bool {
-        self.reserve_room()
-    }
-
-    fn follow(&mut self, torn: &Torn<'_>) {
-        self.follow_surface(torn);
-    }
-
-    fn local_stiffness(
-        &self,
-        triangles: &[u32],
-        d: &[Node<T>],
-        add: &mut dyn FnMut(u32, u32, &Mat3),
-    ) {
-        if let Some(followed) = &self.followed {
-            followed.local_stiffness(triangles, d, add);
-        }
+    fn tearable(&mut self) -> Option<&mut dyn TearableKernel<T>> {
+        self.followed.is_some().then_some(self)
     }
 }
 

@@ -220,12 +220,6 @@ impl Bending {
         }
     }
 
-    /// The triangles whose bending the latest edit changed. None before the first edit.
-    #[allow(dead_code, reason = "the stepper of a torn sheet calls it")]
-    pub(crate) fn changed(&self) -> &[u32] {
-        self.tear.as_ref().map_or(&[], |tear| &tear.near)
-    }
-
     /// The limits of its numbers of triangles, rows and entries.
     pub(super) fn limits(&self) -> (usize, usize, usize) {
         self.tear.as_ref().map_or((0, 0, 0), |tear| {

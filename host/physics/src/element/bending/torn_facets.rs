@@ -6,7 +6,7 @@ use super::exact::Bending;
 use super::facets::{AtRest, BentFacets, Plan};
 use super::kernels::{Blocks, State};
 use super::scalar::ScalarMatrix;
-use crate::element::torn::{Torn, make_room, with_room};
+use crate::element::torn::{TearableKernel, Torn, make_room, with_room};
 use crate::lanes::block::LANES;
 use crate::lanes::{Node, Real, to_vec};
 use crate::{Mat3, Vec3};
@@ -38,27 +38,16 @@ impl Followed {
         })
     }
 
-    /// Calls `add` with the blocks (N/m) of the tangent of `triangles` at displacements `d` (m).
-    pub(super) fn local_stiffness<T: Real>(
-        &self,
-        triangles: &[u32],
-        d: &[Node<T>],
-        add: &mut dyn FnMut(u32, u32, &Mat3),
-    ) {
-        let x = |node: u32| self.rest[node as usize] + to_vec(&d[node as usize]);
-        self.exact.local_stiffness(triangles, x, add);
-    }
-
     pub(super) fn bytes(&self) -> usize {
         self.exact.bytes() + size_of_val(self.rest.as_slice()) + size_of_val(self.lanes.as_slice())
     }
 }
 
-impl<T: Real> BentFacets<T> {
+impl<T: Real> TearableKernel<T> for BentFacets<T> {
     /// Makes room for the edits that the exact form has room for. The kernel has its own constant data from then on.
-    pub(super) fn reserve_room(&mut self) -> bool {
+    fn reserve(&mut self, _: usize) {
         let Some(followed) = &mut self.followed else {
-            return false;
+            return;
         };
         let (triangles, rows, entries) = followed.exact.limits();
         let blocks = triangles.div_ceil(LANES);
@@ -87,11 +76,9 @@ impl<T: Real> BentFacets<T> {
         make_room(&mut self.pull, rows);
         make_room(&mut followed.rest, nodes);
         make_room(&mut followed.lanes, triangles);
-        true
     }
 
-    /// Follows an edit.
-    pub(super) fn follow_surface(&mut self, torn: &Torn<'_>) {
+    fn follow(&mut self, torn: &Torn<'_>) {
         let Some(followed) = &mut self.followed else {
             return;
         };
@@ -137,6 +124,19 @@ impl<T: Real> BentFacets<T> {
             let one = AtRest::new(exact, triangle, rest);
             plan.blocks.set(lane, exact, triangle, &one);
         }
+    }
+
+    fn local_stiffness(
+        &self,
+        triangles: &[u32],
+        d: &[Node<T>],
+        add: &mut dyn FnMut(u32, u32, &Mat3),
+    ) {
+        let Some(followed) = &self.followed else {
+            return;
+        };
+        let x = |node: u32| followed.rest[node as usize] + to_vec(&d[node as usize]);
+        followed.exact.local_stiffness(triangles, x, add);
     }
 }
 

@@ -26,8 +26,8 @@
 
 use super::frame::{degenerate, rest_axes, rest_corners, rest_frame, shape_of};
 use super::triangles::Triangle;
-use crate::element::elements::{Elements, Strained, renumber, slots};
-use crate::element::{Torn, VectorForm};
+use crate::element::elements::{Elements, renumber, slots};
+use crate::element::{Strained, Tearable, Torn, VectorForm};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Material;
@@ -378,14 +378,6 @@ impl Elements for Membrane {
             * scale
     }
 
-    fn mass(&self, element: usize) -> f64 {
-        self.density[element] * self.volume[element]
-    }
-
-    fn rest_shape(&self, element: usize) -> Option<Shape> {
-        Some(shape_of(self.gradients[element]))
-    }
-
     fn vector_form(&self) -> Option<VectorForm> {
         let triangle = |e: usize| Triangle {
             nodes: self.nodes[e],
@@ -405,28 +397,31 @@ impl Elements for Membrane {
         Box::new(copy)
     }
 
-    fn reserve(&mut self, triangles: usize) -> bool {
+    fn tearable(&self) -> Option<&dyn Tearable> {
+        Some(self)
+    }
+
+    fn tearable_mut(&mut self) -> Option<&mut dyn Tearable> {
+        Some(self)
+    }
+}
+
+impl Tearable for Membrane {
+    fn mass(&self, triangle: usize) -> f64 {
+        self.density[triangle] * self.volume[triangle]
+    }
+
+    fn rest_shape(&self, triangle: usize) -> Shape {
+        shape_of(self.gradients[triangle])
+    }
+
+    fn reserve(&mut self, triangles: usize) {
         self.limit = self.len() + triangles;
         self.make_room(self.limit);
-        true
     }
 
     fn follow(&mut self, torn: &Torn<'_>) {
         self.follow_surface(torn);
-    }
-
-    fn triangle(&self, triangle: usize, at: [Vec3; 3], tangent: Tangent) -> Option<Element> {
-        (triangle < self.len()).then(|| self.element_at(triangle, at, tangent))
-    }
-
-    fn add_force(&self, x: &[Vec3], force: &mut [Vec3]) {
-        self.add_forces(x, force);
-    }
-
-    fn energies(&self, x: &[Vec3], energies: &mut [f64]) {
-        for (triangle, energy) in energies.iter_mut().enumerate().take(self.len()) {
-            *energy = self.energy_of(triangle, x);
-        }
     }
 
     fn strained(&self, triangle: usize, x: &[Vec3]) -> Option<Strained> {

@@ -8,8 +8,7 @@ use super::frame::{area_of, gradients_of};
 use super::membrane::{Element, Membrane, piola, start};
 use super::triangles::Triangles;
 use super::woven::Woven;
-use crate::element::elements::Strained;
-use crate::element::torn::{Torn, make_room};
+use crate::element::torn::{Strained, TearableKernel, Torn, make_room};
 use crate::lanes::block::LANES;
 use crate::lanes::{Node, Real, to_vec};
 use crate::material::Tangent;
@@ -62,17 +61,6 @@ impl Membrane {
         }
         // The slots are those of the triangles before the edit.
         self.slots.clear();
-    }
-
-    /// Adds the forces (N) of all triangles to `force`.
-    pub(super) fn add_forces(&self, x: &[Vec3], force: &mut [Vec3]) {
-        for (e, &nodes) in self.nodes.iter().enumerate() {
-            let ([p1, p2], _) = piola(&self.polar(e, x), [self.mu[e], self.lambda[e]]);
-            let [f1, f2] = self.gradients[e].map(|g| -(p1 * g[0] + p2 * g[1]));
-            for (node, f) in nodes.into_iter().zip([-(f1 + f2), f1, f2]) {
-                force[node as usize] += f;
-            }
-        }
     }
 
     /// The state of triangle `e`.
@@ -139,9 +127,8 @@ impl<L: SheetLaw> Woven<L> {
     }
 }
 
-impl<T: Real> Triangles<T> {
-    /// Makes room for `triangles` more triangles.
-    pub(super) fn reserve_room(&mut self, triangles: usize) {
+impl<T: Real> TearableKernel<T> for Triangles<T> {
+    fn reserve(&mut self, triangles: usize) {
         let limit = self.len() + triangles;
         let blocks = limit.div_ceil(LANES);
         make_room(&mut self.places, limit);
@@ -161,8 +148,7 @@ impl<T: Real> Triangles<T> {
         self.moduli = (0..self.len()).map(moduli).collect();
     }
 
-    /// Follows an edit.
-    pub(super) fn follow_surface(&mut self, torn: &Torn<'_>) {
+    fn follow(&mut self, torn: &Torn<'_>) {
         for &touched in torn.surface.touched() {
             let (e, parent) = (touched as usize, torn.surface.parent(touched) as usize);
             if e == self.places.len() {
@@ -191,6 +177,24 @@ impl<T: Real> Triangles<T> {
         }
     }
 
+    fn local_stiffness(
+        &self,
+        triangles: &[u32],
+        d: &[Node<T>],
+        add: &mut dyn FnMut(u32, u32, &Mat3),
+    ) {
+        for &triangle in triangles {
+            let (nodes, blocks) = self.exact_stiffness(triangle as usize, d);
+            for (&row, blocks) in nodes.iter().zip(&blocks) {
+                for (&column, block) in nodes.iter().zip(blocks) {
+                    add(row, column, block);
+                }
+            }
+        }
+    }
+}
+
+impl<T: Real> Triangles<T> {
     /// Gives a new triangle the next lane. A new block consists of copies of the triangle `like` without stiffness.
     fn push_lane(&mut self, like: usize) {
         let e = self.places.len();
@@ -221,7 +225,7 @@ impl<T: Real> Triangles<T> {
     }
 
     /// The nodes and the stiffness of triangle `e` at displacements `d` (m), by the exact form.
-    pub(super) fn exact_stiffness(&self, e: usize, d: &[Node<T>]) -> ([u32; 3], [[Mat3; 3]; 3]) {
+    fn exact_stiffness(&self, e: usize, d: &[Node<T>]) -> ([u32; 3], [[Mat3; 3]; 3]) {
         let (rest, lane) = self.rest_of(e);
         let nodes = self.nodes(e);
         let [a, b, c] = nodes.map(|node| to_vec(&d[node as usize]));

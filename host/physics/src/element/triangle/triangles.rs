@@ -10,9 +10,9 @@
 //! are the positions at rest, unless a flat pattern gives triangles other shapes at rest.
 
 use super::kernels::{BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product};
-use crate::element::Torn;
 use crate::element::kernel::Kernel;
 use crate::element::placed::{InBlocks, Placed};
+use crate::element::torn::TearableKernel;
 use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
 use crate::linear::block_matrix::BlockMatrix;
@@ -198,17 +198,8 @@ impl<T: Real> InBlocks<T, 3> for Triangles<T> {
         Self::bytes(self)
     }
 
-    fn reserve(&mut self, triangles: usize) -> bool {
-        self.reserve_room(triangles);
-        true
-    }
-
-    fn follow(&mut self, torn: &Torn<'_>) {
-        self.follow_surface(torn);
-    }
-
-    fn stiffness_at(&self, element: usize, d: &[Node<T>]) -> Option<([u32; 3], [[Mat3; 3]; 3])> {
-        (element < self.len()).then(|| self.exact_stiffness(element, d))
+    fn tearable(&mut self) -> Option<&mut dyn TearableKernel<T>> {
+        Some(self)
     }
 }
 

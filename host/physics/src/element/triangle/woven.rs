@@ -10,8 +10,8 @@
 
 use super::frame::{degenerate, rest_corners, rest_frame, shape_of};
 use super::membrane::Element;
-use crate::element::Torn;
-use crate::element::elements::{Elements, Strained, renumber, slots};
+use crate::element::elements::{Elements, renumber, slots};
+use crate::element::{Strained, Tearable, Torn};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Tangent;
@@ -333,42 +333,37 @@ impl<L: SheetLaw> Elements for Woven<L> {
         }
     }
 
-    fn mass(&self, element: usize) -> f64 {
-        self.density[element] * self.thickness[element] * self.area[element]
-    }
-
-    fn rest_shape(&self, element: usize) -> Option<Shape> {
-        Some(shape_of(self.gradients[element]))
-    }
-
     fn boxed(&self) -> Box<dyn Elements> {
         let mut copy = self.clone();
         copy.make_room(self.limit);
         Box::new(copy)
     }
 
-    fn reserve(&mut self, triangles: usize) -> bool {
+    fn tearable(&self) -> Option<&dyn Tearable> {
+        Some(self)
+    }
+
+    fn tearable_mut(&mut self) -> Option<&mut dyn Tearable> {
+        Some(self)
+    }
+}
+
+impl<L: SheetLaw> Tearable for Woven<L> {
+    fn mass(&self, triangle: usize) -> f64 {
+        self.density[triangle] * self.thickness[triangle] * self.area[triangle]
+    }
+
+    fn rest_shape(&self, triangle: usize) -> Shape {
+        shape_of(self.gradients[triangle])
+    }
+
+    fn reserve(&mut self, triangles: usize) {
         self.limit = self.len() + triangles;
         self.make_room(self.limit);
-        true
     }
 
     fn follow(&mut self, torn: &Torn<'_>) {
         self.follow_surface(torn);
-    }
-
-    fn triangle(&self, triangle: usize, at: [Vec3; 3], tangent: Tangent) -> Option<Element> {
-        (triangle < self.len()).then(|| self.element_at(triangle, at, tangent))
-    }
-
-    fn add_force(&self, x: &[Vec3], force: &mut [Vec3]) {
-        self.forces(x, force);
-    }
-
-    fn energies(&self, x: &[Vec3], energies: &mut [f64]) {
-        for (e, energy) in energies.iter_mut().enumerate().take(self.len()) {
-            *energy = self.area[e] * self.law.energy(&self.stiffness[e], &self.gradient(e, x));
-        }
     }
 
     fn strained(&self, triangle: usize, x: &[Vec3]) -> Option<Strained> {

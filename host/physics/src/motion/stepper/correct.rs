@@ -20,6 +20,7 @@ use crate::body::guard::Energy;
 use crate::element::precision::Precision;
 use crate::error::StepError;
 use crate::lanes::to_vec;
+use crate::motion::constraint::by_node;
 
 /// The change of the motion, as a fraction of the motion, above which a step is corrected. With values from 0 to 0.03,
 /// mirrored bodies return to their right shape; the constant is half of the upper value.
@@ -169,14 +170,18 @@ impl<T: Precision> Stepper<T> {
         };
         self.pull_at_the_end(body, h);
         let solved = self.iterate(factors, limits, out_of_time);
-        self.lean_pairs();
+        self.pairs.lean(by_node(&self.place, &self.u));
         report.iterations += solved.iterations;
         report.residual = solved.residual;
         report.converged = solved.converged;
         self.take(body, h, report)?;
         let after = self.energy_ahead(body, h);
         self.pull_at_the_end(body, h);
-        Ok((self.supplied(body) + self.given_back(body), after))
+        let mut work = self.supplied(body) + self.given_back(body);
+        if !self.joints.is_empty() {
+            work += self.joint_work(body);
+        }
+        Ok((work, after))
     }
 
     /// The work of hands and supports on the body over the step (J), from the residual.

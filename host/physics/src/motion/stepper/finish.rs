@@ -26,7 +26,7 @@ impl<T: Precision> Stepper<T> {
         let mut work = self.take(body, h, report)?;
         let before = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
         // Where a hand does work on a body, the hand decides where the body goes.
-        let promised = (work == 0.0)
+        let promised = (work == 0.0 && self.joints.is_empty())
             .then(|| self.promise(body, h, factors))
             .flatten();
         let mut after = self.energy_ahead(body, h);
@@ -36,6 +36,9 @@ impl<T: Precision> Stepper<T> {
         }
         if !self.pairs.is_empty() {
             work += self.given_back(body);
+        }
+        if !self.joints.is_empty() {
+            work += self.joint_work(body);
         }
         let again = self.end_where_energy_allows(
             body,
@@ -167,7 +170,8 @@ impl<T: Precision> Stepper<T> {
             *r = to_node(&(to_vec(&self.force[place]) + external + inertia * self.mass[place]));
             self.u[place] = to_node(&u);
         }
-        self.add_pairs();
+        self.pairs.load(&self.place, &mut self.residual);
+        self.add_joints();
         let damping = T::of(-body.model.config.stiffness_damping / h);
         for set in &mut self.elements {
             set.product(self.team, damping, &self.u, &mut self.residual);

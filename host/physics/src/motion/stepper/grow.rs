@@ -15,6 +15,7 @@ use super::turns::Turns;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::element;
+use crate::element::parts::Divided;
 use crate::element::precision::Precision;
 use crate::error::StepError;
 use crate::lanes::Node;
@@ -254,7 +255,7 @@ impl<T: Precision> Stepper<T> {
             place: Some(&self.place),
             rest: &self.rest,
         };
-        for set in &mut self.elements {
+        for set in self.elements.iter_mut().filter_map(Divided::tearable) {
             set.follow(&torn);
         }
         let moved = done.moved.iter().flatten().next().is_some();
@@ -347,7 +348,7 @@ impl<T: Precision> Stepper<T> {
             first,
             ..
         } = growth;
-        for set in &self.elements {
+        for set in self.elements.iter_mut().filter_map(Divided::tearable) {
             set.local_stiffness(near, state, &mut |row, column, block| {
                 factor.add(row as usize, column as usize, &(block * factors.1));
             });
@@ -411,6 +412,7 @@ impl<T: Precision> Stepper<T> {
         }
         core::mem::swap(&mut self.sleep, &mut running.sleep);
         core::mem::swap(&mut self.pairs, &mut running.pairs);
+        core::mem::swap(&mut self.released, &mut running.released);
         core::mem::swap(&mut self.learned, &mut running.learned);
         core::mem::swap(&mut self.ledger, &mut running.ledger);
         core::mem::swap(&mut self.targets, &mut running.targets);

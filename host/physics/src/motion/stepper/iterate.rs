@@ -39,9 +39,7 @@ impl<T: Precision> Stepper<T> {
         out_of_time: &mut dyn FnMut() -> bool,
     ) -> StepperReport {
         let free = self.free;
-        for (inertia, mass) in self.inertia.iter_mut().zip(&self.mass) {
-            *inertia = T::of(mass_factor * mass);
-        }
+        self.weigh(mass_factor);
         let mut report = StepperReport {
             residual: self.norm(),
             ..StepperReport::default()
@@ -76,7 +74,7 @@ impl<T: Precision> Stepper<T> {
             for set in &mut self.elements {
                 set.product(self.team, T::of(stiffness_factor), &self.p, &mut self.q);
             }
-            self.add_springs();
+            (self.pairs).add_springs(&self.place, &self.p, &mut self.q);
             let places = (&self.p[..free], &self.q[..free]);
             let curvature = team::runs(self.team, places, RUN, &mut self.sums, &|(p, q)| {
                 vectors::dot(p, q)
@@ -128,6 +126,13 @@ impl<T: Precision> Stepper<T> {
         report
     }
 
+    /// Computes the mass in the matrix.
+    pub(super) fn weigh(&mut self, mass_factor: f64) {
+        for (inertia, mass) in self.inertia.iter_mut().zip(&self.mass) {
+            *inertia = T::of(mass_factor * mass);
+        }
+    }
+
     /// Computes `z` from the residual, without guided axes. Returns the product of the two vectors.
     pub(crate) fn precondition(&mut self, of: Solved) -> f64 {
         let free = self.free;
@@ -137,7 +142,7 @@ impl<T: Precision> Stepper<T> {
         });
         self.learned[of as usize].before(&mut self.z[..free]);
         self.solve_factor();
-        self.hold_pairs();
+        self.pairs.hold(&self.place, &mut self.z[..self.free]);
         self.learned[of as usize].after(&mut self.z[..free]);
         let places = (&self.z[..free], &*self.residual);
         let products = team::runs(self.team, places, RUN, &mut self.sums, &|(z, residual)| {

@@ -9,7 +9,7 @@
 //! integrator     |v1 - v0|^2_M / 2  and  W0 - W1 - f1 . u
 //! linearization  u . (f1 - f0 + K0 u)
 //! damping        h alpha |v1|^2_M  and  h beta v1 . K0 v1
-//! supplied       - u . r on held nodes and guided axes
+//! supplied       - u . r on held nodes and guided axes, and u . f of joints with other bodies
 //! solver         - u . r on the other axes, or guard where the step was shortened or solved again
 //! ```
 //!
@@ -26,7 +26,7 @@ use core::ops::AddAssign;
 /// The account of a step, or of several (J).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ledger {
-    /// Work of hands and supports on the body.
+    /// Work of hands, supports and joints with other bodies on the body.
     pub supplied: f64,
     /// Increase of the kinetic energy in steps.
     pub kinetic: f64,
@@ -209,6 +209,7 @@ impl<T: Precision> Stepper<T> {
             kinetic: kinetic - account.start[0],
             elastic: self.elastic - account.start[1],
             weight: loads - account.start[2],
+            supplied: self.joint_work(body),
             release,
             edits: account.edits,
             stiffness_damping: body.model.config.stiffness_damping / h * account.stiffness,

@@ -12,15 +12,14 @@
 //! long been used in this role, e.g. Courtecuisse et al., "Real-time simulation of contact and cutting of heterogeneous
 //! soft-tissues", 2014).
 //!
-//! A step is one call or four calls, between which several bodies can be joined: see `stages`.
+//! A step is one call or four calls, between which several bodies can be joined: see `stages` and `equation`.
 //!
 //! The next step begins with the forces and the tangent at the end of the last step. The energy there bounds the step
 //! (`guard`) at no further cost.
 
-mod agree;
-mod compliance;
 mod correct;
 mod cost;
+mod equation;
 mod finish;
 mod grow;
 mod guess;
@@ -28,17 +27,18 @@ mod iterate;
 mod learned;
 mod ledger;
 mod options;
-mod pair;
 mod release;
 mod stages;
 mod turns;
 
 pub use cost::Part;
+pub use equation::Equation;
 pub(crate) use iterate::{Limits, Solved};
 pub use ledger::Ledger;
 pub use options::{Guess, StepperOptions, StepperReport};
-pub use pair::Pair;
 
+use super::constraint::Constraints;
+use super::constraint::cohesion::Cohesion;
 use super::refresh::Refresher;
 use super::sleep::Sleep;
 use crate::Vec3;
@@ -98,7 +98,8 @@ pub struct Stepper<T> {
     /// The vertices that tears have added; `None` for a body that cannot tear.
     growth: Option<Box<grow::Growth<T>>>,
     /// Pairs of vertices that let each other go.
-    pairs: release::Pairs,
+    pairs: Constraints<Cohesion>,
+    released: release::Released,
     /// What the last solves tell the preconditioner: those of the steps, and those of the shapes. Without room for pairs
     /// nothing is learned.
     learned: [learned::Learned; 2],
@@ -152,6 +153,8 @@ pub struct Stepper<T> {
     sleep: Sleep,
     /// The step that has begun and not ended.
     underway: Option<Underway>,
+    /// The forces of joints with other bodies on nodes at the end of that step (N).
+    joints: Vec<(u32, Vec3)>,
     /// The handle poses at the end of that step.
     targets: Vec<HandlePose>,
     /// Number of linearizations.
@@ -276,7 +279,7 @@ impl<T: Precision> Stepper<T> {
             if let Some(bending) = bending {
                 elements.push(Divided::Whole(Box::new(bending.kernel(&rank, &rest))));
             }
-            for set in &mut elements {
+            for set in elements.iter_mut().filter_map(Divided::tearable) {
                 set.reserve(spare.triangles);
             }
         }
@@ -290,7 +293,8 @@ impl<T: Precision> Stepper<T> {
             epoch: body.epoch(),
             elements,
             growth,
-            pairs: release::Pairs::default(),
+            pairs: Constraints::default(),
+            released: release::Released::default(),
             learned: Default::default(),
             ledger: None,
             held,
@@ -327,6 +331,7 @@ impl<T: Precision> Stepper<T> {
             fits: vec![guess::Sums::default(); count.div_ceil(RUN)],
             sleep: Sleep::new(body),
             underway: None,
+            joints: Vec::new(),
             targets: Vec::with_capacity(body.handle_count()),
             state: 0,
         })
@@ -538,8 +543,8 @@ impl<T: Precision> Stepper<T> {
         for set in &mut self.elements {
             set.product(self.team, factor, &self.u, &mut self.residual);
         }
-        self.add_pairs();
-        self.load_springs();
+        self.pairs.load(&self.place, &mut self.residual);
+        (self.pairs).load_springs(&self.place, &self.u, &mut self.residual);
         let held = self.u[self.held..].iter().flatten();
         let moved = !self.mask.is_empty() || held.copied().any(|u| u != T::ZERO);
         let guess = self.norm();

@@ -2,17 +2,19 @@
 //!
 //! A caller that moves several bodies makes each call for all of them in turn. Connections between bodies act between
 //! two calls. After `constrain` every body has its equation of motion; after `solve` each body has the solution for
-//! itself alone. For a single body, [`Stepper::step`] makes all four calls.
+//! itself alone. Bodies that are joined are solved together: between the two, each [lends](Stepper::equation) its
+//! equation. For a single body, [`Stepper::step`] makes all four calls.
 
 use super::{EASY, Limits, Solved, Stepper, StepperReport, factors};
 use crate::body::Body;
 use crate::body::handle::HandlePose;
 use crate::element::precision::Precision;
 use crate::error::StepError;
+use crate::motion::constraint::by_node;
 
 /// The stage that a step has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
+pub(super) enum Stage {
     Predicted,
     Constrained,
     Solved,
@@ -21,13 +23,13 @@ enum Stage {
 /// A step that has begun.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Underway {
-    stage: Stage,
+    pub(super) stage: Stage,
     /// Length of the step (s).
     h: f64,
     /// Factors of mass and stiffness in the matrix of the step.
-    factors: (f64, f64),
-    limits: Limits,
-    report: StepperReport,
+    pub(super) factors: (f64, f64),
+    pub(super) limits: Limits,
+    pub(super) report: StepperReport,
 }
 
 impl<T: Precision> Stepper<T> {
@@ -62,6 +64,7 @@ impl<T: Precision> Stepper<T> {
     #[inline(never)]
     pub fn predict(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
         self.underway = None;
+        self.joints.clear();
         Body::check_length(h)?;
         self.follow(body).map_err(StepError::Matrix)?;
         if self.is_due() {
@@ -123,9 +126,9 @@ impl<T: Precision> Stepper<T> {
         self.prescribe(body, h, targets);
         self.turn(body);
         self.respond();
-        self.follow_pairs();
+        self.pairs.follow(by_node(&self.place, &self.u));
         let reference = self.start(body, h, factors.0, factors.1);
-        self.foresee_pairs();
+        (self.pairs).foresee(&self.place, &self.u, self.free, &mut self.residual);
         let goal = self.options.tolerance * reference;
         // A body at rest whose residual is only rounding stays where it is.
         let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {
@@ -213,7 +216,8 @@ impl<T: Precision> Stepper<T> {
         let ended = self.end(body, h, &targets, step.factors, &mut report, out_of_time);
         if ended.is_ok() {
             let speed = self.options.sleep_speed;
-            if speed > 0.0 && report.converged {
+            // A joint may move a body that rests, and a body that sleeps has no equation.
+            if speed > 0.0 && report.converged && self.joints.is_empty() {
                 self.sleep.observe(body, h, &targets, speed);
             } else {
                 self.sleep.wake();
@@ -233,7 +237,8 @@ impl<T: Precision> Stepper<T> {
         }
     }
 
-    fn begun(&mut self, stage: Stage) -> Result<Underway, StepError> {
+    /// The step that has begun, if it has reached `stage`.
+    pub(super) fn begun(&mut self, stage: Stage) -> Result<Underway, StepError> {
         match self.underway.take() {
             Some(step) if step.stage == stage => Ok(step),
             _ => Err(stage.missing()),

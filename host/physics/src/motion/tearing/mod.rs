@@ -21,7 +21,8 @@ pub use tips::{Course, TipState};
 
 use self::start::is_sharp;
 use self::tips::Driven;
-use super::stepper::{Pair, Stepper};
+use super::constraint::cohesion::Cohesion;
+use super::stepper::Stepper;
 use crate::Vec3;
 use crate::body::Body;
 use crate::element::precision::Precision;
@@ -356,7 +357,7 @@ impl Tearing {
         let mut first = None;
         for nodes in twins {
             let force = stepper.force_between(body, nodes);
-            let Some(mut pair) = Pair::new(nodes, &force, energy) else {
+            let Some(mut pair) = Cohesion::new(nodes, &force, energy) else {
                 continue;
             };
             if is_folded {

@@ -22,7 +22,7 @@
 //! (after L. B. Freund, "Dynamic Fracture Mechanics", 1990: `J (1 - v / c_R) = G_c`).
 //!
 //! **Out of the plane** a bend moves with the tip from vertex to vertex, and takes up and gives back energy within an edge. The
-//! tip [paces](Pair::pace) the pair behind it, so that the flow stays at the toughness: below, the pair opens without a loss
+//! tip [paces](Cohesion::pace) the pair behind it, so that the flow stays at the toughness: below, the pair opens without a loss
 //! of force; above, its force falls faster than by its law. `J` agrees with the force of the legs of trousers within 1 % at
 //! every moment, so the force of the hands stays even. Where the bend is shorter than an edge, edges let go in jumps that the
 //! pace cannot even out, and the motion of each jump is lost. The balance of the whole body tells this loss. A tip out of the
@@ -36,7 +36,8 @@
 use super::{FIRST_OPENING, FOLDED, FOLDED_OPENING, MOST_EDGES, OPENING, Tearing, sheet};
 use crate::body::Body;
 use crate::element::precision::Precision;
-use crate::motion::stepper::{Pair, Stepper};
+use crate::motion::constraint::cohesion::Cohesion;
+use crate::motion::stepper::Stepper;
 use crate::tear::fields::stretch;
 use crate::tear::path::MOST_BY_TURN;
 use crate::tear::strength::{candidate, onwards};
@@ -321,7 +322,7 @@ impl Tearing {
         (flow, length): (f64, f64),
     ) -> bool {
         let material = &self.options.material;
-        let is_paced = stepper.pair(nodes).is_some_and(Pair::is_paced);
+        let is_paced = stepper.pair(nodes).is_some_and(Cohesion::is_paced);
         let mut toughness = material.toughness;
         if is_paced {
             // The energy that hands have still to supply for the torn area, in edges.
@@ -390,7 +391,7 @@ impl Tearing {
                     }
                     direction
                 } else {
-                    if let Some(&Pair { nodes, .. }) = waits {
+                    if let Some(&Cohesion { nodes, .. }) = waits {
                         let step = (drive.flow(), core::mem::take(&mut left));
                         let has_let_go = self.slacken(stepper, &mut tip, nodes, step);
                         if let Some(entry) = self.tips.get_mut(number) {

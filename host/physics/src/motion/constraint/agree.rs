@@ -1,24 +1,24 @@
-//! The forces of pairs that agree with the openings.
+//! The forces of laws that agree with the openings.
 //!
-//! The openings of all pairs follow from the forces by their responses, and the forces from the openings by the laws. This
-//! is a small nonlinear system with one unknown a pair. It has a solution for any stiffness of a pair. A law that falls
+//! The openings of all laws follow from the forces by their responses, and the forces from the openings by the laws. This
+//! is a small nonlinear system with one unknown a law. It has a solution for any stiffness of a law. A law that falls
 //! faster than the body unloads has several solutions. The first one is taken that a growing opening meets.
 
-use super::pair::Pair;
+use super::law::Law;
 
-/// Sweeps over the pairs.
+/// Sweeps over the laws.
 const SWEEPS: usize = 30;
 /// Most steps of Newton's method, and the change of a force that ends them, relative to the force.
 const MOST_NEWTON: usize = 20;
 const ENOUGH: f64 = 1e-12;
 
-/// The system, for a fixed number of pairs at most.
+/// The system, for a fixed number of laws at most.
 #[derive(Debug, Default)]
 pub(super) struct Agreement {
     most: usize,
     /// The response of each opening to each force (m/N), by rows of `most`.
     responses: Vec<f64>,
-    /// Openings under the present forces of the pairs (m).
+    /// Openings under the present forces of the laws (m).
     pub(super) openings: Vec<f64>,
     /// The forces that agree (N).
     pub(super) forces: Vec<f64>,
@@ -29,7 +29,7 @@ pub(super) struct Agreement {
 }
 
 impl Agreement {
-    /// Room for `most` pairs.
+    /// Room for `most` laws.
     pub(super) fn new(most: usize) -> Self {
         Self {
             most,
@@ -42,7 +42,7 @@ impl Agreement {
         }
     }
 
-    /// Sets by how much the opening of the pair `row` falls with the force of the pair `column` (m/N).
+    /// Sets by how much the opening of the law `row` falls with the force of the law `column` (m/N).
     pub(super) fn set_response(&mut self, row: usize, column: usize, response: f64) {
         self.responses[row * self.most + column] = response;
     }
@@ -52,21 +52,21 @@ impl Agreement {
     ///
     /// With `stays`, the openings are those of a solution that is nearly exact. The forces then stay on its branch of the
     /// laws, where they can: otherwise two solutions in turn could be the first.
-    pub(super) fn solve(&mut self, pairs: &[Pair], stays: bool) -> f64 {
-        for (force, pair) in self.forces.iter_mut().zip(pairs) {
-            *force = pair.force;
+    pub(super) fn solve(&mut self, laws: &[impl Law], stays: bool) -> f64 {
+        for (force, law) in self.forces.iter_mut().zip(laws) {
+            *force = law.force();
         }
         let mut is_exact = false;
         if stays {
-            let count = pairs.len();
+            let count = laws.len();
             self.found[..count].copy_from_slice(&self.openings[..count]);
-            is_exact = self.newton(pairs);
+            is_exact = self.newton(laws);
         }
-        if !is_exact && !self.sweep(pairs) {
-            self.newton(pairs);
+        if !is_exact && !self.sweep(laws) {
+            self.newton(laws);
         }
-        let changes = pairs.iter().zip(&self.forces);
-        let changes = changes.map(|(pair, force)| (force - pair.force).abs());
+        let changes = laws.iter().zip(&self.forces);
+        let changes = changes.map(|(law, force)| (force - law.force()).abs());
         // A change that is not a number is the largest.
         changes.fold(
             0.0,
@@ -74,22 +74,22 @@ impl Agreement {
         )
     }
 
-    /// Gauss and Seidel's method, as for contacts: each pair in turn takes the first solution for itself. Returns whether
+    /// Gauss and Seidel's method, as for contacts: each law in turn takes the first solution for itself. Returns whether
     /// the last sweep changed nothing.
-    fn sweep(&mut self, pairs: &[Pair]) -> bool {
+    fn sweep(&mut self, laws: &[impl Law]) -> bool {
         for _ in 0..SWEEPS {
             let mut changed = 0.0_f64;
-            for (row, pair) in pairs.iter().enumerate() {
-                let responses = &self.responses[row * self.most..][..pairs.len()];
+            for (row, law) in laws.iter().enumerate() {
+                let responses = &self.responses[row * self.most..][..laws.len()];
                 let mut free = self.openings[row];
                 for (other, response) in responses.iter().enumerate() {
                     if other != row {
-                        free -= response * (self.forces[other] - pairs[other].force);
+                        free -= response * (self.forces[other] - laws[other].force());
                     }
                 }
-                free += responses[row] * pair.force;
-                let opening = pair.meet(free, responses[row]);
-                let force = pair.step_force(opening);
+                free += responses[row] * law.force();
+                let opening = law.meet(free, responses[row]);
+                let force = law.value(opening);
                 changed = changed.max((force - self.forces[row]).abs());
                 self.forces[row] = force;
                 self.found[row] = opening;
@@ -101,37 +101,37 @@ impl Agreement {
         false
     }
 
-    /// Newton's method from the openings in `found`. Two pairs beside each other respond nearly alike, and thousands of
+    /// Newton's method from the openings in `found`. Two laws beside each other respond nearly alike, and thousands of
     /// sweeps would be needed then. The forces stay as they are where the method does not converge; returns whether it
     /// does.
-    fn newton(&mut self, pairs: &[Pair]) -> bool {
+    fn newton(&mut self, laws: &[impl Law]) -> bool {
         let most = self.most;
         for _ in 0..MOST_NEWTON {
-            for row in 0..pairs.len() {
+            for row in 0..laws.len() {
                 let mut off = self.found[row] - self.openings[row];
-                for (column, pair) in pairs.iter().enumerate() {
+                for (column, law) in laws.iter().enumerate() {
                     let (response, opening) =
                         (self.responses[row * most + column], self.found[column]);
-                    off += response * (pair.step_force(opening) - pair.force);
+                    off += response * (law.value(opening) - law.force());
                     let own = if row == column { 1.0 } else { 0.0 };
-                    self.equations[row * most + column] = own + response * pair.step_slope(opening);
+                    self.equations[row * most + column] = own + response * law.tangent(opening);
                 }
                 self.shifts[row] = -off;
             }
-            eliminate(&mut self.equations, most, &mut self.shifts[..pairs.len()]);
+            eliminate(&mut self.equations, most, &mut self.shifts[..laws.len()]);
             let mut is_done = true;
             let found = self.found.iter_mut().zip(&self.shifts);
-            for (pair, (found, shift)) in pairs.iter().zip(found) {
-                let before = pair.step_force(*found);
+            for (law, (found, shift)) in laws.iter().zip(found) {
+                let before = law.value(*found);
                 *found += shift;
-                let after = pair.step_force(*found);
+                let after = law.value(*found);
                 // The comparison is false for a value that is not a number.
-                is_done &= (after - before).abs() <= ENOUGH * pair.first.max(after.abs());
+                is_done &= (after - before).abs() <= ENOUGH * law.scale().max(after.abs());
             }
             if is_done {
-                let found = pairs.iter().zip(&self.found);
-                for (force, (pair, found)) in self.forces.iter_mut().zip(found) {
-                    *force = pair.step_force(*found);
+                let found = laws.iter().zip(&self.found);
+                for (force, (law, found)) in self.forces.iter_mut().zip(found) {
+                    *force = law.value(*found);
                 }
                 return true;
             }

@@ -14,19 +14,19 @@
 //! length of the offset, a twentieth of `d_c`; without the offset a pair that has not opened would be rigid and have no
 //! direction. The force `T(s) / s` per length across the vector is that of a spring.
 //!
-//! **Slackening.** A tip that moves on inside the edge leaves less of the edge closed. The pair then [loses](Pair::slacken)
+//! **Slackening.** A tip that moves on inside the edge leaves less of the edge closed. The pair then [loses](Cohesion::slacken)
 //! strength, whatever its opening, and the energy that its law would still have taken.
 //!
 //! **Energy.** The force of a pair that opens further is the work of its law over the step divided by the change of the
 //! opening. A pair that closes takes the force at the end of the step, which lets no oscillation last. After each step
 //! `d_c` is chosen so that the area that is left below the law is the energy that the pair has not yet taken. The work of
 //! a pair over its life is therefore its energy, whatever the steps, and even if a step was solved roughly. The last step
-//! of a pair may err; [`Stepper::take_surplus`](super::Stepper::take_surplus) returns this error, for the next pair to make
+//! of a pair may err; [`Stepper::take_surplus`](crate::motion::Stepper::take_surplus) returns this error, for the next pair to make
 //! good.
 //!
 //! **Paced pairs.** Where a sheet is torn out of its plane, a bend moves with the tip from vertex to vertex. It takes up energy
 //! and gives it back within an edge, so that a pair whose force falls evenly lets the force of the hands rise and fall. The
-//! tip therefore [paces](Pair::pace) such a pair: while the flow of energy is short of the toughness, the pair opens without
+//! tip therefore [paces](Cohesion::pace) such a pair: while the flow of energy is short of the toughness, the pair opens without
 //! a loss of force, as a spring would. The stiffness of the pair says where in the edge the tip is. With the fall `k1` of the
 //! law above, which takes the energy from the first force `f`,
 //!
@@ -36,18 +36,21 @@
 //!
 //! the tip has passed the part `p` of the edge. The work of such a pair is that of its path; it need not be its energy.
 
+use super::law::Law;
 use crate::Vec3;
 
 /// The length of the offset, as a fraction of the opening at which the force is lost.
 const OFFSET: f64 = 0.05;
 /// The largest opening at which a paced pair has lost its force on the line that falls, in lengths of its edge.
 const WIDEST: f64 = 4.0 / 3.0;
+/// The rounding error of the energy that a pair gives back, as a fraction of its energy.
+const ROUNDING: f64 = 1e-3;
 /// Bisections for the opening that meets the law.
 const BISECTIONS: usize = 60;
 
 /// Two vertices that let each other go.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pair {
+pub struct Cohesion {
     /// The vertices.
     pub nodes: [u32; 2],
     /// The vector from the first vertex to the second, plus the offset (m).
@@ -70,15 +73,15 @@ pub struct Pair {
     /// The fall `k1` of a paced pair (N/m).
     paced: Option<f64>,
     /// The unit direction of the force on the first vertex at the start of the step.
-    pub(super) direction: Vec3,
+    direction: Vec3,
     /// The stiffness across the direction (N/m), and the force across it on the first vertex at the end of the step (N).
-    pub(super) across: f64,
-    pub(super) sideways: Vec3,
+    across: f64,
+    sideways: Vec3,
     /// Whether the pair lets go at the end of the step, whatever its opening.
-    pub(super) is_dropped: bool,
+    is_dropped: bool,
 }
 
-impl Pair {
+impl Cohesion {
     /// A pair that keeps the force `force` (N) on its first vertex, and takes `energy` (J) until it has let go. `None` if
     /// there is no force, or no energy: such a pair lets go at once.
     pub fn new(nodes: [u32; 2], force: &Vec3, energy: f64) -> Option<Self> {
@@ -194,6 +197,11 @@ impl Pair {
         }
     }
 
+    /// Whether the pair was let go before its law did.
+    pub(crate) fn is_dropped(&self) -> bool {
+        self.is_dropped
+    }
+
     /// Whether the pair has let go.
     pub fn is_over(&self) -> bool {
         self.is_dropped || self.opening() >= self.critical()
@@ -247,24 +255,6 @@ impl Pair {
         (self.below() + self.beyond(s)) / (s - opening)
     }
 
-    /// The slope of [`step_force`](Self::step_force) (N/m).
-    pub(super) fn step_slope(&self, s: f64) -> f64 {
-        let opening = self.opening();
-        if s <= opening {
-            return self.slope();
-        }
-        if s <= self.largest {
-            return 0.5 * self.slope();
-        }
-        (self.force_beyond(s) - self.step_force(s)) / (s - opening)
-    }
-
-    /// The energy that the pair can give back (J).
-    pub(super) fn stored(&self) -> f64 {
-        let opening = self.opening();
-        0.5 * self.slope() * opening * opening
-    }
-
     /// The work of an opening that grows to the largest so far (J).
     fn below(&self) -> f64 {
         let opening = self.opening();
@@ -305,9 +295,50 @@ impl Pair {
             self.strength *= left / below;
         }
     }
+}
 
-    /// The opening along the direction that agrees with the law, where it is `free - response force` (m).
-    pub(super) fn meet(&self, free: f64, response: f64) -> f64 {
+impl Law for Cohesion {
+    fn nodes(&self) -> [u32; 2] {
+        self.nodes
+    }
+
+    fn gradient(&self) -> Vec3 {
+        self.direction
+    }
+
+    fn opening(&self) -> f64 {
+        self.opening()
+    }
+
+    fn value(&self, opening: f64) -> f64 {
+        self.step_force(opening)
+    }
+
+    fn tangent(&self, s: f64) -> f64 {
+        let opening = self.opening();
+        if s <= opening {
+            return self.slope();
+        }
+        if s <= self.largest {
+            return 0.5 * self.slope();
+        }
+        (self.force_beyond(s) - self.step_force(s)) / (s - opening)
+    }
+
+    fn across(&self) -> f64 {
+        self.across
+    }
+
+    fn energy(&self) -> f64 {
+        let opening = self.opening();
+        0.5 * self.slope() * opening * opening
+    }
+
+    fn scale(&self) -> f64 {
+        self.first
+    }
+
+    fn meet(&self, free: f64, response: f64) -> f64 {
         // Below the largest opening the law is linear.
         let (opening, slope) = (self.opening(), self.slope());
         let shrunk = free / (1.0 + response * slope);
@@ -337,8 +368,40 @@ impl Pair {
         0.5 * (low + high)
     }
 
-    /// The force across the direction on the first vertex (N) after a change of the vector between the vertices (m).
-    pub(super) fn sideways(&self, change: &Vec3) -> Vec3 {
-        (change - self.direction * self.direction.dot(change)) * self.across
+    fn force(&self) -> f64 {
+        self.force
+    }
+
+    fn set_force(&mut self, force: f64) {
+        self.force = force;
+    }
+
+    fn pull(&self) -> Vec3 {
+        self.direction * self.force + self.sideways
+    }
+
+    fn lean(&mut self, change: &Vec3) {
+        self.sideways = self.sideways(change);
+    }
+
+    fn may_give(&self, given: f64) -> bool {
+        // The comparison is false for a value that is not a number.
+        given <= self.energy() + ROUNDING * self.energy
+    }
+
+    fn drop_force(&mut self) {
+        (self.force, self.is_dropped) = (0.0, true);
+    }
+
+    fn work(&self) -> f64 {
+        self.work
+    }
+
+    fn accept(&mut self, change: &Vec3) {
+        self.advance(self.force, change);
+    }
+
+    fn is_over(&self) -> bool {
+        self.is_over()
     }
 }
