@@ -285,7 +285,7 @@ pub struct Vertices {
     pub step: u64,
     /// Time at which the step was due (ns).
     pub time_ns: u64,
-    /// Topology epoch: that of the [`Surface`] to draw.
+    /// Topology epoch: that of the [`Surface`](crate::record::Surface) to draw.
     pub epoch: u32,
     /// Number of vertices.
     pub count: u32,

@@ -1,7 +1,7 @@
 //! The world: a scene, built once.
 //!
-//! A [`World`] has the bodies of the physics, what devices hold of them ([`grasp`]), and where the devices stand
-//! ([`mount`]). Everything after it takes a `&World`. Whoever moves a body clones it.
+//! A [`World`] has the bodies of the physics, what devices hold of them ([`Grasp`]), and where the devices stand
+//! ([`Mount`]). Everything after it takes a `&World`. Whoever moves a body clones it.
 //!
 //! This module makes the checks that need the mesh: groups that do not exist, empty boxes, the thickness of a
 //! solid. Their errors name the line and the field of the scene file, as all errors of a scene do.

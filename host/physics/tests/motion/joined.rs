@@ -206,7 +206,7 @@ fn two_joined_bodies_move_as_one() {
             missing = missing.max(ledger.missing().abs());
             turnover = turnover.max(ledger.turnover());
         }
-        let joined = parts.iter().flat_map(|body| body.node_positions());
+        let joined = parts.iter().flat_map(Body::node_positions);
         for ((found, expected), before) in joined.zip(whole.node_positions()).zip(&before) {
             worst = worst.max((found - expected).norm());
             moved = moved.max((expected - before).norm());
