@@ -32,6 +32,9 @@ pub(super) struct TearingArguments {
     /// cloths, or the force over a tear (SVG or PNG; parts `mesh`, `running`, `smooth` and `figure`)
     #[arg(long, value_name = "FILE")]
     pub(super) plot: Option<PathBuf>,
+    /// The scenes whose steps are timed, instead of the shipped ones (part `table`)
+    #[arg(long, value_name = "FILE")]
+    pub(super) scene: Vec<PathBuf>,
     /// Use only coarse meshes and short runs, in seconds instead of minutes
     #[arg(long)]
     pub(super) quick: bool,

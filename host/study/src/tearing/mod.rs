@@ -19,7 +19,7 @@ pub mod energy;
 pub mod kinks;
 pub mod meshes;
 pub mod notches;
-mod patterns;
+pub mod patterns;
 mod plate;
 mod pull;
 pub(crate) mod rig;

@@ -75,7 +75,7 @@ pub struct Case {
     pub thickness: f64,
     /// Steps in a second (Hz).
     pub rate: f64,
-    /// 1, or -1 where the hands are swapped.
+    /// 1, or -1 if the hands are swapped.
     pub up: f64,
 }
 
@@ -201,20 +201,6 @@ impl Case {
             rig.step(&targets)?;
             let told = rig.tear();
             let torn = told.area / self.thickness;
-            if std::env::var("TRACE").is_ok() {
-                let f = 0.5 * (rig.force(1).z - rig.force(0).z) * self.up;
-                let p = rig.stepper.pairs();
-                eprintln!(
-                    "{time:.4} {torn:.5} {:.4} {:.1} {:.4} {:.4} {:.4} {} {:.4}",
-                    f,
-                    told.driving,
-                    told.due,
-                    told.pending,
-                    told.spent,
-                    p.len(),
-                    p.last().map_or(0.0, |p| p.strength() / p.first)
-                );
-            }
             let now = (2.0 * up, rig.ledger.supplied);
             if torn >= FROM {
                 first = first.or(Some(now));

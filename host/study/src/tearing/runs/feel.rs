@@ -47,6 +47,8 @@ pub struct Cell {
     pub limited: bool,
     /// Median error of the force on a hand, as a fraction of the plateau (1).
     pub median: f64,
+    /// RMS of the error, as a fraction of the plateau (1).
+    pub rms: f64,
     /// 95th percentile of the error, as a fraction of the plateau (1).
     pub p95: f64,
     /// Largest error of the force on a hand (N).
@@ -201,6 +203,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
             let pairs = forces.iter().flatten().zip(exact.iter().flatten());
             let mut errors: Vec<f64> = pairs.map(|(force, exact)| (force - exact).norm()).collect();
             errors.sort_by(f64::total_cmp);
+            let squares: f64 = errors.iter().map(|error| error * error).sum();
             let at = |part: f64| errors[((errors.len() - 1) as f64 * part) as usize];
             let ripple = |value: &dyn Fn(usize, usize) -> rt_core::Vec3| {
                 let hands = ways.iter().take(2).enumerate().map(|(hand, way)| {
@@ -215,6 +218,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
                 publish_rate: rate / steps as f64,
                 limited,
                 median: at(0.5) / plateau,
+                rms: (squares / errors.len() as f64).sqrt() / plateau,
                 p95: at(0.95) / plateau,
                 worst: at(1.0),
                 ripple: ripple(&|at, hand| forces[at][hand]),

@@ -31,6 +31,12 @@ pub const BANKNOTE: Shipped = (
     include_str!("../../../../scenes/banknote.toml"),
 );
 
+/// A banknote out of its plane.
+pub const BANKNOTE_SHEAR: Shipped = (
+    "banknote_shear.toml",
+    include_str!("../../../../scenes/banknote_shear.toml"),
+);
+
 /// Builds a shipped scene.
 ///
 /// # Errors
@@ -65,11 +71,17 @@ pub struct TearingRuns {
     pub feel: Option<feel::Feel>,
 }
 
-/// Runs a part. `progress` receives the fraction done. `quick` shortens the runs.
+/// Runs a part. `progress` receives the fraction done. `level` shortens the runs. The times of the steps are those of
+/// `scenes`, or of the shipped scenes of cloth and banknote if `scenes` is empty.
 ///
 /// # Errors
 /// [`StudyError`].
-pub fn run(part: RunPart, level: Level, progress: &dyn Fn(f64)) -> Result<TearingRuns, StudyError> {
+pub fn run(
+    part: RunPart,
+    scenes: &[LoadedScene],
+    level: Level,
+    progress: &dyn Fn(f64),
+) -> Result<TearingRuns, StudyError> {
     let mut found = TearingRuns {
         schema: "palpate.tearing_runs/1",
         level,
@@ -85,10 +97,14 @@ pub fn run(part: RunPart, level: Level, progress: &dyn Fn(f64)) -> Result<Tearin
     match part {
         RunPart::Figure => found.figure = Some(figure::run(&load(CLOTH)?, most, progress)?),
         RunPart::Table => {
-            let scenes = [CLOTH, BANKNOTE];
+            let shipped = match scenes {
+                [] => vec![load(CLOTH)?, load(BANKNOTE)?, load(BANKNOTE_SHEAR)?],
+                _ => Vec::new(),
+            };
+            let scenes = if scenes.is_empty() { &shipped } else { scenes };
             let rows = scenes.iter().enumerate().map(|(number, scene)| {
-                let progress = |done: f64| progress(f64::midpoint(number as f64, done));
-                table::run(&load(*scene)?, most, &progress)
+                let progress = |done: f64| progress((number as f64 + done) / scenes.len() as f64);
+                table::run(scene, most, &progress)
             });
             found.table = Some(rows.collect::<Result<_, _>>()?);
         }
