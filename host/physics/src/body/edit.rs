@@ -89,7 +89,7 @@ impl Body {
             .collect();
         let all = 0..set.count();
         let (Some(triangles), Some(set)) = (triangles, set.tearable_mut()) else {
-            return kind("elements that are not triangles of a sheet");
+            return kind("elements that are not triangles of an isotropic sheet");
         };
         let shapes: Vec<_> = all.clone().map(|element| set.rest_shape(element)).collect();
         let surface = Surface::new(count, &triangles, &shapes, reserve)?;

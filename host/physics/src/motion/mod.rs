@@ -4,6 +4,7 @@
 //! - [`refresh`]: a new factor, made in parallel with the steps.
 //! - `sleep`: bodies at rest, which are not stepped.
 //! - [`constraint`]: laws over the differences of nodes, in the equation of a step.
+//! - [`joined`]: bodies that are joined, solved together.
 //! - [`tearing`]: the tears of a sheet, after each step.
 //! - `step`: the same step with an assembled matrix. [`AssembledStepper`]: the same in four calls.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
@@ -12,6 +13,7 @@ mod assembled;
 pub mod constraint;
 pub mod equilibrium;
 pub mod integrator;
+pub mod joined;
 pub mod newton;
 pub mod refresh;
 mod sleep;

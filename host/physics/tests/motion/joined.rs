@@ -1,12 +1,11 @@
 //! Two bodies with a spring between them, solved together, move as one body that has the spring among its elements.
 //!
-//! A thread is cut at one of its bars. The bar becomes a law of this test between the two pieces. Conjugate gradients run
-//! over the two lent equations and the spring.
+//! A thread is cut at one of its bars. The bar becomes a law of this test between the two pieces.
 
 use physics::mesh::LineMesh;
-use physics::motion::Equation;
+use physics::motion::joined::{self, At, Joints};
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Mat3, Node, Stepper, StepperOptions,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Mat3, Stepper, StepperOptions,
     ThreadMaterial, Vec3,
 };
 
@@ -63,105 +62,49 @@ fn stepper(body: &Body) -> Stepper<f64> {
     stepper
 }
 
-/// The spring: its force on its first vertex and its stiffness at the start of the step.
+/// The spring between the last vertex of the first piece and the first vertex of the second.
 struct Spring {
+    rest: f64,
+    ends: [Vec3; 2],
+    /// The force on the first vertex (N), and the stiffness, at the start of the step.
     force: Vec3,
     stiffness: Mat3,
 }
 
-impl Spring {
-    fn between(a: &Vec3, b: &Vec3, rest: f64) -> Self {
+const ENDS: [At; 2] = [
+    At {
+        body: 0,
+        node: HALF - 1,
+    },
+    At { body: 1, node: 0 },
+];
+
+impl Joints for Spring {
+    fn begin(&mut self, body: usize, state: &Body, h: f64) {
+        self.ends[body] = state.node_positions()[ENDS[body].node as usize];
+        let [a, b] = self.ends;
         let length = (b - a).norm();
         let axis = (b - a) / length;
-        let tension = EA / rest * (length - rest);
+        let tension = EA / self.rest * (length - self.rest);
         let along = axis * axis.transpose();
-        Self {
-            force: axis * tension,
-            // A spring under compression holds nothing across: the tangent of the elements is clipped, too.
-            stiffness: along * (EA / rest)
-                + (Mat3::identity() - along) * (tension / length).max(0.0),
-        }
+        self.force = axis * tension;
+        // A spring under compression holds nothing across: the tangent of the elements is clipped, too.
+        self.stiffness = (along * (EA / self.rest)
+            + (Mat3::identity() - along) * (tension / length).max(0.0))
+            * (1.0 + BETA / h);
     }
 
-    /// The force on the first vertex (N) for a change of the difference of the two, with damping.
-    fn pull(&self, change: &Vec3) -> Vec3 {
-        self.force + self.product(change)
+    fn forces(&self, of: &dyn Fn(At) -> Vec3, add: &mut dyn FnMut(At, Vec3)) {
+        let force = self.force + self.stiffness * (of(ENDS[1]) - of(ENDS[0]));
+        add(ENDS[0], force);
+        add(ENDS[1], -force);
     }
 
-    fn product(&self, change: &Vec3) -> Vec3 {
-        self.stiffness * change * (1.0 + BETA / H)
+    fn product(&self, of: &dyn Fn(At) -> Vec3, add: &mut dyn FnMut(At, Vec3)) {
+        let product = self.stiffness * (of(ENDS[1]) - of(ENDS[0]));
+        add(ENDS[0], -product);
+        add(ENDS[1], product);
     }
-}
-
-fn add(to: &mut Node<f64>, value: &Vec3) {
-    for i in 0..3 {
-        to[i] += value[i];
-    }
-}
-
-fn dot(a: &[Node<f64>], b: &[Node<f64>]) -> f64 {
-    let pairs = a.iter().flatten().zip(b.iter().flatten());
-    pairs.map(|(a, b)| a * b).sum()
-}
-
-/// Conjugate gradients over two equations and a spring between the last vertex of the first body and the first vertex of
-/// the second.
-fn solve(mut bodies: [Equation<'_, f64>; 2], spring: &Spring) {
-    let ends = [HALF - 1, 0];
-    let at = [0, 1].map(|i| bodies[i].place()[ends[i] as usize] as usize);
-    let change = |bodies: &[Equation<'_, f64>; 2]| {
-        bodies[1].displacement_of(ends[1]) - bodies[0].displacement_of(ends[0])
-    };
-    let start = spring.pull(&change(&bodies));
-    for (body, (at, sign)) in bodies.iter_mut().zip(at.into_iter().zip([1.0, -1.0])) {
-        add(&mut body.residual()[at], &(start * sign));
-    }
-    let zeros = [0, 1].map(|i| vec![[0.0; 4]; bodies[i].places().0]);
-    let (mut p, mut q) = (zeros.clone(), zeros);
-    let goal = bodies[0].goal().min(bodies[1].goal());
-    let (mut iterations, mut rz, mut left) = (0, 1.0, f64::INFINITY);
-    while left > goal && iterations < 500 {
-        let mut next = 0.0;
-        let z = [0, 1].map(|i| {
-            let wide = |z: &Node<f32>| z.map(f64::from);
-            let z: Vec<_> = bodies[i].precondition().iter().map(wide).collect();
-            next += dot(&z, bodies[i].residual());
-            z
-        });
-        let beta = if iterations == 0 { 0.0 } else { next / rz };
-        rz = next;
-        for i in 0..2 {
-            for (p, z) in p[i].iter_mut().zip(&z[i]) {
-                *p = [0, 1, 2, 3].map(|axis| z[axis] + beta * p[axis]);
-            }
-            bodies[i].multiply(&p[i], &mut q[i]);
-        }
-        let end = |i: usize| Vec3::from_column_slice(&p[i][at[i]][..3]);
-        let force = spring.product(&(end(1) - end(0)));
-        add(&mut q[0][at[0]], &-force);
-        add(&mut q[1][at[1]], &force);
-        let alpha = rz / (dot(&p[0], &q[0]) + dot(&p[1], &q[1]));
-        left = 0.0;
-        for i in 0..2 {
-            let steps = bodies[i].displacement().iter_mut().zip(&p[i]);
-            for (u, p) in steps {
-                *u = [0, 1, 2, 3].map(|axis| u[axis] + alpha * p[axis]);
-            }
-            for (r, q) in bodies[i].residual().iter_mut().zip(&q[i]) {
-                *r = [0, 1, 2, 3].map(|axis| r[axis] - alpha * q[axis]);
-            }
-            let free = bodies[i].places().1;
-            let residual = &bodies[i].residual()[..free];
-            left += dot(residual, residual);
-        }
-        left = left.sqrt();
-        iterations += 1;
-    }
-    assert!(left <= goal, "{left:e} of {goal:e}");
-    let force = spring.pull(&change(&bodies));
-    let [first, second] = bodies;
-    first.solved(&[(ends[0], force)], iterations, left);
-    second.solved(&[(ends[1], -force)], iterations, left);
 }
 
 #[test]
@@ -170,7 +113,13 @@ fn two_joined_bodies_move_as_one() {
     let mut parts = [thread(0, HALF), thread(HALF, HALF)];
     let mut alone = stepper(&whole);
     let mut steppers = [stepper(&parts[0]), stepper(&parts[1])];
-    let rest = (parts[1].node_positions()[0] - parts[0].node_positions()[HALF as usize - 1]).norm();
+    let ends = [0, 1].map(|i| parts[i].node_positions()[ENDS[i].node as usize]);
+    let mut spring = Spring {
+        rest: (ends[1] - ends[0]).norm(),
+        ends,
+        force: Vec3::zeros(),
+        stiffness: Mat3::zeros(),
+    };
     let (mut moved, mut worst, mut missing, mut turnover) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     let before = whole.node_positions().to_vec();
     for step in 0..300 {
@@ -183,19 +132,15 @@ fn two_joined_bodies_move_as_one() {
         let report = alone.step(&mut whole, H, &[hand], || false).unwrap();
         assert!(report.converged && report.held_back == 0.0, "{report:?}");
 
-        let spring = Spring::between(
-            &parts[0].node_positions()[HALF as usize - 1],
-            &parts[1].node_positions()[0],
-            rest,
-        );
         let targets: [&[HandlePose]; 2] = [&[hand], &[]];
         for i in 0..2 {
             steppers[i].predict(&parts[i], H).unwrap();
             steppers[i].constrain(&mut parts[i], targets[i]).unwrap();
+            spring.begin(i, &parts[i], H);
         }
-        let [first, second] = &mut steppers;
-        let lent = [first, second].map(|stepper| stepper.equation().unwrap().unwrap());
-        solve(lent, &spring);
+        let lent = steppers.iter_mut();
+        let lent = lent.map(|stepper| stepper.equation().unwrap().unwrap());
+        joined::solve(lent.collect(), &spring, || false);
         for i in 0..2 {
             let report = steppers[i].finish(&mut parts[i], || false).unwrap();
             assert!(

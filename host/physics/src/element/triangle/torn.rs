@@ -7,12 +7,10 @@
 use super::frame::{area_of, gradients_of};
 use super::membrane::{Element, Membrane, piola, start};
 use super::triangles::Triangles;
-use super::woven::Woven;
 use crate::element::torn::{Strained, TearableKernel, Torn, make_room};
 use crate::lanes::block::LANES;
 use crate::lanes::{Node, Real, to_vec};
 use crate::material::Tangent;
-use crate::material::sheet_law::SheetLaw;
 use crate::polar::surface::Polar;
 use crate::{Mat3, Vec3};
 
@@ -78,51 +76,6 @@ impl Membrane {
             density: self.energy_of(e, x) * over,
             area,
             thickness: self.volume[e] / area,
-        }
-    }
-}
-
-impl<L: SheetLaw> Woven<L> {
-    /// Makes room for `limit` triangles in all.
-    pub(super) fn make_room(&mut self, limit: usize) {
-        make_room(&mut self.nodes, limit);
-        make_room(&mut self.gradients, limit);
-        make_room(&mut self.area, limit);
-        make_room(&mut self.stiffness, limit);
-        make_room(&mut self.thickness, limit);
-        make_room(&mut self.density, limit);
-    }
-
-    /// Follows an edit. The frame of the shapes is that of the warp.
-    pub(super) fn follow_surface(&mut self, torn: &Torn<'_>) {
-        for &touched in torn.surface.touched() {
-            let (e, parent) = (touched as usize, torn.surface.parent(touched) as usize);
-            if e == self.nodes.len() {
-                self.nodes.push([0; 3]);
-                self.gradients.push(self.gradients[parent]);
-                self.area.push(self.area[parent]);
-                self.stiffness.push(self.stiffness[parent]);
-                self.thickness.push(self.thickness[parent]);
-                self.density.push(self.density[parent]);
-            }
-            self.nodes[e] = torn.nodes(touched);
-            (self.gradients[e], self.area[e]) = gradients_of(torn.shape(touched));
-        }
-        // The slots are those of the triangles before the edit.
-        self.slots.clear();
-    }
-
-    /// The state of triangle `e`.
-    pub(super) fn strained_at(&self, e: usize, x: &[Vec3]) -> Strained {
-        let gradient = self.gradient(e, x);
-        let over = 1.0 / self.thickness[e];
-        let stress = self.law.stress(&self.stiffness[e], &gradient);
-        Strained {
-            gradient,
-            stress: stress.map(|column| column * over),
-            density: self.law.energy(&self.stiffness[e], &gradient) * over,
-            area: self.area[e],
-            thickness: self.thickness[e],
         }
     }
 }

@@ -8,10 +8,9 @@
 //! the force `f_a = -A P g_a` and the stiffness `K_ab = A sum_jl g_a[j] g_b[l] dP_j / dF_l` (Bonet and Wood,
 //! "Nonlinear continuum mechanics for finite element analysis", chapter Discretization and solution).
 
-use super::frame::{degenerate, rest_corners, rest_frame, shape_of};
+use super::frame::{degenerate, rest_corners, rest_frame};
 use super::membrane::Element;
 use crate::element::elements::{Elements, renumber, slots};
-use crate::element::{Strained, Tearable, Torn};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Tangent;
@@ -19,7 +18,6 @@ use crate::material::sheet_law::{PlaneStiffness, SheetLaw};
 use crate::material::weave::{Weave, unit};
 use crate::mesh::TriMesh;
 use crate::polar::surface::Polar;
-use crate::topology::Shape;
 use crate::{Mat3, Vec3};
 
 /// The least sine of the angle between the warp and a triangle's normal. Below it, the projection of the warp onto the
@@ -31,19 +29,17 @@ const LEAST_WARP: f64 = 1e-6;
 /// The node positions `x` that methods take must have an entry for every node that was pushed.
 #[derive(Clone, Debug, Default)]
 pub struct Woven<L: SheetLaw> {
-    pub(super) law: L,
-    pub(super) nodes: Vec<[u32; 3]>,
+    law: L,
+    nodes: Vec<[u32; 3]>,
     /// Rest gradients of the second and third hat function in the frame of the warp (1/m). The first gradient is
     /// minus their sum.
-    pub(super) gradients: Vec<[[f64; 2]; 2]>,
+    gradients: Vec<[[f64; 2]; 2]>,
     /// Rest area (m^2).
-    pub(super) area: Vec<f64>,
-    pub(super) stiffness: Vec<PlaneStiffness>,
-    pub(super) thickness: Vec<f64>,
-    pub(super) density: Vec<f64>,
-    pub(super) slots: Vec<ElementSlots<3>>,
-    /// Number of triangles for which there is room, or 0 if no edits are followed.
-    limit: usize,
+    area: Vec<f64>,
+    stiffness: Vec<PlaneStiffness>,
+    thickness: Vec<f64>,
+    density: Vec<f64>,
+    slots: Vec<ElementSlots<3>>,
 }
 
 impl<L: SheetLaw> Woven<L> {
@@ -58,7 +54,6 @@ impl<L: SheetLaw> Woven<L> {
             thickness: Vec::with_capacity(count),
             density: Vec::with_capacity(count),
             slots: Vec::new(),
-            limit: 0,
         }
     }
 
@@ -334,39 +329,6 @@ impl<L: SheetLaw> Elements for Woven<L> {
     }
 
     fn boxed(&self) -> Box<dyn Elements> {
-        let mut copy = self.clone();
-        copy.make_room(self.limit);
-        Box::new(copy)
-    }
-
-    fn tearable(&self) -> Option<&dyn Tearable> {
-        Some(self)
-    }
-
-    fn tearable_mut(&mut self) -> Option<&mut dyn Tearable> {
-        Some(self)
-    }
-}
-
-impl<L: SheetLaw> Tearable for Woven<L> {
-    fn mass(&self, triangle: usize) -> f64 {
-        self.density[triangle] * self.thickness[triangle] * self.area[triangle]
-    }
-
-    fn rest_shape(&self, triangle: usize) -> Shape {
-        shape_of(self.gradients[triangle])
-    }
-
-    fn reserve(&mut self, triangles: usize) {
-        self.limit = self.len() + triangles;
-        self.make_room(self.limit);
-    }
-
-    fn follow(&mut self, torn: &Torn<'_>) {
-        self.follow_surface(torn);
-    }
-
-    fn strained(&self, triangle: usize, x: &[Vec3]) -> Option<Strained> {
-        (triangle < self.len()).then(|| self.strained_at(triangle, x))
+        Box::new(self.clone())
     }
 }

@@ -1,10 +1,8 @@
-//! The equation of a step, lent to a caller who solves several bodies that are joined together.
+//! The equation of a step, lent to a solver of several bodies that are joined together (`joined`).
 //!
-//! After `constrain` a body has its equation `A u = f`, with the start of the iterations in `u` and the residual there. A
-//! caller that joins bodies lets each of them lend its equation, adds the forces of its joints to the residuals, and solves
-//! all bodies at once with the products and the preconditioners of each. [`Equation::solved`] then stands for `solve`.
-//!
-//! The forces of the joints are forces from outside: their work over the step is counted as that of hands is.
+//! After `constrain` a body has its equation `A u = f`, with the start of the iterations in `u` and the residual there.
+//! [`Equation::solved`] stands for `solve`. The forces of the joints are forces from outside: their work over the step is
+//! counted as that of hands is.
 
 use super::stages::{Stage, Underway};
 use super::{Solved, Stepper, StepperReport};
@@ -15,8 +13,7 @@ use crate::error::StepError;
 use crate::lanes::{Node, to_node};
 use crate::motion::constraint::by_node;
 
-/// The equation of a step. All vectors are by place: free places come first. Without [`solved`](Self::solved), the step
-/// is discarded and has to begin again.
+/// The equation of a step. Without [`solved`](Self::solved), the step is discarded and has to begin again.
 #[derive(Debug)]
 pub struct Equation<'a, T> {
     stepper: &'a mut Stepper<T>,
@@ -25,7 +22,8 @@ pub struct Equation<'a, T> {
 
 impl<T: Precision> Stepper<T> {
     /// Lends the equation of the step between `constrain` and `finish`, instead of `solve`; `None` for a body that sleeps,
-    /// which has none. The forces of [pairs](Self::pairs) along their directions are loads in it and stay as they are.
+    /// which has none: [`wake`](Self::wake) it before `constrain`. The forces of [pairs](Self::pairs) along their directions
+    /// are loads in it and stay as they are.
     ///
     /// # Errors
     ///
@@ -44,6 +42,11 @@ impl<T: Precision> Stepper<T> {
         }))
     }
 
+    /// Wakes a body that sleeps.
+    pub fn wake(&mut self) {
+        self.sleep.wake();
+    }
+
     /// The work of joints with other bodies over the step (J).
     pub(super) fn joint_work(&self, body: &Body) -> f64 {
         let work = self.joints.iter();
@@ -54,67 +57,80 @@ impl<T: Precision> Stepper<T> {
     /// Adds the forces of joints with other bodies to the residual.
     pub(super) fn add_joints(&mut self) {
         for (node, force) in &self.joints {
-            let r = &mut self.residual[self.place[*node as usize] as usize];
-            let load: Node<T> = to_node(force);
-            for i in 0..4 {
-                r[i] += load[i];
-            }
+            add(&self.place, *node, force, &mut self.residual);
         }
     }
 }
 
+/// Adds `value` to the entry of a node.
+fn add<T: Precision>(place: &[u32], node: u32, value: &Vec3, to: &mut [Node<T>]) {
+    let sum = &mut to[place[node as usize] as usize];
+    let value: Node<T> = to_node(value);
+    for i in 0..4 {
+        sum[i] += value[i];
+    }
+}
+
 impl<T: Precision> Equation<'_, T> {
-    /// Number of places, and of the free ones among them.
-    pub fn places(&self) -> (usize, usize) {
-        (self.stepper.node.len(), self.stepper.free)
+    /// The norm of the residual (N) at which the body by itself is solved, and the most iterations.
+    pub(crate) fn limits(&self) -> (f64, usize) {
+        (self.step.limits.goal, self.step.limits.max_iterations)
     }
 
-    /// The place of each node.
-    pub fn place(&self) -> &[u32] {
-        &self.stepper.place
-    }
-
-    /// The residual (N) at which the body by itself would be solved.
-    pub fn goal(&self) -> f64 {
-        self.step.limits.goal
-    }
-
-    /// The displacement over the step (m). Held places have that of their hand or support, and keep it.
-    pub fn displacement(&mut self) -> &mut [Node<T>] {
-        &mut self.stepper.u
-    }
-
-    /// The residual of the equation (N). On held places it is minus the force of the hand or support.
-    pub fn residual(&mut self) -> &mut [Node<T>] {
-        &mut self.stepper.residual
-    }
-
-    /// The displacement of a node over the step (m).
-    pub fn displacement_of(&self, node: u32) -> Vec3 {
+    /// The displacement of a node over the step so far (m). A held node has that of its hand or support.
+    pub fn displacement(&self, node: u32) -> Vec3 {
         by_node(&self.stepper.place, &self.stepper.u)(node)
     }
 
-    /// The product `q = A p` of the matrix (N/m) with a vector (m) that is zero on held places.
-    pub fn multiply(&mut self, p: &[Node<T>], q: &mut [Node<T>]) {
-        let stepper = &mut *self.stepper;
-        for ((q, p), inertia) in q.iter_mut().zip(p).zip(&stepper.inertia) {
-            *q = p.map(|p| *inertia * p);
-        }
-        for set in &mut stepper.elements {
-            set.product(stepper.team, T::of(self.step.factors.1), p, q);
-        }
-        stepper.pairs.add_springs(&stepper.place, p, q);
+    /// Adds a force (N) on a node to the residual. The residual on held nodes is minus the force of the hand or support.
+    pub(crate) fn load(&mut self, node: u32, force: &Vec3) {
+        add(&self.stepper.place, node, force, &mut self.stepper.residual);
     }
 
-    /// The free places of the residual, preconditioned (m). Guided axes are zero.
-    pub fn precondition(&mut self) -> &[Node<f32>] {
-        self.stepper.precondition(Solved::Step);
-        &self.stepper.z[..self.stepper.free]
+    /// The norm of the residual on free axes (N).
+    pub(crate) fn residual(&mut self) -> f64 {
+        self.stepper.norm()
+    }
+
+    /// Preconditions the residual. Returns its product with the result.
+    pub(crate) fn precondition(&mut self) -> f64 {
+        self.stepper.precondition(Solved::Step)
+    }
+
+    /// Computes the next direction, from the preconditioned residual and `beta` times the direction before, and its product
+    /// with the matrix.
+    pub(crate) fn direct(&mut self, beta: f64) {
+        self.stepper.direct(beta, self.step.factors.1);
+    }
+
+    /// The direction at a node (m); zero at a held one.
+    pub(crate) fn direction(&self, node: u32) -> Vec3 {
+        by_node(&self.stepper.place, &self.stepper.p)(node)
+    }
+
+    /// Adds to the product of the direction with the matrix (N) at a node.
+    pub(crate) fn add_product(&mut self, node: u32, value: &Vec3) {
+        add(&self.stepper.place, node, value, &mut self.stepper.q);
+    }
+
+    /// The product of the direction with its product.
+    pub(crate) fn curvature(&mut self) -> f64 {
+        self.stepper.curvature()
+    }
+
+    /// Moves by `alpha` times the direction. Returns the norm of the residual on free axes (N).
+    pub(crate) fn advance(&mut self, alpha: f64) -> f64 {
+        self.stepper.advance(alpha)
+    }
+
+    /// Discards the direction.
+    pub(crate) fn stop(&mut self) {
+        self.stepper.p.fill([T::ZERO; 4]);
     }
 
     /// Ends the solve, so that `finish` may follow. `forces` are those of the joints on nodes (N), which the residual
     /// includes; `residual` is the norm of what is left of it on free axes (N).
-    pub fn solved(self, forces: &[(u32, Vec3)], iterations: usize, residual: f64) {
+    pub(crate) fn solved(self, forces: &[(u32, Vec3)], iterations: usize, residual: f64) {
         let Self { stepper, mut step } = self;
         step.report = StepperReport {
             iterations,

@@ -61,25 +61,8 @@ impl<T: Precision> Stepper<T> {
                 rz_new / rz
             };
             rz = rz_new;
-            let places = (
-                &self.z[..free],
-                &*self.inertia,
-                &mut self.p[..free],
-                &mut self.q[..free],
-            );
-            team::each_of(self.team, places, RUN, &|(z, inertia, p, q)| {
-                vectors::turn(z, T::of(beta), inertia, p, q);
-            });
-            self.q[free..].fill([T::ZERO; 4]);
-            for set in &mut self.elements {
-                set.product(self.team, T::of(stiffness_factor), &self.p, &mut self.q);
-            }
-            (self.pairs).add_springs(&self.place, &self.p, &mut self.q);
-            let places = (&self.p[..free], &self.q[..free]);
-            let curvature = team::runs(self.team, places, RUN, &mut self.sums, &|(p, q)| {
-                vectors::dot(p, q)
-            });
-            let curvature = total(curvature);
+            self.direct(beta, stiffness_factor);
+            let curvature = self.curvature();
             // The matrix is positive definite. Any other curvature is underflow, or a state that has diverged.
             if !(curvature > 0.0 && curvature.is_finite()) {
                 // The next solve multiplies this direction by zero, and zero times a value that is not a number is not
@@ -89,31 +72,8 @@ impl<T: Precision> Stepper<T> {
             }
             let learned = &mut self.learned[limits.of as usize];
             learned.learn(&self.p[..free], &self.q[..free], curvature);
-            let alpha = T::of(rz / curvature);
-            // Held places have a residual but no direction.
-            let (free_residual, held_residual) = self.residual.split_at_mut(free);
-            let (free_q, held_q) = self.q.split_at(free);
-            let places = (&self.p[..free], free_q, &mut self.u[..free], free_residual);
-            let square = team::runs(self.team, places, RUN, &mut self.sums, &|(
-                p,
-                q,
-                u,
-                residual,
-            )| {
-                vectors::advance(alpha, p, q, u, residual)
-            });
-            let square = total(square);
-            for (r, q) in held_residual.iter_mut().zip(held_q) {
-                for i in 0..4 {
-                    r[i] -= alpha * q[i];
-                }
-            }
             report.iterations += 1;
-            report.residual = if self.mask.is_empty() {
-                square.sqrt()
-            } else {
-                self.norm()
-            };
+            report.residual = self.advance(rz / curvature);
             report.converged = report.residual <= limits.goal;
             if out_of_time() {
                 break;
@@ -124,6 +84,63 @@ impl<T: Precision> Stepper<T> {
             report.rate = libm::pow(report.residual / first, 1.0 / report.iterations as f64);
         }
         report
+    }
+
+    /// The next direction `p`: `z` and `beta` times the direction before. Its product with the matrix is in `q`.
+    pub(super) fn direct(&mut self, beta: f64, stiffness_factor: f64) {
+        let free = self.free;
+        let places = (
+            &self.z[..free],
+            &*self.inertia,
+            &mut self.p[..free],
+            &mut self.q[..free],
+        );
+        team::each_of(self.team, places, RUN, &|(z, inertia, p, q)| {
+            vectors::turn(z, T::of(beta), inertia, p, q);
+        });
+        self.q[free..].fill([T::ZERO; 4]);
+        for set in &mut self.elements {
+            set.product(self.team, T::of(stiffness_factor), &self.p, &mut self.q);
+        }
+        (self.pairs).add_springs(&self.place, &self.p, &mut self.q);
+    }
+
+    /// The product of the direction `p` with `q`.
+    pub(super) fn curvature(&mut self) -> f64 {
+        let places = (&self.p[..self.free], &self.q[..self.free]);
+        let curvature = team::runs(self.team, places, RUN, &mut self.sums, &|(p, q)| {
+            vectors::dot(p, q)
+        });
+        total(curvature)
+    }
+
+    /// Moves by `alpha` times the direction. Returns the norm of the residual on free axes (N).
+    pub(super) fn advance(&mut self, alpha: f64) -> f64 {
+        let free = self.free;
+        let alpha = T::of(alpha);
+        // Held places have a residual but no direction.
+        let (free_residual, held_residual) = self.residual.split_at_mut(free);
+        let (free_q, held_q) = self.q.split_at(free);
+        let places = (&self.p[..free], free_q, &mut self.u[..free], free_residual);
+        let square = team::runs(self.team, places, RUN, &mut self.sums, &|(
+            p,
+            q,
+            u,
+            residual,
+        )| {
+            vectors::advance(alpha, p, q, u, residual)
+        });
+        let square = total(square);
+        for (r, q) in held_residual.iter_mut().zip(held_q) {
+            for i in 0..4 {
+                r[i] -= alpha * q[i];
+            }
+        }
+        if self.mask.is_empty() {
+            square.sqrt()
+        } else {
+            self.norm()
+        }
     }
 
     /// Computes the mass in the matrix.
