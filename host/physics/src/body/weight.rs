@@ -19,9 +19,9 @@ impl Body {
         let whole = gravity.norm() * load.sum::<f64>() * self.model.load_factor;
         let down = gravity.try_normalize(0.0).unwrap_or_default();
         let each = self.constraints.handles.iter().map(|handle| {
-            let borne = handle.report.wrench_on_hand.force.dot(&down);
+            let weight = handle.report.wrench_on_hand.force.dot(&down);
             // With a load factor below zero there is no weight to distribute.
-            down * borne.min(whole).max(0.0)
+            down * weight.min(whole).max(0.0)
         });
         each.collect()
     }

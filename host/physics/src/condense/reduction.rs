@@ -273,7 +273,7 @@ impl Reduction {
         self.products(ratio);
         self.mirror();
         self.publish(body);
-        self.foresee(body, ratio, period, missed);
+        self.find_drift(body, ratio, period, missed);
         &self.condensed
     }
 
@@ -297,7 +297,7 @@ impl Reduction {
     /// force on a free node to the hands. Second, the damping of the shapes responds to every change of the hands'
     /// velocities at once, although the body follows with a lag. `beta` times the rate of `p` since the previous model
     /// corrects this.
-    fn foresee(&mut self, body: &Body, ratio: f64, period: f64, missed: &[Vec3]) {
+    fn find_drift(&mut self, body: &Body, ratio: f64, period: f64, missed: &[Vec3]) {
         let rows = 3 * self.places.free();
         for (speed, column) in self.speeds.iter_mut().zip(&self.columns) {
             let report = &body.constraints.handles[column.handle].report;

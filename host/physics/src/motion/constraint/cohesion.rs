@@ -380,7 +380,7 @@ impl Law for Cohesion {
         self.direction * self.force + self.sideways
     }
 
-    fn lean(&mut self, change: &Vec3) {
+    fn shear(&mut self, change: &Vec3) {
         self.sideways = self.sideways(change);
     }
 

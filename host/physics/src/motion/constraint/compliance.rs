@@ -219,7 +219,7 @@ impl Compliance {
     }
 
     /// The openings (m) that a residual (N) will cause, springs included, into `openings`.
-    pub(super) fn foresee<T: Real>(&mut self, residual: &[Node<T>], openings: &mut [Vec3]) {
+    pub(super) fn predict<T: Real>(&mut self, residual: &[Node<T>], openings: &mut [Vec3]) {
         let places = self.stride.min(residual.len());
         for (pair, opening) in openings.iter_mut().enumerate().take(self.count) {
             for axis in 0..3 {

@@ -50,7 +50,7 @@ pub(crate) trait Law {
     fn pull(&self) -> Vec3;
 
     /// Takes the present force across the gradient (N) from the change of the difference (m).
-    fn lean(&mut self, change: &Vec3);
+    fn shear(&mut self, change: &Vec3);
 
     /// Whether the law may give back so much energy (J) in a step, up to rounding.
     fn may_give(&self, given: f64) -> bool;

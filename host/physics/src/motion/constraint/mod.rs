@@ -2,7 +2,7 @@
 //!
 //! The forces along the laws enter the equation as loads. Each iteration is followed by the forces that
 //! agree with its openings (`agree`). The compliance of the openings, with the factor in place of
-//! the matrix, foresees the forces from the residual of the guess (`compliance`).
+//! the matrix, predicts the forces from the residual of the guess (`compliance`).
 //!
 //! Across its gradient a law is a spring. The spring is part of the matrix of the step: a light vertex that moves out of
 //! the plane would swing from step to step otherwise. The compliance holds the springs in the preconditioner.
@@ -162,9 +162,9 @@ impl<L: Law> Constraints<L> {
         }
     }
 
-    /// Gives the laws the forces that agree with the openings of the solution, as far as the factor foresees the solution
+    /// Gives the laws the forces that agree with the openings of the solution, as far as the factor predicts the solution
     /// from the `residual` of the guess `u`, with `free` free places. Few iterations correct these forces.
-    pub(crate) fn foresee<T: Real>(
+    pub(crate) fn predict<T: Real>(
         &mut self,
         place: &[u32],
         u: &[Node<T>],
@@ -175,7 +175,7 @@ impl<L: Law> Constraints<L> {
             return;
         }
         self.compliance
-            .foresee(&residual[..free], &mut self.changed);
+            .predict(&residual[..free], &mut self.changed);
         let openings = self.agreement.openings.iter_mut().zip(&self.changed);
         for (law, (to, change)) in self.laws.iter().zip(openings) {
             *to = opening(law, by_node(place, u)) + law.gradient().dot(change);
@@ -291,9 +291,9 @@ impl<L: Law> Constraints<L> {
     }
 
     /// Gives the laws the forces of their springs over the displacements `u`.
-    pub(crate) fn lean(&mut self, u: impl Fn(u32) -> Vec3) {
+    pub(crate) fn shear(&mut self, u: impl Fn(u32) -> Vec3) {
         for law in &mut self.laws {
-            law.lean(&difference(law.nodes(), &u));
+            law.shear(&difference(law.nodes(), &u));
         }
     }
 

@@ -170,7 +170,7 @@ impl<T: Precision> Stepper<T> {
         };
         self.pull_at_the_end(body, h);
         let solved = self.iterate(factors, limits, out_of_time);
-        self.pairs.lean(by_node(&self.place, &self.u));
+        self.pairs.shear(by_node(&self.place, &self.u));
         report.iterations += solved.iterations;
         report.residual = solved.residual;
         report.converged = solved.converged;

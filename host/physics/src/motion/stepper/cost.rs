@@ -65,7 +65,7 @@ impl<T: Precision> Stepper<T> {
                 let z = size_of::<Node<f32>>() * self.free;
                 let ends = Cost::read(free) + Cost::read(free).again() + Cost::write(z);
                 let dot = Cost::read(z).again() + Cost::flops(6 * self.free);
-                Some(self.solves.cost() + ends + dot)
+                Some(self.factor.solves.cost() + ends + dot)
             }
             Part::Vectors => {
                 let turn = Cost::read((size_of::<Node<f32>>() + size_of::<T>()) * self.free)
@@ -78,7 +78,11 @@ impl<T: Precision> Stepper<T> {
                     + Cost::flops(18 * self.free);
                 Some(turn + dot + advance)
             }
-            Part::Refresh => self.refresher.as_ref().map(|refresher| refresher.cost()),
+            Part::Refresh => self
+                .factor
+                .refresher
+                .as_ref()
+                .map(|refresher| refresher.cost()),
         }
     }
 
@@ -89,7 +93,7 @@ impl<T: Precision> Stepper<T> {
     /// [`CondenseError::NotAssembled`] before the first step, and those of [`Refresher::work`](crate::Refresher::work).
     #[inline(never)]
     pub fn repeat(&mut self, part: Part) -> Result<(), CondenseError> {
-        let factors = self.factors.ok_or(CondenseError::NotAssembled)?;
+        let factors = self.factor.factors.ok_or(CondenseError::NotAssembled)?;
         match part {
             Part::Linearize => self.linearize_elements(),
             Part::Product => {
@@ -116,7 +120,7 @@ impl<T: Precision> Stepper<T> {
 
     /// Memory of the refresher (bytes); 0 while the refresher is lent.
     pub fn refresher_bytes(&self) -> usize {
-        let refresher = self.refresher.as_ref();
+        let refresher = self.factor.refresher.as_ref();
         refresher.map_or(0, |refresher| refresher.bytes())
     }
 
@@ -138,7 +142,7 @@ impl<T: Precision> Stepper<T> {
         size_of::<Self>()
             + elements
             + self.refresher_bytes()
-            + self.solves.bytes()
+            + self.factor.solves.bytes()
             + nodes
             + size_of_val(self.history.as_slice())
             + size_of_val(self.sums.as_slice())

@@ -139,7 +139,7 @@ impl<T: Precision> Equation<'_, T> {
             ..step.report
         };
         stepper.joints.extend_from_slice(forces);
-        stepper.pairs.lean(by_node(&stepper.place, &stepper.u));
+        stepper.pairs.shear(by_node(&stepper.place, &stepper.u));
         stepper.unfinished = !step.report.converged;
         step.stage = Stage::Solved;
         stepper.underway = Some(step);

@@ -182,7 +182,7 @@ impl<T: Precision> Stepper<T> {
 
     /// Whether a factor of the present topology would pay: see [`adopt`](Self::adopt).
     pub fn wants_factor(&self) -> bool {
-        self.has_grown() && (self.stale || 2 * self.grown() > MOST_COLUMNS)
+        self.has_grown() && (self.factor.stale || 2 * self.grown() > MOST_COLUMNS)
     }
 
     /// Follows the latest edit of `body`. After the last of several edits, [`settle`](Self::settle) computes forces and
@@ -200,7 +200,7 @@ impl<T: Precision> Stepper<T> {
                 first,
             })
         };
-        if self.factors.is_none() {
+        if self.factor.factors.is_none() {
             return fail("prepare");
         }
         let (Some(surface), Some(mut growth)) = (body.surface(), self.growth.take()) else {
@@ -334,9 +334,11 @@ impl<T: Precision> Stepper<T> {
 
     /// Joins the new vertices to the factor.
     pub(super) fn join(&mut self, body: &Body) {
-        let (Some(growth), Some(surface), Some(factors)) =
-            (self.growth.as_deref_mut(), body.surface(), self.factors)
-        else {
+        let (Some(growth), Some(surface), Some(factors)) = (
+            self.growth.as_deref_mut(),
+            body.surface(),
+            self.factor.factors,
+        ) else {
             return;
         };
         growth.is_due = false;
@@ -356,7 +358,7 @@ impl<T: Precision> Stepper<T> {
         for place in *first..self.free {
             factor.add_mass(place, factors.0 * self.mass[place]);
         }
-        let (team, solves) = (self.team, &mut self.solves);
+        let (team, solves) = (self.team, &mut self.factor.solves);
         factor.update(&self.mask[..(*first).min(self.mask.len())], |z| {
             solves.solve(team, z);
         });
@@ -376,7 +378,7 @@ impl<T: Precision> Stepper<T> {
                 first,
             })
         };
-        if self.factors.is_none() {
+        if self.factor.factors.is_none() {
             return fail("prepare");
         }
         let count = body.state.x.len();
@@ -397,8 +399,7 @@ impl<T: Precision> Stepper<T> {
         }
         self.stepped = None;
         self.underway = None;
-        self.stale = false;
-        self.usual = 0;
+        self.factor.renewed();
         for (&new, &old) in self.place.iter().zip(&running.place) {
             let (new, old) = (new as usize, old as usize);
             self.history[new] = running.history[old];

@@ -172,7 +172,7 @@ impl<T: Precision> Stepper<T> {
     pub(crate) fn solve_factor(&mut self) {
         let z = &mut self.z[..self.free];
         vectors::filter(&self.mask, z);
-        let (team, solves) = (self.team, &mut self.solves);
+        let (team, solves) = (self.team, &mut self.factor.solves);
         match &mut self.growth {
             Some(growth) if !growth.is_plain() => {
                 growth.apply(z, &self.mask, |z| solves.solve(team, z));

@@ -20,6 +20,7 @@
 mod correct;
 mod cost;
 mod equation;
+mod factor;
 mod finish;
 mod grow;
 mod guess;
@@ -33,6 +34,7 @@ mod turns;
 
 pub use cost::Part;
 pub use equation::Equation;
+pub use factor::complete_bytes;
 pub(crate) use iterate::{Limits, Solved};
 pub use ledger::Ledger;
 pub use options::{Guess, StepperOptions, StepperReport};
@@ -48,15 +50,9 @@ use crate::element::precision::Precision;
 use crate::element::{self, Elements, parts::Divided};
 use crate::error::{CondenseError, StepError};
 use crate::lanes::{Node, to_node, to_vec};
-use crate::linear::precondition::{self, Preconditioner, Solves};
 use crate::team::{self, Alone, Team};
+use factor::{Factor, factors};
 use stages::Underway;
-
-/// A complete factor has aged if an iteration leaves more than this fraction of the residual. A fresh factor leaves a
-/// thousandth. The number of iterations alone would show this too late, because a good guess needs few of them with any
-/// factor. Where a hand stops, the guess is of no use, and an old factor needs twice as many iterations as a fresh
-/// factor.
-const SLOW: f64 = 0.03;
 
 /// Most iterations of a step that the next step expects to go on without what solves have learned.
 const EASY: usize = 2;
@@ -106,15 +102,7 @@ pub struct Stepper<T> {
     /// The account of the last step, if it is kept.
     ledger: Option<Box<ledger::Account>>,
     pub(crate) elements: Vec<Divided<T>>,
-    /// The refresher; absent while it is lent.
-    pub(crate) refresher: Option<Box<Refresher<T>>>,
-    /// The factor that preconditions the steps.
-    pub(crate) solves: Solves,
-    /// Factors of mass and stiffness in the matrix that was factorized.
-    pub(crate) factors: Option<(f64, f64)>,
-    stale: bool,
-    /// Iterations of the first step on an incomplete factor; 0 before it.
-    usual: usize,
+    factor: Factor<T>,
     /// Positions (m) by node for which the kernels are linearized.
     pub(crate) at: Vec<Vec3>,
     elastic: f64,
@@ -159,20 +147,6 @@ pub struct Stepper<T> {
     targets: Vec<HandlePose>,
     /// Number of linearizations.
     pub(crate) state: u64,
-}
-
-/// Memory of the complete factor of `body`'s step matrix (bytes), as counted by [`precondition::complete_bytes`].
-pub fn complete_bytes(body: &Body) -> usize {
-    let rest = body.assembly.places.gather(&body.model.rest);
-    precondition::complete_bytes(&body.assembly.stiffness, &rest)
-}
-
-/// Factors of mass and stiffness in the matrix of a step of `h` seconds.
-fn factors(body: &Body, h: f64) -> (f64, f64) {
-    (
-        1.0 / (h * h) + body.model.config.mass_damping / h,
-        1.0 + body.model.config.stiffness_damping / h,
-    )
 }
 
 /// The element sets of `body` in the order of places, each made by `of_set`. `place` gives the place of each node.
@@ -299,15 +273,11 @@ impl<T: Precision> Stepper<T> {
             ledger: None,
             held,
             team: &Alone,
-            solves: refresher.like_made(),
-            refresher: Some(Box::new(refresher)),
+            factor: Factor::of(refresher),
             place,
             node,
             free,
             mass,
-            factors: None,
-            stale: true,
-            usual: 0,
             at,
             elastic: 0.0,
             turned: correct::turned(body),
@@ -361,11 +331,6 @@ impl<T: Precision> Stepper<T> {
         (0..self.free).chain(self.held..self.node.len())
     }
 
-    /// Whether there is a factor.
-    pub(crate) fn is_ready(&self) -> bool {
-        self.factors.is_some()
-    }
-
     /// The length of the last step (s); 0 before the first step, and after an edit.
     pub(crate) fn step_length(&self) -> f64 {
         self.stepped.map_or(0.0, |step| step.length)
@@ -394,29 +359,6 @@ impl<T: Precision> Stepper<T> {
         self.refresh(factors(body, h)).map_err(StepError::Matrix)
     }
 
-    /// Whether a step took so many iterations, or reduced the residual so slowly, that a new factor would pay.
-    fn is_slow(&mut self, report: &StepperReport) -> bool {
-        let (patience, iterations) = (self.options.patience, report.iterations);
-        match self.solves {
-            Solves::Complete(_) => iterations > patience || report.rate > SLOW,
-            // A new incomplete factor needs many iterations, too, so only the increase counts.
-            Solves::Incomplete(_) => {
-                if self.usual == 0 {
-                    self.usual = iterations;
-                }
-                iterations > self.usual + self.usual / 4 + patience
-            }
-        }
-    }
-
-    /// The preconditioner of the steps.
-    pub fn preconditioner(&self) -> Preconditioner {
-        match self.solves {
-            Solves::Complete(_) => Preconditioner::Complete,
-            Solves::Incomplete(_) => Preconditioner::Incomplete,
-        }
-    }
-
     /// Computes forces, tangent and energy at the positions `self.at`.
     fn linearize(&mut self) {
         let at = &self.at;
@@ -437,60 +379,6 @@ impl<T: Precision> Stepper<T> {
         for set in &mut self.elements {
             self.elastic += set.linearize(self.team, &self.d, &mut self.force);
         }
-    }
-
-    /// Makes a new factor of the present matrix, if the refresher is not lent. Otherwise the old factor stays.
-    pub(crate) fn refresh(&mut self, factors: (f64, f64)) -> Result<(), CondenseError> {
-        if self.has_grown() {
-            return Ok(());
-        }
-        if let Some(refresher) = &mut self.refresher {
-            refresher.load((&self.d, self.free, self.held), factors);
-            refresher.work()?;
-            let is_first = self.factors.is_none();
-            self.factors = refresher.exchange(&mut self.solves);
-            if is_first {
-                refresher.widen(&mut self.solves);
-            }
-            self.stale = false;
-            self.usual = 0;
-            if let Some(growth) = &mut self.growth {
-                growth.take_state(&self.d);
-            }
-            self.pairs.forget_responses();
-        }
-        Ok(())
-    }
-
-    /// Lends the refresher if a new factor would pay. The caller runs [`work`](Refresher::work) on any thread and then
-    /// [gives the refresher back](Self::give_back). With [`StepperOptions::refresh`] off, no step replaces an aged
-    /// factor.
-    #[inline(never)]
-    pub fn lend(&mut self) -> Option<Box<Refresher<T>>> {
-        if !self.stale || self.has_grown() {
-            return None;
-        }
-        let factors = self.factors?;
-        let mut refresher = self.refresher.take()?;
-        refresher.load((&self.d, self.free, self.held), factors);
-        Some(refresher)
-    }
-
-    /// Takes the refresher back, with the factor that it has made. Both are discarded if they belong to another epoch.
-    pub fn give_back(&mut self, mut refresher: Box<Refresher<T>>) {
-        if refresher.epoch != self.epoch {
-            return;
-        }
-        if let Some(factors) = refresher.exchange(&mut self.solves) {
-            self.factors = Some(factors);
-            self.stale = false;
-            self.usual = 0;
-            if let Some(growth) = &mut self.growth {
-                growth.take_loaded(refresher.state(), self.free, self.held);
-            }
-            self.pairs.forget_responses();
-        }
-        self.refresher = Some(refresher);
     }
 
     /// Computes the residual of the guess. Returns the norm of the reference forces (N), relative to which the residual

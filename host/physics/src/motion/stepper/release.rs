@@ -210,7 +210,7 @@ impl<T: Precision> Stepper<T> {
                 self.pairs.take_forces(&self.place, &mut self.residual);
             }
         }
-        self.pairs.lean(by_node(&self.place, &self.u));
+        self.pairs.shear(by_node(&self.place, &self.u));
         report
     }
 

@@ -119,7 +119,7 @@ impl<T: Precision> Stepper<T> {
             self.underway = Some(step);
             return Ok(());
         }
-        if self.factors != Some(factors) || (self.stale && self.options.refresh) {
+        if self.factor.factors != Some(factors) || (self.factor.stale && self.options.refresh) {
             self.refresh(factors).map_err(StepError::Matrix)?;
         }
         self.stepped = None;
@@ -128,7 +128,7 @@ impl<T: Precision> Stepper<T> {
         self.respond();
         self.pairs.follow(by_node(&self.place, &self.u));
         let reference = self.start(body, h, factors.0, factors.1);
-        (self.pairs).foresee(&self.place, &self.u, self.free, &mut self.residual);
+        (self.pairs).predict(&self.place, &self.u, self.free, &mut self.residual);
         let goal = self.options.tolerance * reference;
         // A body at rest whose residual is only rounding stays where it is.
         let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {
@@ -177,7 +177,7 @@ impl<T: Precision> Stepper<T> {
             step.report.reference = reference;
             self.unfinished = !step.report.converged;
             self.is_hard = step.report.iterations > EASY;
-            self.stale |= self.is_slow(&step.report);
+            self.factor.observe(&step.report, self.options.patience);
             self.ask_for_turns(step.report.iterations);
         }
         step.stage = Stage::Solved;
