@@ -8,6 +8,8 @@
 //! Hands that **pull apart** stretch the sheet. Hands that **move together** hold the sheet stretched and carry it
 //! around. The motions contain frequencies up to 5 Hz, the limit of voluntary motion.
 
+mod tables;
+
 use crate::StudyError;
 use host::engine::body::{fill_blocks, reference_of};
 use host::engine::stored::Stored;
@@ -21,6 +23,10 @@ use rt_core::{
 use serde::Serialize;
 use sim::minimum_jerk;
 
+/// The blends that are compared: the default and the shortest.
+pub const BLENDS: [f64; 2] = [0.5, 0.0];
+/// Duration of the measured motion (s).
+pub const DURATION: f64 = 6.0;
 /// Length of a physics step, and the period of the tick (s).
 const STEP: f64 = 1e-3;
 /// Time in which hands and couplings settle, before the measurement (s).

@@ -11,6 +11,15 @@ macro_rules! put {
     }};
 }
 
+/// Appends to the last line of a text.
+macro_rules! put_part {
+    ($text:expr, $($part:tt)*) => {{
+        use std::fmt::Write as _;
+        // A text takes every part.
+        let _ = write!($text, $($part)*);
+    }};
+}
+
 pub mod accuracy;
 pub mod adversary;
 pub mod compare;
@@ -19,6 +28,7 @@ mod error;
 pub mod extrapolation;
 mod level;
 pub mod probe;
+mod results;
 pub mod speed;
 pub mod stability;
 pub mod stress;
@@ -29,3 +39,4 @@ mod workers;
 
 pub use error::StudyError;
 pub use level::Level;
+pub use results::Results;

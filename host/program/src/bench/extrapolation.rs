@@ -2,12 +2,9 @@
 
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
-use super::super::written::Written;
-use super::with_bar;
-use host::atomic_file::write_json;
-use host::plot::{self, Marker, Panel, Role, Scale, Series};
+use super::{tell, with_bar};
 use std::path::PathBuf;
-use study::extrapolation::{self, Extrapolation, Motion, RATES, SCHEMES};
+use study::extrapolation::{self, BLENDS, DURATION, RATES};
 
 /// Arguments of `palpate bench extrapolation`.
 #[derive(Clone, Debug, clap::Args)]
@@ -20,155 +17,14 @@ pub(super) struct ExtrapolationArguments {
     plot: Option<PathBuf>,
 }
 
-/// The blends that are compared: the default and the shortest.
-const BLENDS: [f64; 2] = [0.5, 0.0];
-/// Duration of the measured motion (s).
-const DURATION: f64 = 6.0;
-
 pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
+    let (json, plot) = (arguments.json.as_ref(), arguments.plot.as_ref());
     let _held = Declared::default()
-        .file("--json", arguments.json.as_ref(), Format::Json)
-        .file("--plot", arguments.plot.as_ref(), Format::Picture)
+        .file("--json", json, Format::Json)
+        .file("--plot", plot, Format::Picture)
         .check()?;
     let found = with_bar(|progress| {
         extrapolation::run(DURATION, &RATES, &BLENDS, &mut |done| progress(done))
     })?;
-    print_tables(&found);
-    let mut written = Written::default();
-    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
-    written.write(arguments.plot.as_ref(), |path| {
-        plot::write_picture(path, &chart(&found))
-    });
-    written.end()?;
-    Ok(())
-}
-
-fn print_tables(found: &Extrapolation) {
-    outln!(
-        "RMS force error between publications (N); 1 ms physics steps, reference published every step"
-    );
-    outln!(
-        "peak force {:.2} N pulling apart, {:.2} N moving together; thesis: k = {:.0} N/m, k_v = {:.2} N s/m",
-        found.peak[0],
-        found.peak[1],
-        found.thesis_gains[0],
-        found.thesis_gains[1]
-    );
-    let resisted = found.rigid_stiffness.iter();
-    let resisted: Vec<_> = resisted
-        .map(|(rate, k)| format!("{k:.1} at {rate} Hz"))
-        .collect();
-    outln!(
-        "published stiffness against hands that move together (N/m): {}",
-        resisted.join(", ")
-    );
-    for blend in BLENDS {
-        let over = if blend > 0.0 {
-            "half a period (the default)"
-        } else {
-            "two ticks"
-        };
-        outln!("\nBlend into a new model over {over}:\n");
-        let heads = |motion| {
-            SCHEMES
-                .map(|scheme| format!("{scheme}, {motion}"))
-                .join(" | ")
-        };
-        outln!("| Hz | {} | {} |", heads("apart"), heads("together"));
-        outln!("|---|{}", "---|".repeat(2 * SCHEMES.len()));
-        for rate in RATES {
-            out!("| {rate} ");
-            for motion in [Motion::Apart, Motion::Together] {
-                for scheme in SCHEMES {
-                    let rms = found.rms(motion, rate, scheme, blend).unwrap_or(f64::NAN);
-                    out!("| {rms:.4} ");
-                }
-            }
-            outln!("|");
-        }
-    }
-}
-
-/// The mark of each scheme. A ring shows the mark below it, where errors coincide.
-const MARKERS: [Marker; SCHEMES.len()] = [
-    Marker::Circle,
-    Marker::Square,
-    Marker::Triangle,
-    Marker::Ring,
-];
-
-fn chart(found: &Extrapolation) -> String {
-    let errors = found.cells.iter().filter(|cell| cell.blend == BLENDS[0]);
-    let errors: Vec<f64> = errors.map(|cell| cell.rms).collect();
-    let panel = |(motion, title): (Motion, &str)| {
-        let series = SCHEMES.iter().zip(MARKERS).map(|(scheme, marker)| {
-            let rms = |rate: f64| found.rms(motion, rate, scheme, BLENDS[0]);
-            Series {
-                name: (*scheme).to_owned(),
-                points: RATES
-                    .iter()
-                    .filter_map(|rate| Some((*rate, rms(*rate)?)))
-                    .collect(),
-                marker,
-                role: Role::Scheme(scheme),
-                ..Series::default()
-            }
-        });
-        Panel {
-            title: title.to_owned(),
-            x_label: "Publication rate (Hz)".to_owned(),
-            y_label: "RMS error of the force (N)".to_owned(),
-            x_scale: Scale::Logarithmic,
-            y_scale: Scale::Logarithmic,
-            y_covers: errors.clone(),
-            series: series.collect(),
-            ..Panel::default()
-        }
-    };
-    let panels = [
-        (Motion::Apart, "Hands pull apart"),
-        (Motion::Together, "Hands move together"),
-    ]
-    .map(panel);
-    let subtitle = format!(
-        "peak force {:.2} N and {:.2} N; each model blends in over half a period",
-        found.peak[0], found.peak[1]
-    );
-    plot::panels_svg("Force error between publications", &subtitle, 2, &panels)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use study::extrapolation::Cell;
-
-    #[test]
-    fn the_chart_has_every_scheme_and_no_collision() {
-        let mut cells = Vec::new();
-        for motion in [Motion::Apart, Motion::Together] {
-            for rate in RATES {
-                for (k, scheme) in SCHEMES.into_iter().enumerate() {
-                    let rms = 10.0 / rate / 10_f64.powi(2 * k as i32);
-                    cells.push(Cell {
-                        motion,
-                        rate,
-                        scheme,
-                        blend: BLENDS[0],
-                        rms,
-                        worst: rms,
-                    });
-                }
-            }
-        }
-        let svg = chart(&Extrapolation {
-            schema: "palpate.extrapolation/1",
-            peak: [4.5, 1.9],
-            thesis_gains: [187.0, 1.9],
-            rigid_stiffness: Vec::new(),
-            worst_clip: 0.0,
-            cells,
-        });
-        assert_eq!(plot::collisions(&svg), [""; 0]);
-        assert!(SCHEMES.iter().all(|scheme| svg.contains(scheme)));
-    }
+    tell(&found, json, plot)
 }

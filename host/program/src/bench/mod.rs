@@ -5,11 +5,14 @@ mod extrapolation;
 mod speed;
 mod stability;
 mod tearing;
-mod tearing_runs;
 mod velocity;
 
+use super::written::Written;
 use super::{CommandError, progress_bar};
-use study::Level;
+use host::atomic_file::write_json;
+use host::plot::write_picture;
+use std::path::PathBuf;
+use study::{Level, Results};
 
 /// Arguments of `palpate bench`.
 #[derive(Clone, Debug, clap::Args)]
@@ -48,6 +51,21 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
 /// The extent of a study.
 fn level(quick: bool) -> Level {
     if quick { Level::Quick } else { Level::Full }
+}
+
+/// Prints the tables of a study, and writes its results and its picture where the person wants them.
+fn tell(
+    results: &impl Results,
+    json: Option<&PathBuf>,
+    plot: Option<&PathBuf>,
+) -> Result<(), CommandError> {
+    out!("{}", results.tables());
+    let mut written = Written::default();
+    written.write(json, |path| write_json(path, results));
+    if let Some(picture) = plot.and_then(|_| results.picture()) {
+        written.write(plot, |path| write_picture(path, &picture));
+    }
+    written.end()
 }
 
 /// Runs `study` and shows the fraction that is done on a bar.

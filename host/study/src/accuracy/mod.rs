@@ -14,6 +14,7 @@ mod plate_bending;
 mod plate_hole;
 mod solve;
 mod strip;
+mod tables;
 mod time;
 
 use crate::{Level, StudyError};

@@ -8,7 +8,9 @@
 
 mod calibration;
 mod ceiling;
+pub mod chart;
 pub(crate) mod clock;
+pub mod csv;
 mod cube;
 mod kernels;
 mod machine;
@@ -20,6 +22,7 @@ mod scaling;
 mod set_up;
 mod sheets;
 mod skips;
+mod tables;
 mod trial;
 
 use crate::{Level, StudyError};
@@ -33,6 +36,7 @@ pub use precision::{Curve, Setting, Varied};
 pub use scaling::{Scaling, Size};
 pub use set_up::SetUp;
 pub use skips::Skip;
+pub use tables::Live;
 
 /// The fraction of a force that a hand can just notice: the unit for errors.
 pub const JUST_NOTICEABLE: f64 = 0.1;

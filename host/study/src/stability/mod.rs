@@ -20,6 +20,7 @@ mod rest;
 mod slivers;
 mod specimen;
 mod starts;
+mod tables;
 #[cfg(test)]
 mod tests;
 mod trial;

@@ -29,6 +29,7 @@ pub mod smooth;
 mod specimen;
 pub mod strength;
 pub mod strip;
+mod tables;
 pub mod trousers;
 
 pub use patterns::{Pattern, Patterned, Rectangle, Slit, Triangles};

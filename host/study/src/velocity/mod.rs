@@ -10,6 +10,7 @@
 //! several counts. Damping counts as stable if the remaining speed is below a hundredth of a metre a second.
 
 mod motion;
+mod tables;
 
 pub use motion::Motion;
 

@@ -10,6 +10,7 @@ pub mod feel;
 pub mod figure;
 mod hands;
 pub mod table;
+mod tables;
 
 use crate::{Level, StudyError};
 use host::scene::{LoadedScene, Scene};

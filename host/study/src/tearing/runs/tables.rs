@@ -1,54 +1,49 @@
-//! `palpate bench tearing --part figure|table|feel`: tears in whole runs of the shipped scenes.
+//! The tables and the picture of whole runs.
 
-use super::super::CommandError;
-use super::super::written::Written;
-use super::tearing::TearingArguments;
-use super::{level, with_bar};
-use host::atomic_file::write_json;
+use super::TearingRuns;
+use super::feel::Feel;
+use super::figure::{Course, Sample};
+use super::table::Row;
+use crate::Results;
 use host::plot::{self, Panel, Role, Series};
-use host::scene::{LoadedScene, Scene};
-use study::tearing::runs::feel::Feel;
-use study::tearing::runs::figure::Course;
-use study::tearing::runs::table::Row;
-use study::tearing::runs::{self, RunPart};
 
-pub(super) fn run(arguments: &TearingArguments, part: RunPart) -> Result<(), CommandError> {
-    let level = level(arguments.quick);
-    let scenes = arguments.scene.iter().map(|path| Scene::load(path));
-    let scenes: Vec<LoadedScene> = scenes.collect::<Result<_, _>>()?;
-    let found = with_bar(|progress| runs::run(part, &scenes, level, progress))?;
-    if let Some(course) = &found.figure {
-        print_figure(course);
+impl Results for TearingRuns {
+    fn tables(&self) -> String {
+        let mut text = String::new();
+        if let Some(course) = &self.figure {
+            put_figure(&mut text, course);
+        }
+        if let Some(rows) = &self.table {
+            put_table(&mut text, rows);
+        }
+        if let Some(feel) = &self.feel {
+            put_feel(&mut text, feel);
+        }
+        text
     }
-    if let Some(rows) = &found.table {
-        print_table(rows);
+
+    fn picture(&self) -> Option<String> {
+        self.figure.as_ref().map(chart)
     }
-    if let Some(feel) = &found.feel {
-        print_feel(feel);
-    }
-    let mut written = Written::default();
-    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
-    if let Some(course) = &found.figure {
-        written.write(arguments.plot.as_ref(), |path| {
-            plot::write_picture(path, &chart(course))
-        });
-    }
-    written.end()?;
-    Ok(())
 }
 
-fn print_figure(course: &Course) {
-    outln!(
+fn put_figure(text: &mut String, course: &Course) {
+    put!(
+        text,
         "Force over a tear: {}; {} edits, {:.0} mm² torn, {} faults\n",
         course.scene,
         course.edits,
         1e6 * course.area,
         course.faults
     );
-    outln!("| hand | rise N/m | onset mm | peak N | plateau N | deviation N | plateau / peak |");
-    outln!("|---|---|---|---|---|---|---|");
+    put!(
+        text,
+        "| hand | rise N/m | onset mm | peak N | plateau N | deviation N | plateau / peak |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|");
     for (hand, fraction) in course.fractions().into_iter().enumerate() {
-        outln!(
+        put!(
+            text,
             "| {} | {:.0} | {:.1} | {:.3} | {:.3} | {:.3} | {:.2} |",
             hand + 1,
             course.rise[hand],
@@ -59,7 +54,7 @@ fn print_figure(course: &Course) {
             fraction
         );
     }
-    outln!();
+    put!(text);
 }
 
 /// The thesis's times of the finite elements, and of the tears before and after the first edit (ms; table 4.1), by the
@@ -69,22 +64,28 @@ const THESIS: [(&str, &str, usize, [f64; 3]); 2] = [
     ("banknote", "banknote", 1900, [11.0, 4.5, 2.3]),
 ];
 
-fn print_table(rows: &[Row]) {
-    outln!("Median time of a step (ms): thesis, table 4.1, and here, on one thread\n");
-    outln!(
+fn put_table(text: &mut String, rows: &[Row]) {
+    put!(
+        text,
+        "Median time of a step (ms): thesis, table 4.1, and here, on one thread\n"
+    );
+    put!(
+        text,
         "| scene | triangles | collision | FEM | tearing, before/after | local model | total, before/after |"
     );
-    outln!("|---|---|---|---|---|---|---|");
+    put!(text, "|---|---|---|---|---|---|---|");
     for row in rows {
         for (_, name, triangles, [fem, before, after]) in THESIS.iter().filter(|t| t.0 == row.scene)
         {
-            outln!(
+            put!(
+                text,
                 "| thesis, {name} | {triangles} | | {fem} | {before}/{after} | | {:.1}/{:.1} |",
                 fem + before,
                 fem + after
             );
         }
-        outln!(
+        put!(
+            text,
             "| {} | {} | | {:.3} | {:.3}/{:.3} | {:.3} | {:.3} |",
             row.scene,
             row.triangles,
@@ -95,13 +96,18 @@ fn print_table(rows: &[Row]) {
             1e3 * row.total.median
         );
     }
-    outln!("\nProcessor time of whole steps, edits included (ms)\n");
-    outln!(
+    put!(
+        text,
+        "\nProcessor time of whole steps, edits included (ms)\n"
+    );
+    put!(
+        text,
         "| scene | median | 99 % | 99.9 % | worst | under 1 ms | tearing | local models | edits | step with an edit, median, worst |"
     );
-    outln!("|---|---|---|---|---|---|---|---|---|---|");
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|");
     for row in rows {
-        outln!(
+        put!(
+            text,
             "| {} | {:.3} | {:.3} | {:.3} | {:.3} | {:.2} % | {:.1} % | {:.1} % | {} | {:.3}, {:.3} |",
             row.scene,
             1e3 * row.total.median,
@@ -116,11 +122,14 @@ fn print_table(rows: &[Row]) {
             1e3 * row.total_edit.worst
         );
     }
-    outln!("\nEach part (ms): median, 99 %, worst\n");
-    outln!("| scene | FEM | tears before | tears after | tears with an edit | local model |");
-    outln!("|---|---|---|---|---|---|");
+    put!(text, "\nEach part (ms): median, 99 %, worst\n");
+    put!(
+        text,
+        "| scene | FEM | tears before | tears after | tears with an edit | local model |"
+    );
+    put!(text, "|---|---|---|---|---|---|");
     for row in rows {
-        let cell = |times: &study::speed::Times| {
+        let cell = |times: &crate::speed::Times| {
             format!(
                 "{:.3}, {:.3}, {:.3}",
                 1e3 * times.median,
@@ -128,7 +137,8 @@ fn print_table(rows: &[Row]) {
                 1e3 * times.worst
             )
         };
-        outln!(
+        put!(
+            text,
             "| {} | {} | {} | {} | {} | {} |",
             row.scene,
             cell(&row.fem),
@@ -138,14 +148,16 @@ fn print_table(rows: &[Row]) {
             cell(&row.model)
         );
     }
-    outln!("\nIterations of a step: mean, most\n");
-    outln!(
+    put!(text, "\nIterations of a step: mean, most\n");
+    put!(
+        text,
         "| scene | before the tear | in the step after an edit | in other steps | new factors | faults |"
     );
-    outln!("|---|---|---|---|---|---|");
+    put!(text, "|---|---|---|---|---|---|");
     for row in rows {
         let cells = row.iterations.map(|i| format!("{:.2}, {}", i.mean, i.most));
-        outln!(
+        put!(
+            text,
             "| {} | {} | {} | {} |",
             row.scene,
             cells.join(" | "),
@@ -153,23 +165,26 @@ fn print_table(rows: &[Row]) {
             row.faults
         );
     }
-    outln!();
+    put!(text);
 }
 
-fn print_feel(feel: &Feel) {
-    outln!(
+fn put_feel(text: &mut String, feel: &Feel) {
+    put!(
+        text,
         "Force of a running tear under slow hosts: {}; plateau {:.3} N, from {:.2} to {:.2} s\n",
         feel.scene,
         feel.plateau,
         feel.window[0],
         feel.window[1]
     );
-    outln!(
+    put!(
+        text,
         "| steps Hz | publications Hz | tear limit | median error | RMS | 95 % | worst N | ripple 20-400 Hz N | of the error N | edits | torn area | faults |"
     );
-    outln!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|---|---|");
     for cell in &feel.cells {
-        outln!(
+        put!(
+            text,
             "| {} | {} | {} | {:.2} % | {:.2} % | {:.2} % | {:.3} | {:.4} | {:.4} | {} | {:.3} | {} |",
             cell.step_rate,
             cell.publish_rate,
@@ -185,13 +200,13 @@ fn print_feel(feel: &Feel) {
             cell.faults
         );
     }
-    outln!();
+    put!(text);
 }
 
 /// Force over the displacement of the hands, and over time.
 fn chart(course: &Course) -> String {
     let hands = ["first hand", "second hand"];
-    let lines = |x: fn(&runs::figure::Sample, usize) -> f64| -> Vec<Series> {
+    let lines = |x: fn(&Sample, usize) -> f64| -> Vec<Series> {
         let lines = hands.iter().enumerate().map(|(hand, name)| Series {
             name: (*name).to_owned(),
             points: course

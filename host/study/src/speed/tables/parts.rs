@@ -1,18 +1,23 @@
 //! The tables of the distribution of the fast step's time over its parts.
 
-use study::speed::{Parts, Timed};
+use crate::speed::{Parts, Timed};
 
-pub(super) fn print(found: &Parts) {
+pub(super) fn put(text: &mut String, found: &Parts) {
     if found.timed.is_empty() {
         return;
     }
-    outln!("\nDistribution of the time of the fast step:\n");
-    outln!(
+    put!(text, "\nDistribution of the time of the fast step:\n");
+    put!(
+        text,
         "| body | elements | step | part | median us | per step | fraction of step | kB | Mflop | GB/s | machine GB/s | fraction of bandwidth | Gflop/s | machine Gflop/s | fraction of peak |"
     );
-    outln!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    put!(
+        text,
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+    );
     for part in &found.timed {
-        outln!(
+        put!(
+            text,
             "| {} | {} | {} | {} | {:.1} | {:.1} | {:.0} % | {:.0} | {:.3} | {:.1} | {:.1} | {:.0} % | {:.1} | {:.1} | {:.0} % |",
             part.body,
             part.elements,
@@ -31,20 +36,23 @@ pub(super) fn print(found: &Parts) {
             100.0 * part.fraction_of_peak,
         );
     }
-    outln!(
+    put!(
+        text,
         "\nMedians of processor time. Each part is repeated in the present state of the body. Per step: mean number of \
          executions in a step. Bytes: every array counts once for each pass that reads or writes the array. Machine: one \
          thread that repeatedly reads a block as large as the memory of the part, and one that multiplies and adds in \
          registers without fused operations. The factorization belongs to a library and uses fused operations: its \
          fraction of the peak may exceed that of the other parts."
     );
-    outln!("\nMemory of the fast step:\n");
-    outln!(
+    put!(text, "\nMemory of the fast step:\n");
+    put!(
+        text,
         "| body | elements | step | stepper kB | of which refresher kB | bytes per element | body kB | bytes per element |"
     );
-    outln!("|---|---|---|---|---|---|---|---|");
+    put!(text, "|---|---|---|---|---|---|---|---|");
     for memory in &found.memory {
-        outln!(
+        put!(
+            text,
             "| {} | {} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
             memory.body,
             memory.elements,

@@ -1,14 +1,15 @@
 //! The results as CSV, a line for each scene and path.
 
+use super::Speed;
 use std::fmt::Write;
-use study::speed::Speed;
 
 /// The names of the columns. Times are in microseconds, the step in seconds, the force in newtons. Errors are
 /// relative to the largest force.
 const HEAD: &str = "scene,elements,unknowns,step_s,path,steps,median_us,p99_us,p999_us,worst_us,\
     mean_iterations,most_iterations,residual,force_n,solver_error,step_error,jnd";
 
-pub(super) fn rows(found: &Speed) -> String {
+/// The lines of the file, with a head.
+pub fn rows(found: &Speed) -> String {
     let mut text = HEAD.to_owned() + "\n";
     for row in found.cube.iter().chain(&found.sheets) {
         let times = row.times;

@@ -1,19 +1,13 @@
 //! `palpate bench speed`: run time against error, on every path.
 
-mod chart;
-mod csv;
-mod kernels;
-mod parts;
-mod table;
-
 use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
-use super::{level, progress_bar};
-use host::atomic_file::{write_atomically, write_json};
+use super::{level, progress_bar, tell};
+use host::atomic_file::write_atomically;
 use host::plot::write_picture;
 use std::path::PathBuf;
-use study::speed::{self, Section, Told};
+use study::speed::{self, Live, Section, Told, chart, csv};
 
 /// Arguments of `palpate bench speed`.
 #[derive(Clone, Debug, clap::Args)]
@@ -76,16 +70,15 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
         .check()?;
     let level = level(arguments.quick);
     let bar = progress_bar();
-    let mut live = table::Live::default();
+    let mut live = Live::default();
     let only = arguments.only.map(Section::from);
     let found = speed::run(level, only, &mut |told| match told {
         Told::Fraction(fraction) => bar.set_position((1000.0 * fraction) as u64),
-        told => bar.above(|| live.print(told)),
+        told => bar.above(|| out!("{}", live.lines(told))),
     })?;
     bar.finish_and_clear();
-    table::print(&found);
+    tell(&found, arguments.json.as_ref(), None)?;
     let mut written = Written::default();
-    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
     written.write(arguments.csv.as_ref(), |path| {
         write_atomically(path, csv::rows(&found).as_bytes())
     });

@@ -1,21 +1,21 @@
 //! Error against processor time, one chart for each quantity that is varied.
 
+use super::{Curve, Varied};
 use host::plot::{self, Marker, Role, Series};
-use study::speed::{Curve, Varied};
 
 /// The names of the pictures.
 const NAMES: [&str; 3] = ["speed-solver", "speed-mesh", "speed-time-step"];
 /// The formats of each picture.
-pub(super) const ENDINGS: [&str; 2] = ["svg", "png"];
+pub const ENDINGS: [&str; 2] = ["svg", "png"];
 
 /// Whether `file` is one of the files.
-pub(super) fn writes(file: &str) -> bool {
+pub fn writes(file: &str) -> bool {
     let parts = file.rsplit_once('.');
     parts.is_some_and(|(name, ending)| NAMES.contains(&name) && ENDINGS.contains(&ending))
 }
 
 /// The pictures with their names.
-pub(super) fn all(curves: &[Curve]) -> [(&'static str, String); 3] {
+pub fn all(curves: &[Curve]) -> [(&'static str, String); 3] {
     let step = "Processor time of a step (ms)";
     [
         (
@@ -81,7 +81,7 @@ fn chart(curves: &[Curve], varied: Varied, title: &str, x_label: &str) -> String
 #[cfg(test)]
 mod tests {
     use super::*;
-    use study::speed::Setting;
+    use crate::speed::Setting;
 
     #[test]
     fn each_chart_shows_its_curves_with_their_spread_in_the_order_of_the_settings() {

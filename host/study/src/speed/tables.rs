@@ -1,61 +1,72 @@
-//! The printed result: the machine and the rows of the longest parts as they are measured, then a table for each other part
-//! of the study.
+//! The tables: the machine and the rows of the longest parts as they are measured, then a table for each other part of the
+//! study.
 
-use super::{kernels, parts};
-use study::elsewhere::{SPEED, Steps};
-use study::speed::{Machine, Row, Size, Speed, Told, Varied};
+mod kernels;
+mod parts;
 
-/// Prints what is measured, a row at a time.
+use super::{Machine, Row, Size, Speed, Told, Varied};
+use crate::Results;
+use crate::elsewhere::{SPEED, Steps};
+
+impl Results for Speed {
+    /// The tables of which [`Live`] has put nothing.
+    fn tables(&self) -> String {
+        let mut text = String::new();
+        put_times(&mut text, self);
+        put_elsewhere_all(&mut text, self);
+        put_scaling(&mut text, self);
+        put_skips(&mut text, self);
+        put_precision(&mut text, self);
+        parts::put(&mut text, &self.parts);
+        kernels::put(&mut text, &self.kernels);
+        text
+    }
+}
+
+/// The rows that are measured, one at a time.
 #[derive(Debug, Default)]
-pub(super) struct Live {
-    /// The title of the table whose rows are printed.
+pub struct Live {
+    /// The title of the table that has begun.
     title: &'static str,
 }
 
 impl Live {
-    /// Prints what the study tells.
-    pub(super) fn print(&mut self, told: Told<'_>) {
+    /// The lines for what the study tells.
+    pub fn lines(&mut self, told: Told<'_>) -> String {
+        let mut lines = String::new();
+        let text = &mut lines;
         match told {
             Told::Fraction(_) => {}
-            Told::Machine(machine) => print_machine(machine),
+            Told::Machine(machine) => put_machine(text, machine),
             Told::Cube(row) => {
-                self.begin("Cube of 10 cm, 20 kPa, bonded to two plates:", SCENES);
-                print_row(row);
+                self.begin(text, "Cube of 10 cm, 20 kPa, bonded to two plates:", SCENES);
+                put_row(text, row);
             }
             Told::Sheet(row) => {
-                self.begin("Sheets of 20 cm, 1 MPa, 1 mm, with bending:", SCENES);
-                print_row(row);
+                self.begin(text, "Sheets of 20 cm, 1 MPa, 1 mm, with bending:", SCENES);
+                put_row(text, row);
             }
             Told::Size(path, size) => {
-                self.begin("Larger cubes, pressed with steps of 10 ms:", SIZES);
-                print_size(path, size);
+                self.begin(text, "Larger cubes, pressed with steps of 10 ms:", SIZES);
+                put_size(text, path, size);
             }
         }
+        lines
     }
 
-    /// Prints the head of a table before its first row.
-    fn begin(&mut self, title: &'static str, head: &str) {
+    /// The head of a table before its first row.
+    fn begin(&mut self, text: &mut String, title: &'static str, head: &str) {
         if std::mem::replace(&mut self.title, title) != title {
             let columns = head.matches('|').count() - 1;
-            outln!("\n{title}\n\n{head}\n|{}", "---|".repeat(columns));
+            put!(text, "\n{title}\n\n{head}\n|{}", "---|".repeat(columns));
         }
     }
 }
 
-/// Prints the parts of which [`Live`] has printed nothing.
-pub(super) fn print(found: &Speed) {
-    print_times(found);
-    print_elsewhere_all(found);
-    print_scaling(found);
-    print_skips(found);
-    print_precision(found);
-    parts::print(&found.parts);
-    kernels::print(&found.kernels);
-}
-
-fn print_times(found: &Speed) {
+fn put_times(text: &mut String, found: &Speed) {
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
-        outln!(
+        put!(
+            text,
             "\nTimes: processor time of one thread for a whole step. Errors: the largest error of the force over the \
              motion, relative to the largest force. The solver error is against the same equation solved to 1e-12, the \
              step error against implicit Euler by Newton's method. JND: the larger of the two errors, in just-noticeable \
@@ -64,17 +75,27 @@ fn print_times(found: &Speed) {
     }
 }
 
-fn print_elsewhere_all(found: &Speed) {
+fn put_elsewhere_all(text: &mut String, found: &Speed) {
     if !found.cube.is_empty() {
-        outln!("\nOther programs, the cube pressed with steps of 10 ms:\n");
-        print_elsewhere(&found.machine, &SPEED.cube, &found.cube, "press");
+        put!(
+            text,
+            "\nOther programs, the cube pressed with steps of 10 ms:\n"
+        );
+        put_elsewhere(text, &found.machine, &SPEED.cube, &found.cube, "press");
     }
     if !found.sheets.is_empty() {
-        outln!("\nOther programs, sheets:\n");
-        print_elsewhere(&found.machine, &SPEED.sheets, &found.sheets, "sheet_pull");
+        put!(text, "\nOther programs, sheets:\n");
+        put_elsewhere(
+            text,
+            &found.machine,
+            &SPEED.sheets,
+            &found.sheets,
+            "sheet_pull",
+        );
     }
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
-        outln!(
+        put!(
+            text,
             "\nScaled: multiplied by the ratio of the small kernel's times, {:.2}. The ratios on the right are the scaled \
              time of the other program over the time of palpate.",
             found.machine.scaled(1.0)
@@ -82,15 +103,17 @@ fn print_elsewhere_all(found: &Speed) {
     }
 }
 
-fn print_machine(machine: &Machine) {
-    outln!(
+fn put_machine(text: &mut String, machine: &Machine) {
+    put!(
+        text,
         "{}, {} cores; built for {}, found {}",
         machine.processor,
         machine.cores,
         machine.built_for.join(" "),
         machine.found.join(" ")
     );
-    outln!(
+    put!(
+        text,
         "Small kernel: {:.2} us on this machine, {:.2} us on the machine that measured the other programs",
         1e6 * machine.calibration,
         1e6 * machine.calibration_elsewhere
@@ -99,13 +122,14 @@ fn print_machine(machine: &Machine) {
 
 const SCENES: &str = "| scene | elements | path | median us | 99 % | 99.9 % | iterations | most | residual | force N | solver error | step error | JND |";
 
-fn print_row(row: &Row) {
+fn put_row(text: &mut String, row: &Row) {
     let [median, p99, p999] =
         [row.times.median, row.times.p99, row.times.p999].map(|time| 1e6 * time);
     let step_error = row
         .step_error
         .map_or(String::new(), |error| format!("{error:.1e}"));
-    outln!(
+    put!(
+        text,
         "| {} | {} | {} | {median:.0} | {p99:.0} | {p999:.0} | {:.1} | {} | {:.1e} | {:.4} | {:.1e} | {step_error} | {:.1e} |",
         row.title,
         row.elements,
@@ -120,18 +144,25 @@ fn print_row(row: &Row) {
 }
 
 /// Prints the times of the other programs, with the ratio to each path that was run on the same number of elements.
-fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &str) {
+fn put_elsewhere(
+    text: &mut String,
+    machine: &Machine,
+    figures: &[Steps],
+    rows: &[Row],
+    scene: &str,
+) {
     let mut paths: Vec<&str> = Vec::new();
     for row in rows.iter().filter(|row| row.scene == scene) {
         if !paths.contains(&row.path) {
             paths.push(row.path);
         }
     }
-    outln!(
+    put!(
+        text,
         "| program and setting | elements | ms there | ms scaled | {} |",
         paths.join(" | ")
     );
-    outln!("|---|---|---|---|{}", "---|".repeat(paths.len()));
+    put!(text, "|---|---|---|---|{}", "---|".repeat(paths.len()));
     let each = figures
         .iter()
         .flat_map(|figure| figure.times().map(move |time| (figure, time)));
@@ -152,7 +183,8 @@ fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &s
             })
         };
         let ratios: Vec<_> = paths.iter().map(ratio).collect();
-        outln!(
+        put!(
+            text,
             "| {} | {} | {:.2} | {} | {} |",
             figure.setting,
             elements,
@@ -165,7 +197,7 @@ fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &s
 
 const SIZES: &str = "| path | tetrahedra | unknowns | median ms | iterations | ns per tetrahedron and iteration | bytes per tetrahedron | set-up ms | new factor ms |";
 
-fn print_size(path: &str, size: &Size) {
+fn put_size(text: &mut String, path: &str, size: &Size) {
     let beside = size.set_up.map_or(" | | ".to_owned(), |set_up| {
         format!(
             "{:.0} | {:.0} | {:.1}",
@@ -174,7 +206,8 @@ fn print_size(path: &str, size: &Size) {
             1e3 * set_up.refresh
         )
     });
-    outln!(
+    put!(
+        text,
         "| {path} | {} | {} | {:.2} | {:.1} | {:.1} | {beside} |",
         size.elements,
         size.unknowns,
@@ -184,13 +217,14 @@ fn print_size(path: &str, size: &Size) {
     );
 }
 
-fn print_scaling(found: &Speed) {
+fn put_scaling(text: &mut String, found: &Speed) {
     if found.scaling.is_empty() {
         return;
     }
-    outln!();
+    put!(text);
     for scaling in &found.scaling {
-        outln!(
+        put!(
+            text,
             "- {}: the time of a step grows with the power {:.2} of the number of tetrahedra, the time of an iteration with {:.2}",
             scaling.path,
             scaling.exponent,
@@ -199,17 +233,19 @@ fn print_scaling(found: &Speed) {
     }
 }
 
-fn print_skips(found: &Speed) {
+fn put_skips(text: &mut String, found: &Speed) {
     if found.skips.is_empty() {
         return;
     }
-    outln!(
+    put!(
+        text,
         "\nWork skipped on purpose (relative error of the published stiffness, or of the force):\n"
     );
-    outln!("| work | elements | full us | reduced us | error |");
-    outln!("|---|---|---|---|---|");
+    put!(text, "| work | elements | full us | reduced us | error |");
+    put!(text, "|---|---|---|---|---|");
     for skip in &found.skips {
-        outln!(
+        put!(
+            text,
             "| {} | {} | {:.1} | {:.1} | {:.1e} |",
             skip.description,
             skip.elements,
@@ -220,13 +256,13 @@ fn print_skips(found: &Speed) {
     }
 }
 
-fn print_precision(found: &Speed) {
+fn put_precision(text: &mut String, found: &Speed) {
     if found.precision.is_empty() {
         return;
     }
-    outln!("\nError of the force against processor time:\n");
-    outln!("| varied | kind | setting | ms | error |");
-    outln!("|---|---|---|---|---|");
+    put!(text, "\nError of the force against processor time:\n");
+    put!(text, "| varied | kind | setting | ms | error |");
+    put!(text, "|---|---|---|---|---|");
     for curve in &found.precision {
         let varied = match curve.varied {
             Varied::Solver => "solver (a step)",
@@ -234,7 +270,8 @@ fn print_precision(found: &Speed) {
             Varied::TimeStep => "time step (a simulated second)",
         };
         for setting in &curve.settings {
-            outln!(
+            put!(
+                text,
                 "| {varied} | {} | {} | {:.3} | {:.1e} |",
                 curve.name,
                 setting.name,

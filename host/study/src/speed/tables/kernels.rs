@@ -1,18 +1,23 @@
 //! The table of kinds of elements and laws.
 
-use study::speed::KernelRow;
+use crate::speed::KernelRow;
 
-pub(super) fn print(rows: &[KernelRow]) {
+pub(super) fn put(text: &mut String, rows: &[KernelRow]) {
     if rows.is_empty() {
         return;
     }
-    outln!("\nEach kind of element and law, compressed or extended by a tenth in 0.5 s:\n");
-    outln!(
+    put!(
+        text,
+        "\nEach kind of element and law, compressed or extended by a tenth in 0.5 s:\n"
+    );
+    put!(
+        text,
         "| elements | law | number | assemble ns | linearize ns | product ns | assembled step ns | fast step ns | times as fast | assembled error | fast error |"
     );
-    outln!("|---|---|---|---|---|---|---|---|---|---|---|");
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|---|");
     for row in rows {
-        outln!(
+        put!(
+            text,
             "| {} | {} | {} | {:.0} | {:.0} | {:.1} | {:.0} | {:.0} | {:.1} | {:.1e} | {:.1e} |",
             row.kind,
             row.law,
@@ -27,7 +32,8 @@ pub(super) fn print(rows: &[KernelRow]) {
             row.fast_error,
         );
     }
-    outln!(
+    put!(
+        text,
         "\nMedians of processor time per element. Linearize and product: those of the fast step, with bending. Steps: \
          solved to 1e-6. Errors: the largest error of the force over the motion, against implicit Euler by Newton's \
          method, relative to the largest force."

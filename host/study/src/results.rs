@@ -1,0 +1,14 @@
+//! What a study that the book quotes gives: tables, and a picture. `palpate bench` prints, draws and writes them.
+
+use serde::Serialize;
+
+/// The results of a study.
+pub trait Results: Serialize {
+    /// The tables, in Markdown.
+    fn tables(&self) -> String;
+
+    /// The picture (SVG); `None` for results without one.
+    fn picture(&self) -> Option<String> {
+        None
+    }
+}
