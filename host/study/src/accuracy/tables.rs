@@ -157,7 +157,7 @@ mod tests {
             error: -size * size,
             order: Some(2.0),
         };
-        let all = DRAWN.map(|(name, _)| super::Series {
+        let all = DRAWN.map(|(name, _)| crate::accuracy::Series {
             name,
             title: String::new(),
             unit: "1",
