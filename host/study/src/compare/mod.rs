@@ -20,7 +20,7 @@ pub use table::csv;
 
 use crate::StudyError;
 use crate::stress::scene::draw::Draw;
-use crate::stress::scene::world::World;
+use crate::stress::scene::trial::Trial;
 use crate::stress::scene::{SCHEMES, reference};
 use crate::workers;
 use host::engine::faults::HostFault;
@@ -29,7 +29,7 @@ use host::run::session::Session;
 use host::run::tear_force::TearForce;
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
-use host::world::World as Built;
+use host::world::World;
 use physics::TearReport;
 use record::Recorder;
 use serde::Serialize;
@@ -141,14 +141,14 @@ pub fn compare(
     if let Some(found) = settings.from.filter(|from| *from >= duration) {
         return Err(StudyError::MeasuredFrom { found, duration });
     }
-    let built = Built::new(&loaded)?;
+    let built = World::new(&loaded)?;
     let runs = runs(&loaded, settings)?;
     // The scene of each run; none for the reference, which takes longest and is first.
     let mut jobs: Vec<Option<&LoadedScene>> = runs.iter().map(|(_, run)| Some(run)).collect();
     if !settings.without_reference {
         jobs.insert(0, None);
     }
-    let world = World {
+    let trial = Trial {
         draw: Draw::untroubled(loaded.scene.host.publish_rate, loaded.scene.host.latency),
         soft: None,
         loaded: loaded.clone(),
@@ -161,7 +161,7 @@ pub fn compare(
     };
     let found = in_threads(settings.threads, &jobs, workers::STACK, &|job| match job {
         None => {
-            let found = reference::run(&world).map(|trace| Record::of_reference(&trace));
+            let found = reference::run(&trial).map(|trace| Record::of_reference(&trace));
             add(1000);
             Done::Reference(found)
         }
@@ -285,7 +285,7 @@ pub(crate) fn run(
         faults: faults.to_vec(),
         ..Options::new(scene.duration, scene.seed)
     };
-    let mut prepared = Prepared::new(&Built::new(loaded)?, &options)?;
+    let mut prepared = Prepared::new(&World::new(loaded)?, &options)?;
     let ticks = prepared.timing.ticks;
     let mut recorder = Recorder::new(scene, &mut prepared);
     let mut session = Session::of(prepared);

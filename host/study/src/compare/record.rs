@@ -1,7 +1,7 @@
 //! The record of a run, tick by tick.
 
 use crate::stress::scene::measure::{Trace, main_direction};
-use crate::stress::scene::world::probe;
+use crate::stress::scene::trial::probe;
 use host::engine::Engine;
 use host::engine::body::HostBody;
 use host::run::prepare::Prepared;

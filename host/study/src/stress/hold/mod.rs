@@ -17,7 +17,7 @@ pub mod verdict;
 use super::chance::Chance;
 use super::scene::draw::{Draw as HostDraw, Span};
 use super::scene::measure::{HOLD, Outcome, Stillness, Trace};
-use super::scene::world::World;
+use super::scene::trial::Trial;
 use super::scene::written::Written;
 use super::scene::{reference, run};
 use super::specimen::{Cause, Draw};
@@ -25,7 +25,7 @@ use crate::StudyError;
 use host::run::simulated_hand;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
-use host::world::World as Built;
+use host::world::World;
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use serde::{Deserialize, Serialize};
 use sim::Hand;
@@ -161,13 +161,13 @@ impl Study {
     /// # Errors
     /// [`StudyError`].
     pub fn written(&self, cell: u64, scheme: SchemeName) -> Result<Written, StudyError> {
-        Written::of(&self.world(cell)?, scheme)
+        Written::of(&self.trial(cell)?, scheme)
     }
 
-    fn world(self, cell: u64) -> Result<World, StudyError> {
+    fn trial(self, cell: u64) -> Result<Trial, StudyError> {
         let draw = self.draw(cell);
         let stalls = draw.map_or_else(Vec::new, |draw| draw.stalls());
-        Ok(world(self.scene(cell)?, stalls))
+        Ok(trial(self.scene(cell)?, stalls))
     }
 
     /// The reference of a cell, and its run under each of `schemes`.
@@ -175,7 +175,7 @@ impl Study {
     /// # Errors
     /// [`StudyError`].
     pub fn traces(&self, cell: u64, schemes: &[SchemeName]) -> Result<Traces, StudyError> {
-        traces(self.world(cell)?, schemes, Chance::new(self.seed, cell))
+        traces(self.trial(cell)?, schemes, Chance::new(self.seed, cell))
     }
 
     /// Runs a cell under each of `schemes`.
@@ -241,7 +241,7 @@ pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
         loaded.scene.host.publish_rate,
     );
     let found = traces(
-        world(loaded, Vec::new()),
+        trial(loaded, Vec::new()),
         &SCHEMES.map(|(scheme, _)| scheme),
         Chance::new(0, 0),
     )?;
@@ -253,45 +253,45 @@ pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
     Ok(cell.with(&found, &SCHEMES))
 }
 
-/// The world of a scene at the rates and the latency of the scene, without faults but `stalls` of the host.
-fn world(loaded: LoadedScene, stalls: Vec<Span>) -> World {
+/// The trial of a scene at the rates and the latency of the scene, without faults but `stalls` of the host.
+fn trial(loaded: LoadedScene, stalls: Vec<Span>) -> Trial {
     let host = &loaded.scene.host;
     let draw = HostDraw {
         stalls,
         ..HostDraw::untroubled(host.publish_rate, host.latency)
     };
-    World {
+    Trial {
         loaded,
         soft: None,
         draw,
     }
 }
 
-/// The reference of a world, and its run under each of `schemes`.
-fn traces(world: World, schemes: &[SchemeName], chance: Chance) -> Result<Traces, StudyError> {
-    let reference = reference::run(&world)?;
-    let mut rest = reference::Bodies::new(&world.loaded)?;
-    let mut count = one_count(&world, &mut rest)?;
+/// The reference of a trial, and its run under each of `schemes`.
+fn traces(trial: Trial, schemes: &[SchemeName], chance: Chance) -> Result<Traces, StudyError> {
+    let reference = reference::run(&trial)?;
+    let mut rest = reference::Bodies::new(&trial.loaded)?;
+    let mut count = one_count(&trial, &mut rest)?;
     let mut runs = Vec::new();
     for scheme in schemes {
-        let mut run = run::run(&world, *scheme, chance)?;
-        let mut bodies = reference::follow(&world, &mut run)?;
-        count = count.max(one_count(&world, &mut bodies)?);
+        let mut run = run::run(&trial, *scheme, chance)?;
+        let mut bodies = reference::follow(&trial, &mut run)?;
+        count = count.max(one_count(&trial, &mut bodies)?);
         runs.push(run);
     }
     Ok(Traces {
         reference,
         runs,
         count,
-        moves: moves(&world)?,
-        host: world.draw,
+        moves: moves(&trial)?,
+        host: trial.draw,
     })
 }
 
 /// Whether the aim of a hand moves in the last second by more than a count of its device. A tremor is a part of a hold.
-fn moves(world: &World) -> Result<bool, StudyError> {
-    let loaded = &world.loaded;
-    let built = Built::new(loaded)?;
+fn moves(trial: &Trial) -> Result<bool, StudyError> {
+    let loaded = &trial.loaded;
+    let built = World::new(loaded)?;
     let end = loaded.scene.duration;
     for (device, model) in loaded.models.iter().enumerate() {
         let (hand, _) = simulated_hand(&built, device, loaded.scene.seed)?;
@@ -302,10 +302,10 @@ fn moves(world: &World) -> Result<bool, StudyError> {
         };
         let (last, _) = hand.aim(end);
         let far = |tick: u32| {
-            let time = (end - f64::from(tick) * world.period()).max(0.0);
+            let time = (end - f64::from(tick) * trial.period()).max(0.0);
             (hand.aim(time).0 - last).norm() > model.position_step
         };
-        if (0..(HOLD / world.period()).round() as u32).any(far) {
+        if (0..(HOLD / trial.period()).round() as u32).any(far) {
             return Ok(true);
         }
     }
@@ -314,14 +314,14 @@ fn moves(world: &World) -> Result<bool, StudyError> {
 
 /// Change of the force by one count of an encoder (N) in the present state of `bodies`. A damper counts only as far as the
 /// device can render it.
-fn one_count(world: &World, bodies: &mut reference::Bodies) -> Result<f64, StudyError> {
-    let period = world.period();
-    let models = &world.loaded.models;
+fn one_count(trial: &Trial, bodies: &mut reference::Bodies) -> Result<f64, StudyError> {
+    let period = trial.period();
+    let models = &trial.loaded.models;
     let most = |device: usize| {
         let count = models[device].position_step;
         let delay = VelocityEstimator::for_encoder(period, count).delay();
         most_damping(models[device].mass, period, delay)
     };
-    let forces = bodies.counts(world, 1.0 / VelocityEstimator::SPAN, most)?;
+    let forces = bodies.counts(trial, 1.0 / VelocityEstimator::SPAN, most)?;
     Ok(forces.into_iter().fold(0.0, f64::max))
 }

@@ -1,8 +1,8 @@
 //! A scene under hands, rates and faults: how each scheme performs.
 //!
-//! A cell is one world, drawn from its number (`draw`): the grips and the task of the hands, the rate and the latency
+//! A cell is one trial, drawn from its number (`draw`): the grips and the task of the hands, the rate and the latency
 //! of the host, and the trouble. The body, its devices and the directions of the hands are those of a scene file, or
-//! they are drawn, too ([`super::specimen`]). Each scheme runs in that world, beside one reference with the same physics
+//! they are drawn, too ([`super::specimen`]). Each scheme runs in that trial, beside one reference with the same physics
 //! steps inside the tick (`reference`). The study measures (`measure`) whether the hands come to rest in the final hold, the
 //! net energy, and the error of the forces.
 //!
@@ -25,9 +25,9 @@ pub(super) mod rendered;
 pub(super) mod run;
 pub mod summary;
 mod table;
+pub(crate) mod trial;
 mod troubled;
 pub mod verdict;
-pub(crate) mod world;
 pub mod worlds;
 pub mod written;
 
@@ -45,7 +45,7 @@ use physics::linear::dense::Square;
 use rendered::Rendered;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use world::World;
+use trial::Trial;
 use written::Written;
 
 pub use worlds::Worlds;
@@ -153,7 +153,7 @@ impl Study {
         self.scene.as_ref().is_some_and(bodies)
     }
 
-    fn world(&self, cell: u64) -> Result<World, StudyError> {
+    fn trial(&self, cell: u64) -> Result<Trial, StudyError> {
         let draw = self.draw(cell);
         let own;
         let prepared = if let Some(prepared) = &self.scene {
@@ -191,7 +191,7 @@ impl Study {
             }
             soft
         });
-        Ok(World { loaded, soft, draw })
+        Ok(Trial { loaded, soft, draw })
     }
 
     /// The scene of a cell under `scheme` as a scene file, and what the file cannot say.
@@ -199,7 +199,7 @@ impl Study {
     /// # Errors
     /// [`StudyError`].
     pub fn written(&self, cell: u64, scheme: SchemeName) -> Result<Written, StudyError> {
-        Written::of(&self.world(cell)?, scheme)
+        Written::of(&self.trial(cell)?, scheme)
     }
 
     /// The reference of a cell, and its run under each of `schemes`.
@@ -222,19 +222,19 @@ impl Study {
         done: &dyn Fn(f64),
     ) -> Result<(Draw, Trace, Vec<Trace>), StudyError> {
         let part = 1.0 / (1 + 2 * schemes.len()) as f64;
-        let world = self.world(cell)?;
-        let reference = reference::run(&world)?;
+        let trial = self.trial(cell)?;
+        let reference = reference::run(&trial)?;
         done(part);
         let chance = Chance::new(self.seed, cell);
         let runs = schemes.iter().map(|scheme| {
-            let mut run = run::run(&world, *scheme, chance)?;
+            let mut run = run::run(&trial, *scheme, chance)?;
             done(part);
-            reference::follow(&world, &mut run)?;
+            reference::follow(&trial, &mut run)?;
             done(part);
             Ok::<_, StudyError>(run)
         });
         let runs = runs.collect::<Result<_, _>>()?;
-        Ok((world.draw, reference, runs))
+        Ok((trial.draw, reference, runs))
     }
 
     /// Runs a cell under each of `schemes`.
@@ -311,7 +311,7 @@ impl Prepared {
 fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
-    let frames = world::frames(loaded)?;
+    let frames = trial::frames(loaded)?;
     let world = host::world::World::new(loaded)?;
     for (built, spec) in world.bodies.iter().zip(&scene.bodies) {
         let mut body = built.body.clone();

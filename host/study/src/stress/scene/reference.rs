@@ -2,7 +2,7 @@
 //!
 //! Each tick reads the true poses of the hands, takes a step to these poses, and renders the wrenches of the step at
 //! once. The reference has no local model, no encoder and no latency. Its bodies tear as those of the host do. The trouble
-//! of the world occurs here, too: the body softens; the device vanishes, and resumes at its last pose.
+//! of the trial occurs here, too: the body softens; the device vanishes, and resumes at its last pose.
 //!
 //! A body that is stiffer than its device shakes a hand by itself, whatever the scheme. In such directions the reference
 //! renders what the device can render: the handles follow proxies behind springs (the module `rendered`), and the wrench is
@@ -14,7 +14,7 @@
 use super::draw::Softening;
 use super::measure::{Apart, Trace};
 use super::rendered::Rendered;
-use super::world::{World, exerted, handle, probe};
+use super::trial::{Trial, exerted, handle, probe};
 use crate::StudyError;
 use crate::tearing::rig::renew;
 use host::engine::plan::BodyPlan;
@@ -116,12 +116,12 @@ impl Bodies {
     /// what the devices render: by the stiffness, and by a velocity that gives `rate` (1/s) times the count.
     pub(in crate::stress) fn counts(
         &mut self,
-        world: &World,
+        trial: &Trial,
         rate: f64,
         most_damping: impl Fn(usize) -> f64,
     ) -> Result<Vec<f64>, StudyError> {
-        let frames = world.frames()?;
-        let models = &world.loaded.models;
+        let frames = trial.frames()?;
+        let models = &trial.loaded.models;
         let mut counts = vec![0.0; frames.len()];
         for held in &mut self.0 {
             held.rendered.renew(&mut held.body)?;
@@ -161,20 +161,20 @@ impl Bodies {
     }
 }
 
-/// The bodies of a world, stepped once a tick.
+/// The bodies of a trial, stepped once a tick.
 struct Copy<'a> {
-    world: &'a World,
+    trial: &'a Trial,
     bodies: Bodies,
     /// The softening that is still to come.
     softening: Option<Softening>,
 }
 
 impl<'a> Copy<'a> {
-    fn new(world: &'a World) -> Result<Self, StudyError> {
+    fn new(trial: &'a Trial) -> Result<Self, StudyError> {
         Ok(Self {
-            bodies: Bodies::new(&world.loaded)?,
-            softening: world.draw.softening,
-            world,
+            bodies: Bodies::new(&trial.loaded)?,
+            softening: trial.draw.softening,
+            trial,
         })
     }
 
@@ -184,7 +184,7 @@ impl<'a> Copy<'a> {
         now_ns: u64,
         place: impl Fn(usize) -> HandlePose,
     ) -> Result<(), StudyError> {
-        if let (Some(change), Some(soft)) = (self.softening, &self.world.soft)
+        if let (Some(change), Some(soft)) = (self.softening, &self.trial.soft)
             && now_ns as f64 * 1e-9 >= change.at
         {
             self.softening = None;
@@ -197,25 +197,25 @@ impl<'a> Copy<'a> {
             }
             self.bodies = others;
         }
-        self.bodies.step(self.world.period(), place)
+        self.bodies.step(self.trial.period(), place)
     }
 }
 
 /// Moves the bodies along the path of `run`, and stores the wrenches that they exert. Returns the bodies at the end of
 /// the path.
-pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StudyError> {
-    let mut copy = Copy::new(world)?;
+pub(in crate::stress) fn follow(trial: &Trial, run: &mut Trace) -> Result<Bodies, StudyError> {
+    let mut copy = Copy::new(trial)?;
     for device in &mut run.devices {
         device.own.clear();
         device.own.reserve(device.proxy.len());
     }
-    let frames = world.frames()?;
+    let frames = trial.frames()?;
     for tick in 0..run.out.len() {
-        copy.place(tick as u64 * world.period_ns(), |device| {
+        copy.place(tick as u64 * trial.period_ns(), |device| {
             handle(&run.devices[device].proxy[tick])
         })?;
         let (wrenches, _) = copy.bodies.exerted();
-        let specs = frames.iter().zip(&world.loaded.models);
+        let specs = frames.iter().zip(&trial.loaded.models);
         for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
             let Wrench { force, moment } = frame.to_device(&wrench);
             device.own.push(Wrench {
@@ -242,7 +242,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
 ///
 /// A body that has folded or wrinkled has several equilibria, and which of them it takes depends on its whole past. So the
 /// force of a hold is that of the host's body, in the equilibrium in which it is, found by another solver.
-pub(super) fn rest(world: &World, run: &mut Trace, bodies: Vec<Body>) -> Result<(), StudyError> {
+pub(super) fn rest(trial: &Trial, run: &mut Trace, bodies: Vec<Body>) -> Result<(), StudyError> {
     let mut bodies = bodies;
     for (body, apart) in bodies.iter_mut().zip(&run.apart) {
         let places = apart.iter().map(|apart| {
@@ -257,28 +257,28 @@ pub(super) fn rest(world: &World, run: &mut Trace, bodies: Vec<Body>) -> Result<
         let places: Vec<_> = places.collect();
         // A body that has torn is without the matrix of its present vertices.
         body.reassemble();
-        let mut stepper = Stepper::<f64>::new(body, options(&world.loaded))?;
+        let mut stepper = Stepper::<f64>::new(body, options(&trial.loaded))?;
         for _ in 0..RESTS {
             stepper.step(body, REST, &places, || false)?;
         }
     }
-    let held = world.held();
+    let held = trial.held();
     let (wrenches, _) = exerted(bodies.iter().zip(held.iter().map(Vec::as_slice)));
-    let specs = world.frames()?.into_iter().zip(&world.loaded.models);
+    let specs = trial.frames()?.into_iter().zip(&trial.loaded.models);
     for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
         device.rest = model.freedom().part(&frame.to_device(&wrench).force);
     }
     Ok(())
 }
 
-/// Runs the reference of the cell of `world`.
-pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
-    let mut copy = Copy::new(world)?;
+/// Runs the reference of the cell of `trial`.
+pub(crate) fn run(trial: &Trial) -> Result<Trace, StudyError> {
+    let mut copy = Copy::new(trial)?;
     let stored = copy.bodies.all().map(Body::total_energy).sum();
-    let built = host::world::World::new(&world.loaded)?;
-    let (config, devices) = prepare::controls(&built, world.loaded.scene.seed)?;
-    let mut devices = world.faulty(devices);
-    let mut kept = world.kept(stored)?;
+    let built = host::world::World::new(&trial.loaded)?;
+    let (config, devices) = prepare::controls(&built, trial.loaded.scene.seed)?;
+    let mut devices = trial.faulty(devices);
+    let mut kept = trial.kept(stored)?;
     let mut limiters: Vec<_> = config
         .devices
         .iter()
@@ -288,8 +288,8 @@ pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut left = vec![DeviceState::resting(); frames.len()];
     let mut clutches = vec![Clutch::new(); frames.len()];
     let mut seen = vec![false; frames.len()];
-    for number in 0..world.ticks() {
-        let now = number * world.period_ns();
+    for number in 0..trial.ticks() {
+        let now = number * trial.period_ns();
         let mut readings = [None; MAX_DEVICES];
         for (index, device) in devices.iter_mut().enumerate() {
             let state = device.read(now).ok();
@@ -342,17 +342,17 @@ mod tests {
         let period = BodyPlan::new(&built, 0).horizon;
         let condenser = condense(&built.bodies[0], period).expect("it condenses");
         let stiffness = &condenser.condensed().stiffness;
-        let world = World {
+        let trial = Trial {
             draw: Draw::untroubled(1.0 / period, 0.0),
             soft: None,
             loaded: loaded.clone(),
         };
-        let axis = world.frames().expect("it is mounted")[0].rotation * Vec3::x();
+        let axis = trial.frames().expect("it is mounted")[0].rotation * Vec3::x();
         let block =
             |handle: usize| Matrix3::from_fn(|r, c| stiffness[(6 * handle + r, 6 * handle + c)]);
         let along = axis.dot(&(block(0) * axis));
         let mut bodies = Bodies::new(&loaded).expect("it is sound");
-        let counts = bodies.counts(&world, 0.0, |_| 0.0);
+        let counts = bodies.counts(&trial, 0.0, |_| 0.0);
         let found = counts.expect("it condenses")[0] / loaded.models[0].position_step;
         // The body has settled under its weight, by little.
         assert!((found / along - 1.0).abs() < 0.1, "{found} {along}");

@@ -7,15 +7,15 @@
 use super::draw::Span;
 use super::measure::{HOLD, Trace};
 use super::reference::rest;
+use super::trial::{Trial, probe};
 use super::troubled::{Lossy, Troubled, stalls};
-use super::world::{World, probe};
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::body::HostBody;
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
 use host::scene::spec::SchemeName;
-use host::world::World as Built;
+use host::world::World;
 use nalgebra::UnitQuaternion;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::{Pose, Vec3};
@@ -60,28 +60,28 @@ impl ShiftedPose {
     }
 }
 
-/// Runs the cell of `world` under `scheme`.
+/// Runs the cell of `trial` under `scheme`.
 pub(in crate::stress) fn run(
-    world: &World,
+    trial: &Trial,
     scheme: SchemeName,
     chance: Chance,
 ) -> Result<Trace, StudyError> {
-    let world = &world.under(scheme);
-    let (scene, draw) = (&world.loaded.scene, &world.draw);
-    let built = Built::new(&world.loaded)?;
+    let trial = &trial.under(scheme);
+    let (scene, draw) = (&trial.loaded.scene, &trial.draw);
+    let built = World::new(&trial.loaded)?;
     let options = Options {
         faults: stalls(&draw.stalls),
         ..Options::of(&built)
     };
     let mut prepared = Prepared::new(&built, &options)?;
-    prepared.tick.devices = world.faulty(prepared.tick.devices);
+    prepared.tick.devices = trial.faulty(prepared.tick.devices);
     let bodies = prepared.engine.bodies().iter();
-    let mut kept = world.kept(bodies.map(|body| body.body().total_energy()).sum())?;
+    let mut kept = trial.kept(bodies.map(|body| body.body().total_energy()).sum())?;
     let lossy = |link| Lossy::new(link, draw, chance, scene.bodies.len());
-    let mut session = Session::with(prepared, lossy, |host| Troubled::new(host, world));
-    let period = world.period();
-    let frames = world.frames()?;
-    let mut shifted = vec![ShiftedPose::new(period); world.loaded.scene.devices.len()];
+    let mut session = Session::with(prepared, lossy, |host| Troubled::new(host, trial));
+    let period = trial.period();
+    let frames = trial.frames()?;
+    let mut shifted = vec![ShiftedPose::new(period); trial.loaded.scene.devices.len()];
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();
     let mut held = Vec::new();
@@ -127,6 +127,6 @@ pub(in crate::stress) fn run(
         unaware,
         ..kept.finish(capped)
     };
-    rest(world, &mut trace, held)?;
+    rest(trial, &mut trace, held)?;
     Ok(trace)
 }

@@ -1,7 +1,7 @@
 //! The trouble of a run, around the host of every run ([`Paced`]) and its link.
 
 use super::draw::{Draw, Span};
-use super::world::World;
+use super::trial::Trial;
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::Engine;
@@ -9,7 +9,7 @@ use host::engine::build::{self, BuildOptions};
 use host::engine::faults::{FaultKind, HostFault};
 use host::run::late::LateLink;
 use host::run::paced::{Host, HostLink, Paced};
-use host::world::World as Built;
+use host::world::World;
 use rt_core::{LocalModel, TickRecord};
 use runner::link::HostEnd;
 
@@ -97,16 +97,16 @@ pub(super) fn stalls(spans: &[Span]) -> Vec<HostFault> {
 /// A host whose bodies soften.
 pub(super) struct Troubled<'a> {
     host: Paced<Lossy>,
-    world: &'a World,
+    trial: &'a Trial,
     /// By body, the number of the last model before the bodies softened here.
     softened: Option<Vec<u64>>,
 }
 
 impl<'a> Troubled<'a> {
-    pub(super) fn new(host: Paced<Lossy>, world: &'a World) -> Self {
+    pub(super) fn new(host: Paced<Lossy>, trial: &'a Trial) -> Self {
         Self {
             host,
-            world,
+            trial,
             softened: None,
         }
     }
@@ -136,10 +136,10 @@ impl Host for Troubled<'_> {
     fn step(&mut self) -> Result<(), StudyError> {
         let time = self.next_ns() as f64 * 1e-9;
         if let (None, Some(softening), Some(soft)) =
-            (&self.softened, self.world.draw.softening, &self.world.soft)
+            (&self.softened, self.trial.draw.softening, &self.trial.soft)
             && time >= softening.at
         {
-            let others = build::bodies(&Built::new(soft)?, BuildOptions::default())?;
+            let others = build::bodies(&World::new(soft)?, BuildOptions::default())?;
             self.host.change(|engine| engine.exchange(others))?;
             let newest = self.host.link().newest.iter();
             self.softened = Some(newest.map(|[sent, _]| *sent).collect());

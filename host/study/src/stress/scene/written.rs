@@ -1,6 +1,6 @@
 //! A cell as a scene file that `palpate run` repeats.
 
-use super::world::World;
+use super::trial::Trial;
 use crate::StudyError;
 use host::scene::LoadedScene;
 use host::scene::spec::{GripName, SchemeName};
@@ -18,15 +18,15 @@ pub struct Written {
 }
 
 impl Written {
-    /// The scene of `world` under `scheme`.
+    /// The scene of `trial` under `scheme`.
     ///
     /// # Errors
     /// [`StudyError`] if the text of the scene cannot be read again, which its first reading excludes.
-    pub(in crate::stress) fn of(world: &World, scheme: SchemeName) -> Result<Self, StudyError> {
-        let world = world.under(scheme);
+    pub(in crate::stress) fn of(trial: &Trial, scheme: SchemeName) -> Result<Self, StudyError> {
+        let trial = trial.under(scheme);
         Ok(Self {
-            text: text(&world.loaded)?,
-            told: told(&world),
+            text: text(&trial.loaded)?,
+            told: told(&trial),
         })
     }
 }
@@ -142,9 +142,9 @@ fn grip_name(grip: GripName) -> &'static str {
     }
 }
 
-/// What a scene file cannot say of a world.
-fn told(world: &World) -> Vec<String> {
-    let draw = &world.draw;
+/// What a scene file cannot say of a trial.
+fn told(trial: &Trial) -> Vec<String> {
+    let draw = &trial.draw;
     let mut told = Vec::new();
     for stall in super::troubled::stalls(&draw.stalls) {
         told.push(format!(
@@ -171,7 +171,7 @@ fn told(world: &World) -> Vec<String> {
     if let Some(gone) = draw.vanishing {
         told.push(format!(
             "device {:?} is absent from {:.3} s for {:.3} s",
-            world.loaded.scene.devices[gone.device].name, gone.span.at, gone.span.duration
+            trial.loaded.scene.devices[gone.device].name, gone.span.at, gone.span.duration
         ));
     }
     told

@@ -5,7 +5,7 @@ use super::{Draw, Task};
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use crate::stress::scene::reference::Bodies;
-use crate::stress::scene::world::frames;
+use crate::stress::scene::trial::frames;
 use host::scene::LoadedScene;
 use physics::{HandlePose, Vec3};
 use rt_core::MAX_DEVICES;

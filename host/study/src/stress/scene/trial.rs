@@ -15,7 +15,7 @@ use sim::{Fault, Faulty};
 
 /// A cell's scene.
 #[derive(Clone, Debug)]
-pub(crate) struct World {
+pub(crate) struct Trial {
     /// The scene with the hands, rates and materials of the cell.
     pub(crate) loaded: LoadedScene,
     /// The softened scene.
@@ -35,7 +35,7 @@ pub(super) struct Kept {
     stored: f64,
 }
 
-impl World {
+impl Trial {
     /// The tick's period (ns).
     pub(super) fn period_ns(&self) -> u64 {
         (1e9 / self.loaded.scene.realtime.rate).round() as u64
@@ -104,19 +104,19 @@ impl World {
         })
     }
 
-    /// The world of a run under `scheme`.
+    /// The trial of a run under `scheme`.
     pub(in crate::stress) fn under(&self, scheme: SchemeName) -> Self {
-        let mut world = self.clone();
+        let mut trial = self.clone();
         let draw = &self.draw;
-        let soft = world.soft.as_mut();
-        for loaded in [Some(&mut world.loaded), soft].into_iter().flatten() {
+        let soft = trial.soft.as_mut();
+        for loaded in [Some(&mut trial.loaded), soft].into_iter().flatten() {
             let realtime = &mut loaded.scene.realtime;
             realtime.scheme = scheme;
             // A scene for a late host sets an age limit that accepts the usual latency.
             let usual = 2.0 * (1.0 + draw.jitter) * (draw.latency + 1.0 / draw.rate);
             realtime.age_limit = Some(realtime.age_limit().max(usual));
         }
-        world
+        trial
     }
 }
 
