@@ -18,7 +18,7 @@ use super::tears::BodyTears;
 use super::virtual_coupling::{Link, VirtualCoupling};
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
-use physics::{Body, BodyError, BodyMap, Condensed, HandlePose, HandleReport};
+use physics::{Body, BodyError, BodyMap, Condensed, Equation, HandlePose, HandleReport};
 use rt_core::{
     HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TearLimit, TickRecord, Twist, Vec6,
     Wrench,
@@ -57,6 +57,8 @@ pub struct HostBody {
     behind: bool,
     /// Whether nothing has failed in the present step.
     sound: bool,
+    /// Whether a group of joined bodies has solved the present step's equation.
+    is_joined: bool,
     /// The fault of the present stage.
     pub(super) fault: Option<StepFault>,
     /// Whether the present step publishes.
@@ -177,6 +179,7 @@ impl HostBody {
             time_ns: None,
             behind: false,
             sound: true,
+            is_joined: false,
             fault: None,
             publishes: false,
             tally: Tally::default(),
@@ -276,8 +279,35 @@ impl HostBody {
         Ok(())
     }
 
-    /// Solves the step's equation. Does nothing where an earlier stage of the step failed.
+    /// Wakes a body that sleeps.
+    pub(super) fn wake(&mut self) {
+        self.solver.wake();
+    }
+
+    /// Lends the step's equation to a group of joined bodies; `None` if an earlier stage of the step failed.
+    pub(super) fn equation(&mut self) -> Option<Equation<'_, f64>> {
+        if !core::mem::take(&mut self.sound) {
+            return None;
+        }
+        self.solver.equation()
+    }
+
+    /// Notes that a group has solved the body's equation, or could not, in `time` (ns).
+    pub(super) fn solved_in(&mut self, time: u64) {
+        self.sound = self.solver.solved_in(time);
+        self.is_joined = true;
+    }
+
+    /// Length of a step (s).
+    pub(super) fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Solves the step's equation, unless a group has solved it. Does nothing where an earlier stage of the step failed.
     pub(super) fn solve(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
+        if core::mem::take(&mut self.is_joined) {
+            return Ok(());
+        }
         if core::mem::take(&mut self.sound) {
             self.solver.solve(watch)?;
             self.sound = true;

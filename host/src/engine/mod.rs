@@ -5,10 +5,8 @@
 //! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
 //! caller passes; nothing in the state depends on this time.
 //!
-//! Bodies that are joined, by contact or by springs, have their place between `constrain` and `solve`. All bodies have
-//! their equations then. A stage there would take those that are joined as groups, have each body of a group lend its
-//! equation ([`Stepper::equation`](physics::Stepper::equation)) and solve the group; `solve` would leave these bodies out.
-//! The other bodies, and all bodies of a scene without joints, would be solved as now.
+//! Bodies that are joined, by contact or by springs, are solved together ([`Engine::join`]): after `constrain` all bodies
+//! have their equations, and `solve` solves each group as a whole.
 
 mod background;
 mod balance;
@@ -19,6 +17,7 @@ pub mod choice;
 mod clock;
 pub mod damped;
 pub mod faults;
+mod joined;
 pub mod pacer;
 mod parting;
 mod path;
@@ -40,7 +39,9 @@ pub mod virtual_coupling;
 use body::HostBody;
 use change::{ChangeError, Edit};
 use core::ops::Range;
+use joined::Group;
 use pacer::Due;
+use physics::motion::joined::Joints;
 use physics::team::each;
 use physics::{BodyError, Team, TearReport};
 use rt_core::{LocalModel, TickRecord};
@@ -50,6 +51,7 @@ use threads::{Threads, awake};
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<HostBody>,
+    groups: Vec<Group>,
     /// Number of threads that share a step.
     count: usize,
     threads: Threads,
@@ -63,6 +65,7 @@ impl Engine {
         stats.tears = vec![TearReport::default(); bodies.len()];
         Self {
             bodies,
+            groups: Vec::new(),
             count: 1,
             threads: Threads::default(),
             stats,
@@ -91,6 +94,11 @@ impl Engine {
         Ok(())
     }
 
+    /// Joins `bodies`, by their numbers in ascending order, from the next step on. A body belongs to one group at most.
+    pub fn join(&mut self, bodies: Vec<usize>, joints: Box<dyn Joints>) {
+        self.groups.push(Group::new(bodies, joints));
+    }
+
     /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver go on as they are
     /// until the new solver is ready; the change then lands at the start of a step. A change that turns out to be
     /// impossible is counted as a fault, and the body continues as it was.
@@ -116,8 +124,8 @@ impl Engine {
         }
     }
 
-    /// Makes one host step of all bodies, call by call (predict, constrain, solve, finish), so that joints between
-    /// bodies would have a place between two calls. If the step publishes, `publish` is given a local model of each
+    /// Makes one host step of all bodies, call by call (predict, constrain, solve, finish). Joined bodies are solved before
+    /// the others. If the step publishes, `publish` is given a local model of each
     /// body. A body whose step fails keeps its last good state and publishes nothing: its model ages, and the tick
     /// fades its force.
     pub fn step(
@@ -149,7 +157,13 @@ impl Engine {
         }
         let all = 0..self.bodies.len();
         self.stage(team, all.clone(), &|body| body.predict(watch));
+        for group in &self.groups {
+            group.wake(&mut self.bodies);
+        }
         self.stage(team, all.clone(), &|body| body.constrain(watch));
+        for group in &mut self.groups {
+            group.solve(&mut self.bodies, watch);
+        }
         self.stage(team, all, &|body| body.solve(watch));
         // One thread publishes the model of a body before it finishes the next body.
         let together = if self.count == 1 {

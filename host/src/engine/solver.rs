@@ -5,7 +5,8 @@ use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::MOST_PAIRS;
 use physics::{
-    Body, Condensed, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, TearLimit, Tearing,
+    Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, TearLimit,
+    Tearing,
 };
 use rt_core::MAX_HANDLES;
 
@@ -185,6 +186,22 @@ impl Solver {
         let late = || before.reaches(self.budget_ns, watch, start);
         let stepper = &mut self.stepper;
         Ok(self.elapsed.count(watch, || stepper.solve(late))?)
+    }
+
+    /// Wakes a body that sleeps.
+    pub(super) fn wake(&mut self) {
+        self.stepper.wake();
+    }
+
+    /// Lends the equation, instead of [`solve`](Self::solve).
+    pub(super) fn equation(&mut self) -> Option<Equation<'_, f64>> {
+        self.stepper.equation().ok().flatten()
+    }
+
+    /// Counts the time (ns) of the solution of the lent equation. Returns whether there is one.
+    pub(super) fn solved_in(&mut self, time: u64) -> bool {
+        self.elapsed.0 += time;
+        self.stepper.is_solved()
     }
 
     /// Applies the step to `body`.

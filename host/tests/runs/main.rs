@@ -10,6 +10,7 @@ mod engage;
 mod few_axes;
 mod hands;
 mod host_body;
+mod joined;
 mod late_hosts;
 mod late_link;
 mod limits;

@@ -42,6 +42,12 @@ impl<T: Precision> Stepper<T> {
         }))
     }
 
+    /// Whether the present step has been solved.
+    pub fn is_solved(&self) -> bool {
+        self.underway
+            .is_some_and(|step| step.stage == Stage::Solved)
+    }
+
     /// Wakes a body that sleeps.
     pub fn wake(&mut self) {
         self.sleep.wake();
