@@ -54,7 +54,7 @@ impl Intensity {
     }
 
     /// The factor by which a tear that turns is driven more than straight ahead: the square of the intensity of the largest
-    /// hoop stress, over the sum of the squares of both intensities. The tear starts where that intensity is `K_I` of a tear
+    /// hoop stress, over the sum of the squares of both intensities. The tear starts when that intensity is `K_I` of a tear
     /// that starts straight ahead (Erdogan and Sih 1963). The factor is between 1 and [`MOST_BY_TURN`] while `K_I` is not
     /// negative; 1 without a stress.
     pub fn by_turn(&self) -> f64 {

@@ -187,7 +187,7 @@ impl<L: Law> Constraints<L> {
     }
 
     /// Solves for the forces that agree with the openings of the displacements `u`. Returns the largest change of a force
-    /// (N), which is not a number where a force is none.
+    /// (N), which is not a number if a force is none.
     pub(crate) fn agree(&mut self, u: impl Fn(u32) -> Vec3) -> f64 {
         self.find_openings(u);
         self.agreement.solve(&self.laws, true)

@@ -114,7 +114,7 @@ pub struct Stepper<T> {
     // The following fields are by place.
     pub(crate) rest: Vec<Vec3>,
     pub(crate) mass: Vec<f64>,
-    /// By axis of a free place: 1 where the axis is free, 0 where a support guides it; empty without supports.
+    /// By axis of a free place: 1 if the axis is free, 0 if a support guides it; empty without supports.
     pub(crate) mask: Vec<Node<T>>,
     /// Mass in the matrix of the present solve (kg/s^2).
     pub(crate) inertia: Vec<T>,
@@ -160,7 +160,7 @@ fn sets<E>(body: &Body, place: &[u32], of_set: impl Fn(Box<dyn Elements>) -> E) 
 }
 
 impl<T: Precision> Stepper<T> {
-    /// Makes a stepper for `body` with its present connectivity, handles and supports. Where these change, the stepper
+    /// Makes a stepper for `body` with its present connectivity, handles and supports. If these change, the stepper
     /// [follows](Self::follow).
     ///
     /// # Errors

@@ -13,7 +13,7 @@ use crate::motion::constraint::{Constraints, by_node};
 
 /// Most iterations that are followed by other forces.
 const MOST_ROUNDS: usize = 16;
-/// Forces converge slowly where they change by more than this fraction of the change before, or of the residual before,
+/// Forces converge slowly if they change by more than this fraction of the change before, or of the residual before,
 /// and by more than so many times the goal.
 const SLOW_ROUND: f64 = 0.5;
 const CLOSE: f64 = 10.0;
@@ -73,7 +73,7 @@ impl<T: Precision> Stepper<T> {
     }
 
     /// The energy (J) that pairs had still to take and no pair will take, since the last call: that of paced pairs that have let
-    /// go, and of pairs that were let go because they would have thrown a light piece. Negative where paced pairs took more than
+    /// go, and of pairs that were let go because they would have thrown a light piece. Negative if paced pairs took more than
     /// their energy.
     pub fn take_lost(&mut self) -> f64 {
         core::mem::take(&mut self.released.lost)
@@ -214,7 +214,7 @@ impl<T: Precision> Stepper<T> {
         report
     }
 
-    /// Goes on with the iterations of a step: at most `most` more, and none where the residual is at most `start` (N).
+    /// Goes on with the iterations of a step: at most `most` more, and none if the residual is at most `start` (N).
     fn go_on(
         &mut self,
         factors: (f64, f64),

@@ -30,7 +30,7 @@ pub struct TearLimit {
 impl Tearing {
     /// The tip that is nearest to going on, and the slopes of its root by motions of the handles (sqrt(J/m²) per m or
     /// rad). `shape` gives the displacement of a vertex for a motion, by the number of the motion. `None` under the law
-    /// `thesis`, and where no tip is driven by it, or all are hardly driven.
+    /// `thesis`, and if no tip is driven by it, or all are hardly driven.
     #[inline(never)]
     pub fn limit<T: Precision>(
         &mut self,

@@ -31,7 +31,7 @@ use crate::tear::strength::Symmetric;
 use crate::tear::{Patch, Sheet, TearLaw, TearMaterial};
 use crate::topology::{AdvanceOptions, Done, Edit, NONE, Surface};
 
-/// Most tips of a sheet at a time. Where there are more, no new tear starts.
+/// Most tips of a sheet at a time. If there are more, no new tear starts.
 pub const MOST_TIPS: usize = 32;
 /// Most edges by which a tip goes on after one step.
 const MOST_EDGES: usize = 4;
@@ -113,7 +113,7 @@ pub struct TearReport {
     pub held: usize,
     /// Number of tips that rest although they are driven, because no edge leads on from them, after the last step.
     pub blocked: usize,
-    /// The largest principal stress after the last step (Pa), where it was computed; otherwise 0.
+    /// The largest principal stress after the last step (Pa), if it was computed; otherwise 0.
     pub stress: f64,
     /// Whether a tear rests because the reserve of vertices or triangles is used up.
     pub full: bool,
@@ -129,9 +129,9 @@ pub struct Tearing {
     /// The kinetic, elastic and potential energy of the body at the end of the last step (J); `None` before it.
     energy: Option<f64>,
     patch: Patch,
-    /// The stress of each triangle (Pa); empty where no stress is needed.
+    /// The stress of each triangle (Pa); empty if no stress is needed.
     stress: Vec<Symmetric>,
-    /// Whether each vertex is about a tip; empty where no tear can start.
+    /// Whether each vertex is about a tip; empty if no tear can start.
     near: Vec<bool>,
     /// What drives the tips after the last step.
     driven: Vec<Driven>,
