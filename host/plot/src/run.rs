@@ -53,7 +53,7 @@ pub struct Mark {
     pub to: f64,
     /// The cause.
     pub cause: Cause,
-    /// The device or the body; empty where there is one only.
+    /// The device or the body; empty if there is one only.
     pub of: String,
 }
 
