@@ -49,7 +49,7 @@ pub struct LoadedScene {
 /// common.
 #[derive(Debug)]
 pub struct MeshFile {
-    /// What the scene calls it: where its beginning does not say which format it is in, the end of its name does.
+    /// What the scene calls it: if its beginning does not say which format it is in, the end of its name does.
     name: String,
     /// Where it was found.
     pub path: PathBuf,

@@ -1,7 +1,7 @@
 //! Parts of a scene that would have no effect, with nothing in the results to tell so.
 //!
 //! Such a scene runs and gives a force of zero: a device that holds nothing, a hand that would move after the end, a first
-//! model that arrives after the end. Each is a [`Warning`]. A hand that moves only where its device cannot is refused.
+//! model that arrives after the end. Each is a [`Warning`]. A hand that moves only if its device cannot is refused.
 
 use super::error::SceneError;
 use super::plausible::Warning;
