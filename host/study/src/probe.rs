@@ -208,7 +208,7 @@ impl Probed {
         }
     }
 
-    /// What keeps the device from a run, in words; empty where nothing does.
+    /// What keeps the device from a run, in words; empty if nothing does.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         if self.states == 0 {

@@ -75,7 +75,7 @@ impl Failure {
     }
 }
 
-/// The ratios of hold, run and ripple to their limits in a cell. That of the hold is zero where a hand moves.
+/// The ratios of hold, run and ripple to their limits in a cell. That of the hold is zero if a hand moves.
 ///
 /// A force that alternates by a count, half of the time each, has a root mean square of half of that change: no encoder
 /// resolves less. The limit of a run is at least this root mean square; the limit of ripple is at least twice as much.
