@@ -26,7 +26,7 @@ pub(super) struct Watch {
     socket: PathBuf,
     /// Whether `palpate view` must be told the socket.
     named: bool,
-    /// The terminal of the operator, where the keys of the display arm and stop the devices.
+    /// The terminal of the operator, if the keys of the display arm and stop the devices.
     keyboard: Option<Keyboard>,
     state: State,
 }
@@ -57,7 +57,7 @@ impl Watch {
         self.named.then(|| self.socket.clone())
     }
 
-    /// Whether the display has the terminal. The first call, when the run has begun, starts the display where there is a
+    /// Whether the display has the terminal. The first call, when the run has begun, starts the display if there is a
     /// terminal. When the display has ended, gives the terminal back.
     pub(super) fn shows(&mut self, bar: &ProgressBar) -> bool {
         match &mut self.state {

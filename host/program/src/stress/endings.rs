@@ -365,7 +365,7 @@ fn said(program: &InTerminal) -> String {
     String::from_utf8_lossy(&program.screen).into_owned()
 }
 
-/// Waits until the device of a command renders a force, or until the run has ticked where no device is seen. False where the
+/// Waits until the device of a command renders a force, or until the run has ticked if no device is seen. False if the
 /// command has ended before.
 ///
 /// # Errors

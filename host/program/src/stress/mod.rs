@@ -244,7 +244,7 @@ struct Shown {
     of: AtomicU64,
     done: AtomicU64,
     before: AtomicU64,
-    /// The work of this run, in millionths of a cell, where the cells tell their parts.
+    /// The work of this run, in millionths of a cell, if the cells tell their parts.
     millionths: AtomicU64,
 }
 
