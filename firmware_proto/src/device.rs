@@ -378,7 +378,7 @@ impl Device {
     /// Takes a report that came at `now_us`.
     ///
     /// # Errors
-    /// The [`Refusal`], where the report is not used. It is counted.
+    /// The [`Refusal`], if the report is not used. It is counted.
     pub fn receive(&mut self, bytes: &[u8], now_us: u32) -> Result<Accepted, Refusal> {
         self.expire(now_us);
         let result = match Report::decode(bytes) {

@@ -75,7 +75,7 @@ impl Block {
         come.then(|| registers.data.get() as u8)
     }
 
-    /// Puts a byte on the line. Returns false, and does nothing, where the last byte has not gone yet.
+    /// Puts a byte on the line. Returns false, and does nothing, if the last byte has not gone yet.
     pub fn put(&self, byte: u8) -> bool {
         let registers = self.layout();
         let can = registers.state.get() & state::CANNOT_PUT == 0;
