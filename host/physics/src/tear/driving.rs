@@ -14,7 +14,7 @@
 //!
 //! **Vertices.** `f_i` is the force of the membrane on vertex `i` and `(F e)_i` the mean of the triangles at it. In
 //! equilibrium without loads `f_i` is zero. Otherwise minus `f_i` is the sum of gravity, inertia, damping, bending and the
-//! pairs that let go. The sum takes off their work on the shift of the material, so `G` does not depend on the ring.
+//! pairs that let go. The sum subtracts their work on the shift of the material, so `G` does not depend on the ring.
 //!
 //! **Border.** `n` is the outer normal at rest of an edge of length `L` that has no neighbour. The faces of a straight
 //! tear are parallel to `e` and give nothing. A kink behind the tip or a border of the sheet within the rings does. The two

@@ -47,8 +47,8 @@ impl Agreement {
         self.responses[row * self.most + column] = response;
     }
 
-    /// Solves for the forces, in `forces`. Returns the largest change of a force (N), which is not a number
-    /// if a force is none.
+    /// Solves for the forces, in `forces`. Returns the largest change of a force (N). The change is
+    /// NaN if a force is NaN.
     ///
     /// With `stays`, the openings are those of a solution that is nearly exact. The forces then stay on its branch of the
     /// laws, if they can: otherwise two solutions in turn could be the first.

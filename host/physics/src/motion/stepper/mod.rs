@@ -54,7 +54,7 @@ use crate::team::{self, Alone, Team};
 use factor::{Factor, factors};
 use stages::Underway;
 
-/// Most iterations of a step that the next step expects to go on without what solves have learned.
+/// The largest number of iterations of a step after which the next step does without what solves have learned.
 const EASY: usize = 2;
 
 /// Nodes of a run of vectors, some microseconds of work. A sum over a body has a partial sum for each run.

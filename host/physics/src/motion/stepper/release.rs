@@ -14,7 +14,7 @@ use crate::motion::constraint::{Constraints, by_node};
 /// Most iterations that are followed by other forces.
 const MOST_ROUNDS: usize = 16;
 /// Forces converge slowly if they change by more than this fraction of the change before, or of the residual before,
-/// and by more than so many times the goal.
+/// and by more than `CLOSE` times the goal.
 const SLOW_ROUND: f64 = 0.5;
 const CLOSE: f64 = 10.0;
 
@@ -161,8 +161,8 @@ impl<T: Precision> Stepper<T> {
         self.pairs.respond();
     }
 
-    /// Solves the equation of the step together with the forces of the pairs. Each iteration is followed by the forces that
-    /// agree with its openings: an exact solution for forces that still change would be of no use. What an iteration
+    /// Solves the equation of the step together with the forces of the pairs. After each iteration, the forces are made
+    /// to agree with the openings: an exact solution for forces that still change would be of no use. What an iteration
     /// learned is not lost, see `learned`.
     pub(super) fn let_go(
         &mut self,
