@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn the_verdict_holds_the_rate_against_the_profile_and_names_what_is_wrong() {
-        // A run bears as many ticks without a state as its patience.
+        // A run tolerates as many ticks without a state as its patience.
         let good = every(1, 1000..1005);
         assert_eq!(good.longest_silence, 5);
         assert_eq!(

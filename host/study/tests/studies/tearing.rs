@@ -108,8 +108,8 @@ fn a_tear_runs_through_a_strip_at_the_displacement_at_which_it_starts() {
         // The third ring errs by -4.4 to +0.5 % in the energy release rate, so by up to 2.2 % in the displacement.
         assert!((start - 1.0).abs() < 0.022, "{run:?}");
         for displacement in run.displacement {
-            // A tip goes on if the flow exceeds the toughness by a hundredth, and a tear that runs needs an excess: 6 %
-            // is what the book promises.
+            // A tip advances if the flow exceeds the toughness by a hundredth, and a tear that runs needs an excess: 6
+            // % is what the book promises.
             let found = displacement.unwrap_or(f64::INFINITY);
             assert!(found > start - 1e-9 && found < 1.06, "{run:?}");
         }

@@ -183,7 +183,7 @@ pub fn run(protocol: Protocol, kind: Kind, seed: u64) -> Outcome {
             host.stop(from_ns);
             link.run(now_ns);
         } else if kind == Kind::Stopped && now_ns > from_ns && woken_ns == 0 {
-            // The tick of this deadline wakes when the process goes on.
+            // The tick of this deadline wakes when the process continues.
             woken_ns = to_ns.max(now_ns);
             host.stop(from_ns);
             link.run(woken_ns);
