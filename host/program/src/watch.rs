@@ -1,7 +1,7 @@
 //! `palpate run --view`: tells how to watch the run, and shows the run in the terminal.
 //!
 //! The display is a process of its own, `palpate view --attached`, on the same terminal. It may end in any way: this module
-//! then gives the terminal back as it was, and the run goes on.
+//! then gives the terminal back as it was, and the run continues.
 
 use super::operator::{self, Keyboard};
 use super::progress::ProgressBar;

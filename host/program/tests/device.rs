@@ -222,8 +222,8 @@ fn a_scene_with_two_emulated_devices_is_rehearsed_in_its_own_hands() {
         "real.json",
         &["--clock", "real", "--armed", &first, &second],
     );
-    // If this machine stands still for a while, a hand goes on alone, and the reach leaves out the part of its way that
-    // the device did not follow. The second pull then still stretches the sheet.
+    // If this machine stands still for a while, a hand continues alone, and the reach leaves out the part of its way
+    // that the device did not follow. The second pull then still stretches the sheet.
     let events = rehearsed["events"].as_array().expect("a list");
     let stalled = events
         .iter()

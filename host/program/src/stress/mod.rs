@@ -306,7 +306,7 @@ impl Shown {
     }
 }
 
-/// The devices that the arguments name. Prints what is possible in their files, but unlikely.
+/// The devices that the arguments name. Prints the warnings about their files.
 fn devices(arguments: &[String]) -> Result<Vec<NamedDevice>, CommandError> {
     let devices = arguments.iter().map(|text| NamedDevice::load(text));
     let devices = devices.collect::<Result<Vec<_>, _>>()?;
