@@ -214,7 +214,7 @@ impl<T: Precision> Stepper<T> {
         report
     }
 
-    /// Goes on with the iterations of a step: at most `most` more, and none if the residual is at most `start` (N).
+    /// Continues the iterations of a step: at most `most` more, and none if the residual is at most `start` (N).
     fn go_on(
         &mut self,
         factors: (f64, f64),
