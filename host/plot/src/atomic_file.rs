@@ -278,7 +278,7 @@ mod tests {
         }
     }
 
-    /// Opening the pipe, or writing to the socket, would wait for ever or fail after the work.
+    /// Opening the pipe, or writing to the socket, would wait without end or fail after the work.
     #[cfg(unix)]
     #[test]
     fn a_pipe_needs_a_reader_and_a_socket_is_refused() {

@@ -122,8 +122,8 @@ impl Cause {
     }
 }
 
-/// Draws force and displacement of all devices over time, 800 by 560 pixels. What is not a number is
-/// left out.
+/// Draws force and displacement of all devices over time, 800 by 560 pixels. Values that are not numbers
+/// are left out.
 pub fn force_and_position_svg(data: &PlotData) -> String {
     let devices = data.devices.iter();
     let devices: Vec<_> = devices
