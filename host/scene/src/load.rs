@@ -349,7 +349,7 @@ fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 /// Reads a file of a scene, of at most 64 MiB.
 ///
 /// # Errors
-/// [`io::Error`] for a larger file, and for a named pipe or a socket, which could wait for ever.
+/// [`io::Error`] for a larger file, and for a named pipe or a socket, which could wait without end.
 pub fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     devices::input::open(path)?

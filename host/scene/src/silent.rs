@@ -104,7 +104,7 @@ fn first_after(end: f64, waypoints: &[[f64; 4]]) -> Option<(usize, f64)> {
     moves.map(|(row, pair)| (row + 1, pair[0][0]))
 }
 
-/// Refuses waypoints of which no part leads along the axes of the device: the device carries them, and nothing moves.
+/// Refuses waypoints without a part along the axes of the device: the mechanism carries the force, and nothing moves.
 fn across(at: &str, hand: &Hand, model: &DeviceModel, source: &Source) -> Result<(), SceneError> {
     let Some(axes) = model.axes else {
         return Ok(());
