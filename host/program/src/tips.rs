@@ -1,4 +1,5 @@
-//! What the writer of a command line probably meant, if the line would be read otherwise or refused without the remedy.
+//! Messages with the command line that the writer probably meant. They are for a line that would be read otherwise, or
+//! refused without the remedy.
 
 use clap::builder::PossibleValue;
 use clap::{Arg, Command};

@@ -138,7 +138,7 @@ impl Watch {
         let _ = child.kill();
         let ended = child.wait();
         if let Some(before) = before {
-            // Without the terminal, there is nobody who misses it.
+            // Without the terminal, nobody misses it.
             let _ = tcsetattr(io::stdin(), OptionalActions::Now, &before);
         }
         if !ended.is_ok_and(|status| status.code().is_some()) {

@@ -457,7 +457,7 @@ fn end(held: Held, way: Way, delay: Duration, outcome: &mut Outcome) -> Result<(
                 device.left()
             ));
         }
-        // A plug-in that was killed has nobody who lets go.
+        // Nobody releases the force of a plug-in that was killed.
         if device.force() > NONE && (way, held) != (Way::Kill, Held::Plugin) {
             fail(format!("the device renders {:.3} N", device.force()));
         }
