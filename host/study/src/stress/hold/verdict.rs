@@ -115,7 +115,7 @@ pub fn failures(cell: &CellResult, scheme: &str) -> Vec<Failure> {
         found.iter().zip(linear).any(|(a, b)| *a > b + WORSE)
     });
     let [hold, run, ripple] = found.map(|ratio| ratio.is_nan() || ratio >= 1.0);
-    // Where something takes a part of the force away on purpose, the hold that follows counts alone.
+    // If something takes a part of the force away on purpose, the hold that follows counts alone.
     let whole = cell.is_undisturbed();
     let all = [
         (Failure::Hold, hold),
