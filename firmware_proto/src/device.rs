@@ -630,7 +630,7 @@ impl Device {
         })
     }
 
-    /// Lets go where the last wrench came too long ago. Wrenches that answer an earlier state are refused from now on.
+    /// Lets go if the last wrench came too long ago. Wrenches that answer an earlier state are refused from now on.
     fn expire(&mut self, now_us: u32) {
         let Some(commanded) = self.commanded else {
             return;
