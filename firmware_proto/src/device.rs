@@ -378,7 +378,7 @@ impl Device {
     /// Takes a report that came at `now_us`.
     ///
     /// # Errors
-    /// The [`Refusal`], where the report is not used. It is counted.
+    /// The [`Refusal`], if the report is not used. It is counted.
     pub fn receive(&mut self, bytes: &[u8], now_us: u32) -> Result<Accepted, Refusal> {
         self.expire(now_us);
         let result = match Report::decode(bytes) {
@@ -630,7 +630,7 @@ impl Device {
         })
     }
 
-    /// Lets go where the last wrench came too long ago. Wrenches that answer an earlier state are refused from now on.
+    /// Lets go if the last wrench came too long ago. Wrenches that answer an earlier state are refused from now on.
     fn expire(&mut self, now_us: u32) {
         let Some(commanded) = self.commanded else {
             return;

@@ -139,7 +139,7 @@ pub enum Event {
     State {
         /// The report.
         report: StateReport,
-        /// Motion to force of the wrench in force, where this is the first state that names the wrench.
+        /// Motion to force of the wrench in force, if this is the first state that names the wrench.
         motion_to_force: Option<MotionToForce>,
     },
     /// The counts of the device's encoders.

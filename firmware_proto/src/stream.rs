@@ -56,7 +56,7 @@ pub fn packet(report: &[u8; LENGTH]) -> [u8; PACKET] {
 #[derive(Clone, Copy, Debug)]
 pub struct Decoder {
     report: [u8; LENGTH],
-    /// Number of bytes in `report`, one more where there were too many.
+    /// Number of bytes in `report`, one more if there were too many.
     length: usize,
     /// Number of bytes until the next zero of the report.
     left: u8,

@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use transcript::{Transcript, golden, hex, run};
 
-/// The program of `c/transcript.c`; `None` where there is no compiler.
+/// The program of `c/transcript.c`; `None` if there is no compiler.
 fn program() -> Option<&'static Path> {
     static PROGRAM: OnceLock<Option<PathBuf>> = OnceLock::new();
     let built = PROGRAM.get_or_init(|| {

@@ -40,7 +40,7 @@ fn main() {
     }
 }
 
-/// What git prints; `None` where git fails or prints nothing.
+/// What git prints; `None` if git fails or prints nothing.
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;

@@ -67,7 +67,7 @@ impl Handle {
         let mut velocity = [0; AXES];
         for axis in 0..AXES {
             let step = position[axis].saturating_sub(oldest[axis]);
-            // 0.1 um in so many states as um/s.
+            // From 0.1 um over this number of states to um/s.
             velocity[axis] = step.saturating_mul(100_000 / STATE_US.cast_signed()) / MEAN as i32;
         }
         self.past.rotate_right(1);

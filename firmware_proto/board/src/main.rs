@@ -32,7 +32,7 @@ use uart::{Interrupt, LINE};
 
 /// Ticks from one state to the next.
 const TICKS_A_STATE: u32 = STATE_US / TICK_US;
-/// The search for the reference fails after so many ticks: ten seconds.
+/// The search for the reference fails after this number of ticks: ten seconds.
 const SEARCH_TICKS: u32 = 10_000_000 / TICK_US;
 
 /// The capabilities of the device.

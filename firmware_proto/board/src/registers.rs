@@ -62,7 +62,7 @@ impl Register {
 pub struct Registers {
     /// The counters of the encoders. A counter starts anywhere, and wraps.
     pub counts: [Register; AXES],
-    /// The counts at the reference marks, valid where the bit in `marked` is set.
+    /// The counts at the reference marks, valid if the bit in `marked` is set.
     pub marks: [Register; AXES],
     /// Bit k: the mark of axis k has passed since the start.
     pub marked: Register,

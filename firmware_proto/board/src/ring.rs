@@ -30,7 +30,7 @@ impl<const N: usize> Ring<N> {
         (tail + N - 1 - head) % N
     }
 
-    /// Puts a byte. Returns false where there is no room: the byte is lost.
+    /// Puts a byte. Returns false if there is no room: the byte is lost.
     pub fn put(&self, byte: u8) -> bool {
         if self.room() == 0 {
             return false;

@@ -75,7 +75,7 @@ impl Block {
         come.then(|| registers.data.get() as u8)
     }
 
-    /// Puts a byte on the line. Returns false, and does nothing, where the last byte has not gone yet.
+    /// Puts a byte on the line. Returns false, and does nothing, if the last byte has not gone yet.
     pub fn put(&self, byte: u8) -> bool {
         let registers = self.layout();
         let can = registers.state.get() & state::CANNOT_PUT == 0;
@@ -142,7 +142,7 @@ impl Line {
         self.incoming.take()
     }
 
-    /// Sends all bytes, or no byte where room is missing: the host sees a gap in the sequence, never half a packet.
+    /// Sends all bytes, or no byte if room is missing: the host sees a gap in the sequence, never half a packet.
     pub fn send(&self, bytes: &[u8]) {
         if self.outgoing.room() >= bytes.len() {
             for &byte in bytes {
@@ -167,7 +167,7 @@ impl Line {
     pub fn received(&self) {
         self.uart.layout().interrupts.set(interrupts::RECEIVED);
         while let Some(byte) = self.uart.take() {
-            // Where the ring is full the byte is lost, and the check sum of the packet is wrong.
+            // If the ring is full the byte is lost, and the check sum of the packet is wrong.
             self.incoming.put(byte);
             if byte == 0 {
                 self.ends.fetch_add(1, Ordering::Release);

@@ -286,7 +286,7 @@ fn a_wrench_answers_a_recent_state() {
 }
 
 /// The window of answers is a time at every rate: a state of the age of the watchdog may be answered, less the 31st part
-/// of the watchdog where the states of this part share a time.
+/// of the watchdog if the states of this part share a time.
 #[test]
 fn the_window_of_answers_is_a_time_at_every_rate() {
     for rate in [1, 30, 500, 1000, 2000, 4000, 8000, 50_000] {

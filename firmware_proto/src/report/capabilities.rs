@@ -62,7 +62,7 @@ pub enum Sends {
     /// Poses: [`StateReport`](super::StateReport).
     #[default]
     Poses,
-    /// The counts of so many encoders, 1 to 8: [`EncodersReport`](super::EncodersReport).
+    /// The counts of `encoders` encoders, 1 to 8: [`EncodersReport`](super::EncodersReport).
     Counts {
         /// The number of encoders.
         encoders: u8,

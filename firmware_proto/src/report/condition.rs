@@ -76,7 +76,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// The mode of a number; `None` where this version has no such mode.
+    /// The mode of a number; `None` if this version has no such mode.
     pub fn of(number: u8) -> Option<Self> {
         const ALL: [Mode; 5] = [
             Mode::Boot,

@@ -109,7 +109,7 @@ pub struct JointReport {
     pub encoder: u8,
     /// The quantity that the encoder measures.
     pub quantity: Quantity,
-    /// Counts per rad or m (0.000001); negative where the count falls as the quantity grows, never zero.
+    /// Counts per rad or m (0.000001); negative if the count falls as the quantity grows, never zero.
     pub scale: i64,
     /// The angle or length at count zero (0.1 µrad or 0.1 µm).
     pub offset: i32,

@@ -167,7 +167,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind of a number; `None` where this version has no such kind.
+    /// The kind of a number; `None` if this version has no such kind.
     pub fn of(number: u8) -> Option<Self> {
         const ALL: [Kind; 7] = [
             Kind::State,

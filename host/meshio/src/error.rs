@@ -14,7 +14,7 @@ pub const MAX_FIELDS: usize = 256;
 pub(crate) enum Wanted {
     /// Sheets only; a tetrahedron is an error.
     Sheet,
-    /// Sheets, solids where the file has a tetrahedron, and threads where it has lines alone.
+    /// Sheets, solids if the file has a tetrahedron, and threads if it has lines alone.
     Any,
 }
 

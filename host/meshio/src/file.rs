@@ -1,7 +1,7 @@
 //! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of thread, sheet and solid
 //! it is ([`read_mesh`]).
 //!
-//! The format follows from how the file begins and, where that says nothing, from the end of the file's name. All formats are held to the same: every number is checked, every count compared with what
+//! The format follows from how the file begins and, if that says nothing, from the end of the file's name. All formats are held to the same: every number is checked, every count compared with what
 //! follows, memory taken in proportion to the file and never to a number in it. Vertices that no line,
 //! triangle or cell of the mesh uses are dropped; what [`LineMesh::validate`], [`TriMesh::validate`] or
 //! [`TetMesh::validate`] refuses, two vertices at one place, and a vertex on an edge of other vertices, is an error. Tetrahedra whose corners are counted the other way round are turned around.
@@ -50,7 +50,7 @@ pub struct Choices {
     pub texture_unit: Option<f64>,
 }
 
-/// As [`read_mesh`], or [`read_with_pattern`] where the choices say so.
+/// As [`read_mesh`], or [`read_with_pattern`] if the choices say so.
 ///
 /// # Errors
 /// As [`read_mesh`] and [`read_with_pattern`].

@@ -40,7 +40,7 @@ pub(crate) fn firsts(positions: &[Vec3], distance: f64) -> Vec<u32> {
     firsts
 }
 
-/// The cell of a position in a grid of the width `distance`, then the cells around it. Without a distance, or where the
+/// The cell of a position in a grid of the width `distance`, then the cells around it. Without a distance, or if the
 /// numbers of cells have no fractions left, each position has a cell of its own.
 fn cells(position: &Vec3, distance: f64) -> Vec<[u64; 3]> {
     // Minus zero becomes zero.

@@ -361,7 +361,7 @@ impl Reader {
     }
 }
 
-/// The entry, counted from zero, that a `number` of a file names, where `count` entries came before. Negative numbers count
+/// The entry, counted from zero, that a `number` of a file names after `count` entries. Negative numbers count
 /// back. The entry may follow later in the file.
 fn named(number: &str, count: usize) -> Option<u32> {
     let number: i64 = number.parse().ok()?;

@@ -6,7 +6,7 @@ use crate::vtk_array::Array;
 use physics::mesh::{Field, Mesh};
 
 /// Adds a field to a mesh, with the values of the cells that were kept. A field without a name is skipped, and so is one
-/// with a value that is not finite, as programs write where a value is not known.
+/// with a value that is not finite, as programs write if a value is not known.
 ///
 /// `cells` is the number of cells in the file, and `kept` holds the number of each of the mesh's cells among them.
 pub(crate) fn add(

@@ -5,7 +5,7 @@
 //! are taken as metres.
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
+//! is asked for; if lines are the cells of highest dimension, they become those of a thread. Points, and lines
 //! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
 //! component becomes a field if its values are finite numbers; its other attributes, `POINT_DATA` and what stands before
 //! both are passed over. The file makes no groups.
@@ -221,7 +221,7 @@ enum Items {
     Numbers(Scalar),
     /// Bits, which no mesh needs.
     Bits,
-    /// Texts, which no mesh needs. Where `by_line` is set, each takes a line of a binary file, too.
+    /// Texts, which no mesh needs. If `by_line` is set, each takes a line of a binary file, too.
     Texts {
         by_line: bool,
     },

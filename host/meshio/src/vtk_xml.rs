@@ -5,7 +5,7 @@
 //! orders. The format has no units: coordinates are taken as metres.
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
+//! is asked for; if lines are the cells of highest dimension, they become those of a thread. Points, and lines
 //! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
 //! field if its values are finite numbers; others, and what belongs to points and to the file (`PointData`, `FieldData`), are skipped. The
 //! file makes no groups.

@@ -117,7 +117,7 @@ pub fn write_solid(mesh: &TetMesh) -> String {
     .text()
 }
 
-/// The names of both lists, each once, in an order that is the order of each list. Where the lists name the same groups
+/// The names of both lists, each once, in an order that is the order of each list. If the lists name the same groups
 /// in different orders, the order is that of the groups of vertices.
 fn names<'a>(vertices: &'a [Group], cells: &'a [Group]) -> Vec<&'a str> {
     let mut cells = cells.iter().map(|group| group.name.as_str()).peekable();

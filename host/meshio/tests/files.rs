@@ -245,7 +245,7 @@ fn texture_coordinates_are_a_flat_pattern_where_they_are_wanted() -> Outcome {
     assert_eq!(pattern.corners[4], [[2.0, 0.0], [3.0, 0.0], [3.0, 2.0]]);
     assert_eq!(pattern.corners[5], [[2.0, 0.0], [3.0, 2.0], [2.0, 2.0]]);
     assert!((mesh.area() - 6.0).abs() < 1e-12);
-    // They are skipped where they are not: the same file is a sheet at rest.
+    // They are skipped if they are not: the same file is a sheet at rest.
     let plain = read("sleeve.obj", SLEEVE.as_bytes())?;
     assert_eq!(plain.flat_pattern, None);
     assert_eq!(

@@ -20,7 +20,7 @@ use support::dense::{
 /// much while a list grows, and 48 bytes of edges: some 27 bytes for each of the file. A tetrahedron of ten
 /// bytes (`1 1 2 3 4`) becomes 48 bytes of tags and line, 16 of corners and 80 of faces: some 15 for each.
 const MOST_PER_BYTE: usize = 32;
-/// The same where arrays are compressed. They unpack to at most `MAX_RATIO` times the file; a triangle
+/// The same if arrays are compressed. They unpack to at most `MAX_RATIO` times the file; a triangle
 /// takes at least 7 bytes there (three numbers of one byte, and its end of four, for smaller ones do not
 /// count far), and grows as above, but has no groups: some 14 bytes for each that is unpacked. A tetrahedron
 /// takes at least 9 and becomes 16 bytes of corners, 8 of places and 80 of faces; a value of a field takes

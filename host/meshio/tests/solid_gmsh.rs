@@ -356,7 +356,7 @@ fn a_sheet_may_not_be_a_solid() {
             "{found}"
         );
     }
-    // Without tetrahedra, elements of second order are as wrong as they are where a sheet is asked for.
+    // Without tetrahedra, elements of second order are as wrong as for a sheet.
     let tetrahedra = SMALL.find("3 1 4 1").unwrap();
     let sheet = SMALL[..tetrahedra]
         .replace("5 5 1 900", "3 3 1 900")

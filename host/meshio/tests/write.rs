@@ -1,4 +1,4 @@
-//! What is written reads back: every number bit for bit, groups where the format has them.
+//! What is written reads back: every number bit for bit, groups if the format has them.
 
 mod support;
 

@@ -18,7 +18,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Something of so many bytes is read.
+    /// The cost of reading `bytes` bytes.
     pub(crate) fn read(bytes: usize) -> Self {
         Self {
             read: bytes,
@@ -27,7 +27,7 @@ impl Cost {
         }
     }
 
-    /// Something of so many bytes is written.
+    /// The cost of writing `bytes` bytes.
     pub(crate) fn write(bytes: usize) -> Self {
         Self {
             written: bytes,
@@ -36,7 +36,7 @@ impl Cost {
         }
     }
 
-    /// Something of so many bytes is read and written.
+    /// The cost of reading and writing `bytes` bytes.
     pub(crate) fn update(bytes: usize) -> Self {
         Self {
             read: bytes,

@@ -1,6 +1,6 @@
 //! Cores that work together: the interface through which a caller lends threads to the physics.
 //!
-//! The physics has no threads. Where work divides into parts, it passes the parts to a [`Team`] in pairs, and the team
+//! The physics has no threads. If work divides into parts, it passes the parts to a [`Team`] in pairs, and the team
 //! may do the two parts of a pair at once. The division depends on the data alone, never on the team, and sums of
 //! parts have a fixed order. Every team therefore gives the same bytes.
 //!
@@ -52,7 +52,7 @@ pub fn each<T: Send>(team: &dyn Team, items: &mut [T], work: &(impl Fn(&mut T) +
     }
 }
 
-/// [`each`], with the last items first where one thread does all of them.
+/// [`each`], with the last items first if one thread does all of them.
 pub fn each_from_last<T: Send>(team: &dyn Team, items: &mut [T], work: &(impl Fn(&mut T) + Sync)) {
     match items {
         [] => {}

@@ -102,7 +102,7 @@ const TEMPORARY: [&str; 2] = [".palpate-", ".tmp"];
 
 /// The temporary files of this program that may be there.
 static OWN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-/// From so many paths on, those that are no longer there are forgotten.
+/// The number of paths from which on the paths of files that no longer exist are forgotten.
 const MANY: usize = 64;
 
 /// Removes the temporary files of this program, which is about to end in the middle of its work.
@@ -278,7 +278,7 @@ mod tests {
         }
     }
 
-    /// Opening the pipe, or writing to the socket, would wait for ever or fail after the work.
+    /// Opening the pipe, or writing to the socket, would wait without end or fail after the work.
     #[cfg(unix)]
     #[test]
     fn a_pipe_needs_a_reader_and_a_socket_is_refused() {

@@ -34,7 +34,7 @@ pub(super) struct Axis {
 enum Kind {
     /// Consecutive ticks are one step apart.
     Linear { step: f64 },
-    /// Labels are plain numbers, or powers of ten where plain numbers would be long.
+    /// Labels are plain numbers, or powers of ten if plain numbers would be long.
     Logarithmic { plain: bool },
 }
 

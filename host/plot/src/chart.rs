@@ -19,7 +19,7 @@ pub struct Series {
     pub marker: Marker,
     /// What the line shows, which determines its look.
     pub role: Role,
-    /// For each point, the range of its x over repetitions; empty where nothing was repeated.
+    /// For each point, the range of its x over repetitions; empty if nothing was repeated.
     pub spread: Vec<[f64; 2]>,
 }
 

@@ -21,7 +21,7 @@ pub enum Part {
 }
 
 impl Part {
-    /// The component of `vector` along the axis, or its norm; the norm where a picture finds its direction by itself.
+    /// The component of `vector` along the axis, or its norm; the norm if a picture finds its direction by itself.
     pub fn of(self, vector: &Vector3<f64>) -> f64 {
         match self {
             Self::Axis(axis) => vector.get(axis).copied().unwrap_or_default(),
@@ -29,7 +29,7 @@ impl Part {
         }
     }
 
-    /// What a label says of the part after the name of the quantity; the norm where a picture finds its direction by
+    /// What a label says of the part after the name of the quantity; the norm if a picture finds its direction by
     /// itself.
     pub fn label(self) -> String {
         match self {

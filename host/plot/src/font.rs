@@ -1,6 +1,6 @@
 //! The font of all pictures: DejaVu Sans, a part of which the program contains.
 //!
-//! A PNG is drawn with it. An SVG names it first; where it is missing, the viewer takes Helvetica or Arial, whose letters
+//! A PNG is drawn with it. An SVG names it first; if it is missing, the viewer takes Helvetica or Arial, whose letters
 //! are narrower. The widths here are therefore upper bounds for both, and the layout of a page relies on them.
 
 use ttf_parser::{Face, GlyphId, OutlineBuilder};

@@ -98,7 +98,7 @@ impl Attributes {
         value.ok_or_else(|| unknown(&format!("no number {name}")))
     }
 
-    /// The colour of `fill` or `stroke`; `None` where it is not drawn.
+    /// The colour of `fill` or `stroke`; `None` if it is not drawn.
     fn paint(&self, name: &str) -> io::Result<Option<Paint<'static>>> {
         let hex = match self.text(name) {
             None | Some("none") => return Ok(None),

@@ -53,7 +53,7 @@ pub struct Mark {
     pub to: f64,
     /// The cause.
     pub cause: Cause,
-    /// The device or the body; empty where there is one only.
+    /// The device or the body; empty if there is one only.
     pub of: String,
 }
 
@@ -122,8 +122,8 @@ impl Cause {
     }
 }
 
-/// Draws force and displacement of all devices over time, 800 by 560 pixels. What is not a number is
-/// left out.
+/// Draws force and displacement of all devices over time, 800 by 560 pixels. Values that are not numbers
+/// are left out.
 pub fn force_and_position_svg(data: &PlotData) -> String {
     let devices = data.devices.iter();
     let devices: Vec<_> = devices

@@ -19,7 +19,7 @@ use std::os::fd::AsFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Time after which the terminal is looked at again where it cannot be read now.
+/// Time after which the terminal is looked at again if it cannot be read now.
 const PAUSE: Duration = Duration::from_millis(50);
 /// Largest length of a line (bytes). A longer line counts as a line of its own.
 const LONGEST: usize = 4096;
@@ -41,11 +41,11 @@ impl Keyboard {
     }
 }
 
-/// Installs the handlers of the orders to the `panel`, before the scene is built and the devices are opened. Where there is
+/// Installs the handlers of the orders to the `panel`, before the scene is built and the devices are opened. If there is
 /// a terminal, a thread reads the operator's lines. Returns who reads the terminal.
 ///
 /// # Errors
-/// [`CommandError::Signals`] where the system refuses a handler or the thread.
+/// [`CommandError::Signals`] if the system refuses a handler or the thread.
 pub(super) fn begin(panel: &Panel) -> Result<Keyboard, CommandError> {
     install(panel).map_err(CommandError::Signals)
 }
@@ -198,7 +198,7 @@ pub(super) fn by_signals(run: u32) -> view::terminal::Operate {
 pub(super) const LINES: &str =
     "Enter stops the force of all devices, and \"arm\" with Enter arms them";
 
-/// How to arm the devices of a `scene` that wait for it; `None` where none waits. `real` tells whether the run follows the
+/// How to arm the devices of a `scene` that wait for it; `None` if none waits. `real` tells whether the run follows the
 /// real clock, and `lines` whether lines of the terminal are read: the display of a run reads keys.
 pub(super) fn waiting(scene: &Scene, real: bool, lines: bool) -> Option<String> {
     let devices = scene.devices.iter();

@@ -188,7 +188,7 @@ impl OutputError {
     }
 }
 
-/// The other name of a file, where it has one.
+/// The other name of a file, if it has one.
 fn as_well(path: &Path, other: &Path) -> String {
     if path == other {
         String::new()
@@ -476,7 +476,7 @@ fn hold(output: &Output) -> Result<Option<File>, OutputError> {
     }
 }
 
-/// Opens an output that is a pipe or a socket, where that is possible without waiting.
+/// Opens an output that is a pipe or a socket, if that is possible without waiting.
 fn hold_pipe(output: &Output) -> Result<Option<File>, OutputError> {
     let path = &output.path;
     let there = fs::metadata(path).ok().filter(is_connected);

@@ -60,7 +60,7 @@ impl Overrides {
         scheme.chain(numbers).chain(armed).collect()
     }
 
-    /// The scene of the argument with these values. Prints what is possible in the scene, but unlikely.
+    /// The scene of the argument with these values. Prints the warnings about the scene.
     pub(super) fn load(&self, scene: &SceneArgument) -> Result<LoadedScene, CommandError> {
         scene.values.load(scene.scene.as_deref(), self.given())
     }

@@ -1,9 +1,9 @@
 //! Printing that never panics. The macros `out!` and `outln!` replace `print!` and `println!`, and `errln!` replaces
-//! `eprintln!`, which panic where the stream is closed or its disk is full.
+//! `eprintln!`, which panic if the stream is closed or its disk is full.
 //!
 //! A reader that closes its pipe (`palpate plan | head -1`) has read enough. The rest of the text is dropped; the
-//! command goes on, writes its files, and ends with the exit code that it would have had. Any other failure to print is
-//! kept until the command has written its files; [`end`] then returns the error.
+//! command continues, writes its files, and ends with the exit code that it would have had. Any other failure to print
+//! is kept until the command has written its files; [`end`] then returns the error.
 //!
 //! Texts of files and devices (logs, scenes, results, plug-ins) may hold control characters, which a terminal obeys: they
 //! move the cursor, change the title, or answer as if a person typed. All text of the program passes through here, and

@@ -31,7 +31,7 @@ struct Shared {
     bar: Bar,
     /// Whether the standard error is a terminal.
     draws: bool,
-    /// Whether lines are written where there is no terminal.
+    /// Whether lines are written if there is no terminal.
     lines: bool,
     start: Instant,
     position: AtomicU64,

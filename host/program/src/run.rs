@@ -271,7 +271,7 @@ fn before_the_end(arguments: &RunArguments, scene: &Scene) -> Result<(), Command
     }
 }
 
-/// Refuses what is about the tick's own thread where there is none.
+/// Refuses what is about the tick's own thread if there is none.
 fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
     let given = [
         ("--strict", arguments.strict.is_some()),

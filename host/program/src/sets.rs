@@ -83,7 +83,7 @@ impl Sets {
     /// Each argument as the user writes it, and its value.
     ///
     /// # Errors
-    /// [`CommandError::ManyValues`] where a field has several values.
+    /// [`CommandError::ManyValues`] if a field has several values.
     pub(super) fn given(&self) -> Result<Vec<(String, Override)>, CommandError> {
         let each = self.sets.iter().map(|Assignment { field, values }| {
             let [value] = values.as_slice() else {

@@ -8,8 +8,8 @@
 //! once; the loop has commanded zero force by then. Sooner signals belong to the first request: `timeout` sends its signal
 //! twice, to the program and to its group, and a shell that was closed and the kernel both send SIGHUP.
 //!
-//! A terminal may be lost without a signal, where the program has a session of its own. The thread that waits for a second
-//! request therefore looks at the terminal as well. Where `nohup` lets the program ignore SIGHUP, a lost terminal ends
+//! A terminal may be lost without a signal, if the program has a session of its own. The thread that waits for a second
+//! request therefore looks at the terminal as well. If `nohup` lets the program ignore SIGHUP, a lost terminal ends
 //! nothing.
 //!
 //! Commands that hold no device end at once, as the signal says; only their temporary files are removed first
@@ -109,7 +109,7 @@ impl Ending {
     /// command without an operator they are signals like the others.
     ///
     /// # Errors
-    /// [`CommandError::Signals`] where the system refuses a handler or the thread that waits for a second request.
+    /// [`CommandError::Signals`] if the system refuses a handler or the thread that waits for a second request.
     pub(super) fn begin(operated: bool) -> Result<Self, CommandError> {
         Self::install(operated).map_err(CommandError::Signals)
     }
@@ -155,7 +155,7 @@ impl Ending {
     /// The result of a command that has ended in order.
     ///
     /// # Errors
-    /// [`CommandError::Signal`] where a signal was received.
+    /// [`CommandError::Signal`] if a signal was received.
     pub(super) fn result(&self) -> Result<(), CommandError> {
         let number = self.received.load(Ordering::SeqCst);
         match u8::try_from(number) {
@@ -187,7 +187,7 @@ impl Watched {
         low_level::exit(128_i32.saturating_add(number));
     }
 
-    /// Waits for a request. Ends the command as SIGHUP does where its terminal is lost meanwhile.
+    /// Waits for a request. Ends the command as SIGHUP does if its terminal is lost meanwhile.
     fn wait(&mut self) {
         while !self.requested.load(Ordering::SeqCst) {
             let input = io::stdin();

@@ -1,10 +1,11 @@
-//! What the writer of a command line probably meant, where the line would be read otherwise or refused without the remedy.
+//! Messages with the command line that the writer probably meant. They are for a line that would be read otherwise, or
+//! refused without the remedy.
 
 use clap::builder::PossibleValue;
 use clap::{Arg, Command};
 use std::path::Path;
 
-/// What was probably meant by the arguments `given` after the name of the program, as a message; `None` where the line is
+/// What was probably meant by the arguments `given` after the name of the program, as a message; `None` if the line is
 /// as it should be, or wrong in a way for which clap has the right words.
 pub(super) fn tip(program: &Command, given: &[String]) -> Option<String> {
     no_command(program, given).or_else(|| {

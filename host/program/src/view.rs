@@ -338,7 +338,7 @@ fn draw_terminal(
     Ok(())
 }
 
-/// Notes the signals that end the viewer. Where the run has the same terminal, Ctrl-C and SIGQUIT are for the run, which
+/// Notes the signals that end the viewer. If the run has the same terminal, Ctrl-C and SIGQUIT are for the run, which
 /// then ends, and the viewer with it.
 fn signals(attached: bool) -> io::Result<Arc<AtomicUsize>> {
     let received = Arc::new(AtomicUsize::new(0));

@@ -1,7 +1,7 @@
 //! `palpate run --view`: tells how to watch the run, and shows the run in the terminal.
 //!
 //! The display is a process of its own, `palpate view --attached`, on the same terminal. It may end in any way: this module
-//! then gives the terminal back as it was, and the run goes on.
+//! then gives the terminal back as it was, and the run continues.
 
 use super::operator::{self, Keyboard};
 use super::progress::ProgressBar;
@@ -26,7 +26,7 @@ pub(super) struct Watch {
     socket: PathBuf,
     /// Whether `palpate view` must be told the socket.
     named: bool,
-    /// The terminal of the operator, where the keys of the display arm and stop the devices.
+    /// The terminal of the operator, if the keys of the display arm and stop the devices.
     keyboard: Option<Keyboard>,
     state: State,
 }
@@ -57,7 +57,7 @@ impl Watch {
         self.named.then(|| self.socket.clone())
     }
 
-    /// Whether the display has the terminal. The first call, when the run has begun, starts the display where there is a
+    /// Whether the display has the terminal. The first call, when the run has begun, starts the display if there is a
     /// terminal. When the display has ended, gives the terminal back.
     pub(super) fn shows(&mut self, bar: &ProgressBar) -> bool {
         match &mut self.state {
@@ -138,7 +138,7 @@ impl Watch {
         let _ = child.kill();
         let ended = child.wait();
         if let Some(before) = before {
-            // Without the terminal, there is nobody who misses it.
+            // Without the terminal, nobody misses it.
             let _ = tcsetattr(io::stdin(), OptionalActions::Now, &before);
         }
         if !ended.is_ok_and(|status| status.code().is_some()) {

@@ -157,7 +157,7 @@ fn the_tutorial_leads_from_an_empty_folder_to_a_figure() {
     };
     let (above, beside) = (strongest("press.csv"), strongest("beside.csv"));
     assert!(above > 1.1 * beside, "{above} N above, {beside} N beside");
-    // The table starts where the weight has settled, and the indenter has not moved.
+    // The table starts when the weight has settled and the indenter has not moved yet.
     let indent = columns(&work.join("indent.csv"));
     let depth = column(&indent, "tissue_indenter_displacement_z_m");
     assert_eq!((depth[0], depth[depth.len() - 1]), (0.0, -0.006));

@@ -222,8 +222,8 @@ fn a_scene_with_two_emulated_devices_is_rehearsed_in_its_own_hands() {
         "real.json",
         &["--clock", "real", "--armed", &first, &second],
     );
-    // Where this machine stands still for a while, a hand goes on alone, and the reach leaves out the part of its way that
-    // the device did not follow. The second pull then still stretches the sheet.
+    // If this machine stands still for a while, a hand continues alone, and the reach leaves out the part of its way
+    // that the device did not follow. The second pull then still stretches the sheet.
     let events = rehearsed["events"].as_array().expect("a list");
     let stalled = events
         .iter()
@@ -331,7 +331,7 @@ fn ptys(process: &Child) -> Vec<String> {
     names.filter(|name| name.starts_with("/dev/pts/")).collect()
 }
 
-/// The device is switched off and on again while a run holds it. The system gives the new pty the old name only where
+/// The device is switched off and on again while a run holds it. The system gives the new pty the old name only if
 /// nobody has the old one open.
 fn comes_back_on_a_pty(model: &str) {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,5 +1,5 @@
 //! The book's page on JSON (`docs/src/json.md`) is generated from the doc comments of the types that the program writes.
-//! This test fails where the page is out of date, and where a number has no unit. To renew the page:
+//! This test fails if the page is out of date, and if a number has no unit. To renew the page:
 //!
 //! ```sh
 //! PALPATE_RENEW=1 cargo test --release -p palpate --test json_page

@@ -87,7 +87,7 @@ fn strict_solvers_are_exact_and_no_solver_errs_noticeably() {
             // in the first step. The force sums the residual over a face.
             path if path.ends_with("1e-6") || path.ends_with("1e-9") => 1e-6,
             path if path.ends_with("1e-3") => 1e-3,
-            // A single iteration suffices for slow hands. Its error is about the just-noticeable difference where a
+            // A single iteration suffices for slow hands. Its error is about the just-noticeable difference if a
             // cube is sheared by half its height in a second.
             "single 1 it" if row["scene"] == "shear" => 0.2,
             "single 1 it" => 2e-2,

@@ -1,7 +1,7 @@
 //! The running tick makes no system call but those for the clock and the sleep: observed from outside, with strace.
 //!
 //! The devices of the scene are simulated, so the tick makes no call to a device either. The test is skipped with a
-//! visible line where strace is missing or may not trace.
+//! visible line if strace is missing or may not trace.
 
 use std::fs;
 use std::io::Write as _;

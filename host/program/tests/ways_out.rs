@@ -206,7 +206,7 @@ fn a_closed_terminal_ends_a_run_in_order_also_where_no_signal_tells_it() {
 #[test]
 fn a_second_request_ends_a_run_that_cannot_print() {
     let mut program = run(Session::Controlled, &[]);
-    // Ctrl-S: whoever prints to the terminal waits from now on.
+    // Ctrl-S: every process that prints to the terminal waits from now on.
     program.type_bytes(b"\x13").unwrap();
     let start = Instant::now();
     let status = loop {

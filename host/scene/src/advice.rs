@@ -229,7 +229,7 @@ fn plain(name: &str) -> String {
     letters.map(|c| c.to_ascii_lowercase()).collect()
 }
 
-/// The name among `allowed` that is nearest to `found`; `None` where no name is near.
+/// The name among `allowed` that is nearest to `found`; `None` if no name is near.
 fn nearest<'a>(found: &str, allowed: &'a str) -> Option<&'a str> {
     let plain_found = plain(found);
     if plain_found.is_empty() {
@@ -260,7 +260,7 @@ fn nearest<'a>(found: &str, allowed: &'a str) -> Option<&'a str> {
 }
 
 /// The likely name for the `found` name of a field or a value that is not among the `allowed` names, as the end of a
-/// message; empty where nothing is likely.
+/// message; empty if nothing is likely.
 pub(super) fn meant(found: &str, allowed: &str) -> String {
     let found = found.trim_matches('"');
     if SOLVERS.contains(&found) && allowed.contains("`incomplete`") {
@@ -300,7 +300,7 @@ pub(super) fn of_field(field: &str, allowed: &str) -> String {
     }
 }
 
-/// An example of the field at the path `field`, whose value has the wrong type, as the end of a message; empty where there
+/// An example of the field at the path `field`, whose value has the wrong type, as the end of a message; empty if there
 /// is none.
 pub(super) fn example(field: &str, allowed: &str) -> String {
     if !["a table", "a list", "an array", "a sequence"]

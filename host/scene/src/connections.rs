@@ -1,7 +1,7 @@
 //! Whether the connections of a scene reach different devices.
 //!
 //! Two devices of a scene that reach one real device would both command it. The check asks the system what the
-//! connections name, so it is made where a scene is planned or run, and not where a scene is read: the texts may differ,
+//! connections name, so it is made when a scene is planned or run, and not when a scene is read: the texts may differ,
 //! and a log is replayed on another machine.
 
 use super::drivers::drivers;

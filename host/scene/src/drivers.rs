@@ -8,7 +8,7 @@ use devices::{Hid, Registry};
 use sim::{EmulatedDriver, Held, Simulated};
 use std::path::Path;
 
-/// The drivers, where `held` holds the simulated devices, by index in the scene, and files are relative to `folder`.
+/// The drivers, if `held` holds the simulated devices, by index in the scene, and files are relative to `folder`.
 /// Names need neither.
 pub fn drivers(held: Vec<Held>, folder: &Path) -> Registry {
     let simulated = Registry::new()

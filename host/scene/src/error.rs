@@ -116,7 +116,7 @@ impl fmt::Display for Place {
 }
 
 impl SceneError {
-    /// The place in the text of the scene; `None` where no text was read.
+    /// The place in the text of the scene; `None` if no text was read.
     pub(super) fn place_mut(&mut self) -> Option<&mut Place> {
         match self {
             Self::Read { .. } | Self::DeviceFile { .. } | Self::NoDevice { .. } => None,

@@ -49,7 +49,7 @@ pub struct LoadedScene {
 /// common.
 #[derive(Debug)]
 pub struct MeshFile {
-    /// What the scene calls it: where its beginning does not say which format it is in, the end of its name does.
+    /// What the scene calls it: if its beginning does not say which format it is in, the end of its name does.
     name: String,
     /// Where it was found.
     pub path: PathBuf,
@@ -349,7 +349,7 @@ fn text_of(bytes: Vec<u8>) -> io::Result<String> {
 /// Reads a file of a scene, of at most 64 MiB.
 ///
 /// # Errors
-/// [`io::Error`] for a larger file, and for a named pipe or a socket, which could wait for ever.
+/// [`io::Error`] for a larger file, and for a named pipe or a socket, which could wait without end.
 pub fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     devices::input::open(path)?

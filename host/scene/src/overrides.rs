@@ -124,7 +124,7 @@ impl LoadedScene {
     /// The scene with `overrides`. The files that the scene names are not read again.
     ///
     /// # Errors
-    /// [`SceneError`] where the scene with the overrides is refused. The lines are those of the original text, here and
+    /// [`SceneError`] if the scene with the overrides is refused. The lines are those of the original text, here and
     /// in errors and warnings that are found later.
     ///
     /// ```

@@ -95,7 +95,7 @@ impl Quantity {
     }
 }
 
-/// A number as a user would write it: plain, or with an exponent where it is long.
+/// A number as a user would write it: plain, or with an exponent if it is long.
 fn number(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || (1e-3..1e5).contains(&size) {

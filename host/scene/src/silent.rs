@@ -1,7 +1,7 @@
 //! Parts of a scene that would have no effect, with nothing in the results to tell so.
 //!
 //! Such a scene runs and gives a force of zero: a device that holds nothing, a hand that would move after the end, a first
-//! model that arrives after the end. Each is a [`Warning`]. A hand that moves only where its device cannot is refused.
+//! model that arrives after the end. Each is a [`Warning`]. A hand that moves only if its device cannot is refused.
 
 use super::error::SceneError;
 use super::plausible::Warning;
@@ -104,7 +104,7 @@ fn first_after(end: f64, waypoints: &[[f64; 4]]) -> Option<(usize, f64)> {
     moves.map(|(row, pair)| (row + 1, pair[0][0]))
 }
 
-/// Refuses waypoints of which no part leads along the axes of the device: the device bears them, and nothing moves.
+/// Refuses waypoints without a part along the axes of the device: the mechanism carries the force, and nothing moves.
 fn across(at: &str, hand: &Hand, model: &DeviceModel, source: &Source) -> Result<(), SceneError> {
     let Some(axes) = model.axes else {
         return Ok(());

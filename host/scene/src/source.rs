@@ -16,7 +16,7 @@ pub struct Source {
     pub name: String,
     /// The content of the file, with the overrides of the run.
     pub text: String,
-    /// The content of the file itself, where there are overrides. Messages name its lines.
+    /// The content of the file itself, if there are overrides. Messages name its lines.
     file: Option<String>,
 }
 
@@ -62,7 +62,7 @@ impl Source {
         }
     }
 
-    /// An error about a field that a table such as `body[0].material` needs and lacks, where only the rest of the scene
+    /// An error about a field that a table such as `body[0].material` needs and lacks, if only the rest of the scene
     /// tells that the table needs the field.
     pub fn missing(&self, table: &str, name: &str) -> SceneError {
         SceneError::Missing {

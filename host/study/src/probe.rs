@@ -208,7 +208,7 @@ impl Probed {
         }
     }
 
-    /// What keeps the device from a run, in words; empty where nothing does.
+    /// What keeps the device from a run, in words; empty if nothing does.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         if self.states == 0 {
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn the_verdict_holds_the_rate_against_the_profile_and_names_what_is_wrong() {
-        // A run bears as many ticks without a state as its patience.
+        // A run tolerates as many ticks without a state as its patience.
         let good = every(1, 1000..1005);
         assert_eq!(good.longest_silence, 5);
         assert_eq!(

@@ -1,7 +1,7 @@
 //! One scene with several values of some of its fields: a run in virtual time for each combination of the values.
 //!
 //! Each run is that of `palpate run` in virtual time, tick for tick. The runs are cells of a [`Study`]: they are
-//! divided among the cores, and a sweep that was interrupted goes on where it stopped.
+//! divided among the cores, and a sweep that was interrupted continues where it stopped.
 
 use crate::StudyError;
 use crate::compare::{Ran, run};

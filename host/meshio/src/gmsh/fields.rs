@@ -92,7 +92,7 @@ pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, G
         expected: format!("{END} after {claimed} values"),
         ..error
     })?;
-    // Programs write other values where a value is not known.
+    // Programs write other values if a value is not known.
     if values.iter().any(|value| !value.number.is_finite()) {
         return Ok(None);
     }

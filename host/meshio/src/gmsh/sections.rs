@@ -295,7 +295,7 @@ fn physical_names(input: &mut Input) -> Result<Vec<PhysicalName>, GmshError> {
     Ok(names)
 }
 
-/// Reads `$Entities`, or `$PartitionedEntities` where `parts` is set.
+/// Reads `$Entities`, or `$PartitionedEntities` if `parts` is set.
 fn entities(input: &mut Input, parts: bool) -> Result<Entities, GmshError> {
     const COUNT: &str = "a number of points, curves, surfaces, then volumes";
     const GHOSTS: &str = "a number of ghost entities";

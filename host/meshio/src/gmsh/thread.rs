@@ -14,7 +14,7 @@ pub(super) fn mesh(sections: &Sections, merge: Option<f64>) -> Result<LineMesh, 
     let places = places(sections)?;
     let lines = of_dimension(&sections.blocks, 1)
         .map(|element| {
-            // Numbers run out only where the mesh is refused for its size.
+            // Numbers run out only if the mesh is refused for its size.
             let nodes = nodes_of::<2>(element, sections, &places)?;
             Ok(nodes.map(|node| node as u32))
         })

@@ -132,7 +132,7 @@ fn pass_over<'a>(
 ) -> Result<(), MeshFileError> {
     let whole = line;
     let keyword = line.word("an attribute")?.to_ascii_uppercase();
-    // The number of components, or 0 where the line gives this number.
+    // The number of components, or 0 if the line gives this number.
     let known = match keyword.as_str() {
         "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => Some(1),
         "VECTORS" | "NORMALS" => Some(3),

@@ -17,7 +17,7 @@ pub(crate) struct Assembly {
     pub(crate) stiffness: BlockMatrix,
     /// Lumped mass by place (kg).
     pub(crate) mass: Vec<f64>,
-    /// By free place and axis: 1 where the axis is free, 0 where a support guides it. The mask is empty without
+    /// By free place and axis: 1 if the axis is free, 0 if a support guides it. The mask is empty without
     /// supports.
     mask: Vec<Vec3>,
     /// Elastic forces at the state in which `assemble` last ran (N).
@@ -27,7 +27,7 @@ pub(crate) struct Assembly {
     /// of that step (s), if the whole step was taken.
     pub(crate) promised: Vec<Vec3>,
     pub(crate) promised_over: Option<f64>,
-    /// The rate of change of the forces along the motion that the tangent does not predict (N/s); zero where it is
+    /// The rate of change of the forces along the motion that the tangent does not predict (N/s); zero if it is
     /// unknown.
     pub(crate) missed: Vec<Vec3>,
     /// Positions at the end of the step, before the step is taken (m). During a solve, the displacement by place.
@@ -91,7 +91,7 @@ impl Assembly {
         });
     }
 
-    /// By free place and axis: 1 where it is free, 0 where it is guided; `None` without supports.
+    /// By free place and axis: 1 if it is free, 0 if it is guided; `None` without supports.
     pub(crate) fn mask(&self) -> Option<&[Vec3]> {
         (!self.mask.is_empty()).then_some(&self.mask)
     }

@@ -213,7 +213,7 @@ impl Body {
     ///
     /// # Errors
     ///
-    /// [`TearingError::Kind`] for a body that is not [tearable](Self::make_tearable), [`TearingError::Held`] where the edit
+    /// [`TearingError::Kind`] for a body that is not [tearable](Self::make_tearable), [`TearingError::Held`] if the edit
     /// would part vertices that a handle holds, and [`TearingError::Edit`]; nothing has changed then.
     pub fn edit(&mut self, edit: &Edit) -> Result<BodyEdit, TearingError> {
         let Some(mut sheet) = self.sheet.take() else {

@@ -281,7 +281,7 @@ fn follow_random_edits<T: Precision>(bending: f64, seed: u64, tolerance: f64) {
 }
 
 /// Rounding errors of some hundred operations. The weights of bending are solutions of small systems of equations, which
-/// lose up to four digits where vertices are near a conic.
+/// lose up to four digits if vertices are near a conic.
 #[test]
 fn a_torn_sheet_has_the_forces_of_a_sheet_built_of_its_triangles() {
     for seed in [1, 2, 3] {

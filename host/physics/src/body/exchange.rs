@@ -135,7 +135,7 @@ impl Body {
         Ok(())
     }
 
-    /// Places the ghosts: where `old` has the same edge clamped, as there, and else where they continue the sheet.
+    /// Places the ghosts: if `old` has the same edge clamped, as there, and else where they continue the sheet.
     fn place_ghosts(&mut self, old: &Self, map: &BodyMap) {
         for clamp in self.constraints.clamps() {
             let node = clamp.ghost as usize;

@@ -1,7 +1,7 @@
 //! A bound on the energy at the end of a step.
 //!
 //! Implicit Euler, solved to convergence, never adds energy to a body. TR-BDF2 guarantees this for linear bodies only.
-//! A single linearization guarantees nothing where a step is so long that the linearization does not hold: a body may
+//! A single linearization guarantees nothing if a step is so long that the linearization does not hold: a body may
 //! then return the energy of a kick many times over. The guard checks each such step. A step that fails is taken by a
 //! safer scheme or shortened, so that a body never releases energy that no hand supplied (after Dinev, Liu and Kavan,
 //! "Stabilizing integrators for real-time physics", 2018, who blend with implicit Euler by the energy).
@@ -47,7 +47,7 @@ pub(crate) struct HeldBack {
 pub(crate) struct Energy {
     /// Kinetic and elastic energy.
     own: f64,
-    /// Kinetic and elastic energy and that of the loads; infinite where the sum is not a number.
+    /// Kinetic and elastic energy and that of the loads; infinite if the sum is not a number.
     total: f64,
 }
 
@@ -103,12 +103,12 @@ impl Guard {
     /// Whether a step may end with the energy `after`, when hands have supplied at most `work` (J).
     pub(crate) fn allows(&self, body: &Body, after: Energy, work: f64) -> bool {
         let limit = self.limit + work;
-        // The rounding error costs a pass over the body, so it is computed only where it decides.
+        // The rounding error costs a pass over the body, so it is computed only if it decides.
         after.total <= limit || after.total <= limit + rounding(body, after.own)
     }
 
     /// Halves the displacement of `body` over a step until the energy at its end is allowed, when hands have supplied
-    /// at most `work` (J). Where no fraction is allowed, the displacement with the least energy is kept. `ahead`
+    /// at most `work` (J). If no fraction is allowed, the displacement with the least energy is kept. `ahead`
     /// computes the energy at the end of the present displacement.
     ///
     /// A body that does not move gains nothing, so some fraction is allowed unless hands pull hard at the body. A body

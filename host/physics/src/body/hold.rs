@@ -66,7 +66,7 @@ impl Body {
     /// positions along these axes until [`set_support`](Self::set_support) moves them. Returns the number of the
     /// support.
     ///
-    /// Where several supports guide the same axis of a vertex, the latest of them applies.
+    /// If several supports guide the same axis of a vertex, the latest of them applies.
     ///
     /// # Errors
     ///
@@ -77,7 +77,7 @@ impl Body {
 
     /// Adds a support that holds vertices along all axes and clamps the border of a sheet that bends: the sheet leaves the
     /// edges of the border between these vertices in its present direction. All else is as with
-    /// [`add_support`](Self::add_support). The clamp stays with this support where a later support guides the same
+    /// [`add_support`](Self::add_support). The clamp stays with this support if a later support guides the same
     /// vertices.
     ///
     /// # Errors

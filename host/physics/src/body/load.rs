@@ -17,7 +17,7 @@ const FACES: [([usize; 3], [usize; 3]); 4] = [
 pub struct Spread {
     /// The fraction of the force on each vertex of the mesh; the sum is 1.
     pub fractions: Vec<f64>,
-    /// The area at rest over which the force is distributed (m^2); 0 where it is distributed over edges or vertices.
+    /// The area at rest over which the force is distributed (m^2); 0 if it is distributed over edges or vertices.
     pub area: f64,
 }
 
@@ -269,11 +269,11 @@ fn evenly(chosen: &[bool]) -> Spread {
 ///
 /// `per_length` gives the force per length at rest (N/m, world axes), from the position and the outward normal in the
 /// sheet's plane. The force is integrated with two Gauss points per edge against the linear shape functions. The result
-/// is exact where the force is quadratic along the edge.
+/// is exact if the force is quadratic along the edge.
 ///
 /// # Errors
 ///
-/// [`MeshError::CrowdedEdge`] where more than two triangles meet at an edge.
+/// [`MeshError::CrowdedEdge`] if more than two triangles meet at an edge.
 pub fn edge_traction(
     mesh: &TriMesh,
     vertices: &[u32],

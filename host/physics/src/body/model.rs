@@ -18,7 +18,7 @@ pub(crate) struct Model {
     pub(crate) rest: Vec<Vec3>,
     /// Lumped mass by node (kg).
     pub(crate) mass: Vec<f64>,
-    /// The mass that gravity acts on (kg). It differs from the lumped mass where elements are quadratic.
+    /// The mass that gravity acts on (kg). It differs from the lumped mass if elements are quadratic.
     pub(crate) load: Vec<f64>,
     /// Gravity and the external forces that the host sets (N).
     pub(crate) external: Vec<Vec3>,

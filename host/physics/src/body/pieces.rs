@@ -57,7 +57,7 @@ impl Body {
         }
     }
 
-    /// Lets vertices leave the scene: all those of a piece. Returns `false` where a handle or a support has one of them;
+    /// Lets vertices leave the scene: all those of a piece. Returns `false` if a handle or a support has one of them;
     /// nothing has changed then. Vertices that leave or have left are ignored. Nothing is allocated.
     pub fn leave(&mut self, vertices: impl Iterator<Item = u32> + Clone) -> bool {
         let is_bound = |vertex: u32| self.constraints.supports.owner_of(vertex).is_some();

@@ -34,11 +34,11 @@ pub(crate) struct Support {
     pub(crate) reaction: Vec3,
 }
 
-/// All supports of a body. The vectors are empty where there are none.
+/// All supports of a body. The vectors are empty if there are none.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Supports {
     pub(crate) list: Vec<Support>,
-    /// By node and axis: 0 where a support guides the axis, 1 elsewhere.
+    /// By node and axis: 0 if a support guides the axis, 1 elsewhere.
     mask: Vec<Vec3>,
     /// By node and axis: the support that guides the axis, counted from 1; 0 for none.
     owner: Vec<[u16; 3]>,
@@ -64,7 +64,7 @@ impl Supports {
             + size_of_val(self.rest.as_slice())
     }
 
-    /// Adds a support of nodes that no handle holds, and of `clamps`, at their present positions `x` (m). Where several
+    /// Adds a support of nodes that no handle holds, and of `clamps`, at their present positions `x` (m). If several
     /// supports guide the same axis of a node, the latest of them applies. The support has still to be
     /// [laid](border::lay).
     pub(crate) fn add(
@@ -221,7 +221,7 @@ impl Supports {
         }
     }
 
-    /// By node and axis: 0 where a support guides the axis, 1 elsewhere; `None` without supports.
+    /// By node and axis: 0 if a support guides the axis, 1 elsewhere; `None` without supports.
     pub(crate) fn mask(&self) -> Option<&[Vec3]> {
         (!self.mask.is_empty()).then_some(&self.mask)
     }

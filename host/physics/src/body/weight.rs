@@ -1,8 +1,8 @@
-//! The part of a body's weight that each handle bears.
+//! The part of a body's weight that each handle carries.
 //!
-//! At rest, handles and supports together bear the whole weight. The distribution depends on the shape in which the
+//! At rest, handles and supports together carry the whole weight. The distribution depends on the shape in which the
 //! body hangs, and changes as the body moves. The weight on each handle is read once, from the settled body, before a
-//! hand has moved it, and is kept constant from then on. This value is right at the start, whatever the supports bear.
+//! hand has moved it, and is kept constant from then on. This value is right at the start, whatever the supports carry.
 //! A constant force is the gradient of a potential, so it returns exactly the energy that it took. Later changes of the
 //! distribution belong to the elastic part of the wrench.
 

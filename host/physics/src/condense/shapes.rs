@@ -22,7 +22,7 @@ pub struct ShapeOptions {
     pub max_iterations: usize,
     /// The number of shapes that are updated with each model, in turn. The first model computes all of them.
     pub at_a_time: usize,
-    /// The residual that is too large for a model, as a fraction of the forces that cause the shape. Where
+    /// The residual that is too large for a model, as a fraction of the forces that cause the shape. If
     /// `max_iterations` leave more, the body has changed more than a few shapes in turn can follow: all shapes are updated
     /// with this model, each in up to 50 further iterations. The motion of a thin sheet along itself is its stiffest; a
     /// shape with a large residual has too much of it, and states a stiffness many times that of the body.

@@ -67,7 +67,7 @@ pub(crate) trait TearableKernel<T> {
 pub struct Torn<'a> {
     /// The surface after the edit. Each edit is followed once, before the next one.
     pub surface: &'a Surface,
-    /// The number in the set of each vertex, or `None` where the set has the numbers of the surface.
+    /// The number in the set of each vertex, or `None` if the set has the numbers of the surface.
     pub place: Option<&'a [u32]>,
     /// The positions from which displacements count (m), by number in the set.
     pub rest: &'a [Vec3],

@@ -16,7 +16,7 @@ const SERIES: [f64; 7] = [
 
 const LN_2: f64 = core::f64::consts::LN_2;
 
-/// `y - log(1 + y)` for `y > -1`. The digits are kept where `y` is small and the result is near `y^2 / 2`.
+/// `y - log(1 + y)` for `y > -1`. The digits are kept if `y` is small and the result is near `y^2 / 2`.
 #[inline(always)]
 pub(crate) fn less_log_1p<T: Real>(y: T) -> T {
     let (one, two) = (T::of(1.0), T::of(2.0));

@@ -196,7 +196,7 @@ impl Clipper {
     /// `load . matrix^-1 load / 2` of a symmetric `matrix` whose eigenvalues are raised to at least `floor`.
     ///
     /// Row and column `i` are divided by `scale[i]` first, as in [`clip`](Self::clip). For a stiffness (N/m) and forces
-    /// (N) the result is the stored energy (J). The floor bounds it where the matrix is nearly singular.
+    /// (N) the result is the stored energy (J). The floor bounds it if the matrix is nearly singular.
     pub fn stored(&mut self, matrix: &Square, scale: &[f64], load: &[f64], floor: f64) -> f64 {
         let size = matrix.size();
         for j in 0..size {

@@ -147,7 +147,7 @@ impl Factor {
         &self.places
     }
 
-    /// The supernodes of the factor, merged where the merging makes panels faster. (`faer` has supernodes of its own.)
+    /// The supernodes of the factor, merged if the merging makes panels faster. (`faer` has supernodes of its own.)
     pub fn supernodes(&self) -> &Supernodes {
         &self.supernodes
     }
@@ -181,7 +181,7 @@ impl Factor {
         self.sparse.factorize()
     }
 
-    /// Writes the upper triangle by columns; `None` where the pattern is another.
+    /// Writes the upper triangle by columns; `None` if the pattern is another.
     fn gather(&mut self, step: &StepMatrix<'_>) -> Option<()> {
         let matrix = step.stiffness;
         if matrix.free() != self.order.len() || !step.is_whole() {

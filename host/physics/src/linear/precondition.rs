@@ -197,7 +197,7 @@ impl Factorization {
         }
     }
 
-    /// Replaces `solves`, which has the numbers of this factorization of `matrix`, by a factor in f32 where 16 bits are
+    /// Replaces `solves`, which has the numbers of this factorization of `matrix`, by a factor in f32 if 16 bits are
     /// too few. Returns whether they are. This allocates memory.
     pub(crate) fn widen(&mut self, solves: &mut Solves, matrix: &StepMatrix<'_>) -> bool {
         let (Self::Complete(factor), Solves::Complete(panels)) = (self, solves) else {

@@ -11,7 +11,7 @@ pub(crate) struct StepMatrix<'a> {
     pub(crate) mass: &'a [f64],
     pub(crate) mass_factor: f64,
     pub(crate) stiffness_factor: f64,
-    /// By free node and axis: 1 where it is free, 0 where a support guides it.
+    /// By free node and axis: 1 if it is free, 0 if a support guides it.
     pub(crate) mask: Option<&'a [Vec3]>,
 }
 
@@ -27,7 +27,7 @@ impl StepMatrix<'_> {
         self.mask.is_some_and(|mask| mask[node][axis] == 0.0)
     }
 
-    /// Its entry between two axes of nodes, where the stiffness has `value`. Guided axes are uncoupled, with 1 on the
+    /// Its entry between two axes of nodes, if the stiffness has `value`. Guided axes are uncoupled, with 1 on the
     /// diagonal.
     #[inline(always)]
     pub(crate) fn entry(&self, row: (usize, usize), column: (usize, usize), value: f64) -> f64 {
@@ -43,7 +43,7 @@ impl StepMatrix<'_> {
         }
     }
 
-    /// Its block at (`row`, `column`), where the stiffness has `block`; `alone` is put on the diagonal of guided axes.
+    /// Its block at (`row`, `column`), if the stiffness has `block`; `alone` is put on the diagonal of guided axes.
     #[inline(always)]
     pub(crate) fn block(&self, row: usize, column: usize, block: &Mat3, alone: f64) -> Mat3 {
         let mut block = block * self.stiffness_factor;

@@ -211,7 +211,7 @@ impl TornFactor {
         }
     }
 
-    /// Empties the row of a new node, so that it is given anew; its columns are kept. This serves where edges were opened
+    /// Empties the row of a new node, so that it is given anew; its columns are kept. This serves if edges were opened
     /// or divided beside the node, and no vertex moved at rest.
     pub fn renew(&mut self, node: usize) {
         let count = self.count();
@@ -253,7 +253,7 @@ impl TornFactor {
     }
 
     /// Computes the columns of the rows that were given. `solve` solves with the old factor in place, and `mask` has the
-    /// free axes of the old places, or nothing where all are free.
+    /// free axes of the old places, or nothing if all are free.
     pub fn update<T: Real>(&mut self, mask: &[Node<T>], mut solve: impl FnMut(&mut [Node<f32>])) {
         let joined = self.joined();
         let Some(first) = self.rows[..self.count()].iter().position(|row| row.changed) else {

@@ -183,7 +183,7 @@ impl TriMesh {
         let Some(pattern) = &self.flat_pattern else {
             return Ok(());
         };
-        // Where more than two triangles meet at an edge, which no mesh of a file has, none of them counts as mirrored.
+        // If more than two triangles meet at an edge, which no mesh of a file has, none of them counts as mirrored.
         let adjacency = Adjacency::new(&self.triangles).unwrap_or_default();
         pattern.check(&self.triangles, &adjacency)
     }

@@ -2,8 +2,9 @@
 //! named groups of either.
 //!
 //! A mesh comes from a generator ([`generate`], [`generate_box`], [`generate_plate`], [`generate_thread`]) or from a
-//! file, which the crate `meshio` reads. What is read ends in [`LineMesh::new`], [`TriMesh::new`] or [`TetMesh::new`],
-//! so what holds for one mesh holds for all (see [`check`], [`check_solid`], [`check_thread`]).
+//! file, which the crate `meshio` reads. Every mesh of a file is built by
+//! [`LineMesh::new`], [`TriMesh::new`] or [`TetMesh::new`], so the same checks hold for all meshes (see [`check`],
+//! [`check_solid`], [`check_thread`]).
 
 use crate::Vec3;
 

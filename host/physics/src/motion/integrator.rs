@@ -301,7 +301,7 @@ impl Integrator {
                     report.relative_residual =
                         report.relative_residual.max(newton.relative_residual());
                     report.last = newton;
-                    // The size doubles only where the time so far is a multiple of the new size.
+                    // The size doubles only if the time so far is a multiple of the new size.
                     while size < whole - done
                         && done.is_multiple_of(2 * size)
                         && size * 2 <= whole - done

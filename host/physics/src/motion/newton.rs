@@ -10,7 +10,7 @@
 //! Each iteration solves with the tangent by sparse Cholesky and searches along the result for a decrease of the
 //! incremental potential (Nocedal and Wright, "Numerical optimization", 2006, algorithm 3.1; the potential is that of
 //! Radovitzky and Ortiz, 1999). The matrix of the damping is constant during one search. The exact tangent gives
-//! quadratic convergence. Where the exact tangent is not positive definite, the clipped tangent replaces it, so that
+//! quadratic convergence. If the exact tangent is not positive definite, the clipped tangent replaces it, so that
 //! every direction descends.
 //!
 //! Below some residual only rounding is left (`rounding`). There the method continues as long as a step halves the
@@ -79,7 +79,7 @@ pub struct NewtonReport {
 }
 
 impl NewtonReport {
-    /// The residual as a fraction of the forces that balance; 0 where it is negligible, because the
+    /// The residual as a fraction of the forces that balance; 0 if it is negligible, because the
     /// forces then may be only rounding themselves.
     pub fn relative_residual(&self) -> f64 {
         if self.negligible {

@@ -43,7 +43,7 @@ pub struct Refresher<T> {
 
 impl<T: Precision> Refresher<T> {
     /// Makes a refresher for the free places of `matrix`, in their order, with all places at `rest` (m). `guided` is 1
-    /// where an axis of a place is free and 0 where a support guides the axis; it is empty without supports. `code` is
+    /// if an axis of a place is free and 0 if a support guides the axis; it is empty without supports. `code` is
     /// the code of the factorization.
     pub(crate) fn new(
         kernels: Vec<Box<dyn Kernel<T>>>,
@@ -141,7 +141,7 @@ impl<T: Precision> Refresher<T> {
         Ok(())
     }
 
-    /// Number of parts in which a factor is read ahead beside steps of `h` seconds, a part after each step; 0 where a
+    /// Number of parts in which a factor is read ahead beside steps of `h` seconds, a part after each step; 0 if a
     /// step takes a new factor at once.
     pub fn parts(h: f64) -> usize {
         // The quotient may be a rounding error below a whole number.
@@ -164,7 +164,7 @@ impl<T: Precision> Refresher<T> {
         !self.done || self.read >= parts
     }
 
-    /// Replaces `solves`, the first factor, and those to come by factors in f32 where 16 bits are too few. This allocates
+    /// Replaces `solves`, the first factor, and those to come by factors in f32 if 16 bits are too few. This allocates
     /// memory.
     pub(crate) fn widen(&mut self, solves: &mut Solves) {
         let matrix = StepMatrix {

@@ -257,7 +257,7 @@ impl Body {
         self.constraints.supports.collect_reactions(imbalance);
     }
 
-    /// `A u - M v / h - f_internal - f_external` at a node (N): zero where the step is solved, and the force of the
+    /// `A u - M v / h - f_internal - f_external` at a node (N): zero if the step is solved, and the force of the
     /// hand on a handle node.
     fn imbalance(&self, node: usize, h: f64, mass_factor: f64, stiffness_factor: f64) -> Vec3 {
         let mass = self.model.mass[node];

@@ -140,7 +140,7 @@ impl<T: Real> Turn<T> {
     fn new(first: T, second: T, beside: T) -> Self {
         let difference = first - second;
         let twice = beside + beside;
-        // The addend keeps the quotient finite where both are zero. It counts only where no rotation is needed.
+        // The addend keeps the quotient finite if both are zero. It counts only if no rotation is needed.
         let root = (difference * difference + twice * twice).sqrt() + rounding(1.0);
         let swapped = difference < T::ZERO;
         let (size, along) = if swapped {

@@ -2,7 +2,7 @@
 //!
 //! The rotation `R` of a deformation gradient `F` makes `R^T F` symmetric and maximizes its trace. With a guess of `R`,
 //! `A = R^T F` and its symmetric part `S`, the turn `w` that makes `exp(-[w]) A` symmetric to first order solves
-//! `(tr S I - S) w = axial(A - A^T)`. This is Newton's method. It converges quadratically, and nearly cubically where
+//! `(tr S I - S) w = axial(A - A^T)`. This is Newton's method. It converges quadratically, and nearly cubically if
 //! strains are small.
 //!
 //! As a function of the rotation's quaternion the trace is a quadratic form. It has no local maximum but the global

@@ -54,7 +54,7 @@ impl Polar {
         [mean + radius, mean - radius]
     }
 
-    /// The tensor (xx, xy, yy) with the principal axes of `U` that has the principal `values` where `U` has the
+    /// The tensor (xx, xy, yy) with the principal axes of `U` that has the principal `values` if `U` has the
     /// `stretches`.
     pub(crate) fn with_principal(&self, stretches: [f64; 2], values: [f64; 2]) -> [f64; 3] {
         // S = s_2 I + (s_1 - s_2) v_1 v_1^T and v_1 v_1^T = (U - l_2 I) / (l_1 - l_2). The quotient of the

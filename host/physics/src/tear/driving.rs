@@ -14,15 +14,15 @@
 //!
 //! **Vertices.** `f_i` is the force of the membrane on vertex `i` and `(F e)_i` the mean of the triangles at it. In
 //! equilibrium without loads `f_i` is zero. Otherwise minus `f_i` is the sum of gravity, inertia, damping, bending and the
-//! pairs that let go. The sum takes off their work on the shift of the material, so `G` does not depend on the ring.
+//! pairs that let go. The sum subtracts their work on the shift of the material, so `G` does not depend on the ring.
 //!
 //! **Border.** `n` is the outer normal at rest of an edge of length `L` that has no neighbour. The faces of a straight
 //! tear are parallel to `e` and give nothing. A kink behind the tip or a border of the sheet within the rings does. The two
 //! edges at the tip do not count: on the faces of a crack `W` has no part that grows towards the tip, but the triangles
-//! there have one. Where the path turns at the tip, it would add 3 to 5 % to `G`.
+//! there have one. If the path turns at the tip, it would add 3 to 5 % to `G`.
 //!
 //! The energy of bending is not in `W`; the sum over the vertices takes its forces as given loads. The share of bending is
-//! in [`element::bending`](crate::element::bending), and is added where a tip moves on.
+//! in [`element::bending`](crate::element::bending), and is added when a tip moves on.
 
 use super::fields::times;
 use super::rings::{Laid, Patch};

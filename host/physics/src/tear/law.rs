@@ -10,10 +10,10 @@ use thiserror::Error;
 /// What drives a tip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TearLaw {
-    /// The tip goes on while the energy release rate is at least the toughness. Opened edges let go gradually.
+    /// The tip advances while the energy release rate is at least the toughness. Opened edges let go gradually.
     #[default]
     Toughness,
-    /// The tip goes on while the principal stress at it is at least the strength. Opened edges let go at once.
+    /// The tip advances while the principal stress at it is at least the strength. Opened edges let go at once.
     Thesis,
 }
 

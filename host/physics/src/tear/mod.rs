@@ -1,4 +1,4 @@
-//! Tearing of a sheet: when a tear starts, when its tip goes on, and where it goes.
+//! Tearing of a sheet: when a tear starts, when its tip advances, and where it goes.
 //!
 //! How opened edges let go is part of the step: see [`motion::stepper`](crate::motion::stepper).
 //!

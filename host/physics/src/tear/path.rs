@@ -11,7 +11,7 @@
 //! conservation laws of elasticity", 1980; plane stress). `u`, `eps`, `sigma` are of the sheet, `v`, `s` of the known
 //! field of intensity 1; direction 1 is that of the tear. Both stress and gradient of displacement are taken in the plane
 //! of the patch, with the turn of the sheet in space taken out (see [`fields`](super::fields)). As for
-//! [`driving`](super::driving), two further sums take off the forces at vertices and the border within the rings. The
+//! [`driving`](super::driving), two further sums subtract the forces at vertices and the border within the rings. The
 //! known field is that of straight faces. Within the rings behind a kink it is continued past the angle pi.
 //!
 //! Forces at vertices on a face count as part of the tip. They are those of the pairs behind the tip that let go: they
@@ -54,7 +54,7 @@ impl Intensity {
     }
 
     /// The factor by which a tear that turns is driven more than straight ahead: the square of the intensity of the largest
-    /// hoop stress, over the sum of the squares of both intensities. The tear starts where that intensity is `K_I` of a tear
+    /// hoop stress, over the sum of the squares of both intensities. The tear starts when that intensity is `K_I` of a tear
     /// that starts straight ahead (Erdogan and Sih 1963). The factor is between 1 and [`MOST_BY_TURN`] while `K_I` is not
     /// negative; 1 without a stress.
     pub fn by_turn(&self) -> f64 {

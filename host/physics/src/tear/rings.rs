@@ -52,7 +52,7 @@ pub struct Tip {
 
 impl Tip {
     /// The tip at `vertex` of a tear in the direction of a fan angle (rad), for instance
-    /// [`Surface::straight_ahead`]. The tear goes on at this angle plus that of
+    /// [`Surface::straight_ahead`]. The tear continues at this angle plus that of
     /// [`Intensity::kink`](super::Intensity::kink). `None` for an angle outside of the fan.
     pub fn at(surface: &Surface, vertex: u32, angle: f64) -> Option<Self> {
         let (triangle, along) = surface.direction_at(vertex, angle)?;

@@ -139,7 +139,7 @@ pub fn candidate(sheet: &Sheet, vertex: u32, triangle: u32, stress: &[Symmetric]
     }
 }
 
-/// `along` or its opposite, whichever goes on in the direction `before`: a tear never goes backwards.
+/// `along` or its opposite, whichever continues in the direction `before`: a tear never goes backwards.
 pub fn onwards(along: [f64; 2], before: [f64; 2]) -> [f64; 2] {
     if along[0] * before[0] + along[1] * before[1] < 0.0 {
         [-along[0], -along[1]]

@@ -1,7 +1,7 @@
 //! Triangles about a tip laid into one plane at rest.
 //!
 //! The shapes of the triangles at rest may be given in separate frames, as in a flat pattern with darts. A neighbour is
-//! turned about the shared edge: its frame is rotated and shifted until the two ends coincide. Where the shapes already
+//! turned about the shared edge: its frame is rotated and shifted until the two ends coincide. If the shapes already
 //! share a frame, the neighbour keeps the placement of the triangle before it, without rounding. About a vertex whose
 //! angles do not sum to a full turn, the placement depends on the way; the rings of a tip are then unfolded along the
 //! way on which they are found.

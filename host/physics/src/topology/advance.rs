@@ -5,7 +5,7 @@ use super::cut::THINNEST;
 use super::edit::{Edit, Growth};
 use super::surface::{Surface, angle, between, cross, dot, length, minus};
 
-/// An edge always opens as it is where its far end is off the path by this fraction of its length or less (0.6 degrees).
+/// An edge always opens as it is if its far end is off the path by this fraction of its length or less (0.6 degrees).
 const NEGLIGIBLE: f64 = 0.01;
 
 /// How good a cut has to be.
@@ -41,7 +41,7 @@ pub struct AdvanceOptions {
     /// snapping, at most 0.5.
     pub snapping: f64,
     /// How far the far end of an edge may lie off the path so that the edge opens as it is, as a fraction of its length. The
-    /// caller then has to turn back to the path, see [`Surface::edge_of`]. In return cuts leave better triangles; where a
+    /// caller then has to turn back to the path, see [`Surface::edge_of`]. In return cuts leave better triangles; if a
     /// cut would leave thin ones, the tear may leave the path by more than twice this fraction. At 0 only edges on the
     /// path open.
     pub opening: f64,
@@ -133,7 +133,7 @@ impl Surface {
     ///
     /// In the plane of the triangle, the direction crosses the edge opposite to the tip between its ends `p` and `q`.
     /// The nearer end by its distance from the path is tried first: its edge opens if the distance is negligible, it
-    /// snaps if it may and the distance is small. Otherwise the opposite edge is cut. Where a cut would make thin
+    /// snaps if it may and the distance is small. Otherwise the opposite edge is cut. If a cut would make thin
     /// triangles, the nearest usable edge opens.
     fn growth(
         &self,

@@ -32,7 +32,7 @@ pub enum Growth {
 /// An edit of a surface. [`Surface::advance`] and [`Surface::begin_slit`] make edits that follow a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edit {
-    /// The vertex from which the tear grows: on a border, where the tear is to have one tip.
+    /// The vertex from which the tear grows: on a border, if the tear is to have one tip.
     pub tip: u32,
     /// The growth.
     pub ahead: Growth,
@@ -66,7 +66,7 @@ pub struct Moved {
 /// What an edit did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Done {
-    /// The new tip, and the tip of the growth to the other side. [`NONE`] where the tear ended at a border, and where
+    /// The new tip, and the tip of the growth to the other side. [`NONE`] if the tear ended at a border, and if
     /// the edit had no second growth. A tip of another tear at that border vertex is no tip any more, either.
     pub tips: [u32; 2],
     /// The border vertex that the growth reached, on each side, or [`NONE`]: another tear with its tip there has ended.
@@ -108,7 +108,7 @@ pub enum EditError {
         /// The other end.
         b: u32,
     },
-    /// A single edge cannot open where neither of its ends is on a border.
+    /// A single edge cannot open if neither of its ends is on a border.
     #[error(
         "the edge between the vertices {a} and {b} is inside the surface: a slit needs two edges"
     )]

@@ -13,7 +13,7 @@ use thiserror::Error;
 /// A straight notch or slit in the plane of a flat surface at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Notch {
-    /// One end (m). A notch begins where this end is on the border, or outside; a slit begins inside.
+    /// One end (m). A notch begins if this end is on the border, or outside; a slit begins inside.
     pub from: [f64; 2],
     /// The other end (m).
     pub to: [f64; 2],
@@ -52,7 +52,7 @@ const AT_VERTEX: f64 = 0.15;
 
 impl Surface {
     /// Makes a notch or a slit. Returns its tips: at `to`, and at `from` for a slit. [`NONE`] stands for an end at a
-    /// border. An end inside the surface is met exactly where a vertex can move there, and else within half an edge.
+    /// border. An end inside the surface is met exactly if a vertex can move there, and else within half an edge.
     ///
     /// `done` is told of each edit, as it is made. An error leaves the edits that were made before.
     ///

@@ -59,7 +59,7 @@ pub struct Surface {
     pub(super) shapes: Vec<Shape>,
     pub(super) parents: Vec<u32>,
     pub(super) origins: Vec<Origin>,
-    /// A triangle at each vertex: the first one of the fan where the fan is open. `NONE` for a vertex of no triangle.
+    /// A triangle at each vertex: the first one of the fan if the fan is open. `NONE` for a vertex of no triangle.
     pub(super) first: Vec<u32>,
     pub(super) journal: Journal,
     /// Vertices and triangles that the surface can hold.

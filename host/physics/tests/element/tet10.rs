@@ -216,7 +216,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
         assert!(common::largest(product(&tets, &shift).into_iter()) == 0.0);
 
-        // Turns are in the kernel where all points have the rotation of the body.
+        // Turns are in the kernel if all points have the rotation of the body.
         let d = displaced(&mesh, 0.7, 0.0, 0);
         forces(&mut tets, &d);
         let axis = Vec3::new(0.3, 0.2, -1.0);
@@ -325,7 +325,7 @@ fn a_warm_start_and_a_cold_start_give_the_same_rotations() {
         let d = displaced(&mesh, 0.1 * f64::from(step), 0.05, 8);
         let (from_last, _) = forces(&mut warm, &d);
         let (from_rest, _) = forces(&mut QuadraticTets::<f64>::new(&list(&mesh)), &d);
-        // The rotations are found to 1e-13 where the gap of the stretches is 0.02, and no rotation drifts.
+        // The rotations are found to 1e-13 if the gap of the stretches is 0.02, and no rotation drifts.
         let found = difference(&from_last, &from_rest);
         assert!(found < 1e-12, "step {step}: {found:e}");
     }
@@ -399,7 +399,7 @@ fn hashes<T: Real>() -> [u64; 2] {
 
 #[test]
 fn bytes_do_not_depend_on_the_width_of_vectors() {
-    // These hashes were recorded with vectors of 512 bits, and reproduced with 256 and 128. They change where the
+    // These hashes were recorded with vectors of 512 bits, and reproduced with 256 and 128. They change if the
     // arithmetic changes.
     let recorded = [
         [13_371_203_822_940_903_211, 14_155_941_559_127_313_246],

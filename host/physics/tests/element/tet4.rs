@@ -128,7 +128,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
     let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
     assert!(common::largest(product(&tets, &shift).into_iter()) == 0.0);
 
-    // Turns are in the kernel where all elements have the rotation of the body.
+    // Turns are in the kernel if all elements have the rotation of the body.
     let angle = 0.7;
     forces(&mut tets, &displaced(&mesh, angle, 0.0, 0));
     let d = displaced(&mesh, angle, 0.0, 0);
@@ -281,7 +281,7 @@ fn a_warm_start_and_a_cold_start_give_the_same_rotations() {
         let d = displaced(&mesh, 0.1 * f64::from(step), 0.15, 8);
         let (from_last, _) = forces(&mut warm, &d);
         let (from_rest, _) = forces(&mut Tets::<f64>::new(tets(&mesh).into_iter()), &d);
-        // The rotations are found to 1e-13 where the gap of the stretches is 0.02, and no rotation drifts.
+        // The rotations are found to 1e-13 if the gap of the stretches is 0.02, and no rotation drifts.
         let found = difference(&from_last, &from_rest);
         assert!(found < 1e-12, "step {step}: {found:e}");
     }
@@ -368,7 +368,7 @@ fn hashes<T: Real>() -> [u64; 3] {
 
 #[test]
 fn bytes_do_not_depend_on_the_width_of_vectors() {
-    // These hashes were recorded with vectors of 128 bits, and reproduced with 256 and 512. They change where the
+    // These hashes were recorded with vectors of 128 bits, and reproduced with 256 and 512. They change if the
     // arithmetic changes.
     let recorded = [
         [

@@ -345,7 +345,7 @@ fn hashes<T: Real>() -> [u64; 3] {
 
 #[test]
 fn bytes_do_not_depend_on_the_width_of_vectors() {
-    // These hashes were recorded with vectors of 128 bits, and reproduced with 256 and 512. They change where the
+    // These hashes were recorded with vectors of 128 bits, and reproduced with 256 and 512. They change if the
     // arithmetic changes.
     let recorded = [
         [

@@ -324,7 +324,7 @@ fn a_hanging_thread_is_an_elastic_catenary_to_second_order() {
             let mut equilibrium = Equilibrium::new(&body, options).expect("an equilibrium");
             let report = equilibrium.solve(&mut body, &[], 1.0).expect("a solution");
             assert!(report.last.converged, "{report:?}");
-            // The ends bear the weight of the whole thread.
+            // The ends carry the weight of the whole thread.
             let borne: f64 = (0..2)
                 .filter_map(|support| body.support_reaction(support))
                 .map(|force| force.z.abs())

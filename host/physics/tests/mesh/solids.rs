@@ -72,7 +72,7 @@ fn middles_lie_in_the_middle_and_join_the_faces_of_their_edges() {
             assert!((middle - (a + b) / 2.0).norm() < 1e-16);
         }
     }
-    // Each group has every vertex of its face and no other, even where the box is one grid cell thick.
+    // Each group has every vertex of its face and no other, even if the box is one grid cell thick.
     for (name, axis, at) in [("left", 0, -0.5), ("back", 1, 0.5), ("bottom", 2, -0.5)] {
         let expected: Vec<u32> = (0_u32..)
             .zip(&mesh.positions)

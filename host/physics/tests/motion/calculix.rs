@@ -1,6 +1,6 @@
 //! The same meshes, materials and loads in CalculiX, an independent program (Debian: `calculix-ccx`): linear
 //! elasticity, and large displacements. With `NLGEOM` and `*ELASTIC`, version 2.20 uses the Green strain and the second
-//! Piola-Kirchhoff stress, which is the St. Venant-Kirchhoff law. Where the program is not installed, the test reports
+//! Piola-Kirchhoff stress, which is the St. Venant-Kirchhoff law. If the program is not installed, the test reports
 //! it and passes.
 
 use crate::common;
@@ -79,7 +79,7 @@ fn deck(mesh: &TetMesh, fixed: &[u32], forces: &[Vec3], large: bool) -> String {
     text
 }
 
-/// The displacements at the last increment, or `None` where CalculiX is not installed.
+/// The displacements at the last increment, or `None` if CalculiX is not installed.
 fn calculix(name: &str, deck: &str, count: usize) -> Option<Vec<Vec3>> {
     if Command::new("ccx").arg("-v").output().is_err() {
         println!("SKIPPED: CalculiX is not installed (apt-get install calculix-ccx)");

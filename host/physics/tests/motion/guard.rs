@@ -188,7 +188,7 @@ fn hands_that_move_far_in_a_step_add_no_more_than_their_work() {
         }
         stepper.step(&mut body, 8e-3, &poses, || false).unwrap();
         let ledger = stepper.ledger().unwrap();
-        // The work is that of the forces at the end where the guard acted.
+        // The work is that of the forces at the end if the guard acted.
         supplied += ledger.supplied;
         guarded += ledger.guard.abs();
         let found = energy(&body);

@@ -1,4 +1,4 @@
-//! The guess from which iterations start. It is close in any smooth motion. Where a motion begins, turns or ends, it is
+//! The guess from which iterations start. It is close in any smooth motion. When a motion begins, turns or ends, it is
 //! no worse than the previous velocity.
 
 use physics::mesh::generate_box::solid_box;

@@ -98,7 +98,7 @@ fn free_bodies_of_any_stiffness_and_step_gain_no_energy() {
                         assert_eq!(good, 20, "{case}");
                         // The bound of 1 % is for laws that are not linear. The energy of a linear body never grows, up
                         // to rounding. A velocity is a difference of positions over the step. At worst it is known here
-                        // to 1e-16 / (1e-4 s 3e-4 m/s) = 3e-9 in each of the steps, and to ten times that where TR-BDF2
+                        // to 1e-16 / (1e-4 s 3e-4 m/s) = 3e-9 in each of the steps, and to ten times that if TR-BDF2
                         // extrapolates.
                         let linear = law == SolidLaw::Linear;
                         let bound = if linear { 1.0 + 1e-6 } else { 1.01 };

@@ -71,7 +71,7 @@ fn handles_bear_the_weight_that_supports_leave_them() {
         assert!(carried.x == 0.0 && carried.y == 0.0, "along gravity only");
     }
 
-    // A support bears the other half of the weight.
+    // A support carries the other half of the weight.
     let mesh = grid(10, 4, LX, 0.04, Split::Right);
     let held = [handle(&mesh, Freedom::Fixed, |x| x.x > LX - 1e-9)];
     let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &held).unwrap();

@@ -544,7 +544,7 @@ fn disc(spokes: &[[f64; 2]]) -> (Flat, Vec<f64>) {
             mesh.triangles
                 .extend(edges.map(|two| [0, two[0].0, two[1].0]));
         } else {
-            // The chain whose next vertex comes first goes on.
+            // The chain whose next vertex comes first continues.
             let (mut a, mut b) = (0, 0);
             while a + 1 < before.len() || b + 1 < now.len() {
                 let next = |chain: &[(u32, f64)], at: usize| chain.get(at + 1).map(|next| next.1);
@@ -782,7 +782,7 @@ fn a_tear_starts_beside_the_tip_of_a_notch_along_it() {
     let mut stress = vec![[0.0; 3]; flat.shapes.len()];
     let density = stresses(&flat.sheet(), &x, &RUBBER, &mut stress);
     let found: Candidate = highest(&flat.sheet(), &stress, 1e4, |_| true).unwrap();
-    // The mean at the tip includes the faces, which bear little, so that of a neighbour may be higher.
+    // The mean at the tip includes the faces, which carry little, so that of a neighbour may be higher.
     let distance = (flat.mesh.positions[found.vertex as usize]
         - flat.mesh.positions[tip.vertex as usize])
         .norm();

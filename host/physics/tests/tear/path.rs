@@ -280,7 +280,7 @@ fn check_straight(lattices: &[Lattice], snappings: &[f64]) {
             // Half an element.
             assert!(torn.aside < 0.5);
             assert_eq!(torn.inverted, 0);
-            // Cuts keep angles of 15 degrees where they can, else of 8.
+            // Cuts keep angles of 15 degrees if they can, else of 8.
             assert!(torn.angles[1] >= torn.angles[0].min(8.0));
             // A cut adds two triangles. A line across the mesh would cut two edges in each spacing.
             assert!(torn.added < 120);

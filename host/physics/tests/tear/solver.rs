@@ -747,7 +747,7 @@ fn a_torn_sheet_takes_few_iterations_more() {
 }
 
 /// Iterations of a sheet of two pieces that turns freely about an axis in its plane, with the factor of its first state:
-/// the most of each quarter of the steps. Where it `can_tear`, pairs join its pieces.
+/// the most of each quarter of the steps. If it `can_tear`, pairs join its pieces.
 fn turning(can_tear: bool) -> Vec<usize> {
     let mesh = torn_mesh(&grid(NX, NY, 0.15, 0.12, Split::Alternating), NX + 1);
     let config = BodyConfig {

@@ -79,8 +79,8 @@ struct Pulled {
     stepper: Stepper<f64>,
     tearing: Tearing,
     height: f64,
-    /// The strain at which a long crack goes on, by Griffith: `G_c = E e^2 H / (2 (1 - nu^2))` for the height `H` (Rivlin
-    /// and Thomas, "Rupture of rubber I", 1953, for a strip that does not contract along its length).
+    /// The strain at which a long crack advances, by Griffith: `G_c = E e^2 H / (2 (1 - nu^2))` for the height `H`
+    /// (Rivlin and Thomas, "Rupture of rubber I", 1953, for a strip that does not contract along its length).
     expected: f64,
 }
 
@@ -379,7 +379,7 @@ fn vertices_that_an_edit_doubles_share_the_energy_of_its_edges() {
             .collect();
         strip.tearing.advance(&mut strip.body, &mut strip.stepper);
         let [grown] = strip.tearing.grown()[edits..] else {
-            // The tip waits until its pair has let go, so it goes on by one edge at most.
+            // The tip waits until its pair has let go, so it advances by one edge at most.
             assert_eq!(strip.tearing.grown().len(), edits);
             continue;
         };
@@ -567,7 +567,7 @@ fn a_tear_that_ends_another_leaves_the_other_tips_alone() {
         .map(|tip| tip.vertex)
         .collect();
     assert_eq!(tips, [upper]);
-    // The tip that is left goes on.
+    // The tip that is left advances.
     while strip.tear(3.0 * f64::from(step) / 4000.0) < 2 {
         step += 1;
         assert!(step < 8000, "the other tear stands still");

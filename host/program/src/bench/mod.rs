@@ -53,7 +53,7 @@ fn level(quick: bool) -> Level {
     if quick { Level::Quick } else { Level::Full }
 }
 
-/// Prints the tables of a study, and writes its results and its picture where the person wants them.
+/// Prints the tables of a study, and writes its results and its picture if the person wants them.
 fn tell(
     results: &impl Results,
     json: Option<&PathBuf>,

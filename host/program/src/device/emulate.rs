@@ -26,12 +26,12 @@ use std::time::{Duration, Instant};
 
 /// Period of the estimate of the velocity of the handle (s).
 const PERIOD_S: f64 = 1e-3;
-/// Period at which the emulated device is asked for its state, where no bytes come.
+/// Period at which the emulated device is asked for its state, when no bytes come.
 const PERIOD: Duration = Duration::from_micros(500);
 /// The numbers of an emulated HID device with the firmware protocol: those that pid.codes leaves for tests.
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;
-/// Priority of the emulated device under SCHED_FIFO, where allowed: below the threads that exchange with devices.
+/// Priority of the emulated device under SCHED_FIFO, if allowed: below the threads that exchange with devices.
 const PRIORITY: u8 = 40;
 /// Time without bytes after which the next bytes are those of another host (ns). A host exchanges every 10 ms at least.
 const GONE_NS: u64 = 200_000_000;
@@ -51,7 +51,7 @@ pub(super) struct EmulateArguments {
     /// The name of that device. Default: the only device of the scene
     #[arg(long, value_name = "DEVICE", requires = "scene")]
     name: Option<String>,
-    /// The protocol of the emulated device. Default: that of the device where it is woodenhaptics, or falcon on usb;
+    /// The protocol of the emulated device. Default: that of the device if it is woodenhaptics, or falcon on usb;
     /// else firmware, the firmware protocol of Palpate
     #[arg(long, value_enum)]
     protocol: Option<ProtocolName>,
@@ -379,7 +379,7 @@ impl Simulated {
 /// time (false).
 ///
 /// # Errors
-/// The transport cannot wait for a host; where the place gives reports (`reports`), also the end of the transport.
+/// The transport cannot wait for a host; if the place gives reports (`reports`), also the end of the transport.
 pub(crate) fn serve_at(
     emulated: &mut Emulated,
     place: &mut Place,

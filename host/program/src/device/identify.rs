@@ -17,7 +17,7 @@ use std::time::{Duration, Instant, SystemTime};
 const PERIOD: f64 = 1e-3;
 /// Ticks between two positions of the progress bar.
 const DRAWN: u32 = 250;
-/// Priority of the ticks under SCHED_FIFO, where allowed: that of the tick of a run.
+/// Priority of the ticks under SCHED_FIFO, if allowed: that of the tick of a run.
 const PRIORITY: u8 = 80;
 
 /// Arguments of `palpate device identify`.

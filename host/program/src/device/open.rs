@@ -75,7 +75,7 @@ pub(super) fn device(
 /// device.
 ///
 /// # Errors
-/// [`DeviceCommandError::NoState`] where none comes within a minute.
+/// [`DeviceCommandError::NoState`] if none comes within a minute.
 pub(super) fn wait_for_state(
     device: &mut (impl Device + ?Sized),
     period: f64,

@@ -19,7 +19,7 @@ use study::probe::{Known, Motion, Probed, Seen};
 
 /// Ticks between two positions of the progress bar.
 const DRAWN: u64 = 250;
-/// Priority of the ticks under SCHED_FIFO, where allowed: that of the tick of a run.
+/// Priority of the ticks under SCHED_FIFO, if allowed: that of the tick of a run.
 const PRIORITY: u8 = 80;
 
 /// Arguments of `palpate device probe`.

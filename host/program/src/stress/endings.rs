@@ -365,7 +365,7 @@ fn said(program: &InTerminal) -> String {
     String::from_utf8_lossy(&program.screen).into_owned()
 }
 
-/// Waits until the device of a command renders a force, or until the run has ticked where no device is seen. False where the
+/// Waits until the device of a command renders a force, or until the run has ticked if no device is seen. False if the
 /// command has ended before.
 ///
 /// # Errors
@@ -457,7 +457,7 @@ fn end(held: Held, way: Way, delay: Duration, outcome: &mut Outcome) -> Result<(
                 device.left()
             ));
         }
-        // A plug-in that was killed has nobody who lets go.
+        // Nobody releases the force of a plug-in that was killed.
         if device.force() > NONE && (way, held) != (Way::Kill, Held::Plugin) {
             fail(format!("the device renders {:.3} N", device.force()));
         }

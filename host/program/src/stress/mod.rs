@@ -244,7 +244,7 @@ struct Shown {
     of: AtomicU64,
     done: AtomicU64,
     before: AtomicU64,
-    /// The work of this run, in millionths of a cell, where the cells tell their parts.
+    /// The work of this run, in millionths of a cell, if the cells tell their parts.
     millionths: AtomicU64,
 }
 
@@ -306,7 +306,7 @@ impl Shown {
     }
 }
 
-/// The devices that the arguments name. Prints what is possible in their files, but unlikely.
+/// The devices that the arguments name. Prints the warnings about their files.
 fn devices(arguments: &[String]) -> Result<Vec<NamedDevice>, CommandError> {
     let devices = arguments.iter().map(|text| NamedDevice::load(text));
     let devices = devices.collect::<Result<Vec<_>, _>>()?;

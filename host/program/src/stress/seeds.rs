@@ -68,7 +68,7 @@ fn print(found: &Seeds) {
     }
 }
 
-/// A number with four significant digits; nothing where there is no value.
+/// A number with four significant digits; nothing if there is no value.
 fn number(value: Option<f64>) -> String {
     let Some(value) = value else {
         return String::new();

@@ -4,7 +4,7 @@
 /// How a command is run.
 #[derive(Clone, Copy)]
 pub(super) enum Way {
-    /// With more arguments, where its length is not its point.
+    /// With more arguments, if its length is not its point.
     With(&'static str),
     /// With other words: each text in the line, and what takes its place.
     Changed(&'static [(&'static str, &'static str)]),

@@ -112,7 +112,7 @@ fn a_solve_writes_its_table_and_its_curve() -> Outcome {
     let curve = fs::read_to_string(at("cube.svg"))?;
     assert!(curve.contains("Displacement along −z (mm)"));
 
-    // Where nothing is displaced, there is nothing to draw.
+    // If nothing is displaced, there is nothing to draw.
     fs::write(
         at("still.toml"),
         scene.replace("displacement = [0, 0, -0.01]", ""),

@@ -1,4 +1,4 @@
-//! A run that is watched in a terminal: it ends in order, goes on without its display, and gives the terminal back.
+//! A run that is watched in a terminal: it ends in order, continues without its display, and gives the terminal back.
 
 use super::PROGRAM;
 use super::tmux::{Terminal, dots, signal, until};

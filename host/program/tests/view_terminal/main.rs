@@ -45,7 +45,7 @@ fn it_draws_follows_keys_and_gives_the_terminal_back() {
             terminal.press(key);
             terminal.wait(key, |screen| dots(screen) != before);
         }
-        // The display goes on with a later moment.
+        // The display continues with a later moment.
         terminal.press("p");
         terminal.wait("a new frame", |screen| screen.contains("frame 0.0 s old"));
         terminal.press("h");
@@ -122,7 +122,7 @@ fn beside_its_run_the_display_leaves_ctrl_c_to_the_run_and_ends_with_it() {
     terminal.wait_for("force 1 left (N)");
     assert!(has_signals(&terminal));
     terminal.press("C-c");
-    // 400 frames are 6.4 s: the display goes on to the end, and needs no key.
+    // 400 frames are 6.4 s: the display continues to the end, and needs no key.
     terminal.wait_for("6.");
     terminal.ends_with("0");
 }

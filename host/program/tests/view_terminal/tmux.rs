@@ -132,7 +132,7 @@ impl Terminal {
         flags.trim_ascii() == b"0 1"
     }
 
-    /// Waits until the terminal is as it was before, while the command goes on.
+    /// Waits until the terminal is as it was before, while the command continues.
     pub(super) fn wait_until_restored(&self) {
         let before = without_size(&self.read("before"));
         until("the terminal is given back", || {

@@ -122,7 +122,7 @@ impl Mounting {
     }
 }
 
-/// Time in which the force of a device comes in, where the scene gives none (s).
+/// Time in which the force of a device comes in, if the scene gives none (s).
 const RAMP: f64 = 1.0;
 
 fn ten() -> f64 {

@@ -21,7 +21,7 @@ pub struct Rotation {
 }
 
 impl Rotation {
-    /// The axis as a unit vector; zero where its length is 0, which the consistency of the scene excludes.
+    /// The axis as a unit vector; zero if its length is 0, which the consistency of the scene excludes.
     fn unit(self) -> Vec3 {
         // Scaled by the largest entry first, so that no square overflows or vanishes.
         let axis = Vec3::from(self.axis);

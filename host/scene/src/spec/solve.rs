@@ -11,7 +11,7 @@ pub struct Solve {
     #[serde(deserialize_with = "check::word")]
     pub analysis: Analysis,
     /// `static`: number of steps in which displacements and loads grow, after the bodies have settled under their weight.
-    /// Each step is a frame of the result. Where nothing but the weight acts, the weight grows in these steps.
+    /// Each step is a frame of the result. If nothing but the weight acts, the weight grows in these steps.
     #[serde(deserialize_with = "check::frames")]
     pub load_steps: usize,
     /// `dynamic`: length of a time step (s).

@@ -3,7 +3,7 @@
 use crate::check;
 use serde::{Deserialize, Serialize};
 
-/// Distance of a snap, as a fraction of the edge, where the scene gives none.
+/// Distance of a snap, as a fraction of the edge, if the scene gives none.
 const SNAPPING: f64 = 0.3;
 
 /// `[body.tear]`: the tearing of an isotropic sheet. A body without this table does not tear.

@@ -2,7 +2,7 @@
 //!
 //! Each benchmark is one file and computes [`Series`]: the same quantity on a sequence of refined meshes, with the
 //! error against a reference and the order of convergence. No benchmark is tuned to its reference: meshes come from the
-//! generators, and options have their defaults. Where a published figure is known to differ from the exact one, the
+//! generators, and options have their defaults. If a published figure is known to differ from the exact one, the
 //! source says so.
 
 mod cook;

@@ -317,7 +317,7 @@ pub(crate) fn run(
 }
 
 /// The results of `work` on each of `jobs`, in their order, computed by `threads` threads of `stack`
-/// bytes, or by the calling thread where the system gives none.
+/// bytes, or by the calling thread if the system gives none.
 fn in_threads<J: Sync, D: Send>(
     threads: Option<NonZero<usize>>,
     jobs: &[J],

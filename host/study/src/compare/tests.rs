@@ -270,7 +270,7 @@ fn the_reference_tears_as_the_run_does() {
         let reference = found.reference.as_ref().expect("a reference");
         reference.worst(|device| device.peak_force)
     };
-    // The cloth that does not tear bears the largest force of the device.
+    // The cloth that does not tear carries the largest force of the device.
     assert!(peak(&whole) > 11.0, "{} N", peak(&whole));
     // The cloth that tears lets go at half of it. The force of a tear depends on the length of the step, which is the
     // tick's in the reference, so the run's peak is not that of the reference.

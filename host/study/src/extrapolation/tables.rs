@@ -65,7 +65,7 @@ fn put_tables(text: &mut String, found: &Extrapolation) {
     }
 }
 
-/// The mark of each scheme. A ring shows the mark below it, where errors coincide.
+/// The mark of each scheme. A ring shows the mark below it, if errors coincide.
 const MARKERS: [Marker; SCHEMES.len()] = [
     Marker::Circle,
     Marker::Square,

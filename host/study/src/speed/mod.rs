@@ -132,7 +132,7 @@ impl Speed {
     }
 }
 
-/// What is told while the study goes on.
+/// News that the study tells while it runs.
 #[derive(Clone, Copy, Debug)]
 pub enum Told<'a> {
     /// The fraction done.
@@ -176,7 +176,7 @@ pub fn run(
         kernels: Vec::new(),
     };
     tell(Told::Machine(&found.machine));
-    // Passes on what a part tells, with its fraction as one of the whole.
+    // Forwards the news of a part, with the fraction of the part as a fraction of the whole.
     let mut within = |from: f64, to: f64, told: Told<'_>| match told {
         Told::Fraction(fraction) => tell(Told::Fraction(from + (to - from) * fraction)),
         other => tell(other),

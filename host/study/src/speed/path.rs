@@ -252,7 +252,7 @@ impl<T: Precision> Steps for Frozen<T> {
 
     fn between(&mut self, h: f64) -> Result<(), StudyError> {
         if let Some(mut refresher) = self.stepper.lend() {
-            // Where the system gives no thread, this one does the work, and its time counts.
+            // If the system gives no thread, this one does the work, and its time counts.
             let began = thread::scope(|scope| {
                 let other = thread::Builder::new();
                 other.spawn_scoped(scope, || refresher.work()).is_ok()

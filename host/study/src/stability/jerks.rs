@@ -59,7 +59,7 @@ fn jerk(
     trial.restart();
     let supplied = supplied.max(trial.body.total_energy());
     trial.run(h, steps, last);
-    // Corotational laws are not smooth where an element is both stretched and crushed. An equilibrium may not exist
+    // Corotational laws are not smooth if an element is both stretched and crushed. An equilibrium may not exist
     // there.
     let must_be_taken = kind.law() != "corotational" || method.is_linearized();
     Ok(Outcome {

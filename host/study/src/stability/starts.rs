@@ -153,7 +153,7 @@ fn recover(
     let left = trial.body.elastic_energy() / first;
     let inverted = trial.body.inverted_count();
     let recovered = inverted == 0 && left < RECOVERED;
-    // Smith et al. guarantee that no cell stays inverted. A body can still settle in another equilibrium where cells
+    // Smith et al. guarantee that no cell stays inverted. A body can still settle in another equilibrium if cells
     // bend (quadratic), hardly change their volume, or wind twice around a vertex (scrambled).
     let must_recover = kind == Kind::Linear(SolidLaw::StableNeoHookean)
         && poisson <= 0.3

@@ -23,7 +23,7 @@ pub(super) enum Method {
 
 /// Rounding error of an energy, as a fraction. A velocity is a difference of positions over the step, so in a body of 1
 /// m at 3e-4 m/s a step of 1e-4 s leaves a relative error of 1e-16 / (1e-4 * 3e-4) = 3e-9 in the velocity. The error is
-/// ten times as large where TR-BDF2 extrapolates. Newton's method leaves 1e-9 of the forces. These errors accumulate
+/// ten times as large if TR-BDF2 extrapolates. Newton's method leaves 1e-9 of the forces. These errors accumulate
 /// over the steps.
 pub(super) const ROUNDING: f64 = 1e-6;
 

@@ -87,7 +87,7 @@ mod tests {
     use super::*;
     use rt_core::Axes;
 
-    /// Results of two devices must not mix where one number differs on which a result can depend.
+    /// Results of two devices must not mix if one number differs on which a result can depend.
     #[test]
     fn devices_along_different_axes_have_different_numbers() {
         let [x, y] = [[true, false, false], [false, true, false]].map(Axes::new);

@@ -1,6 +1,6 @@
-//! What a study is: many cells, what counts as a failure, and the words and the picture of the results.
+//! A study consists of many cells, the criterion of a failure, and the words and the picture of the results.
 //!
-//! Whoever writes a study implements [`Study`] and adds a line to [`STUDIES`](super::STUDIES). Running on all cores,
+//! The author of a study implements [`Study`] and adds a line to [`STUDIES`](super::STUDIES). Running on all cores,
 //! shards, files of results, their resumption and merging, progress, exit codes and the comparison of seeds follow from
 //! the trait.
 

@@ -9,7 +9,7 @@
 const FAR: f64 = 1e3;
 
 /// The triangles of the Delaunay triangulation of `points`, counterclockwise, in a fixed order. No two points are equal.
-/// Where four points lie on one circle, rounding decides between the two diagonals.
+/// If four points lie on one circle, rounding decides between the two diagonals.
 pub(super) fn triangulate(points: &[[f64; 2]]) -> Vec<[u32; 3]> {
     let count = points.len();
     let extent = |axis: usize| {

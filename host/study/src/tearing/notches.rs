@@ -47,7 +47,7 @@ impl Notch {
 }
 
 impl Kind {
-    /// The stress at which a tear of so many edges starts (Pa).
+    /// The stress at which a tear of `edges` edges starts (Pa).
     fn exact(self, edges: f64) -> f64 {
         let part = edges / ACROSS;
         let quarter = 0.5 * PI * part;

@@ -1,9 +1,9 @@
 //! Part `strength`: strips without a notch.
 //!
-//! A strip that two hands pull by its ends bears the strength times its section and parts, whatever its toughness. The strip
-//! lies flat, and tears may start anywhere. Without contraction across the pull the stress is even. With it the stress is
-//! larger at the corners of the grips, which keep the ends as wide as they are: a brittle strip tears from there at a smaller
-//! load.
+//! A strip that two hands pull by its ends carries the strength times its section and parts, whatever its toughness.
+//! The strip lies flat, and tears may start anywhere. Without contraction across the pull the stress is even. With it
+//! the stress is larger at the corners of the grips, which keep the ends as wide as they are: a brittle strip tears
+//! from there at a smaller load.
 
 use super::patterns::{Pattern, Rectangle};
 use super::rig::Rig;

@@ -10,10 +10,10 @@ fn a_crack_at_an_angle_to_the_load_starts_and_turns_as_the_largest_hoop_stress_s
         // The integrals err by half a degree on these meshes.
         let [intensities, first, second] = kink.errors();
         assert!(intensities < 0.5, "{kink:?}");
-        // A first edge keeps to its path. Where a cut would leave thin triangles, a second edge opens up to 20 degrees off the
+        // A first edge keeps to its path. If a cut would leave thin triangles, a second edge opens up to 20 degrees off the
         // path, and the next edge turns back.
         assert!(first < 3.0 && second < 20.0, "{kink:?}");
-        // Triangles act like a tip 0.4 edge behind its vertex, in sliding 0.8: 4 to 8 % where half the crack has five edges.
+        // Triangles act like a tip 0.4 edge behind its vertex, in sliding 0.8: 4 to 8 % if half the crack has five edges.
         // Without the factor of the turn the start is 25 to 41 % late.
         assert!(kink.start > 1.0 && kink.start < 1.085, "{kink:?}");
     }
@@ -108,8 +108,8 @@ fn a_tear_runs_through_a_strip_at_the_displacement_at_which_it_starts() {
         // The third ring errs by -4.4 to +0.5 % in the energy release rate, so by up to 2.2 % in the displacement.
         assert!((start - 1.0).abs() < 0.022, "{run:?}");
         for displacement in run.displacement {
-            // A tip goes on where the flow exceeds the toughness by a hundredth, and a tear that runs needs an excess: 6 %
-            // is what the book promises.
+            // A tip advances if the flow exceeds the toughness by a hundredth, and a tear that runs needs an excess: 6
+            // % is what the book promises.
             let found = displacement.unwrap_or(f64::INFINITY);
             assert!(found > start - 1e-9 && found < 1.06, "{run:?}");
         }
@@ -134,7 +134,7 @@ fn letting_go_takes_the_toughness_times_the_torn_area() {
         // The sum of some thousand steps.
         assert!((taken - 1.0).abs() < 1e-9, "{account:?}");
         // Hands hold most of this tear in balance: the pairs take most of its energy themselves. The rest goes into motion
-        // where the tip comes near the border and runs.
+        // when the tip comes near the border and runs.
         let alone = account.released / account.due;
         assert!(alone > 0.8 && alone < 1.001, "{account:?}");
     }

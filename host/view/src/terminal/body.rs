@@ -300,7 +300,7 @@ fn shade(raster: &Raster, projection: &Projection, dots: &mut Dots, palette: Pal
     }
 }
 
-/// Draws the bars of threads, and the edges of triangles if `wire`, where nothing hides them.
+/// Draws the bars of threads, and the edges of triangles if `wire`, unless something hides them.
 fn edges(
     model: &Model,
     count: usize,

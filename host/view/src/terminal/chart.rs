@@ -96,7 +96,7 @@ pub(super) fn axis(range: Range, zero: bool) -> (f64, f64) {
     (least * step, most * step)
 }
 
-/// Leaves out the curves that hardly change where another one does: they would take the height of those that change.
+/// Leaves out the curves that hardly change if another one does: they would take the height of those that change.
 pub(super) fn without_constants(curves: &mut Vec<Curve>) {
     let extent = |curve: &Curve| {
         let mut all = Range::EMPTY;

@@ -51,7 +51,7 @@ pub(super) fn moment(ns: u64) -> String {
     format!("{:.3} s", ns as f64 * 1e-9)
 }
 
-/// The text, or its beginning with an ellipsis where it is longer than `width`.
+/// The text, or its beginning with an ellipsis if it is longer than `width`.
 pub(super) fn fit(text: &str, width: usize) -> String {
     if text.chars().count() <= width {
         return text.into();

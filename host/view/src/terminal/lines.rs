@@ -1,4 +1,4 @@
-//! Plain lines, where there is no terminal: one a second of the run's own time, and one for each event.
+//! Plain lines, if there is no terminal: one a second of the run's own time, and one for each event.
 
 use super::format::{count, moment, scaled, time};
 use super::model::{Model, Over, kind};

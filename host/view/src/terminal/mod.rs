@@ -1,7 +1,7 @@
 //! The display in a terminal.
 //!
 //! [`show`] draws the messages of a feed until the person quits or the feed ends. [`lines()`](lines::lines) prints plain
-//! lines where there is no terminal. A [`Model`] puts the messages together; [`draw()`](draw::draw) draws a model into a
+//! lines if there is no terminal. A [`Model`] puts the messages together; [`draw()`](draw::draw) draws a model into a
 //! buffer of cells, so that tests and pictures need no terminal.
 
 mod body;
@@ -185,7 +185,7 @@ fn goes_on(model: &Model, options: &Options) -> bool {
 /// A model of all messages that a feed gives at once.
 ///
 /// # Errors
-/// [`FeedError`] where the feed ended early.
+/// [`FeedError`] if the feed ended early.
 pub fn collect(feed: &mut dyn Feed) -> Result<Model, FeedError> {
     let mut model = Model::default();
     for message in feed.present() {

@@ -55,7 +55,7 @@ impl Row {
     }
 }
 
-/// Draws rows from the top; where they do not fit, the last row says how many are left out.
+/// Draws rows from the top; if they do not fit, the last row says how many are left out.
 pub(super) fn draw(buffer: &mut Buffer, area: Rect, rows: &[Row], palette: Palette) {
     let room = usize::from(area.height);
     let shown = if rows.len() > room {
@@ -85,7 +85,7 @@ fn distribution(row: Row, model: &Model, times: Option<&Distribution>, without: 
     }
 }
 
-/// The row, which says so where its times are those of a whole log.
+/// The row, which says so if its times are those of a whole log.
 fn whole_log(row: Row, model: &Model) -> Row {
     match model.playback {
         Some(_) => row.value("whole log:"),

@@ -228,7 +228,7 @@ fn what_lies_behind_is_hidden() {
             ..Hello::default()
         };
         model.take(Message::Hello(Box::new(hello)), Instant::now());
-        // The second body covers the first where it is nearer.
+        // The second body covers the first if it is nearer.
         model.take(triangle(0, heights[0], 1.0), Instant::now());
         model.take(triangle(1, heights[1], 2.0), Instant::now());
         model

@@ -74,7 +74,7 @@ impl Mailbox {
         self.unconfirmed = self.unconfirmed.saturating_sub(1);
     }
 
-    /// Keeps the events and the overview of a message that waits, where the later message has none.
+    /// Keeps the events and the overview of a message that waits, if the later message has none.
     fn play(&mut self, later: &Playback) {
         let mut later = Box::new(later.clone());
         if let Some(older) = self.playback.take() {

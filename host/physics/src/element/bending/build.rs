@@ -148,7 +148,7 @@ pub(super) fn bends([g1, g2]: [[f64; 2]; 2], area: f64) -> ([Vec3; 3], [f64; 3])
     (bends, lengths)
 }
 
-/// The derivatives across the sides of a triangle with these corners (m) and its sides, where the sheet is flat. Each
+/// The derivatives across the sides of a triangle with these corners (m) and its sides, if the sheet is flat. Each
 /// derivative is the unit normal of the side in the plane, which leads out of the triangle or into it.
 pub(super) fn flat(corners: &[Vec3; 3], leads_out: [bool; 3]) -> ([Vec3; 3], [Vec3; 2]) {
     let derivatives = [0, 1, 2].map(|k| {

@@ -56,7 +56,7 @@ pub(super) struct Bent {
 }
 
 impl Bent {
-    /// For each side, 1 where the derivative across it leads out of the triangle, and -1 where it leads into it.
+    /// For each side, 1 if the derivative across it leads out of the triangle, and -1 if it leads into it.
     fn leads_out(&self) -> [f64; 3] {
         let [g1, g2] = self.g;
         let inward = [-g1 - g2, g1, g2];

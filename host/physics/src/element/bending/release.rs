@@ -39,7 +39,7 @@ const SMALL: f64 = 1e-4;
 impl BentSheet {
     /// The bending energy that the sheet gives up for a unit of length by which the tear of `patch` grows (J/m), at the
     /// positions `x` (m). `nodes` is the vertex of each place in `bending`. [`Patch::measure`] comes before. The result is
-    /// 0 where the sheet is almost flat about the tip, and where it is curved at rest.
+    /// 0 if the sheet is almost flat about the tip, and if it is curved at rest.
     pub(crate) fn release(
         &self,
         bending: &Bending,
@@ -117,7 +117,7 @@ fn bent_energy(
 }
 
 impl Bending {
-    /// The slopes at the sides of a triangle, positive where the sheet bends to the side of the normal outside of the side,
+    /// The slopes at the sides of a triangle, positive if the sheet bends to the side of the normal outside of the side,
     /// and whether there is an edge at each side.
     fn outward_slopes(&self, triangle: usize, x: &[Vec3], nodes: &[u32]) -> ([f64; 3], [bool; 3]) {
         let bent = self.bent(triangle, |place| x[nodes[place as usize] as usize]);
@@ -209,7 +209,7 @@ mod tests {
         place
     }
 
-    /// A sheet in which nothing tears gives up no energy where a piece of its material shifts: the sums over triangles and
+    /// A sheet in which nothing tears gives up no energy if a piece of its material shifts: the sums over triangles and
     /// over vertices cancel. For a shift along the bent direction, in which the curvature is `k`, the sum over triangles is
     /// `-integral q D k k'`.
     #[test]

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! at the middle of an edge, if the weights `c` reproduce the six quadratics. Of all such weights these are the nearest,
-//! in the sum of squares, to those of the mean of the two triangles' gradients. That mean is exact already where the two
+//! in the sum of squares, to those of the mean of the two triangles' gradients. That mean is exact already if the two
 //! triangles are a parallelogram, so on a regular mesh only the four vertices of the two triangles have a weight. Else
 //! the vertices of the neighbouring triangles join in.
 
@@ -27,7 +27,7 @@ const EXACT: f64 = 1e-9;
 /// vertices tell all quadratics apart, but the mean has the derivative of the quadratic that they do not see.
 const REGULAR: f64 = 1e-12;
 
-/// The same fraction where no vertices nearby give exact weights: the weights are then bounded.
+/// The same fraction if no vertices nearby give exact weights: the weights are then bounded.
 const EASED: f64 = 1e-3;
 
 /// One of the two triangles at an edge, by the index of its vertex across the edge.
@@ -117,7 +117,7 @@ pub(super) fn gradient(nearby: &Nearby, across: Across) -> Few<(u32, f64)> {
 }
 
 /// The weights of the normal derivative, times the length of the edge, by vertex. `wider` gives more vertices, and is
-/// called where `nearby` are near a conic.
+/// called if `nearby` are near a conic.
 pub(super) fn rotation(nearby: &Nearby, wider: impl FnOnce() -> Nearby) -> Few<(u32, f64)> {
     let (mut weights, good) = nearby.weights(REGULAR);
     let mut vertices = nearby.vertices;

@@ -112,7 +112,7 @@ impl<T: Real> ScalarMatrix<T> {
     }
 
     /// Becomes the transpose of `matrix`, with `rows` rows, in the order of [`transposed`](Self::transposed). Entries without
-    /// weight are left out. Nothing is allocated where there is [room](Self::make_room).
+    /// weight are left out. Nothing is allocated if there is [room](Self::make_room).
     pub(crate) fn transpose(&mut self, matrix: &Self, rows: usize) {
         // The number of entries of each row, then the end of each row, and then, as the rows fill from behind, its start.
         self.row_start.clear();
@@ -195,7 +195,7 @@ pub(crate) fn differences<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &
     }
 }
 
-/// Sets `y` to the product with `u`. The error is one rounding of the common part of `u`, which does no harm where `u` is
+/// Sets `y` to the product with `u`. The error is one rounding of the common part of `u`, which does no harm if `u` is
 /// a change of a step.
 #[cfg_attr(
     not(palpate_one_version),

@@ -6,7 +6,7 @@ use crate::error::BodyError;
 use crate::mesh::FlatPattern;
 use crate::{Mat3, Vec3};
 
-/// A sheet that resists bending, over vertices. A body keeps these facts, from which its bending is built again where
+/// A sheet that resists bending, over vertices. A body keeps these facts, from which its bending is built again when
 /// handles or supports change.
 #[derive(Debug)]
 pub(crate) struct BentSheet {

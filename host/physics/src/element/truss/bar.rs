@@ -34,7 +34,7 @@ pub(super) struct Bar {
 /// The state of a bar: its axis, its length and its elongation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretched {
-    /// Unit vector from the first end to the second; zero where the ends coincide and there is no direction.
+    /// Unit vector from the first end to the second; zero if the ends coincide and there is no direction.
     pub(super) axis: Vec3,
     /// Length (m).
     pub(super) length: f64,

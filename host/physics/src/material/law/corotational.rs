@@ -12,7 +12,7 @@ use crate::material::Tangent;
 use crate::polar::svd::svd;
 use crate::{Mat3, Vec3};
 
-/// The least sum of two stretches by which the twist of their axes divides. The exact twist is unbounded where an
+/// The least sum of two stretches by which the twist of their axes divides. The exact twist is unbounded if an
 /// element degenerates to a line. Only below this bound does the tangent differ from the exact one.
 const STRETCH_FLOOR: f64 = 0.02;
 

@@ -47,11 +47,11 @@ impl Agreement {
         self.responses[row * self.most + column] = response;
     }
 
-    /// Solves for the forces, in `forces`. Returns the largest change of a force (N), which is not a number
-    /// where a force is none.
+    /// Solves for the forces, in `forces`. Returns the largest change of a force (N). The change is
+    /// NaN if a force is NaN.
     ///
     /// With `stays`, the openings are those of a solution that is nearly exact. The forces then stay on its branch of the
-    /// laws, where they can: otherwise two solutions in turn could be the first.
+    /// laws, if they can: otherwise two solutions in turn could be the first.
     pub(super) fn solve(&mut self, laws: &[impl Law], stays: bool) -> f64 {
         for (force, law) in self.forces.iter_mut().zip(laws) {
             *force = law.force();
@@ -102,7 +102,7 @@ impl Agreement {
     }
 
     /// Newton's method from the openings in `found`. Two laws beside each other respond nearly alike, and thousands of
-    /// sweeps would be needed then. The forces stay as they are where the method does not converge; returns whether it
+    /// sweeps would be needed then. The forces stay as they are if the method does not converge; returns whether it
     /// does.
     fn newton(&mut self, laws: &[impl Law]) -> bool {
         let most = self.most;

@@ -24,7 +24,7 @@
 //! of a pair may err; [`Stepper::take_surplus`](crate::motion::Stepper::take_surplus) returns this error, for the next pair to make
 //! good.
 //!
-//! **Paced pairs.** Where a sheet is torn out of its plane, a bend moves with the tip from vertex to vertex. It takes up energy
+//! **Paced pairs.** If a sheet is torn out of its plane, a bend moves with the tip from vertex to vertex. It takes up energy
 //! and gives it back within an edge, so that a pair whose force falls evenly lets the force of the hands rise and fall. The
 //! tip therefore [paces](Cohesion::pace) such a pair: while the flow of energy is short of the toughness, the pair opens without
 //! a loss of force, as a spring would. The stiffness of the pair says where in the edge the tip is. With the fall `k1` of the
@@ -68,7 +68,7 @@ pub struct Cohesion {
     pub energy: f64,
     /// The force at the largest opening (N).
     strength: f64,
-    /// By how much the force grows with the opening beyond the largest (N/m); negative where the force falls.
+    /// By how much the force grows with the opening beyond the largest (N/m); negative if the force falls.
     growth: f64,
     /// The fall `k1` of a paced pair (N/m).
     paced: Option<f64>,
@@ -174,7 +174,7 @@ impl Cohesion {
         self.strength
     }
 
-    /// The opening at which the force is lost (m); infinite where the force does not fall.
+    /// The opening at which the force is lost (m); infinite if the force does not fall.
     pub fn critical(&self) -> f64 {
         if self.growth < 0.0 {
             self.largest - self.strength / self.growth

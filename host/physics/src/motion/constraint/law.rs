@@ -37,7 +37,7 @@ pub(crate) trait Law {
     /// A force (N) of the law's own size, to which errors are relative and by which responses are measured.
     fn scale(&self) -> f64;
 
-    /// The opening (m) that agrees with the law where the opening is `free - response force`.
+    /// The opening (m) that agrees with the law if the opening is `free - response force`.
     fn meet(&self, free: f64, response: f64) -> f64;
 
     /// The present force along the gradient (N).

@@ -1,8 +1,8 @@
 //! Constraints: laws over the differences of nodes, in the equation of a step.
 //!
-//! The forces along the laws enter the equation as loads. Each iteration is followed by the forces that
-//! agree with its openings (`agree`). The compliance of the openings, with the factor in place of
-//! the matrix, predicts the forces from the residual of the guess (`compliance`).
+//! The forces along the laws enter the equation as loads. After each iteration, `agree` computes the
+//! forces that agree with the openings of the iteration. Before the first one, `compliance` predicts the forces from
+//! the residual of the guess, by the compliance of the openings with the factor in place of the matrix.
 //!
 //! Across its gradient a law is a spring. The spring is part of the matrix of the step: a light vertex that moves out of
 //! the plane would swing from step to step otherwise. The compliance holds the springs in the preconditioner.
@@ -187,7 +187,7 @@ impl<L: Law> Constraints<L> {
     }
 
     /// Solves for the forces that agree with the openings of the displacements `u`. Returns the largest change of a force
-    /// (N), which is not a number where a force is none.
+    /// (N). The change is NaN if a force is NaN.
     pub(crate) fn agree(&mut self, u: impl Fn(u32) -> Vec3) -> f64 {
         self.find_openings(u);
         self.agreement.solve(&self.laws, true)

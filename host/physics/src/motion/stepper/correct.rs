@@ -1,13 +1,13 @@
-//! Further linearizations of a step whose end differs from the prediction: where elements are inverted, and where hands
+//! Further linearizations of a step whose end differs from the prediction: if elements are inverted, and if hands
 //! move so far in the step that one linearization adds energy.
 //!
 //! **Inverted elements.** A body with inverted elements passes close to saddles of its energy. There the small errors of one linearization
 //! decide where the body comes to rest: in its right shape, or in a balance in which an element stays inverted. The
 //! equation is then linearized again at the step's end and solved for the remaining imbalance. This is Newton's method
-//! for implicit Euler. Elsewhere, and where a hand moves the body, one linearization is enough, and this module costs
+//! for implicit Euler. Elsewhere, and if a hand moves the body, one linearization is enough, and this module costs
 //! nothing.
 //!
-//! **Hands that move far.** The motion of a hand is prescribed. Where it turns elements by a large angle in a step, the
+//! **Hands that move far.** The motion of a hand is prescribed. If it turns elements by a large angle in a step, the
 //! linearized elements become longer, and the step adds energy. The guard shortens such a step, but a shorter motion of
 //! the other vertices stretches the elements beside the hand even more, so that no fraction of the motion may be allowed.
 //! The equation is then linearized at the step's end and solved again. Its solution is that of implicit Euler, which adds
@@ -69,7 +69,7 @@ pub(crate) fn turned(body: &Body) -> f64 {
 }
 
 impl<T: Precision> Stepper<T> {
-    /// The terms of the equation along the step as solved, before the elements are linearized at its end; `None` where
+    /// The terms of the equation along the step as solved, before the elements are linearized at its end; `None` if
     /// no element can be inverted.
     pub(crate) fn promise(
         &self,

@@ -9,7 +9,7 @@ use crate::motion::refresh::Refresher;
 
 /// A complete factor has aged if an iteration leaves more than this fraction of the residual. A fresh factor leaves a
 /// thousandth. The number of iterations alone would show this too late, because a good guess needs few of them with any
-/// factor. Where a hand stops, the guess is of no use, and an old factor needs twice as many iterations as a fresh
+/// factor. When a hand stops, the guess is of no use, and an old factor needs twice as many iterations as a fresh
 /// factor.
 const SLOW: f64 = 0.03;
 

@@ -25,7 +25,7 @@ impl<T: Precision> Stepper<T> {
         self.begin_account(body);
         let mut work = self.take(body, h, report)?;
         let before = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
-        // Where a hand does work on a body, the hand decides where the body goes.
+        // If a hand does work on a body, the hand decides where the body goes.
         let promised = (work == 0.0 && self.joints.is_empty())
             .then(|| self.promise(body, h, factors))
             .flatten();
@@ -105,9 +105,9 @@ impl<T: Precision> Stepper<T> {
         -to_vec(&self.residual[self.place[node] as usize])
     }
 
-    /// Linearizes at the end of the step. A step that would add energy is shortened first. Where no shorter step is
+    /// Linearizes at the end of the step. A step that would add energy is shortened first. If no shorter step is
     /// allowed, because hands move so far that one linearization does not hold, the equation is solved again, and the
-    /// new motion is shortened where it would add energy. The
+    /// new motion is shortened if it would add energy. The
     /// energies are those before the step and at the end of the whole step, where the elements are linearized on entry,
     /// beside an upper bound of the `work` of hands (J). Returns whether the equation was solved again.
     fn end_where_energy_allows(

@@ -3,7 +3,7 @@
 //! The last four velocities are kept as differences (the velocity, its change, the change of that change, ...), as in
 //! polynomial extrapolation. The weight of each difference is not constant but fitted by least squares. Free nodes give
 //! the weights that would have predicted the last step, and held nodes, whose motion is prescribed, give those for this
-//! step. A smooth motion is thus followed closely. Where a hand starts to move or stops, the fit finds no trend where
+//! step. A smooth motion is thus followed closely. When a hand starts to move or stops, the fit finds no trend where
 //! there is none. Extrapolation from earlier solutions with fitted factors is as old as time-dependent solvers (for
 //! instance P. F. Fischer, "Projection techniques for iterative solution of A x = b with successive right-hand sides",
 //! 1998, who fits the residual, at the cost of one product for each solution; this fit needs vectors alone).
@@ -104,7 +104,7 @@ impl Sums {
         }
     }
 
-    /// The weights of the first `count` differences that fit best; zero where there is nothing to fit.
+    /// The weights of the first `count` differences that fit best; zero if there is nothing to fit.
     fn weights(self, count: usize) -> [f64; KEPT] {
         // Gaussian elimination in the order of the differences.
         let (mut matrix, mut wanted) = ([[0.0; KEPT]; KEPT], self.wanted);

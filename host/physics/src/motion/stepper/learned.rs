@@ -1,6 +1,6 @@
 //! A preconditioner that learns from the last solves.
 //!
-//! A frozen factor lacks what has changed since it was made. Where a sheet tears, these are the few triangles about the
+//! A frozen factor lacks what has changed since it was made. When a sheet tears, these are the few triangles about the
 //! tip, which stretch by the hand's motion of many steps within one. Conjugate gradients then find the same few slow
 //! directions in each step, and again after each round in which the forces of pairs have changed. Each iteration knows a
 //! direction `p` and its product `q = A p`. The last of these pairs correct the factor by the formula of limited-memory
@@ -51,7 +51,7 @@ impl Learned {
         (self.count, self.used, self.found) = (0, 0, 0);
     }
 
-    /// Begins a solve: the pairs of the last one replace the oldest. The solve uses the pairs only where `uses`: they cost
+    /// Begins a solve: the pairs of the last one replace the oldest. The solve uses the pairs only if `uses`: they cost
     /// about a sixth of an iteration, which a solve of one iteration would not save.
     pub(super) fn begin(&mut self, uses: bool) {
         self.next = (self.next + self.found) % (2 * MEMORY);

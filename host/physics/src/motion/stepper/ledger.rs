@@ -10,7 +10,7 @@
 //! linearization  u . (f1 - f0 + K0 u)
 //! damping        h alpha |v1|^2_M  and  h beta v1 . K0 v1
 //! supplied       - u . r on held nodes and guided axes, and u . f of joints with other bodies
-//! solver         - u . r on the other axes, or guard where the step was shortened or solved again
+//! solver         - u . r on the other axes, or guard if the step was shortened or solved again
 //! ```
 //!
 //! Each term is computed by its formula. The sum of all, [`Ledger::missing`], is rounding. The account costs a product
@@ -48,7 +48,7 @@ pub struct Ledger {
     pub euler_elastic: f64,
     /// Loss by the linearization of the elastic forces.
     pub linearization: f64,
-    /// Work of the guard, which shortens steps that would add energy, and of the residual that is left where such a step
+    /// Work of the guard, which shortens steps that would add energy, and of the residual that is left if such a step
     /// is solved again.
     pub guard: f64,
     /// Work of the residual that the solver left.

@@ -54,7 +54,7 @@ use crate::team::{self, Alone, Team};
 use factor::{Factor, factors};
 use stages::Underway;
 
-/// Most iterations of a step that the next step expects to go on without what solves have learned.
+/// The largest number of iterations of a step after which the next step does without what solves have learned.
 const EASY: usize = 2;
 
 /// Nodes of a run of vectors, some microseconds of work. A sum over a body has a partial sum for each run.
@@ -114,7 +114,7 @@ pub struct Stepper<T> {
     // The following fields are by place.
     pub(crate) rest: Vec<Vec3>,
     pub(crate) mass: Vec<f64>,
-    /// By axis of a free place: 1 where the axis is free, 0 where a support guides it; empty without supports.
+    /// By axis of a free place: 1 if the axis is free, 0 if a support guides it; empty without supports.
     pub(crate) mask: Vec<Node<T>>,
     /// Mass in the matrix of the present solve (kg/s^2).
     pub(crate) inertia: Vec<T>,
@@ -160,7 +160,7 @@ fn sets<E>(body: &Body, place: &[u32], of_set: impl Fn(Box<dyn Elements>) -> E) 
 }
 
 impl<T: Precision> Stepper<T> {
-    /// Makes a stepper for `body` with its present connectivity, handles and supports. Where these change, the stepper
+    /// Makes a stepper for `body` with its present connectivity, handles and supports. If these change, the stepper
     /// [follows](Self::follow).
     ///
     /// # Errors

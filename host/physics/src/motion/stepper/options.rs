@@ -8,10 +8,10 @@ use crate::linear::sparse_cholesky::FactorCode;
 pub enum Guess {
     /// The velocity is that of the last step.
     Velocity,
-    /// The velocity changes as in the last step: closer in a smooth motion, twice too far where a motion begins.
+    /// The velocity changes as in the last step: closer in a smooth motion, twice too far when a motion begins.
     Acceleration,
     /// The velocity changes by a fitted combination of its last changes: closest in a smooth motion, and no further off
-    /// where a motion begins or ends.
+    /// when a motion begins or ends.
     #[default]
     Fitted,
 }

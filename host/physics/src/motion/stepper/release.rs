@@ -13,8 +13,8 @@ use crate::motion::constraint::{Constraints, by_node};
 
 /// Most iterations that are followed by other forces.
 const MOST_ROUNDS: usize = 16;
-/// Forces converge slowly where they change by more than this fraction of the change before, or of the residual before,
-/// and by more than so many times the goal.
+/// Forces converge slowly if they change by more than this fraction of the change before, or of the residual before,
+/// and by more than `CLOSE` times the goal.
 const SLOW_ROUND: f64 = 0.5;
 const CLOSE: f64 = 10.0;
 
@@ -73,7 +73,7 @@ impl<T: Precision> Stepper<T> {
     }
 
     /// The energy (J) that pairs had still to take and no pair will take, since the last call: that of paced pairs that have let
-    /// go, and of pairs that were let go because they would have thrown a light piece. Negative where paced pairs took more than
+    /// go, and of pairs that were let go because they would have thrown a light piece. Negative if paced pairs took more than
     /// their energy.
     pub fn take_lost(&mut self) -> f64 {
         core::mem::take(&mut self.released.lost)
@@ -161,8 +161,8 @@ impl<T: Precision> Stepper<T> {
         self.pairs.respond();
     }
 
-    /// Solves the equation of the step together with the forces of the pairs. Each iteration is followed by the forces that
-    /// agree with its openings: an exact solution for forces that still change would be of no use. What an iteration
+    /// Solves the equation of the step together with the forces of the pairs. After each iteration, the forces are made
+    /// to agree with the openings: an exact solution for forces that still change would be of no use. What an iteration
     /// learned is not lost, see `learned`.
     pub(super) fn let_go(
         &mut self,
@@ -214,7 +214,7 @@ impl<T: Precision> Stepper<T> {
         report
     }
 
-    /// Goes on with the iterations of a step: at most `most` more, and none where the residual is at most `start` (N).
+    /// Continues the iterations of a step: at most `most` more, and none if the residual is at most `start` (N).
     fn go_on(
         &mut self,
         factors: (f64, f64),

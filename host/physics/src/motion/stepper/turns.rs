@@ -1,6 +1,6 @@
 //! The turns of a sheet since its factor was made, in the preconditioner.
 //!
-//! A sheet is many thousand times as stiff along itself as across. Where it turns, the stiff directions of an old factor
+//! A sheet is many thousand times as stiff along itself as across. If it turns, the stiff directions of an old factor
 //! lie across the sheet, and conjugate gradients have to move them: a piece that flaps turns by a radian while a factor is
 //! made, and its steps took hundreds of iterations. The factor of a turned sheet is nearly the old one between rotations,
 //!

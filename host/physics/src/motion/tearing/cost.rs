@@ -1,7 +1,7 @@
 //! What snapping would cost.
 //!
 //! A vertex that moves at rest samples the deformation of the sheet elsewhere. In a field that varies, this changes the
-//! elastic energy of its triangles, and the lumped masses change the kinetic energy. An edge is cut instead where either
+//! elastic energy of its triangles, and the lumped masses change the kinetic energy. An edge is cut instead if either
 //! energy would rise by more than a small fraction of the energy that the torn edge takes.
 
 use super::Tearing;

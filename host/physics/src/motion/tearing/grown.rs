@@ -8,9 +8,9 @@ use crate::topology::Done;
 pub struct Grown {
     /// The vertex from which the tear grew.
     pub from: u32,
-    /// The new tip, and that of the growth to the other side; [`NONE`](crate::topology::NONE) where there is none.
+    /// The new tip, and that of the growth to the other side; [`NONE`](crate::topology::NONE) if there is none.
     pub tips: [u32; 2],
-    /// The border vertex that the growth reached, on each side; [`NONE`](crate::topology::NONE) where there is none.
+    /// The border vertex that the growth reached, on each side; [`NONE`](crate::topology::NONE) if there is none.
     pub met: [u32; 2],
     /// Whether the tear starts with this edit: no edit before ended at the vertex `from`.
     pub starts: bool,

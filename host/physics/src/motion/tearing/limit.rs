@@ -1,4 +1,4 @@
-//! How far handles can move before the next tear goes on.
+//! How far handles can move before the next tear advances.
 //!
 //! In a linear sheet the stress intensities, and with them the root of the rate that drives a tip (`G` of a tip that rests,
 //! `J` of a tip that runs), are linear in the displacements of the handles. The slope of the root by each motion of a handle
@@ -13,24 +13,24 @@ use crate::element::precision::Precision;
 use crate::motion::stepper::Stepper;
 use crate::tear::TearLaw;
 
-/// Part of a shape by which the sheet is displaced: so many metres or radians at the handle.
+/// Part of a shape by which the sheet is displaced: this number of metres or radians at the handle.
 const SMALL: f64 = 1e-6;
 /// Least energy release rate with a slope, as a fraction of the toughness. At zero the root has none.
 const LEAST: f64 = 0.01;
 
-/// The tip that is nearest to going on.
+/// The tip that is nearest to advancing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TearLimit {
     /// The root of the rate that drives the tip (sqrt(J/m²)).
     pub root: f64,
-    /// The root at which the tip goes on (sqrt(J/m²)).
+    /// The root at which the tip advances (sqrt(J/m²)).
     pub critical: f64,
 }
 
 impl Tearing {
-    /// The tip that is nearest to going on, and the slopes of its root by motions of the handles (sqrt(J/m²) per m or
+    /// The tip that is nearest to advancing, and the slopes of its root by motions of the handles (sqrt(J/m²) per m or
     /// rad). `shape` gives the displacement of a vertex for a motion, by the number of the motion. `None` under the law
-    /// `thesis`, and where no tip is driven by it, or all are hardly driven.
+    /// `thesis`, and if no tip is driven by it, or all are hardly driven.
     #[inline(never)]
     pub fn limit<T: Precision>(
         &mut self,

@@ -1,10 +1,10 @@
 //! The tears of a sheet: after each step, tears start and tips move on.
 //!
 //! [`Tearing::advance`] is called after each step of a [`Stepper`]. It compares the energy release rate at each tip with
-//! the toughness, or the stress with the strength, by the laws of the room [`tear`](crate::tear). A tip that goes on makes
-//! an [edit](Body::edit) of the body, by which the tear grows by one edge. The stepper follows the edit, and the sides of
-//! the edge let go of each other gradually. The edits of several tips are made in the order of the tips, so that two runs
-//! give the same bytes. Nothing is allocated after the construction.
+//! the toughness, or the stress with the strength, by the laws of the room [`tear`](crate::tear). A tip that advances
+//! makes an [edit](Body::edit) of the body, by which the tear grows by one edge. The stepper follows the edit, and the
+//! sides of the edge let go of each other gradually. The edits of several tips are made in the order of the tips, so
+//! that two runs give the same bytes. Nothing is allocated after the construction.
 //!
 //! - `tips`: the tips, and how they grow. `limit`: how far handles can move until then.
 //! - `start`: where new tears start. `cost`: what snapping would cost. `grown`: what each edit did.
@@ -31,9 +31,9 @@ use crate::tear::strength::Symmetric;
 use crate::tear::{Patch, Sheet, TearLaw, TearMaterial};
 use crate::topology::{AdvanceOptions, Done, Edit, NONE, Surface};
 
-/// Most tips of a sheet at a time. Where there are more, no new tear starts.
+/// Most tips of a sheet at a time. If there are more, no new tear starts.
 pub const MOST_TIPS: usize = 32;
-/// Most edges by which a tip goes on after one step.
+/// Most edges by which a tip advances after one step.
 const MOST_EDGES: usize = 4;
 
 /// The largest part of its own energy by which a pair makes good the errors of earlier pairs.
@@ -113,7 +113,7 @@ pub struct TearReport {
     pub held: usize,
     /// Number of tips that rest although they are driven, because no edge leads on from them, after the last step.
     pub blocked: usize,
-    /// The largest principal stress after the last step (Pa), where it was computed; otherwise 0.
+    /// The largest principal stress after the last step (Pa), if it was computed; otherwise 0.
     pub stress: f64,
     /// Whether a tear rests because the reserve of vertices or triangles is used up.
     pub full: bool,
@@ -129,9 +129,9 @@ pub struct Tearing {
     /// The kinetic, elastic and potential energy of the body at the end of the last step (J); `None` before it.
     energy: Option<f64>,
     patch: Patch,
-    /// The stress of each triangle (Pa); empty where no stress is needed.
+    /// The stress of each triangle (Pa); empty if no stress is needed.
     stress: Vec<Symmetric>,
-    /// Whether each vertex is about a tip; empty where no tear can start.
+    /// Whether each vertex is about a tip; empty if no tear can start.
     near: Vec<bool>,
     /// What drives the tips after the last step.
     driven: Vec<Driven>,

@@ -24,7 +24,7 @@ const SHARP: f64 = 5.0 / 3.0 * core::f64::consts::PI;
 
 /// How far from a tip the elastic stress may exceed the strength while the tip rests, in Irwin lengths `E G_c / strength^2`.
 /// About a crack that is opened by `K` the principal stress is at most `sqrt(27 / 16) K / sqrt(2 pi r)`, at 60 degrees from
-/// straight ahead, and `K^2 = E G_c` when the tip goes on.
+/// straight ahead, and `K^2 = E G_c` when the tip advances.
 const STRESSED: f64 = 27.0 / 16.0 / core::f64::consts::TAU;
 
 /// Whether a vertex is the free end of a sharp notch in the mesh.
@@ -108,7 +108,7 @@ impl Tearing {
     }
 
     /// Marks the vertices about each tip: up to the ring after the last one of the integrals, and as far as the stress may
-    /// reach the strength before the tip goes on.
+    /// reach the strength before the tip advances.
     fn mark_tips(&mut self, body: &Body, surface: &Surface) {
         self.near.fill(false);
         let reach = STRESSED * self.options.material.irwin_length();

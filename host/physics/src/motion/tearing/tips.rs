@@ -1,17 +1,18 @@
-//! The tips: their driving force, their direction, and the edges by which they go on.
+//! The tips: their driving force, their direction, and the edges by which they advance.
 //!
 //! **Two rates.** `G` is the energy that the sheet about the tip gives up for a unit of torn area: the vertex sum of
-//! [`driving`](crate::tear::driving) takes off the work of inertia, damping and pairs. While an edge opens, these hide a part
-//! of the energy that flows from afar. `J` is that flow: of the forces on the vertices only the loads are taken off
+//! [`driving`](crate::tear::driving) subtracts the work of inertia, damping and pairs. While an edge opens, these hide
+//! a part of the energy that flows from afar. `J` is that flow: of the forces on the vertices only the loads are
+//! subtracted
 //!
 //! ```text
 //! J = G - sum q_i (F e)_i . (f_i + p_i) / t
 //! ```
 //!
-//! with the elastic force `f_i`, bending included, and the load `p_i` at the end of the step. A tip that rests goes on by
-//! `G`, a tip that runs by `J`.
+//! with the elastic force `f_i`, bending included, and the load `p_i` at the end of the step. A tip that rests
+//! advances by `G`, a tip that runs by `J`.
 //!
-//! **Inside an edge.** The pair behind a tip loses its force as it opens. Where `J` is the toughness, each opening of the pair
+//! **Inside an edge.** The pair behind a tip loses its force as it opens. If `J` is the toughness, each opening of the pair
 //! is in balance, and the damping alone would say how fast the tip runs. The tip therefore also moves on inside the edge, at
 //! a speed by which the flow grows over the toughness, and the pair loses its force with the length that is left:
 //!
@@ -24,14 +25,14 @@
 //! **Out of the plane** a bend moves with the tip from vertex to vertex, and takes up and gives back energy within an edge. The
 //! tip [paces](Cohesion::pace) the pair behind it, so that the flow stays at the toughness: below, the pair opens without a loss
 //! of force; above, its force falls faster than by its law. `J` agrees with the force of the legs of trousers within 1 % at
-//! every moment, so the force of the hands stays even. Where the bend is shorter than an edge, edges let go in jumps that the
+//! every moment, so the force of the hands stays even. If the bend is shorter than an edge, edges let go in jumps that the
 //! pace cannot even out, and the motion of each jump is lost. The balance of the whole body tells this loss. A tip out of the
 //! plane therefore goes by a larger toughness as long as hands have still to supply energy for the area torn so far.
 //!
 //! **A tear that pairs bridge.** A tear that has just started at the strength is no crack yet: pairs hold its faces together
-//! with the strength. Its tips go on where the stress reaches the strength, as the front of a cohesive zone does. So a sheet
-//! bears the strength times its section at most, however large its toughness. When the first pair has let go, the tear is a
-//! crack.
+//! with the strength. Its tips advance where the stress reaches the strength, as the front of a cohesive zone does. So
+//! a sheet carries the strength times its section at most, however large its toughness. When the first pair has let go,
+//! the tear is a crack.
 
 use super::{FIRST_OPENING, FOLDED, FOLDED_OPENING, MOST_EDGES, OPENING, Tearing, sheet};
 use crate::body::Body;
@@ -52,7 +53,7 @@ const MOST_BACK: f64 = core::f64::consts::FRAC_PI_4;
 pub(super) const MARGIN: f64 = 0.01;
 
 /// The speed inside an edge over the speed of waves `sqrt(E / density)` and over `x`: it grows with `x` up to that of
-/// Rayleigh's waves, so that a tear that just goes on does not overshoot.
+/// Rayleigh's waves, so that a tear that just advances does not overshoot.
 fn swiftness(x: f64) -> f64 {
     (0.1 + 5.0 * x).min(0.57)
 }
@@ -88,7 +89,7 @@ pub struct TipState {
     /// bridge the whole tear.
     pub bridge: Option<[u32; 2]>,
     /// How eager a tip out of the plane is: the part of an edge by which it moves on in a step, for a flow of energy far above the
-    /// toughness. Negative where the flow was below the toughness after the last step.
+    /// toughness. Negative if the flow was below the toughness after the last step.
     pub eager: f64,
     /// Where the path of the tear runs.
     pub course: Course,
@@ -108,14 +109,14 @@ pub struct Course {
 }
 
 impl Course {
-    /// The angle by which the next edge turns from the path so that it leads back (rad), where edges have about the
+    /// The angle by which the next edge turns from the path so that it leads back (rad), if edges have about the
     /// length `reach` (m). At most 45 degrees: a tear that comes from large triangles among small ones turns back over
     /// several edges.
     pub fn back(&self, reach: f64) -> f64 {
         -libm::atan2(self.aside, reach).clamp(-MOST_BACK, MOST_BACK)
     }
 
-    /// The course after an edge of the fan angle `angle` (rad) and of this `length` (m), where the path has the fan angle
+    /// The course after an edge of the fan angle `angle` (rad) and of this `length` (m), if the path has the fan angle
     /// `path` (rad).
     pub(super) fn after(&self, angle: f64, length: f64, path: f64) -> Self {
         let (sine, cosine) = (libm::sin(path - angle), libm::cos(path - angle));
@@ -249,7 +250,7 @@ impl Tearing {
         Some((drive, self.counts(tip, &drive)))
     }
 
-    /// The edit by which a tip goes on in the direction of a fan angle (rad). A vertex snaps only where this changes the
+    /// The edit by which a tip advances in the direction of a fan angle (rad). A vertex snaps only if this changes the
     /// energy little.
     pub(super) fn growth(&self, body: &Body, tip: &TipState, direction: f64) -> Option<Edit> {
         let vertex = tip.vertex;
@@ -277,7 +278,7 @@ impl Tearing {
         advance(false)
     }
 
-    /// The edit by which a tip goes on along the path of this fan angle (rad), and the course after the edit.
+    /// The edit by which a tip advances along the path of this fan angle (rad), and the course after the edit.
     fn growth_along(&self, body: &Body, tip: &TipState, path: f64) -> Option<(Edit, Course)> {
         let surface = body.surface()?;
         let back = tip.course.back(surface.mean_edge(tip.vertex));
@@ -288,9 +289,9 @@ impl Tearing {
 
     /// The stress intensities that say how a tip turns that is driven by the energy release rate `rate` (J/m²).
     ///
-    /// They are those in the plane of the sheet. Where hands tear a sheet out of its plane, most of the
+    /// They are those in the plane of the sheet. If hands tear a sheet out of its plane, most of the
     /// energy comes from the tearing mode and from bending, which drive the tip straight ahead. This part counts with the
-    /// opening mode: `K_I` is replaced by `sqrt(E G - K_II^2)` where that is larger. In the plane the two are equal.
+    /// opening mode: `K_I` is replaced by `sqrt(E G - K_II^2)` if that is larger. In the plane the two are equal.
     fn intensity(&self, rate: f64) -> Intensity {
         let found = self.patch.intensity();
         let ahead = self.options.material.young * rate - found.k2 * found.k2;
@@ -312,7 +313,7 @@ impl Tearing {
         drive.rate * self.intensity(drive.rate).by_turn()
     }
 
-    /// Lets the pair behind a tip lose force as the tip moves on inside the edge, where the flow of energy `flow` (J/m²) asks
+    /// Lets the pair behind a tip lose force as the tip moves on inside the edge, if the flow of energy `flow` (J/m²) asks
     /// for it, and paces a pair out of the plane. `length` is that of the step (s). Returns whether the pair has let go.
     fn slacken<T: Precision>(
         &mut self,
@@ -356,7 +357,7 @@ impl Tearing {
         stepper.pair(nodes).is_none()
     }
 
-    /// Lets the tips go on that the toughness cannot hold. A tip waits until the pair behind it has let go.
+    /// Advances the tips that the toughness cannot hold. A tip waits until the pair behind it has let go.
     pub(super) fn advance_by_energy<T: Precision>(
         &mut self,
         body: &mut Body,
@@ -440,7 +441,8 @@ impl Tearing {
         }
     }
 
-    /// The principal stress at the tip of a tear (Pa), and the fan angle of the direction orthogonal to it that goes on (rad).
+    /// The principal stress at the tip of a tear (Pa), and the fan angle of the direction orthogonal to it that
+    /// continues (rad).
     fn stressed(&mut self, body: &Body, vertex: u32) -> Option<(f64, f64)> {
         let surface = body.surface()?;
         let from = ahead(surface, vertex)?;
@@ -457,8 +459,9 @@ impl Tearing {
         Some((found.stress, direction))
     }
 
-    /// The law of the thesis: of all tips, the one with the highest principal stress goes on by one edge, if that stress is
-    /// at least the strength, orthogonal to the direction of the stress and never backwards (Le Gouis et al. 2017).
+    /// The law of the thesis: of all tips, the one with the highest principal stress advances by one edge, if that
+    /// stress is at least the strength, orthogonal to the direction of the stress and never backwards (Le Gouis et al.
+    /// 2017).
     pub(super) fn advance_by_stress<T: Precision>(
         &mut self,
         body: &mut Body,

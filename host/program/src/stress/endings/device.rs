@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// Force below which a device renders none (N): less than any person feels, and less than a current of 1 mA makes.
 pub(super) const NONE: f64 = 1e-3;
-/// Priority of an emulated device under SCHED_FIFO, where allowed.
+/// Priority of an emulated device under SCHED_FIFO, if allowed.
 const PRIORITY: u8 = 40;
 /// Period at which the file of the plug-in is read.
 const PERIOD: Duration = Duration::from_micros(500);

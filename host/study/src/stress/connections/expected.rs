@@ -77,8 +77,8 @@ pub struct Limits {
     /// way.
     pub device: f64,
     /// Longest time of a force in the commands of the host (s): five periods of the device, the answer that was under
-    /// way, and the tick that finds out. Where the device says that it let go: its watchdog, a state, its answer, and the
-    /// tick.
+    /// way, and the tick that finds out. If the device says that it released the force: its watchdog, a state, its
+    /// answer, and the tick.
     pub host: f64,
     /// Largest growth of a force from one millisecond to the next, beyond the growth that the motion of the hand and the
     /// ramps explain (N).

@@ -22,7 +22,7 @@ use sim::protocol::Protocol;
 const PERIOD: f64 = PERIOD_NS as f64 * 1e-9;
 /// The dead-man button.
 const DEAD_MAN: u32 = 1 << 8;
-/// Time from a command to the force of the device, at most, where none is late (ns).
+/// Time from a command to the force of the device, at most, if none is late (ns).
 const ANSWERED_NS: u64 = 4 * PERIOD_NS;
 /// Time between two models of a host that publishes more than one (ns).
 const PUBLISHED_NS: u64 = 8 * PERIOD_NS;

@@ -68,7 +68,7 @@ pub struct Outcome {
 pub(super) struct Plan {
     /// The hand moves the handle out and in, by which a Falcon is homed. None for the other devices.
     homing: Option<f64>,
-    /// The operator presses the button for calibration, where there has been no state for a while.
+    /// The operator presses the button for calibration, when there has been no state for a while.
     presses: [f64; 2],
     /// The path of the hand along z (m).
     path: Vec<(f64, f64)>,
@@ -77,7 +77,7 @@ pub(super) struct Plan {
     end: f64,
     pub(super) model: DeviceModel,
     pub(super) scheme: Scheme,
-    /// Time in which the force comes in after an engagement (s); zero where that time is [`RECOVERY`].
+    /// Time in which the force comes in after an engagement (s); zero if that time is [`RECOVERY`].
     pub(super) ramp: f64,
 }
 
@@ -154,7 +154,7 @@ impl Plan {
 /// Runs a device of `protocol` with a fault of `kind`, both at times that `seed` decides.
 ///
 /// # Panics
-/// Where the emulated device or its driver cannot be set up, which no seed causes.
+/// If the emulated device or its driver cannot be set up, which no seed causes.
 pub fn run(protocol: Protocol, kind: Kind, seed: u64) -> Outcome {
     let case = Case { protocol, kind };
     let mut random = Pcg64::new(u128::from(seed), STREAM);
@@ -183,7 +183,7 @@ pub fn run(protocol: Protocol, kind: Kind, seed: u64) -> Outcome {
             host.stop(from_ns);
             link.run(now_ns);
         } else if kind == Kind::Stopped && now_ns > from_ns && woken_ns == 0 {
-            // The tick of this deadline wakes when the process goes on.
+            // The tick of this deadline wakes when the process continues.
             woken_ns = to_ns.max(now_ns);
             host.stop(from_ns);
             link.run(woken_ns);

@@ -4,7 +4,7 @@
 //! files ([`super::specimen`]). Each cell runs under `capped`, under `linear`, and as the reference of
 //! `palpate stress scene`, with the physics inside the tick. Along each run, the body is moved once more by the same
 //! hands, with one step a tick. The force that the body then exerts is the force that the scheme should have rendered:
-//! see [`super::scene::force_errors`]. Where a body is stiffer than its devices along some directions, the reference and the
+//! see [`super::scene::force_errors`]. If a body is stiffer than its devices along some directions, the reference and the
 //! moved body have springs in series with these directions, as the host has: see the module `scene::rendered`. In most cells
 //! no scheme has a reason to withhold force. In the others, a stall, a limit on the slew of the force or a fast press takes
 //! a part of it away for a while, and the hold that begins a second later is judged alone. [`verdict`] states the limits.

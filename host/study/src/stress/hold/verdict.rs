@@ -75,7 +75,7 @@ impl Failure {
     }
 }
 
-/// The ratios of hold, run and ripple to their limits in a cell. That of the hold is zero where a hand moves.
+/// The ratios of hold, run and ripple to their limits in a cell. That of the hold is zero if a hand moves.
 ///
 /// A force that alternates by a count, half of the time each, has a root mean square of half of that change: no encoder
 /// resolves less. The limit of a run is at least this root mean square; the limit of ripple is at least twice as much.
@@ -115,7 +115,7 @@ pub fn failures(cell: &CellResult, scheme: &str) -> Vec<Failure> {
         found.iter().zip(linear).any(|(a, b)| *a > b + WORSE)
     });
     let [hold, run, ripple] = found.map(|ratio| ratio.is_nan() || ratio >= 1.0);
-    // Where something takes a part of the force away on purpose, the hold that follows counts alone.
+    // If something takes a part of the force away on purpose, the hold that follows counts alone.
     let whole = cell.is_undisturbed();
     let all = [
         (Failure::Hold, hold),

@@ -131,7 +131,7 @@ impl Bodies {
                 let largest = |block: &Mat6| {
                     let mut block: Matrix3<f64> = block.fixed_view::<3, 3>(0, 0).into();
                     if let Some(axes) = axes {
-                        // The mechanism bears the rest.
+                        // The mechanism carries the rest.
                         let turn = frame.rotation.to_rotation_matrix();
                         let part = Matrix3::from_diagonal(&axes.part(&Vec3::repeat(1.0)));
                         block = part * turn.matrix().transpose() * block * turn.matrix() * part;
@@ -219,7 +219,7 @@ pub(in crate::stress) fn follow(trial: &Trial, run: &mut Trace) -> Result<Bodies
         for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
             let Wrench { force, moment } = frame.to_device(&wrench);
             device.own.push(Wrench {
-                // The mechanism of a device of one or two degrees of freedom bears the rest.
+                // The mechanism of a device of one or two degrees of freedom carries the rest.
                 force: model.freedom().part(&force),
                 // A device whose handle does not turn renders no moment.
                 moment: moment * f64::from(u8::from(model.rotation.is_some())),

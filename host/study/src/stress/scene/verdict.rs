@@ -49,7 +49,7 @@ fn is_true(outcome: &Outcome) -> bool {
 }
 
 impl Verdict {
-    /// The verdict on `cells` under `scheme`; `None` where no world was run under it.
+    /// The verdict on `cells` under `scheme`; `None` if no world was run under it.
     pub fn of<'a>(
         cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
         scheme: &str,

@@ -105,7 +105,7 @@ fn text(loaded: &LoadedScene) -> Result<String, StudyError> {
     Ok(table.to_string())
 }
 
-/// The table `name` of a table, which is added where it is missing.
+/// The table `name` of a table, which is added if it is missing.
 fn inner<'a>(table: &'a mut Table, name: &str) -> &'a mut Table {
     let value = table.entry(name.to_owned());
     let value = value.or_insert_with(|| Value::Table(Table::new()));

@@ -7,7 +7,7 @@ use crate::adversary::{Adversary, Goal, Limits, Rendering, Start, best_among};
 pub const SPEED: f64 = 0.5;
 /// Largest acceleration of an adversary that moves as a hand (m/s^2): five times gravity.
 pub(crate) const SURGE: f64 = 50.0;
-/// Deepest position (m), where the motors allow it.
+/// Deepest position (m), if the motors allow it.
 const DEEPEST: f64 = 5e-3;
 /// Most ticks of a motion.
 const LONGEST: usize = 2000;
@@ -99,7 +99,7 @@ pub fn boundary(wall: &Wall, start: f64, budget: u64, seed: u64) -> Option<Bound
 }
 
 /// The best motion over a set of positions, by dynamic programming, for a force that is a function of the position
-/// alone. The positions lie on both sides of the edge of every count, or are evenly spaced where there are no counts.
+/// alone. The positions lie on both sides of the edge of every count, or are evenly spaced if there are no counts.
 /// The force at each position is that of the controller at rest there.
 fn planned(rig: &mut Rig, adversary: &Adversary) -> Vec<f64> {
     const TICKS: usize = 120;

@@ -120,7 +120,7 @@ pub struct Panel {
     pub stable_measured: Vec<(f64, f64)>,
 }
 
-/// The panels of the map, by device. Boundaries of stability and measured boundaries are included where they were
+/// The panels of the map, by device. Boundaries of stability and measured boundaries are included if they were
 /// measured at the rate and delay of the map.
 pub fn panels(cells: &BTreeMap<u64, Outcome>) -> Vec<Panel> {
     let mut panels: Vec<Panel> = Vec::new();

@@ -17,7 +17,7 @@ use crate::adversary::{Limits, Start};
 use sim::DeviceModel;
 
 /// The largest stiffness (N/m) of which a scheme can render the fraction `rendered` while a hand of up to `speed` (m/s)
-/// gains no more than `energy` (J). None where the motors are too weak for the motion: there is no such bound.
+/// gains no more than `energy` (J). None if the motors are too weak for the motion: there is no such bound.
 pub(super) fn most(
     model: &DeviceModel,
     period: f64,

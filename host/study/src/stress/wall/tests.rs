@@ -231,7 +231,7 @@ fn the_cap_extracts_less_than_linear() {
         found.iter().find_map(of).expect("a cell")
     };
     let (linear, stiff) = energy("linear");
-    // The wall is as stiff as asked, to rounding, where no force is withheld.
+    // The wall is as stiff as asked, to rounding, if no force is withheld.
     assert!(
         linear > 0.1 && (stiff - 1.0).abs() < 1e-9,
         "{linear} {stiff}"

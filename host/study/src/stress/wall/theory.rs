@@ -22,7 +22,7 @@
 //! `b (n delta)^2 / T + f_c n delta`. With no more than `N` counts a tick, hence
 //! `K <= min over n <= N of (2 b n delta / T + 2 f_c) / ((n + 1) delta)`. A hand that makes only `n - s` counts at once
 //! and creeps through the rest gains `K n ((n + 1) / 2 - s) delta^2` for `b (n - s)^2 delta^2 / T + f_c n delta`. That
-//! motion is cheaper where friction is low, `f_c / delta < b / T`. The measurement is compared with the smallest bound
+//! motion is cheaper if friction is low, `f_c / delta < b / T`. The measurement is compared with the smallest bound
 //! over `n` and `s`.
 
 use core::f64::consts::PI;
@@ -48,7 +48,7 @@ impl Sampled {
     pub fn passive(&self) -> f64 {
         const FREQUENCIES: u32 = 20_000;
         let (half, late) = (self.delay as f64 + 0.5, (self.delay + 1) as f64);
-        // The limit at zero, where both sines vanish.
+        // The limit at zero, if both sines vanish.
         let mut least = 2.0 * (self.device + self.wall) / (self.period * 2.0 * half);
         for k in 1..=FREQUENCIES {
             let theta = PI * f64::from(k) / f64::from(FREQUENCIES);

@@ -237,7 +237,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
     })
 }
 
-/// The result where nothing tears.
+/// The result if nothing tears.
 fn empty(loaded: &LoadedScene) -> Feel {
     Feel {
         scene: loaded.scene.name.clone(),

@@ -510,7 +510,7 @@ export class View {
     this.hands.forEach((hand, device) => {
       const { info, state } = hand;
       if (!state) return;
-      // The label is below the hand, and above where the arrow points down, so that the arrow stays visible. Near the
+      // The label is below the hand, and above if the arrow points down, so that the arrow stays visible. Near the
       // horizontal the label keeps its side.
       const tip = state.position.map((x, axis) => x + state.force[axis] * this.newtons);
       const down = this.project(tip)[1] - this.project(state.position)[1];
