@@ -342,8 +342,8 @@ impl Controller {
                     *sum = sum.plus(wrench);
                 }
             }
-            record.sequence = coupling.model().sequence;
-            record.epoch = coupling.model().epoch;
+            record.sequence = coupling.model().head.sequence;
+            record.epoch = coupling.model().head.epoch;
             record.age_ns = coupling.age_ns(now_ns);
             record.trust = coupling.trust();
             record.state = coupling.state();

@@ -389,8 +389,8 @@ impl<W: Write + Seek> LogWriter<W> {
         let header = MessageHeader {
             channel_id: self.channels.model,
             sequence: self.models,
-            log_time: model.time_ns,
-            publish_time: model.time_ns,
+            log_time: model.head.time_ns,
+            publish_time: model.head.time_ns,
         };
         self.models = self.models.wrapping_add(1);
         self.put(&header)

@@ -6,6 +6,7 @@
 //! with a tear limit, has an entry with the data of the tear, at the end of the message. A message of a log that was
 //! written before bodies could tear ends before that entry, and is read as the model of a whole body.
 
+use rt_core::local_model::ModelHead;
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, PieceEnergy, TearLimit};
 
 use super::cdr::{CdrReader, CdrWriter};
@@ -59,26 +60,10 @@ float64[] slope     # of sqrt(G), by handle: translation (per m), then rotation 
 pub struct ModelRow {
     /// Index of the body.
     pub body: u8,
-    /// Number of the model among those of this body, from one.
-    pub sequence: u64,
-    /// Time of the reference, the state at which the model was linearized (ns).
-    pub time_ns: u64,
-    /// The publication period (s).
-    pub period: f64,
-    /// The age at which the next model is due (s).
-    pub horizon: f64,
-    /// Energy that hands at rest could recover (J).
-    pub energy: f64,
-    /// Energy that the body itself has released, beyond the energy of the first model (J).
-    pub released: f64,
-    /// The topology epoch.
-    pub epoch: u32,
+    /// The numbers that do not belong to a handle.
+    pub head: ModelHead,
     /// The handles, at most [`MAX_HANDLES`].
     pub handles: Vec<HandleReference>,
-    /// The energies of the pieces; unused in a whole body.
-    pub pieces: [PieceEnergy; MAX_HANDLES],
-    /// The tear limit.
-    pub tear_limit: TearLimit,
     /// Rows of a block, 3 or 6.
     block: usize,
     /// Stiffness, then damping, as in the message.
@@ -88,19 +73,8 @@ pub struct ModelRow {
 impl ModelRow {
     /// The model as the host published it.
     pub fn model(&self) -> LocalModel {
-        let mut model = LocalModel {
-            sequence: self.sequence,
-            epoch: self.epoch,
-            time_ns: self.time_ns,
-            period: self.period,
-            horizon: self.horizon,
-            energy: self.energy,
-            released: self.released,
-            pieces: self.pieces,
-            tear_limit: self.tear_limit,
-            handle_count: self.handles.len() as u8,
-            ..LocalModel::empty()
-        };
+        let mut model = LocalModel::empty();
+        model.head = self.head;
         for (to, from) in model.handles.iter_mut().zip(&self.handles) {
             *to = *from;
         }
@@ -124,13 +98,14 @@ pub(crate) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
     let count = model.handles().count();
     let block = if turns(model, count) { 6 } else { 3 };
     let mut out = CdrWriter::begin(bytes);
-    out.u64(model.sequence);
-    out.u64(model.time_ns);
-    out.f64(model.period);
-    out.f64(model.horizon);
-    out.f64(model.energy);
-    out.f64(model.released);
-    out.u32(model.epoch);
+    let head = &model.head;
+    out.u64(head.sequence);
+    out.u64(head.time_ns);
+    out.f64(head.period);
+    out.f64(head.horizon);
+    out.f64(head.energy);
+    out.f64(head.released);
+    out.u32(head.epoch);
     out.u8(body);
     out.u8(block as u8);
     out.u32(count as u32);
@@ -153,7 +128,7 @@ pub(crate) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
             }
         }
     }
-    let torn = model.piece_count() > 1 || model.tear_limit.is_some();
+    let torn = model.piece_count() > 1 || model.head.tear_limit.is_some();
     out.u32(u32::from(torn));
     if torn {
         encode_tear(model, count, &mut out);
@@ -161,13 +136,17 @@ pub(crate) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
 }
 
 fn encode_tear(model: &LocalModel, count: usize, out: &mut CdrWriter) {
-    let limit = &model.tear_limit;
+    let limit = &model.head.tear_limit;
     for number in [limit.root, limit.critical, limit.area] {
         out.f64(number);
     }
     out.u32(count as u32);
     model.handles().for_each(|handle| out.u8(handle.piece));
-    let pieces = model.pieces.iter().take(usize::from(model.piece_count()));
+    let pieces = model
+        .head
+        .pieces
+        .iter()
+        .take(usize::from(model.piece_count()));
     out.u32(pieces.len() as u32);
     pieces.clone().for_each(|piece| out.f64(piece.stored));
     out.u32(pieces.len() as u32);
@@ -190,15 +169,22 @@ fn turns(model: &LocalModel, count: usize) -> bool {
 /// Reads a model back; `None` if the message is too short or its sizes are inconsistent.
 pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
     let mut from = CdrReader::begin(message)?;
-    let (sequence, time_ns) = (from.u64()?, from.u64()?);
-    let (period, horizon) = (from.f64()?, from.f64()?);
-    let (energy, released) = (from.f64()?, from.f64()?);
-    let epoch = from.u32()?;
+    let mut head = ModelHead {
+        sequence: from.u64()?,
+        time_ns: from.u64()?,
+        period: from.f64()?,
+        horizon: from.f64()?,
+        energy: from.f64()?,
+        released: from.f64()?,
+        epoch: from.u32()?,
+        ..ModelHead::empty()
+    };
     let (body, block) = (from.u8()?, usize::from(from.u8()?));
     let count = from.u32()? as usize;
     if count > MAX_HANDLES || !(block == 3 || block == 6) {
         return None;
     }
+    head.handle_count = count as u8;
     let mut handles = (0..count)
         .map(|_| decode_handle(&mut from))
         .collect::<Option<Vec<_>>>()?;
@@ -210,36 +196,27 @@ pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
         (0..size).map(|_| from.f64()).collect::<Option<Vec<_>>>()
     };
     let matrices = [matrix()?, matrix()?];
-    let mut pieces = [PieceEnergy::default(); MAX_HANDLES];
-    let tear_limit = match from.u32() {
-        None | Some(0) => TearLimit::none(),
-        Some(1) => decode_tear(&mut from, &mut handles, &mut pieces)?,
+    match from.u32() {
+        None | Some(0) => {}
+        Some(1) => decode_tear(&mut from, &mut handles, &mut head)?,
         Some(_) => return None,
-    };
+    }
     Some(ModelRow {
         body,
-        sequence,
-        time_ns,
-        period,
-        horizon,
-        energy,
-        released,
-        epoch,
+        head,
         handles,
-        pieces,
-        tear_limit,
         block,
         matrices,
     })
 }
 
-/// Reads the data of a tear into handles and pieces. Returns the tear limit.
+/// Reads the data of a tear into handles and head.
 fn decode_tear(
     from: &mut CdrReader,
     handles: &mut [HandleReference],
-    pieces: &mut [PieceEnergy; MAX_HANDLES],
-) -> Option<TearLimit> {
-    let tear_limit = TearLimit {
+    head: &mut ModelHead,
+) -> Option<()> {
+    head.tear_limit = TearLimit {
         root: from.f64()?,
         critical: from.f64()?,
         area: from.f64()?,
@@ -259,7 +236,8 @@ fn decode_tear(
         *numbers = (0..count).map(|_| from.f64()).collect::<Option<Vec<_>>>()?;
     }
     let [stored, released] = each;
-    for (piece, (stored, released)) in pieces.iter_mut().zip(stored.into_iter().zip(released)) {
+    for (piece, (stored, released)) in head.pieces.iter_mut().zip(stored.into_iter().zip(released))
+    {
         *piece = PieceEnergy { stored, released };
     }
     if from.u32()? as usize != 6 * handles.len() {
@@ -271,7 +249,7 @@ fn decode_tear(
     {
         *slope = from.f64()?;
     }
-    Some(tear_limit)
+    Some(())
 }
 
 fn decode_handle(from: &mut CdrReader) -> Option<HandleReference> {

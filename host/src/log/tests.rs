@@ -2,6 +2,7 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 
 use proptest::prelude::*;
 use rt_core::coupling::HostState;
+use rt_core::local_model::ModelHead;
 use rt_core::safety::SafetyState;
 use rt_core::{
     Axes, Capabilities, DeviceError, DeviceState, EnergyAccount, Freedom, LocalModel, Mat6,
@@ -92,7 +93,8 @@ pub(super) fn telemetry(tick: u64) -> Telemetry {
 
 /// A model of two handles that couples rotations if `turns`, otherwise translations only.
 fn model(sequence: u64, turns: bool) -> LocalModel {
-    let mut model = LocalModel {
+    let mut model = LocalModel::empty();
+    model.head = ModelHead {
         sequence,
         time_ns: 1_000_000 * sequence,
         period: 1.0 / 60.0,
@@ -101,7 +103,7 @@ fn model(sequence: u64, turns: bool) -> LocalModel {
         released: 0.2,
         epoch: 3,
         handle_count: 2,
-        ..LocalModel::empty()
+        ..ModelHead::empty()
     };
     for i in 0..2 {
         model.handles[i].device = 1 - i as u8;
@@ -123,7 +125,7 @@ fn model(sequence: u64, turns: bool) -> LocalModel {
 /// The model of a body in two pieces, with a tear limit.
 fn torn(sequence: u64) -> LocalModel {
     let mut model = model(sequence, false);
-    model.tear_limit = TearLimit {
+    model.head.tear_limit = TearLimit {
         root: 90.0,
         critical: 120.0,
         area: 1e-5,
@@ -131,7 +133,7 @@ fn torn(sequence: u64) -> LocalModel {
     for i in 0..2 {
         model.handles[i].piece = i as u8;
         model.handles[i].tear_slope = Vec6::from_fn(|r, _| (6 * i + r) as f64 - 0.5);
-        model.pieces[i] = PieceEnergy {
+        model.head.pieces[i] = PieceEnergy {
             stored: 0.3 + 0.1 * i as f64,
             released: 0.01 * i as f64,
         };

@@ -346,7 +346,7 @@ fn check(log: &mut dyn Recorded, done: &mut dyn FnMut(usize)) -> Result<u64, Rep
 
 /// Body and number of a model.
 fn place(model: &ModelRow) -> (usize, u64) {
-    (usize::from(model.body), model.sequence)
+    (usize::from(model.body), model.head.sequence)
 }
 
 /// The models that a tick began to use, by body: those whose numbers differ from the numbers `in_use` before the

@@ -281,7 +281,7 @@ impl LogTail {
             ),
             LogRecord::Model(body, model) => (
                 log::MODEL_TOPIC,
-                model.time_ns,
+                model.head.time_ns,
                 log::model_message(body, model),
             ),
         };

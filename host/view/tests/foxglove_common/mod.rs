@@ -131,7 +131,9 @@ impl Observer for Keep {
     fn take(&mut self, record: LogRecord<'_>) {
         let (topic, time_ns, data) = match record {
             LogRecord::Tick(tick) => ("/tick", tick.time_ns, tick_message(tick)),
-            LogRecord::Model(body, model) => ("/model", model.time_ns, model_message(body, model)),
+            LogRecord::Model(body, model) => {
+                ("/model", model.head.time_ns, model_message(body, model))
+            }
         };
         let message = LogMessage {
             topic: topic.into(),
