@@ -152,8 +152,8 @@ pub struct CouplingCounters {
 ///
 /// // A spring of 200 N/m along x, on the handle that device 0 holds.
 /// let mut model = LocalModel::empty();
-/// model.sequence = 1;
-/// model.handle_count = 1;
+/// model.head.sequence = 1;
+/// model.head.handle_count = 1;
 /// model.stiffness[0][0][(0, 0)] = 200.0;
 /// coupling.accept(&model).unwrap();
 ///

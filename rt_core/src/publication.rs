@@ -79,7 +79,7 @@ pub struct Packed<'a, H: Head> {
     /// The head.
     pub head: H,
     rows: &'a [H::Row],
-    blocks: &'a [H::Block],
+    pub(crate) blocks: &'a [H::Block],
 }
 
 impl<'a, H: Head> Packed<'a, H> {

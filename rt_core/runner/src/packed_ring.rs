@@ -102,8 +102,10 @@ impl<H: Head> PackedWriter<H> {
             return false;
         }
         let head = *publication.head();
-        let (extent, (_, row, block)) = (head.extent(), H::filler());
-        if !self.rows.begin(extent.rows, row) || !self.blocks.begin(extent.blocks, block) {
+        let extent = head.extent();
+        if !self.rows.begin(extent.rows, || H::filler().1)
+            || !self.blocks.begin(extent.blocks, || H::filler().2)
+        {
             return false;
         }
         self.rows.push(publication.rows());
@@ -142,7 +144,7 @@ impl<T: Copy> PartWriter<T> {
     }
 
     /// Skips the end of the ring if it is too short for `count` parts. Returns whether there is room for them.
-    fn begin(&mut self, count: usize, filler: T) -> bool {
+    fn begin(&mut self, count: usize, filler: impl FnMut() -> T) -> bool {
         let capacity = self.ring.buffer().capacity();
         // A kind without blocks has a ring without slots.
         let left = capacity - self.written.checked_rem(capacity).unwrap_or(0);
@@ -151,7 +153,7 @@ impl<T: Copy> PartWriter<T> {
             return false;
         }
         if let Ok(end) = self.ring.write_chunk_uninit(skipped) {
-            self.written += end.fill_from_iter(std::iter::repeat_n(filler, skipped));
+            self.written += end.fill_from_iter(std::iter::repeat_with(filler).take(skipped));
         }
         true
     }

@@ -42,7 +42,7 @@ impl Head for ContactHead {
 #[derive(Debug, PartialEq)]
 struct Contacts {
     head: ContactHead,
-    contacts: Vec<Contact>,
+    places: Vec<Contact>,
     /// By contact: the compliances with those before it.
     pairs: Vec<Vec<Compliance>>,
 }
@@ -55,7 +55,7 @@ impl Publication for Contacts {
     }
 
     fn rows(&self) -> &[Contact] {
-        &self.contacts
+        &self.places
     }
 
     fn blocks(&self) -> impl Iterator<Item = &[Compliance]> {
@@ -78,7 +78,7 @@ fn of(number: u64, contacts: u8, each: usize) -> Contacts {
             contacts,
             pairs: pairs.iter().map(Vec::len).sum::<usize>() as u16,
         },
-        contacts: rows.map(|row| (vector(row), vector(row + 1))).collect(),
+        places: rows.map(|row| (vector(row), vector(row + 1))).collect(),
         pairs,
     }
 }
@@ -97,7 +97,7 @@ fn contacts_pass_through_the_ring_of_models_whatever_their_number() {
     let mut number = 0;
     // Long enough that every size lies at the end of the rings once.
     for round in 0..200_u64 {
-        let sent: Vec<Contacts> = (0..1 + round % 4)
+        let sent: Vec<Contacts> = (0..=round % 4)
             .map(|k| {
                 number += 1;
                 of(

@@ -1,7 +1,9 @@
 //! A local model as a publication ([`crate::publication`]): a head, a row for each handle, and the blocks between the
 //! handles. With one handle, a fiftieth of the room of a [`LocalModel`] is in use.
 
-use super::{HandleReference, LocalModel, ModelFault, PieceEnergy, TearLimit, are_finite, pieces};
+use super::{
+    HandleReference, LocalModel, ModelFault, PairBlocks, PieceEnergy, TearLimit, are_finite, pieces,
+};
 use crate::geometry::Mat6;
 use crate::publication::{Extent, Head, Packed, Publication};
 use crate::{MAX_DEVICES, MAX_HANDLES};
@@ -95,10 +97,8 @@ impl Publication for LocalModel {
 
     /// The rows of the stiffness, then those of the damping.
     fn blocks(&self) -> impl Iterator<Item = &[Mat6]> {
-        let n = usize::from(self.head.handle_count);
-        let rows = self.stiffness.iter().take(n);
-        let rows = rows.chain(self.damping.iter().take(n));
-        rows.map(move |row| row.get(..n).unwrap_or(row))
+        let [stiffness, damping] = self.block_rows();
+        stiffness.chain(damping)
     }
 }
 
@@ -107,6 +107,9 @@ pub type PackedModel<'a> = Packed<'a, ModelHead>;
 
 /// A local model that was published, wherever its numbers lie.
 pub trait PublishedModel: Publication<Head = ModelHead> {
+    /// The rows of blocks in use: those of the stiffness, and those of the damping.
+    fn block_rows(&self) -> [impl Iterator<Item = &[Mat6]>; 2];
+
     /// Checks that every number in use is finite and that every device index exists.
     ///
     /// # Errors
@@ -145,7 +148,23 @@ pub trait PublishedModel: Publication<Head = ModelHead> {
     }
 }
 
-impl<T: Publication<Head = ModelHead>> PublishedModel for T {}
+impl PublishedModel for LocalModel {
+    fn block_rows(&self) -> [impl Iterator<Item = &[Mat6]>; 2] {
+        let n = usize::from(self.head.handle_count);
+        let row = move |row| <[Mat6]>::get(row, ..n).unwrap_or(row);
+        [&self.stiffness, &self.damping].map(|blocks| blocks.iter().take(n).map(move |r| row(r)))
+    }
+}
+
+impl PublishedModel for PackedModel<'_> {
+    fn block_rows(&self) -> [impl Iterator<Item = &[Mat6]>; 2] {
+        let n = self.head.extent().rows;
+        let middle = self.blocks.split_at_checked(n.saturating_mul(n));
+        let (stiffness, damping) = middle.unwrap_or_default();
+        // A model without handles has no blocks; a chunk must not be empty.
+        [stiffness, damping].map(|blocks| blocks.chunks_exact(n.max(1)))
+    }
+}
 
 impl LocalModel {
     /// Copies the used part of another model. The unused part stays as it was.
@@ -154,14 +173,15 @@ impl LocalModel {
         for (mine, theirs) in self.handles.iter_mut().zip(other.rows()) {
             *mine = *theirs;
         }
-        // A model without handles has no blocks; a chunk must not be empty.
-        let n = self.head.extent().rows.max(1);
-        let mine = self.stiffness.iter_mut().take(n);
-        let mine = mine.chain(self.damping.iter_mut().take(n));
-        let theirs = other.blocks().flat_map(|blocks| blocks.chunks_exact(n));
-        for (mine, theirs) in mine.zip(theirs) {
-            copy_row(mine, theirs);
-        }
+        let [stiffness, damping] = other.block_rows();
+        copy_rows(&mut self.stiffness, stiffness);
+        copy_rows(&mut self.damping, damping);
+    }
+}
+
+fn copy_rows<'a>(mine: &mut PairBlocks, theirs: impl Iterator<Item = &'a [Mat6]>) {
+    for (mine, theirs) in mine.iter_mut().zip(theirs) {
+        copy_row(mine, theirs);
     }
 }
 
