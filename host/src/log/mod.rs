@@ -20,21 +20,13 @@
 //! - The ticks since the last [`LogWriter::flush`] wait in memory. A killed process leaves a valid log without
 //!   an index, which [`index::LogIndex`] reads.
 
-mod body;
-mod cdr;
 mod chunks;
-mod cloud;
 mod file;
-mod geometry;
 pub mod index;
 mod limits;
-mod model;
 pub mod overview;
 mod read;
-mod reading;
 mod record;
-mod tear;
-mod tick;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -45,18 +37,15 @@ use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{Capabilities, LocalModel, Telemetry};
 
-use crate::record::{Surface, TearEvent};
+use crate::record::cdr::encode;
+use crate::record::{
+    BodyFrame, ChannelInfo, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud,
+};
 
-pub use body::BodyFrame;
 pub(crate) use file::LogFile;
-pub use model::ModelRow;
 use overview::Overview;
 pub use read::{Log, read_log};
 
-/// The channel of the ticks.
-pub(crate) const TICK_TOPIC: &str = "/tick";
-/// The channel of the local models.
-pub(crate) const MODEL_TOPIC: &str = "/model";
 const METADATA_NAME: &str = "palpate";
 const SCENE_NAME: &str = "scene.toml";
 /// Name and media type of the overview. The media type tells it from a file of the scene with the same name.
@@ -64,86 +53,6 @@ const OVERVIEW_NAME: &str = "palpate.overview";
 const OVERVIEW_TYPE: &str = "application/json";
 /// A chunk ends at this size even without a flush (bytes).
 const CHUNK_SIZE: u64 = 1 << 20;
-
-/// A channel of the log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ChannelInfo {
-    /// Name of the channel.
-    pub topic: String,
-    /// Name of the type of its messages.
-    pub schema_name: &'static str,
-    /// Definition of its messages.
-    pub schema_text: &'static str,
-    /// Language of the definition.
-    pub schema_encoding: &'static str,
-    /// Encoding of the messages.
-    pub encoding: &'static str,
-}
-
-impl ChannelInfo {
-    fn new(topic: String, schema_name: &'static str, schema_text: &'static str) -> Self {
-        Self {
-            topic,
-            schema_name,
-            schema_text,
-            schema_encoding: "ros2msg",
-            encoding: "cdr",
-        }
-    }
-}
-
-/// The channels that every log has: ticks, then models.
-pub fn channels() -> [ChannelInfo; 2] {
-    [
-        ChannelInfo::new(TICK_TOPIC.to_owned(), tick::SCHEMA_NAME, tick::SCHEMA),
-        ChannelInfo::new(MODEL_TOPIC.to_owned(), model::SCHEMA_NAME, model::SCHEMA),
-    ]
-}
-
-/// The channels of the frames of the body with this name: point clouds, then [`BodyFrame`]s, then surfaces.
-pub fn body_channels(name: &str) -> [ChannelInfo; 3] {
-    let topic = body_topic(name);
-    let [frame, surface] = ["frame", "surface"].map(|part| format!("{topic}/{part}"));
-    [
-        ChannelInfo::new(topic, cloud::SCHEMA_NAME, cloud::SCHEMA),
-        ChannelInfo::new(frame, body::FRAME_SCHEMA_NAME, body::FRAME_SCHEMA),
-        ChannelInfo::new(surface, body::SURFACE_SCHEMA_NAME, body::SURFACE_SCHEMA),
-    ]
-}
-
-/// The channel of the edits by which the body with this name tears.
-pub fn tear_channel(name: &str) -> ChannelInfo {
-    let topic = format!("{}/tears", body_topic(name));
-    ChannelInfo::new(topic, tear::SCHEMA_NAME, tear::SCHEMA)
-}
-
-/// The message of the channel `/bodies/NAME` for the positions of a body (m), three numbers a vertex.
-pub fn cloud_message(time_ns: u64, positions: &[f32]) -> Vec<u8> {
-    let mut message = Vec::new();
-    cloud::encode(time_ns, positions, &mut message);
-    message
-}
-
-/// The message of the channel `/bodies/NAME/frame` for a frame of a body.
-pub fn frame_message(frame: &BodyFrame) -> Vec<u8> {
-    let mut message = Vec::new();
-    body::encode_frame(frame, &mut message);
-    message
-}
-
-/// The message of the channel `/tick` for a tick.
-pub fn tick_message(telemetry: &Telemetry) -> Vec<u8> {
-    let mut message = Vec::new();
-    tick::encode(telemetry, &mut message);
-    message
-}
-
-/// The message of the channel `/model` for a model of the body of index `body`.
-pub fn model_message(body: u8, model: &LocalModel) -> Vec<u8> {
-    let mut message = Vec::new();
-    model::encode(body, model, &mut message);
-    message
-}
 
 /// The identity and the input of a run, written before its first tick.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -190,7 +99,7 @@ pub enum LogError {
     /// The file is a sound MCAP file but has no channel of ticks.
     #[error(
         "this file has no channel of {} and so is not a log of palpate",
-        tick::SCHEMA_NAME
+        TickRow::SCHEMA_NAME
     )]
     NoTicks,
     /// The definition of the messages differs from that of this version.
@@ -301,7 +210,7 @@ impl<W: Write + Seek> LogWriter<W> {
         names: impl IntoIterator<Item = Option<&'a str>>,
     ) -> Result<(), LogError> {
         for name in names {
-            let channel = name.map(|name| add_channel(&mut self.writer, &tear_channel(name)));
+            let channel = name.map(|name| add_channel(&mut self.writer, &TearEvent::channel(name)));
             let channel = channel.transpose();
             let channel = channel.map_err(|error| write_error(&self.name, error))?;
             self.tears.push(channel);
@@ -317,7 +226,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let Some(channel_id) = self.tears.get(event.body as usize).copied().flatten() else {
             return Ok(());
         };
-        tear::encode(event, &mut self.message);
+        encode(*event, &mut self.message);
         self.put(&MessageHeader {
             channel_id,
             sequence: event.number,
@@ -340,7 +249,7 @@ impl<W: Write + Seek> LogWriter<W> {
             log_time: frame.time_ns,
             publish_time: frame.time_ns,
         };
-        body::encode_frame(frame, &mut self.message);
+        encode(*frame, &mut self.message);
         self.put(&header(channels.frame))?;
         cloud::encode(frame.time_ns, positions, &mut self.message);
         self.put(&header(channels.cloud))
@@ -355,7 +264,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let Some(channels) = self.bodies.get(surface.body as usize).copied() else {
             return Ok(());
         };
-        body::encode_surface(surface, &mut self.message);
+        encode(surface.clone(), &mut self.message);
         self.put(&MessageHeader {
             channel_id: channels.surface,
             sequence: surface.epoch,
@@ -369,7 +278,7 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
-        tick::encode(telemetry, &mut self.message);
+        encode(TickRow::from(telemetry), &mut self.message);
         let header = MessageHeader {
             channel_id: self.channels.tick,
             // Wraps after 49 days of ticks.
@@ -385,7 +294,7 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
-        model::encode(body, model, &mut self.message);
+        encode(ModelRow::new(body, model), &mut self.message);
         let header = MessageHeader {
             channel_id: self.channels.model,
             sequence: self.models,
@@ -458,18 +367,12 @@ struct BodyChannels {
 
 impl BodyChannels {
     fn add<W: Write + Seek>(writer: &mut Writer<W>, name: &str) -> Result<Self, McapError> {
-        let [cloud, frame, surface] = body_channels(name);
         Ok(Self {
-            cloud: add_channel(writer, &cloud)?,
-            frame: add_channel(writer, &frame)?,
-            surface: add_channel(writer, &surface)?,
+            cloud: add_channel(writer, &Cloud::channel(name))?,
+            frame: add_channel(writer, &BodyFrame::channel(name))?,
+            surface: add_channel(writer, &Surface::channel(name))?,
         })
     }
-}
-
-/// The channel of a body's point clouds.
-fn body_topic(name: &str) -> String {
-    format!("/bodies/{name}")
 }
 
 fn add_channel<W: Write + Seek>(
@@ -516,10 +419,9 @@ fn begin<W: Write + Seek>(
         })?;
     }
     writer.flush()?;
-    let [tick, model] = channels();
     let channels = Channels {
-        tick: add_channel(&mut writer, &tick)?,
-        model: add_channel(&mut writer, &model)?,
+        tick: add_channel(&mut writer, &TickRow::channel(""))?,
+        model: add_channel(&mut writer, &ModelRow::channel(""))?,
     };
     Ok((writer, channels))
 }

@@ -2,9 +2,9 @@
 
 use super::{Chunk, IndexError};
 use crate::log::read::same_fields;
-use crate::log::{BodyFrame, LogError, ModelRow, body, chunks, cloud, model, record, tear, tick};
-use crate::record::TearEvent;
-use crate::record::{Surface, TickRow};
+use crate::log::{LogError, chunks, record};
+use crate::record::cdr::decode as read;
+use crate::record::{BodyFrame, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -56,16 +56,16 @@ pub(super) struct Channels {
 }
 
 /// The content that a schema of this name describes, and the definition of this version.
-fn known_schema(name: &str) -> Option<(Content, &'static str)> {
-    match name {
-        tick::SCHEMA_NAME => Some((Content::Ticks, tick::SCHEMA)),
-        model::SCHEMA_NAME => Some((Content::Models, model::SCHEMA)),
-        tear::SCHEMA_NAME => Some((Content::Tears, tear::SCHEMA)),
-        body::FRAME_SCHEMA_NAME => Some((Content::Frames, body::FRAME_SCHEMA)),
-        body::SURFACE_SCHEMA_NAME => Some((Content::Surfaces, body::SURFACE_SCHEMA)),
-        cloud::SCHEMA_NAME => Some((Content::Clouds, cloud::SCHEMA)),
-        _ => None,
-    }
+fn known_schema(name: &str) -> Option<(Content, String)> {
+    Some(match name {
+        TickRow::SCHEMA_NAME => (Content::Ticks, TickRow::definition()),
+        ModelRow::SCHEMA_NAME => (Content::Models, ModelRow::definition()),
+        TearEvent::SCHEMA_NAME => (Content::Tears, TearEvent::definition()),
+        BodyFrame::SCHEMA_NAME => (Content::Frames, BodyFrame::definition()),
+        Surface::SCHEMA_NAME => (Content::Surfaces, Surface::definition()),
+        Cloud::SCHEMA_NAME => (Content::Clouds, Cloud::definition()),
+        _ => return None,
+    })
 }
 
 impl Channels {
@@ -74,7 +74,7 @@ impl Channels {
         match record {
             Record::Schema { header, data } => {
                 if let Some((content, definition)) = known_schema(&header.name) {
-                    if !same_fields(&data, definition) {
+                    if !same_fields(&data, &definition) {
                         return Err(LogError::OtherLayout);
                     }
                     self.schemas.insert(header.id, content);
@@ -188,7 +188,7 @@ impl Decoded {
         let (channel, time_ns) = (header.channel_id, header.log_time);
         match content {
             Content::Ticks => {
-                let row = tick::decode(&data)?;
+                let row: TickRow = read(&data)?;
                 // The order of the ticks is what a search relies on.
                 let in_order = self
                     .ticks
@@ -199,19 +199,16 @@ impl Decoded {
                 }
                 self.ticks.push(row);
             }
-            Content::Models => self.models.push(model::decode(&data)?),
-            Content::Tears => self.tears.push(tear::decode(&data)?),
-            Content::Frames => {
-                let frame = body::decode_frame(&data)?;
-                self.frames.push((channel, frame));
-            }
+            Content::Models => self.models.push(read(&data)?),
+            Content::Tears => self.tears.push(read(&data)?),
+            Content::Frames => self.frames.push((channel, read(&data)?)),
             Content::Clouds => {
                 let positions = cloud::decode(time_ns, &data)?;
                 self.clouds.push((channel, time_ns, positions.into()));
             }
             Content::Surfaces => {
-                let surface = body::decode_surface(&data)?;
-                self.surfaces.push((channel, time_ns, Arc::new(surface)));
+                let surface = Arc::new(read(&data)?);
+                self.surfaces.push((channel, time_ns, surface));
             }
         }
         Some(())

@@ -2,8 +2,7 @@
 
 use super::decode::Content;
 use super::{Chunk, IndexError, LogIndex};
-use crate::log::{BodyFrame, body_topic};
-use crate::record::{Surface, TickRow};
+use crate::record::{BodyFrame, Cloud, Kind, Surface, TickRow};
 use std::io::{Read, Seek};
 use std::sync::Arc;
 
@@ -93,11 +92,9 @@ impl<R: Read + Seek> LogIndex<R> {
     /// # Errors
     /// [`IndexError`].
     pub fn frame_at(&mut self, name: &str, time_ns: u64) -> Result<Option<BodyMoment>, IndexError> {
-        let topic = body_topic(name);
-        let clouds = self.channels.named(Content::Clouds, &topic);
-        let frames = self
-            .channels
-            .named(Content::Frames, &format!("{topic}/frame"));
+        let channels = &self.channels;
+        let clouds = channels.named(Content::Clouds, &Cloud::topic(name));
+        let frames = channels.named(Content::Frames, &BodyFrame::topic(name));
         let (Some(clouds), Some(frames)) = (clouds, frames) else {
             return Ok(None);
         };
@@ -140,8 +137,8 @@ impl<R: Read + Seek> LogIndex<R> {
         name: &str,
         time_ns: u64,
     ) -> Result<Option<Arc<Surface>>, IndexError> {
-        let topic = format!("{}/surface", body_topic(name));
-        let Some(surfaces) = self.channels.named(Content::Surfaces, &topic) else {
+        let channels = &self.channels;
+        let Some(surfaces) = channels.named(Content::Surfaces, &Surface::topic(name)) else {
             return Ok(None);
         };
         for number in (0..self.chunks.len()).rev() {

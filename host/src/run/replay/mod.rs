@@ -13,14 +13,14 @@
 mod compare;
 mod waiting;
 
-pub use compare::{Difference, Field, Part, Value};
+pub use compare::{Difference, Field, Value};
 
 use super::observer::{Observed, Observers};
 use super::{devices, prepare};
 use crate::atomic_file::AtomicFileError;
+use crate::log::Log;
 use crate::log::index::{IndexError, LogIndex};
-use crate::log::{Log, ModelRow};
-use crate::record::TickRow;
+use crate::record::{ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use crate::world::World;
 use rt_core::{Capabilities, Controller, TickTime};
