@@ -104,6 +104,52 @@ pub trait Record {
     fn fields(&mut self, to: &mut impl Visitor) -> Option<()>;
 }
 
+/// Shows fields to the visitor `$to`, one an entry:
+///
+/// - `"uint64 step  # number of the step" step;` is a field: its line in the definition, then its name.
+/// - `"palpate_msgs/Body[] bodies" bodies: list "body";` is a list of records, with a name of a record for people.
+/// - `"palpate_msgs/Tear[] tear" tear: tail "tear";` is such a list at the end, which the messages of earlier versions lack.
+/// - `energy: flat;` shows the fields of another record as fields of this one, and `piece: skip;` none.
+/// - `"uint8 LIVE=1";` is a line without a field.
+macro_rules! fields {
+    ($to:ident; $($($line:literal)? $($name:ident $(: $kind:ident $($part:literal)?)?)?;)*) => {
+        $(fields!(@ $to $($line)? $($name $($kind $($part)?)?)?);)*
+    };
+    (@ $to:ident $line:literal) => { $to.line($line) };
+    (@ $to:ident $line:literal $name:ident) => { $to.field($line, $name)? };
+    (@ $to:ident $line:literal $name:ident list $part:literal) => { $to.list($line, $part, $name)? };
+    (@ $to:ident $line:literal $name:ident tail $part:literal) => {
+        if !$to.is_at_end() {
+            $to.list($line, $part, $name)?;
+        }
+    };
+    (@ $to:ident $name:ident flat) => { $name.fields($to)? };
+    (@ $to:ident $name:ident skip) => { let _ = $name; };
+}
+pub(super) use fields;
+
+/// Implements [`Record`] for a struct by the list of all its fields, whose entries are those of [`fields`]. Before the
+/// list stand the struct, a record without content, and a function that checks what the fields have to do with each
+/// other, where there is one.
+macro_rules! record {
+    ($type:ty: $empty:expr $(, $check:path)?;
+        $($($line:literal)? $($name:ident $(: $kind:ident $($part:literal)?)?)?;)*) => {
+        impl Record for $type {
+            fn empty() -> Self {
+                $empty
+            }
+
+            fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
+                let Self { $($($name,)?)* } = self;
+                fields!(to; $($($line)? $($name $(: $kind $($part)?)?)?;)*);
+                $($check(self)?;)?
+                Some(())
+            }
+        }
+    };
+}
+pub(super) use record;
+
 /// The type of a field.
 pub trait Field {
     /// Shows the numbers of the field of this name or line.

@@ -1,6 +1,6 @@
 //! A frame of a body: the facts beside its point cloud ([`super::cloud`]).
 
-use super::field::{Record, Visitor, definition};
+use super::field::{Record, Visitor, definition, fields, record};
 use super::kind::Kind;
 
 /// The facts beside the positions of a frame of a body.
@@ -28,26 +28,10 @@ impl Kind for BodyFrame {
     }
 }
 
-impl Record for BodyFrame {
-    fn empty() -> Self {
-        Self::default()
-    }
-
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            body,
-            step,
-            time_ns,
-            epoch,
-        } = self;
-        to.line("# A frame of a body. The positions are in the point cloud of the same time on the channel /bodies/NAME.");
-        to.field("uint64 step      # number of the host step, from one; zero for the state before the first step", step)?;
-        to.field(
-            "uint64 time_ns   # the time at which the step was due",
-            time_ns,
-        )?;
-        to.field("uint32 epoch     # topology epoch", epoch)?;
-        to.field("uint32 body      # index in a tick's bodies", body)?;
-        Some(())
-    }
+record! { BodyFrame: Self::default();
+    "# A frame of a body. The positions are in the point cloud of the same time on the channel /bodies/NAME.";
+    "uint64 step      # number of the host step, from one; zero for the state before the first step" step;
+    "uint64 time_ns   # the time at which the step was due" time_ns;
+    "uint32 epoch     # topology epoch" epoch;
+    "uint32 body      # index in a tick's bodies" body;
 }

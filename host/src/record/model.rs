@@ -5,7 +5,7 @@
 //! the end of the message. A message of a log that was written before bodies could tear ends before that entry, and is
 //! read as the model of a whole body.
 
-use super::field::{Record, Visitor, definition};
+use super::field::{Record, Visitor, definition, fields, record};
 use super::kind::Kind;
 use rt_core::local_model::ModelHead;
 use rt_core::publication::Publication;
@@ -22,8 +22,9 @@ pub struct ModelRow {
     pub handles: Vec<HandleReference>,
     /// Rows of a block, 3 or 6.
     block: u8,
-    /// Stiffness, then damping, rows first.
-    matrices: [Vec<f64>; 2],
+    /// Numbers of the blocks, rows first.
+    stiffness: Vec<f64>,
+    damping: Vec<f64>,
     /// One where the body is torn or a tear limits the extrapolation, none otherwise.
     tear: Vec<Torn>,
 }
@@ -75,7 +76,8 @@ impl ModelRow {
                 ..model.head
             },
             block: block as u8,
-            matrices: [&model.stiffness, &model.damping].map(matrix),
+            stiffness: matrix(&model.stiffness),
+            damping: matrix(&model.damping),
             tear: torn.into_iter().collect(),
             handles,
         }
@@ -88,8 +90,10 @@ impl ModelRow {
         for (to, from) in model.handles.iter_mut().zip(&self.handles) {
             *to = *from;
         }
-        let blocks = [&mut model.stiffness, &mut model.damping];
-        for (numbers, blocks) in self.matrices.iter().zip(blocks) {
+        for (numbers, blocks) in [
+            (&self.stiffness, &mut model.stiffness),
+            (&self.damping, &mut model.damping),
+        ] {
             let places = places(self.handles.len(), usize::from(self.block));
             for ([(i, r), (j, c)], number) in places.zip(numbers) {
                 blocks[i][j][(r, c)] = *number;
@@ -138,172 +142,73 @@ impl Kind for ModelRow {
     }
 }
 
-impl Record for ModelRow {
-    fn empty() -> Self {
-        Self::new(0, &LocalModel::empty())
-    }
+record! { ModelRow: Self::new(0, &LocalModel::empty()), Self::count;
+    head: flat;
+    "uint8 body          # index in a tick's bodies" body;
+    "uint8 block         # rows of a block: 6, or 3 where only translations are coupled" block;
+    "palpate_msgs/Handle[] handles" handles: list "handle";
+    "float64[] stiffness # (handles x block)^2 numbers, rows first" stiffness;
+    "float64[] damping   # the same" damping;
+    "palpate_msgs/Tear[] tear  # one where the body is torn or a tear limits the extrapolation, none otherwise" tear: tail "tear";
+}
 
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            body,
-            head,
-            handles,
-            block,
-            matrices: [stiffness, damping],
-            tear,
-        } = self;
-        let ModelHead {
-            sequence,
-            epoch,
-            time_ns,
-            period,
-            horizon,
-            energy,
-            released,
-            // The entry of the tear has both.
-            pieces: _,
-            tear_limit: _,
-            handle_count,
-        } = head;
-        to.line("# The linearized force of one body on all its handles. SI units; world axes; translation before rotation.");
-        to.line(
-            "# The tick that took it into use is the first whose body names its sequence number.",
-        );
-        to.field(
-            "uint64 sequence     # counts the models of this body, from one",
-            sequence,
-        )?;
-        to.field(
-            "uint64 time_ns      # when the linearized state held",
-            time_ns,
-        )?;
-        to.field("float64 period      # of publication", period)?;
-        to.field(
-            "float64 horizon     # how far ahead it is to be good for",
-            horizon,
-        )?;
-        to.field(
-            "float64 energy      # that hands at rest could get back",
-            energy,
-        )?;
-        to.field(
-            "float64 released    # of the body's own, beyond the first model's energy",
-            released,
-        )?;
-        to.field("uint32 epoch        # of the topology", epoch)?;
-        to.field("uint8 body          # index in a tick's bodies", body)?;
-        to.field(
-            "uint8 block         # rows of a block: 6, or 3 where only translations are coupled",
-            block,
-        )?;
-        to.list("palpate_msgs/Handle[] handles", "handle", handles)?;
-        if handles.len() > MAX_HANDLES || !(*block == 3 || *block == 6) {
-            return None;
-        }
-        *handle_count = handles.len() as u8;
-        to.field(
-            "float64[] stiffness # (handles x block)^2 numbers, rows first",
-            stiffness,
-        )?;
-        to.field("float64[] damping   # the same", damping)?;
-        if !to.is_at_end() {
-            to.list("palpate_msgs/Tear[] tear  # one where the body is torn or a tear limits the extrapolation, none otherwise", "tear", tear)?;
-        }
-        let count = handles.len();
-        let size = (count * usize::from(*block)).pow(2);
+impl ModelRow {
+    /// Counts the handles. `None` if the lengths of the lists contradict each other.
+    fn count(&mut self) -> Option<()> {
+        let count = self.handles.len();
+        self.head.handle_count = count as u8;
+        let size = (count * usize::from(self.block)).pow(2);
         let sound = |torn: &Torn| {
             let pieces = torn.stored.len().max(torn.released.len());
             torn.pieces.len() == count && torn.slope.len() == 6 * count && pieces <= MAX_HANDLES
         };
-        let whole = stiffness.len() == size && damping.len() == size;
-        (whole && tear.len() <= 1 && tear.iter().all(sound)).then_some(())
+        let whole = count <= MAX_HANDLES
+            && (self.block == 3 || self.block == 6)
+            && self.stiffness.len() == size
+            && self.damping.len() == size;
+        (whole && self.tear.len() <= 1 && self.tear.iter().all(sound)).then_some(())
     }
 }
 
-impl Record for HandleReference {
-    fn empty() -> Self {
-        Self::zero()
-    }
-
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            device,
-            // The entry of the tear has both.
-            piece: _,
-            tear_slope: _,
-            pose,
-            twist,
-            wrench,
-            contact,
-            weight,
-            drift,
-        } = self;
-        to.field("geometry_msgs/Pose pose", pose)?;
-        to.field("geometry_msgs/Twist twist", twist)?;
-        to.field("geometry_msgs/Wrench wrench  # on the hand", wrench)?;
-        to.field(
-            "uint8 device                 # index in a tick's devices",
-            device,
-        )?;
-        to.field("geometry_msgs/Vector3 contact  # outward normal of what can push only; zero where held", contact)?;
-        to.field(
-            "geometry_msgs/Vector3 weight   # the part of the force that is weight",
-            weight,
-        )?;
-        to.field("geometry_msgs/Wrench drift     # rate of the wrench beside what stiffness makes of the twist", drift)?;
-        Some(())
-    }
+record! { ModelHead: Self::empty();
+    "# The linearized force of one body on all its handles. SI units; world axes; translation before rotation.";
+    "# The tick that took it into use is the first whose body names its sequence number.";
+    "uint64 sequence     # counts the models of this body, from one" sequence;
+    "uint64 time_ns      # when the linearized state held" time_ns;
+    "float64 period      # of publication" period;
+    "float64 horizon     # how far ahead it is to be good for" horizon;
+    "float64 energy      # that hands at rest could get back" energy;
+    "float64 released    # of the body's own, beyond the first model's energy" released;
+    "uint32 epoch        # of the topology" epoch;
+    handle_count: skip;
+    // The entry of the tear has both.
+    pieces: skip;
+    tear_limit: skip;
 }
 
-impl Record for Torn {
-    fn empty() -> Self {
-        Self {
-            limit: TearLimit::none(),
-            pieces: Vec::new(),
-            stored: Vec::new(),
-            released: Vec::new(),
-            slope: Vec::new(),
-        }
-    }
+record! { HandleReference: Self::zero();
+    "geometry_msgs/Pose pose" pose;
+    "geometry_msgs/Twist twist" twist;
+    "geometry_msgs/Wrench wrench  # on the hand" wrench;
+    "uint8 device                 # index in a tick's devices" device;
+    "geometry_msgs/Vector3 contact  # outward normal of what can push only; zero where held" contact;
+    "geometry_msgs/Vector3 weight   # the part of the force that is weight" weight;
+    "geometry_msgs/Wrench drift     # rate of the wrench beside what stiffness makes of the twist" drift;
+    // The entry of the tear has both.
+    piece: skip;
+    tear_slope: skip;
+}
 
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            limit:
-                TearLimit {
-                    root,
-                    critical,
-                    area,
-                },
-            pieces,
-            stored,
-            released,
-            slope,
-        } = self;
-        to.field(
-            "float64 root        # sqrt(G) of the nearest tip at the reference (sqrt(J/m2))",
-            root,
-        )?;
-        to.field(
-            "float64 critical    # sqrt(G_c) (sqrt(J/m2)); zero without a tear limit",
-            critical,
-        )?;
-        to.field(
-            "float64 area        # 1 / (q . K^-1 q) with the slopes q (m2)",
-            area,
-        )?;
-        to.field(
-            "uint8[] pieces      # number of the piece, by handle",
-            pieces,
-        )?;
-        to.field(
-            "float64[] stored    # energy that hands at rest could get back, by piece",
-            stored,
-        )?;
-        to.field(
-            "float64[] released  # energy of the piece's own since the parting, by piece",
-            released,
-        )?;
-        to.field("float64[] slope     # of sqrt(G), by handle: translation (per m), then rotation (per rad)", slope)?;
-        Some(())
-    }
+record! { Torn: Self { limit: TearLimit::none(), pieces: vec![], stored: vec![], released: vec![], slope: vec![] };
+    limit: flat;
+    "uint8[] pieces      # number of the piece, by handle" pieces;
+    "float64[] stored    # energy that hands at rest could get back, by piece" stored;
+    "float64[] released  # energy of the piece's own since the parting, by piece" released;
+    "float64[] slope     # of sqrt(G), by handle: translation (per m), then rotation (per rad)" slope;
+}
+
+record! { TearLimit: Self::none();
+    "float64 root        # sqrt(G) of the nearest tip at the reference (sqrt(J/m2))" root;
+    "float64 critical    # sqrt(G_c) (sqrt(J/m2)); zero without a tear limit" critical;
+    "float64 area        # 1 / (q . K^-1 q) with the slopes q (m2)" area;
 }

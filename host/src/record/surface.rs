@@ -4,7 +4,7 @@
 //! corners of such a face run counterclockwise seen from outside. A quadratic face has a vertex at the middle of each edge
 //! and is divided into four triangles, so the surface bends with the face.
 
-use super::field::{Record, Visitor, definition};
+use super::field::{Record, Visitor, definition, fields, record};
 use super::kind::Kind;
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, Mesh};
@@ -77,45 +77,28 @@ impl Kind for Surface {
     }
 }
 
-impl Record for Surface {
-    fn empty() -> Self {
-        Self::default()
-    }
+record! { Surface: Self::default(), Self::count;
+    "# The surface of a body in one topology epoch.";
+    "uint32 body         # index in a tick's bodies" body;
+    "uint32 epoch        # topology epoch" epoch;
+    "uint32 vertices     # number of vertices of the body, including those inside" vertices;
+    "float32[] rest      # positions at rest (m), three numbers a vertex" rest;
+    "uint32[] triangles  # three vertices each" triangles;
+    "uint32[] lines      # the bars of a thread, two vertices each" lines;
+    triangle_count: skip;
+    line_count: skip;
+}
 
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            body,
-            epoch,
-            vertices,
-            triangle_count,
-            line_count,
-            rest,
-            triangles,
-            lines,
-        } = self;
-        to.line("# The surface of a body in one topology epoch.");
-        to.field("uint32 body         # index in a tick's bodies", body)?;
-        to.field("uint32 epoch        # topology epoch", epoch)?;
-        to.field(
-            "uint32 vertices     # number of vertices of the body, including those inside",
-            vertices,
-        )?;
-        to.field(
-            "float32[] rest      # positions at rest (m), three numbers a vertex",
-            rest,
-        )?;
-        to.field("uint32[] triangles  # three vertices each", triangles)?;
-        to.field(
-            "uint32[] lines      # the bars of a thread, two vertices each",
-            lines,
-        )?;
-        *triangle_count = triangles.len() as u32 / 3;
-        *line_count = lines.len() as u32 / 2;
-        let inside = |indices: &[u32]| indices.iter().all(|index| *index < *vertices);
-        let whole = rest.len() as u64 == 3 * u64::from(*vertices)
-            && triangles.len().is_multiple_of(3)
-            && lines.len().is_multiple_of(2);
-        (whole && inside(triangles) && inside(lines)).then_some(())
+impl Surface {
+    /// Counts triangles and lines. `None` if the numbers contradict each other.
+    fn count(&mut self) -> Option<()> {
+        self.triangle_count = self.triangles.len() as u32 / 3;
+        self.line_count = self.lines.len() as u32 / 2;
+        let inside = |indices: &[u32]| indices.iter().all(|index| *index < self.vertices);
+        let whole = self.rest.len() as u64 == 3 * u64::from(self.vertices)
+            && self.triangles.len().is_multiple_of(3)
+            && self.lines.len().is_multiple_of(2);
+        (whole && inside(&self.triangles) && inside(&self.lines)).then_some(())
     }
 }
 

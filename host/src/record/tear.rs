@@ -1,6 +1,6 @@
 //! An edit by which a sheet tore, as an event: its words and its message.
 
-use super::field::{Record, Visitor, definition};
+use super::field::{Record, Visitor, definition, fields, record};
 use super::kind::Kind;
 use physics::Vec3;
 use physics::topology::NONE;
@@ -75,70 +75,21 @@ impl Kind for TearEvent {
     }
 }
 
-impl Record for TearEvent {
-    fn empty() -> Self {
-        Self::default()
-    }
-
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            body,
-            number,
-            step,
-            time_ns,
-            epoch,
-            from,
-            at,
-            end,
-            tips,
-            length,
-            energy,
-            starts,
-            pieces,
-        } = self;
-        to.line("# An edit by which a tear of a body grew by one edge, or began inside the body with two.");
-        to.field(
-            "uint64 step       # number of the host step, from one",
-            step,
-        )?;
-        to.field(
-            "uint64 time_ns    # the time at which the step was due",
-            time_ns,
-        )?;
-        to.field("uint32 body       # index in a tick's bodies", body)?;
-        to.field(
-            "uint32 number     # number of the edit in the body, from one",
-            number,
-        )?;
-        to.field("uint32 epoch      # topology epoch after the step", epoch)?;
-        to.field(
-            "uint32 from_vertex    # the vertex from which the tear grew",
-            from,
-        )?;
-        to.field(
-            "float64[3] at     # position of that vertex at rest (m)",
-            at,
-        )?;
-        to.field("float64[3] end    # where the opened edge ends at rest (m): at the new tip, or at the border that the tear met", end)?;
-        to.field("uint32[2] tips    # the new tip, and that to the other side; 4294967295 where there is none", tips)?;
-        to.field(
-            "float64 length    # length of the opened edges at rest (m)",
-            length,
-        )?;
-        to.field(
-            "float64 energy    # the energy that the opened edges take (J)",
-            energy,
-        )?;
-        to.field(
-            "uint32 pieces     # number of pieces of the sheet after the step",
-            pieces,
-        )?;
-        to.field(
-            "bool starts       # whether the tear starts with this edit",
-            starts,
-        )?;
-        Some(())
-    }
+record! { TearEvent: Self::default();
+    "# An edit by which a tear of a body grew by one edge, or began inside the body with two.";
+    "uint64 step       # number of the host step, from one" step;
+    "uint64 time_ns    # the time at which the step was due" time_ns;
+    "uint32 body       # index in a tick's bodies" body;
+    "uint32 number     # number of the edit in the body, from one" number;
+    "uint32 epoch      # topology epoch after the step" epoch;
+    "uint32 from_vertex    # the vertex from which the tear grew" from;
+    "float64[3] at     # position of that vertex at rest (m)" at;
+    "float64[3] end    # where the opened edge ends at rest (m): at the new tip, or at the border that the tear met" end;
+    "uint32[2] tips    # the new tip, and that to the other side; 4294967295 where there is none" tips;
+    "float64 length    # length of the opened edges at rest (m)" length;
+    "float64 energy    # the energy that the opened edges take (J)" energy;
+    "uint32 pieces     # number of pieces of the sheet after the step" pieces;
+    "bool starts       # whether the tear starts with this edit" starts;
 }
 
 #[cfg(test)]

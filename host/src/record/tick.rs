@@ -2,9 +2,9 @@
 //!
 //! The fields of a tick, of its devices, bodies and readings are listed here once, in the order of the message, and so are
 //! the columns of the table of a run. The message of a log, its definition, the comparison of a replay, the table and the
-//! sums of energy of a viewer follow from these lists. A field that is missing from a list does not compile.
+//! sums of energy of a viewer follow from these lists. A list that lacks a field does not compile.
 
-use super::field::{Cells, Each, Leaf, Record, Visitor, definition, name};
+use super::field::{Cells, Each, Leaf, Record, Visitor, definition, fields, name, record};
 use super::kind::Kind;
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
@@ -149,37 +149,15 @@ impl Kind for TickRow {
     }
 }
 
-impl Record for TickRow {
-    fn empty() -> Self {
-        (&Telemetry::empty()).into()
-    }
-
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            tick,
-            time_ns,
-            lateness_ns,
-            took_ns,
-            devices,
-            bodies,
-            readings,
-        } = self;
-        to.line("# One pass of the haptic loop. SI units; world axes.");
-        to.field("uint64 tick         # number of the tick, from zero", tick)?;
-        to.field("uint64 time_ns      # its nominal time", time_ns)?;
-        to.field("uint64 lateness_ns  # how late it woke", lateness_ns)?;
-        to.field(
-            "uint64 took_ns      # from there until just before its commands left",
-            took_ns,
-        )?;
-        to.list("palpate_msgs/Device[] devices", "device", devices)?;
-        to.list("palpate_msgs/Body[] bodies", "body", bodies)?;
-        to.list(
-            "palpate_msgs/Reading[] readings  # by device",
-            "reading",
-            readings,
-        )
-    }
+record! { TickRow: (&Telemetry::empty()).into();
+    "# One pass of the haptic loop. SI units; world axes.";
+    "uint64 tick         # number of the tick, from zero" tick;
+    "uint64 time_ns      # its nominal time" time_ns;
+    "uint64 lateness_ns  # how late it woke" lateness_ns;
+    "uint64 took_ns      # from there until just before its commands left" took_ns;
+    "palpate_msgs/Device[] devices" devices: list "device";
+    "palpate_msgs/Body[] bodies" bodies: list "body";
+    "palpate_msgs/Reading[] readings  # by device" readings: list "reading";
 }
 
 impl TickRow {
@@ -194,138 +172,63 @@ impl TickRow {
     }
 }
 
-impl Record for DeviceTelemetry {
-    fn empty() -> Self {
-        Self::empty()
-    }
-
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            pose,
-            twist,
-            slip,
-            slip_angle,
-            wrench,
-            buttons,
-            device_time_ns,
-            fresh,
-            safety,
-        } = self;
-        to.line(
-            "uint8 NORMAL=0\nuint8 LIMITED=1\nuint8 RECOVERING=2\nuint8 DEVICE_STALE=3\nuint8 NOT_A_NUMBER=4\n\
-             uint8 SLEWED=5\nuint8 TOO_FAST=6\nuint8 OUT_OF_REACH=7\nuint8 HOT=8\nuint8 ENGAGING=9\n\
-             uint8 HANDS_OFF=10\nuint8 DISARMED=11\nuint8 STOPPED=12\nuint8 LET_GO=13\nuint8 DEVICE_FAULT=14",
-        );
-        to.field("geometry_msgs/Pose pose      # of the proxy", pose)?;
-        to.field("geometry_msgs/Twist twist    # of the proxy", twist)?;
-        // A `torque` is the moment about the handle.
-        to.field(
-            "geometry_msgs/Wrench wrench  # on the hand, as it left for the device",
-            wrench,
-        )?;
-        to.field(
-            "geometry_msgs/Vector3 slip   # of the proxy against its hand; part of the pose",
-            slip,
-        )?;
-        to.field(
-            "float64 slip_angle           # of that slip (rad)",
-            slip_angle,
-        )?;
-        to.field(
-            "uint64 device_time_ns        # the device's own clock",
-            device_time_ns,
-        )?;
-        to.field(
-            "uint32 buttons               # one bit each; the two highest are the operator's orders",
-            buttons,
-        )?;
-        to.field(
-            "bool fresh                   # whether the device gave a good state this tick",
-            fresh,
-        )?;
-        to.field(
-            "uint8 safety                 # what the last stage did to the wrench",
-            safety,
-        )
-    }
+// A `torque` is the moment about the handle.
+record! { DeviceTelemetry: Self::empty();
+    "uint8 NORMAL=0";
+    "uint8 LIMITED=1";
+    "uint8 RECOVERING=2";
+    "uint8 DEVICE_STALE=3";
+    "uint8 NOT_A_NUMBER=4";
+    "uint8 SLEWED=5";
+    "uint8 TOO_FAST=6";
+    "uint8 OUT_OF_REACH=7";
+    "uint8 HOT=8";
+    "uint8 ENGAGING=9";
+    "uint8 HANDS_OFF=10";
+    "uint8 DISARMED=11";
+    "uint8 STOPPED=12";
+    "uint8 LET_GO=13";
+    "uint8 DEVICE_FAULT=14";
+    "geometry_msgs/Pose pose      # of the proxy" pose;
+    "geometry_msgs/Twist twist    # of the proxy" twist;
+    "geometry_msgs/Wrench wrench  # on the hand, as it left for the device" wrench;
+    "geometry_msgs/Vector3 slip   # of the proxy against its hand; part of the pose" slip;
+    "float64 slip_angle           # of that slip (rad)" slip_angle;
+    "uint64 device_time_ns        # the device's own clock" device_time_ns;
+    "uint32 buttons               # one bit each; the two highest are the operator's orders" buttons;
+    "bool fresh                   # whether the device gave a good state this tick" fresh;
+    "uint8 safety                 # what the last stage did to the wrench" safety;
 }
 
-impl Record for BodyTelemetry {
-    fn empty() -> Self {
-        Self::empty()
-    }
-
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            sequence,
-            epoch,
-            age_ns,
-            trust,
-            state,
-            withheld: Withheld { force, of },
-            energy,
-        } = self;
-        to.line("uint8 WAITING=0\nuint8 LIVE=1\nuint8 FADING=2\nuint8 HELD=3");
-        to.field(
-            "uint64 sequence  # of the model in use; zero before the first",
-            sequence,
-        )?;
-        to.field("uint64 age_ns    # of that model", age_ns)?;
-        to.field(
-            "float64 trust    # in it, from zero (safe hold) to one",
-            trust,
-        )?;
-        to.field("uint32 epoch     # of its topology", epoch)?;
-        to.field("uint8 state      # what the coupling was doing", state)?;
-        to.field("float64 withheld # force that the cap withholds (N)", force)?;
-        to.field(
-            "float64 of       # force of the model's springs there (N)",
-            of,
-        )?;
-        energy.fields(to)
-    }
+record! { BodyTelemetry: Self::empty();
+    "uint8 WAITING=0";
+    "uint8 LIVE=1";
+    "uint8 FADING=2";
+    "uint8 HELD=3";
+    "uint64 sequence  # of the model in use; zero before the first" sequence;
+    "uint64 age_ns    # of that model" age_ns;
+    "float64 trust    # in it, from zero (safe hold) to one" trust;
+    "uint32 epoch     # of its topology" epoch;
+    "uint8 state      # what the coupling was doing" state;
+    withheld: flat;
+    energy: flat;
 }
 
-impl Record for EnergyAccount {
-    fn empty() -> Self {
-        Self::default()
-    }
+record! { Withheld: Self::default();
+    "float64 withheld # force that the cap withholds (N)" force;
+    "float64 of       # force of the model's springs there (N)" of;
+}
 
-    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
-        let Self {
-            supplied,
-            raised,
-            least,
-            initial,
-            stored,
-            credited,
-            available,
-            capped,
-        } = self;
-        to.line(
-            "# Energy (J) between the hands and the body, sums since the start: a lost message loses nothing.",
-        );
-        to.field("float64 supplied   # net work of the hands", supplied)?;
-        to.field("float64 raised     # part of it that lifted weight", raised)?;
-        to.field(
-            "float64 least      # least that supplied - raised + credited ever was",
-            least,
-        )?;
-        to.field(
-            "float64 initial    # stored when the first model came",
-            initial,
-        )?;
-        to.field("float64 stored     # that could be got back now", stored)?;
-        to.field(
-            "float64 credited   # dissipated by devices and relied on",
-            credited,
-        )?;
-        to.field("float64 available  # what the cap has to spend", available)?;
-        to.field(
-            "uint64 capped      # ticks in which it took something off",
-            capped,
-        )
-    }
+record! { EnergyAccount: Self::default();
+    "# Energy (J) between the hands and the body, sums since the start: a lost message loses nothing.";
+    "float64 supplied   # net work of the hands" supplied;
+    "float64 raised     # part of it that lifted weight" raised;
+    "float64 least      # least that supplied - raised + credited ever was" least;
+    "float64 initial    # stored when the first model came" initial;
+    "float64 stored     # that could be got back now" stored;
+    "float64 credited   # dissipated by devices and relied on" credited;
+    "float64 available  # what the cap has to spend" available;
+    "uint64 capped      # ticks in which it took something off" capped;
 }
 
 impl Record for LoggedReading {
@@ -357,11 +260,6 @@ impl Record for LoggedReading {
             Rendering::LetGo => (1, 0),
             Rendering::Fault(fault) => (2, fault),
         };
-        to.line(
-            "# What the device gave, as it gave it: its own axes. All zero where it gave nothing.\n\
-             uint8 OK=0\nuint8 NO_REPORT=1\nuint8 DISCONNECTED=2\nuint8 BUSY=3\nuint8 BAD_LENGTH=4\n\
-             uint8 BAD_CHECK_SUM=5\nuint8 BAD_VERSION=6\nuint8 BAD_KIND=7\nuint8 OUT_OF_RANGE=8",
-        );
         let DeviceState {
             pose,
             twist,
@@ -369,24 +267,31 @@ impl Record for LoggedReading {
             device_time_ns,
             rendering: _,
         } = &mut state;
-        to.field("geometry_msgs/Pose pose", pose)?;
-        to.field("geometry_msgs/Twist twist", twist)?;
-        to.field("uint64 device_time_ns", device_time_ns)?;
-        to.field("uint32 buttons", buttons)?;
-        to.field(
-            "int32 system_error  # where it is disconnected",
-            &mut system_error,
-        )?;
-        to.field("uint8 status", &mut status)?;
-        to.line("uint8 COMMANDED=0\nuint8 LET_GO=1\nuint8 FAULT=2");
-        to.field(
-            "uint8 rendering     # what the device says of the wrenches that it is commanded",
-            &mut rendering,
-        )?;
-        to.field(
-            "uint8 fault         # number of the fault, where it has one",
-            &mut fault,
-        )?;
+        let (own_status, own_error) = (&mut status, &mut system_error);
+        let (own_rendering, own_fault) = (&mut rendering, &mut fault);
+        fields! { to;
+            "# What the device gave, as it gave it: its own axes. All zero where it gave nothing.";
+            "uint8 OK=0";
+            "uint8 NO_REPORT=1";
+            "uint8 DISCONNECTED=2";
+            "uint8 BUSY=3";
+            "uint8 BAD_LENGTH=4";
+            "uint8 BAD_CHECK_SUM=5";
+            "uint8 BAD_VERSION=6";
+            "uint8 BAD_KIND=7";
+            "uint8 OUT_OF_RANGE=8";
+            "geometry_msgs/Pose pose" pose;
+            "geometry_msgs/Twist twist" twist;
+            "uint64 device_time_ns" device_time_ns;
+            "uint32 buttons" buttons;
+            "int32 system_error  # where it is disconnected" own_error;
+            "uint8 status" own_status;
+            "uint8 COMMANDED=0";
+            "uint8 LET_GO=1";
+            "uint8 FAULT=2";
+            "uint8 rendering     # what the device says of the wrenches that it is commanded" own_rendering;
+            "uint8 fault         # number of the fault, where it has one" own_fault;
+        }
         state.rendering = match (rendering, fault) {
             (0, 0) => Rendering::Commanded,
             (1, 0) => Rendering::LetGo,
