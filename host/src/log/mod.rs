@@ -38,9 +38,7 @@ use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{Capabilities, LocalModel, Telemetry};
 
 use crate::record::cdr::encode;
-use crate::record::{
-    BodyFrame, ChannelInfo, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud,
-};
+use crate::record::{BodyFrame, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud};
 
 pub(crate) use file::LogFile;
 use overview::Overview;
@@ -137,11 +135,8 @@ pub enum LogError {
 /// ```
 pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
-    channels: Channels,
-    /// The channels of each body; empty for a log without frames.
-    bodies: Vec<BodyChannels>,
-    /// By body: the channel of its tears; `None` for a body that does not tear.
-    tears: Vec<Option<u16>>,
+    /// The channels by the type of their messages and by body.
+    channels: BTreeMap<(&'static str, usize), u16>,
     models: u32,
     /// The present message. The buffer is kept for its capacity.
     message: Vec<u8>,
@@ -170,18 +165,56 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 
     fn with_name(writer: W, name: String, header: &LogHeader) -> Result<Self, LogError> {
-        match begin(writer, header) {
-            Ok((writer, channels)) => Ok(Self {
+        let mut log = match begin(writer, header) {
+            Ok(writer) => Self {
                 writer,
-                channels,
-                bodies: Vec::new(),
-                tears: Vec::new(),
+                channels: BTreeMap::new(),
                 models: 0,
                 message: Vec::new(),
                 name,
-            }),
-            Err(error) => Err(write_error(&name, error)),
-        }
+            },
+            Err(error) => return Err(write_error(&name, error)),
+        };
+        log.add::<TickRow>(0, "")?;
+        log.add::<ModelRow>(0, "")?;
+        Ok(log)
+    }
+
+    /// Gives the log a channel of this kind for the body of this index and name. A channel of the run has index zero.
+    fn add<K: Kind>(&mut self, body: usize, name: &str) -> Result<(), LogError> {
+        let channel = K::channel(name);
+        // The ROS 2 profile requires this key. An empty value means the defaults.
+        let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
+        let definition = channel.schema_text.as_bytes();
+        let writer = &mut self.writer;
+        let id = writer
+            .add_schema(channel.schema_name, channel.schema_encoding, definition)
+            .and_then(|schema| writer.add_channel(schema, &channel.topic, channel.encoding, &qos))
+            .map_err(|error| write_error(&self.name, error))?;
+        self.channels.insert((K::SCHEMA_NAME, body), id);
+        Ok(())
+    }
+
+    /// Adds a message of this kind for the body of this index. A body without a channel is ignored.
+    fn put<K: Kind>(
+        &mut self,
+        body: usize,
+        (sequence, time_ns): (u32, u64),
+        encode: impl FnOnce(&mut Vec<u8>),
+    ) -> Result<(), LogError> {
+        let Some(&channel_id) = self.channels.get(&(K::SCHEMA_NAME, body)) else {
+            return Ok(());
+        };
+        encode(&mut self.message);
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        self.writer
+            .write_to_known_channel(&header, &self.message)
+            .map_err(|error| write_error(&self.name, error))
     }
 
     /// Gives the log channels for frames of the bodies of these names. The caller does so before the first tick.
@@ -192,10 +225,10 @@ impl<W: Write + Seek> LogWriter<W> {
         &mut self,
         names: impl IntoIterator<Item = &'a str>,
     ) -> Result<(), LogError> {
-        for name in names {
-            let channels = BodyChannels::add(&mut self.writer, name)
-                .map_err(|error| write_error(&self.name, error))?;
-            self.bodies.push(channels);
+        for (body, name) in names.into_iter().enumerate() {
+            self.add::<Cloud>(body, name)?;
+            self.add::<BodyFrame>(body, name)?;
+            self.add::<Surface>(body, name)?;
         }
         Ok(())
     }
@@ -209,11 +242,10 @@ impl<W: Write + Seek> LogWriter<W> {
         &mut self,
         names: impl IntoIterator<Item = Option<&'a str>>,
     ) -> Result<(), LogError> {
-        for name in names {
-            let channel = name.map(|name| add_channel(&mut self.writer, &TearEvent::channel(name)));
-            let channel = channel.transpose();
-            let channel = channel.map_err(|error| write_error(&self.name, error))?;
-            self.tears.push(channel);
+        for (body, name) in names.into_iter().enumerate() {
+            if let Some(name) = name {
+                self.add::<TearEvent>(body, name)?;
+            }
         }
         Ok(())
     }
@@ -223,16 +255,8 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_tear(&mut self, event: &TearEvent) -> Result<(), LogError> {
-        let Some(channel_id) = self.tears.get(event.body as usize).copied().flatten() else {
-            return Ok(());
-        };
-        encode(*event, &mut self.message);
-        self.put(&MessageHeader {
-            channel_id,
-            sequence: event.number,
-            log_time: event.time_ns,
-            publish_time: event.time_ns,
-        })
+        let stamp = (event.number, event.time_ns);
+        self.put::<TearEvent>(event.body as usize, stamp, |m| encode(*event, m))
     }
 
     /// Adds a frame of a body: `positions` (m), three numbers a vertex. A body without channels is ignored.
@@ -240,19 +264,9 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_frame(&mut self, frame: &BodyFrame, positions: &[f32]) -> Result<(), LogError> {
-        let Some(channels) = self.bodies.get(frame.body as usize).copied() else {
-            return Ok(());
-        };
-        let header = |channel_id| MessageHeader {
-            channel_id,
-            sequence: frame.step as u32,
-            log_time: frame.time_ns,
-            publish_time: frame.time_ns,
-        };
-        encode(*frame, &mut self.message);
-        self.put(&header(channels.frame))?;
-        cloud::encode(frame.time_ns, positions, &mut self.message);
-        self.put(&header(channels.cloud))
+        let (body, stamp) = (frame.body as usize, (frame.step as u32, frame.time_ns));
+        self.put::<BodyFrame>(body, stamp, |m| encode(*frame, m))?;
+        self.put::<Cloud>(body, stamp, |m| cloud::encode(frame.time_ns, positions, m))
     }
 
     /// Adds the surface of a body. The caller writes it before the first frame of its topology epoch. `time_ns` is the
@@ -261,16 +275,8 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_surface(&mut self, surface: &Surface, time_ns: u64) -> Result<(), LogError> {
-        let Some(channels) = self.bodies.get(surface.body as usize).copied() else {
-            return Ok(());
-        };
-        encode(surface.clone(), &mut self.message);
-        self.put(&MessageHeader {
-            channel_id: channels.surface,
-            sequence: surface.epoch,
-            log_time: time_ns,
-            publish_time: time_ns,
-        })
+        let stamp = (surface.epoch, time_ns);
+        self.put::<Surface>(surface.body as usize, stamp, |m| encode(surface.clone(), m))
     }
 
     /// Adds a tick.
@@ -278,15 +284,9 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
-        encode(TickRow::from(telemetry), &mut self.message);
-        let header = MessageHeader {
-            channel_id: self.channels.tick,
-            // Wraps after 49 days of ticks.
-            sequence: telemetry.tick as u32,
-            log_time: telemetry.time_ns,
-            publish_time: telemetry.time_ns,
-        };
-        self.put(&header)
+        // The number wraps after 49 days of ticks.
+        let stamp = (telemetry.tick as u32, telemetry.time_ns);
+        self.put::<TickRow>(0, stamp, |m| encode(TickRow::from(telemetry), m))
     }
 
     /// Adds a model of the body of index `body`. The caller writes it before the first tick that uses it.
@@ -294,21 +294,9 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
-        encode(ModelRow::new(body, model), &mut self.message);
-        let header = MessageHeader {
-            channel_id: self.channels.model,
-            sequence: self.models,
-            log_time: model.head.time_ns,
-            publish_time: model.head.time_ns,
-        };
+        let stamp = (self.models, model.head.time_ns);
         self.models = self.models.wrapping_add(1);
-        self.put(&header)
-    }
-
-    fn put(&mut self, header: &MessageHeader) -> Result<(), LogError> {
-        self.writer
-            .write_to_known_channel(header, &self.message)
-            .map_err(|error| write_error(&self.name, error))
+        self.put::<ModelRow>(0, stamp, |m| encode(ModelRow::new(body, model), m))
     }
 
     /// Hands all ticks so far to the system, so that they survive this process. Each call ends a chunk of the
@@ -350,46 +338,7 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 }
 
-/// The channels' numbers in the file.
-#[derive(Clone, Copy)]
-struct Channels {
-    tick: u16,
-    model: u16,
-}
-
-/// The numbers of a body's channels in the file.
-#[derive(Clone, Copy)]
-struct BodyChannels {
-    cloud: u16,
-    frame: u16,
-    surface: u16,
-}
-
-impl BodyChannels {
-    fn add<W: Write + Seek>(writer: &mut Writer<W>, name: &str) -> Result<Self, McapError> {
-        Ok(Self {
-            cloud: add_channel(writer, &Cloud::channel(name))?,
-            frame: add_channel(writer, &BodyFrame::channel(name))?,
-            surface: add_channel(writer, &Surface::channel(name))?,
-        })
-    }
-}
-
-fn add_channel<W: Write + Seek>(
-    writer: &mut Writer<W>,
-    channel: &ChannelInfo,
-) -> Result<u16, McapError> {
-    // The ROS 2 profile requires this key. An empty value means the defaults.
-    let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-    let definition = channel.schema_text.as_bytes();
-    let schema = writer.add_schema(channel.schema_name, channel.schema_encoding, definition)?;
-    writer.add_channel(schema, &channel.topic, channel.encoding, &qos)
-}
-
-fn begin<W: Write + Seek>(
-    writer: W,
-    header: &LogHeader,
-) -> Result<(Writer<W>, Channels), McapError> {
+fn begin<W: Write + Seek>(writer: W, header: &LogHeader) -> Result<Writer<W>, McapError> {
     let options = WriteOptions::new()
         .profile("ros2")
         .compression(None)
@@ -419,11 +368,7 @@ fn begin<W: Write + Seek>(
         })?;
     }
     writer.flush()?;
-    let channels = Channels {
-        tick: add_channel(&mut writer, &TickRow::channel(""))?,
-        model: add_channel(&mut writer, &ModelRow::channel(""))?,
-    };
-    Ok((writer, channels))
+    Ok(writer)
 }
 
 fn write_error(log: &str, error: McapError) -> LogError {

@@ -1,8 +1,7 @@
 //! Ticks and frames by their time.
 
-use super::decode::Content;
 use super::{Chunk, IndexError, LogIndex};
-use crate::record::{BodyFrame, Cloud, Kind, Surface, TickRow};
+use crate::record::{BodyFrame, Cloud, Surface, TickRow};
 use std::io::{Read, Seek};
 use std::sync::Arc;
 
@@ -92,9 +91,8 @@ impl<R: Read + Seek> LogIndex<R> {
     /// # Errors
     /// [`IndexError`].
     pub fn frame_at(&mut self, name: &str, time_ns: u64) -> Result<Option<BodyMoment>, IndexError> {
-        let channels = &self.channels;
-        let clouds = channels.named(Content::Clouds, &Cloud::topic(name));
-        let frames = channels.named(Content::Frames, &BodyFrame::topic(name));
+        let clouds = self.channels.named::<Cloud>(name);
+        let frames = self.channels.named::<BodyFrame>(name);
         let (Some(clouds), Some(frames)) = (clouds, frames) else {
             return Ok(None);
         };
@@ -137,8 +135,7 @@ impl<R: Read + Seek> LogIndex<R> {
         name: &str,
         time_ns: u64,
     ) -> Result<Option<Arc<Surface>>, IndexError> {
-        let channels = &self.channels;
-        let Some(surfaces) = channels.named(Content::Surfaces, &Surface::topic(name)) else {
+        let Some(surfaces) = self.channels.named::<Surface>(name) else {
             return Ok(None);
         };
         for number in (0..self.chunks.len()).rev() {
@@ -159,7 +156,7 @@ impl<R: Read + Seek> LogIndex<R> {
 
     /// Whether the log has channels for frames of bodies.
     pub fn has_frames(&self) -> bool {
-        self.channels.of(Content::Clouds).next().is_some()
+        self.channels.of::<Cloud>().next().is_some()
     }
 
     /// Gives `see` every tick from the place `from` on while `see` returns true.
@@ -189,11 +186,7 @@ impl<R: Read + Seek> LogIndex<R> {
     fn may_have_ticks(&self, number: usize) -> bool {
         let chunk = self.chunks.get(number);
         chunk.is_some_and(|chunk| {
-            chunk.channels.is_none()
-                || self
-                    .channels
-                    .of(Content::Ticks)
-                    .any(|id| chunk.may_have(id))
+            chunk.channels.is_none() || self.channels.of::<TickRow>().any(|id| chunk.may_have(id))
         })
     }
 
