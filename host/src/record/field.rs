@@ -1,7 +1,7 @@
 //! A record, field by field.
 //!
 //! A kind of record lists its fields once, in the order of its message ([`Record::fields`]). A [`Visitor`] takes them: it
-//! writes or reads a message ([`super::cdr`]), makes the definition of the message ([`definition`]), or compares two
+//! writes or reads a message (`record/cdr.rs`), makes the definition of the message ([`definition`]), or compares two
 //! records. The cells of a table are listed once, too ([`Cells`]): the same list gives the names of the columns and the
 //! numbers of a row. (E. Gamma, R. Helm, R. Johnson, J. Vlissides, "Design patterns", 1994: Visitor.)
 

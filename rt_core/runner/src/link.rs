@@ -25,7 +25,7 @@ use crate::memory::MemoryRange;
 use crate::packed_ring::{PackedReader, PackedWriter, packed_ring, prefaulted_packed_ring};
 use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
 use rt_core::local_model::{ModelHead, PackedModel};
-use rt_core::publication::{Head, Publication};
+use rt_core::publication::Publication;
 use rt_core::{LocalModel, MAX_BODIES, MAX_HANDLES, Telemetry, TickRecord};
 use rtrb::{Consumer, Producer};
 
@@ -98,13 +98,10 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     let bodies = config.bodies.min(MAX_BODIES);
     let most = ModelHead::extent_of(config.handles.clamp(1, MAX_HANDLES));
     for _ in 0..bodies {
-        let ((writer, ring), used) = prefaulted_packed_ring(models, most);
+        let ((writer, reader), used) = prefaulted_packed_ring(models, most);
         memory.extend(used);
         to_tick.push(writer);
-        inlets.push(Inlet {
-            ring,
-            sequence: Sequence::from(1),
-        });
+        inlets.push(reader);
     }
     // Both threads of this ring may wait for a page, so the ring is not mapped in advance.
     let (copies, to_replay) = packed_ring(models * bodies, most);
@@ -150,16 +147,10 @@ pub struct TickCounters {
 pub struct TickEnd {
     to_host: Producer<TickRecord>,
     to_log: Producer<Telemetry>,
-    inlets: Vec<Inlet>,
+    /// By body: its models.
+    inlets: Vec<PackedReader<ModelHead>>,
     counters: TickCounters,
     memory: Vec<MemoryRange>,
-}
-
-/// The tick's end of the ring of models of one body.
-#[derive(Debug)]
-struct Inlet {
-    ring: PackedReader<ModelHead>,
-    sequence: Sequence,
 }
 
 impl TickEnd {
@@ -177,21 +168,17 @@ impl TickEnd {
     /// stays in the ring while `accept` reads it. The time does not depend on the number of models that wait.
     pub fn take_models(&mut self, mut accept: impl FnMut(usize, &PackedModel<'_>)) {
         for (body, inlet) in self.inlets.iter_mut().enumerate() {
-            let sequence = &mut inlet.sequence;
-            let counters = &mut self.counters;
-            inlet.ring.take_newest(|newest, waiting| {
-                let before = sequence.lost();
-                sequence.see(newest.head.sequence(), waiting);
-                counters.lost_models += sequence.lost() - before;
-                counters.superseded_models += waiting - 1;
-                accept(body, newest);
-            });
+            inlet.take_newest(|newest| accept(body, newest));
         }
     }
 
     /// The counts since the start.
     pub fn counters(&self) -> TickCounters {
-        self.counters
+        TickCounters {
+            lost_models: self.inlets.iter().map(PackedReader::lost).sum(),
+            superseded_models: self.inlets.iter().map(PackedReader::superseded).sum(),
+            ..self.counters
+        }
     }
 
     /// Number of bodies that have a ring.

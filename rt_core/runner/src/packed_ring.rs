@@ -13,7 +13,7 @@
 //! place.
 
 use crate::memory::MemoryRange;
-use crate::ring::prefaulted;
+use crate::ring::{Sequence, prefaulted};
 use rt_core::publication::{Extent, Head, Packed, Publication};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -42,6 +42,8 @@ pub struct PackedReader<H: Head> {
     blocks: Consumer<H::Block>,
     /// The parts read or skipped so far.
     read: Extent,
+    sequence: Sequence,
+    superseded: u64,
 }
 
 /// Both ends of a ring.
@@ -90,6 +92,8 @@ fn join<H: Head>(
         rows: rows.1,
         blocks: blocks.1,
         read: Extent::default(),
+        sequence: Sequence::from(1),
+        superseded: 0,
     };
     (writer, reader)
 }
@@ -167,23 +171,40 @@ impl<T: Copy> PartWriter<T> {
 }
 
 impl<H: Head> PackedReader<H> {
-    /// Calls `see` with the newest publication and the number of those that waited, then frees all of them. Does nothing
-    /// where none waits. The time does not depend on their number.
-    pub fn take_newest(&mut self, see: impl FnOnce(&Packed<'_, H>, u64)) {
-        self.take(self.heads.slots(), |_, newest, waiting| {
-            see(newest, waiting);
+    /// Calls `see` with the newest publication, then frees all that wait. Does nothing where none waits. The time does not
+    /// depend on their number. Publications that never arrived, and those before the newest, are counted.
+    pub fn take_newest(&mut self, see: impl FnOnce(&Packed<'_, H>)) {
+        let waiting = self.heads.slots();
+        let mut number = 0;
+        let taken = self.take(waiting, |_, newest| {
+            number = newest.head.sequence();
+            see(newest);
         });
+        if taken.is_some() {
+            self.sequence.see(number, waiting as u64);
+            self.superseded += waiting as u64 - 1;
+        }
+    }
+
+    /// Number of publications that never arrived, by the gaps in the numbers of those that were taken.
+    pub fn lost(&self) -> u64 {
+        self.sequence.lost()
+    }
+
+    /// Number of publications that arrived together with a newer one, and were skipped.
+    pub fn superseded(&self) -> u64 {
+        self.superseded
     }
 
     /// Calls `see` with every publication that waits now, oldest first, and the index of its body.
     pub fn drain(&mut self, mut see: impl FnMut(u8, &Packed<'_, H>)) {
         for _ in 0..self.heads.slots() {
-            self.take(1, |body, publication, _| see(body, publication));
+            self.take(1, &mut see);
         }
     }
 
     /// Frees the oldest `count` publications, and calls `see` with the last of them.
-    fn take(&mut self, count: usize, see: impl FnOnce(u8, &Packed<'_, H>, u64)) -> Option<()> {
+    fn take(&mut self, count: usize, see: impl FnOnce(u8, &Packed<'_, H>)) -> Option<()> {
         let heads = self.heads.read_chunk(count).ok()?;
         let (first, second) = heads.as_slices();
         let newest = second.last().or(first.last())?;
@@ -198,7 +219,7 @@ impl<H: Head> PackedReader<H> {
             last(blocks.as_slices(), extent.blocks),
         );
         if let Some(packed) = packed {
-            see(newest.body, &packed, count as u64);
+            see(newest.body, &packed);
         }
         self.read = newest.end;
         blocks.commit_all();
