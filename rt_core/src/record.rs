@@ -137,6 +137,7 @@ pub struct Telemetry {
 impl Telemetry {
     /// A record without devices or bodies.
     pub fn empty() -> Self {
+        let (device, body) = (DeviceTelemetry::empty(), BodyTelemetry::empty());
         Self {
             tick: 0,
             time_ns: 0,
@@ -144,10 +145,10 @@ impl Telemetry {
             took_ns: 0,
             device_count: 0,
             // Not `[device; MAX_DEVICES]`, for which the compiler writes most of each entry twice.
-            devices: core::array::from_fn(|_| DeviceTelemetry::empty()),
+            devices: core::array::from_fn(|_| device),
             readings: [const { Err(DeviceError::NoReport) }; MAX_DEVICES],
             body_count: 0,
-            bodies: [BodyTelemetry::empty(); MAX_BODIES],
+            bodies: [body; MAX_BODIES],
         }
     }
 

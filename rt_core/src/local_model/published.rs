@@ -180,8 +180,12 @@ impl LocalModel {
 }
 
 fn copy_rows<'a>(mine: &mut PairBlocks, theirs: impl Iterator<Item = &'a [Mat6]>) {
-    for (mine, theirs) in mine.iter_mut().zip(theirs) {
-        copy_row(mine, theirs);
+    // Not `zip`, which divides by the length of a chunk and would panic for zero.
+    let mut mine = mine.iter_mut();
+    for theirs in theirs {
+        if let Some(mine) = mine.next() {
+            copy_row(mine, theirs);
+        }
     }
 }
 
