@@ -4,8 +4,10 @@
 //! digits and underscores and begins with a letter, so that every one of these programs takes it as it is; its end is the
 //! unit: `left_force_x_N`. What does not exist is `NaN`. A number has the digits that give the same `f64` again.
 
+use crate::record::field::Cells;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::fmt;
 use std::fmt::Write as _;
 
 /// The columns of a table: their names, each of which occurs once.
@@ -38,9 +40,40 @@ impl Columns {
         }
     }
 
+    /// Takes the names of columns for the device or body `of`.
+    pub(crate) fn of<'a>(&'a mut self, of: &'a str) -> impl Cells + 'a {
+        Names { columns: self, of }
+    }
+
     /// The line with the names.
     pub fn header(&self) -> String {
         self.names.join(",") + "\n"
+    }
+}
+
+/// Takes the names of columns.
+struct Names<'a> {
+    columns: &'a mut Columns,
+    of: &'a str,
+}
+
+impl Cells for Names<'_> {
+    fn number(&mut self, name: fmt::Arguments<'_>, _: f64) {
+        self.columns.add(self.of, &name.to_string());
+    }
+
+    fn whole(&mut self, name: fmt::Arguments<'_>, _: u64) {
+        self.number(name, 0.0);
+    }
+}
+
+impl Cells for Line {
+    fn number(&mut self, _: fmt::Arguments<'_>, value: f64) {
+        Self::number(self, value);
+    }
+
+    fn whole(&mut self, _: fmt::Arguments<'_>, value: u64) {
+        Self::whole(self, value);
     }
 }
 

@@ -80,10 +80,10 @@ pub struct ControllerConfig {
 ///
 /// // The host publishes a spring of 200 N/m.
 /// let mut model = LocalModel::empty();
-/// model.sequence = 1;
-/// model.period = 0.01;
-/// model.horizon = 0.01;
-/// model.handle_count = 1;
+/// model.head.sequence = 1;
+/// model.head.period = 0.01;
+/// model.head.horizon = 0.01;
+/// model.head.handle_count = 1;
 /// for axis in 0..3 {
 ///     model.stiffness[0][0][(axis, axis)] = 200.0;
 /// }
@@ -342,8 +342,8 @@ impl Controller {
                     *sum = sum.plus(wrench);
                 }
             }
-            record.sequence = coupling.model().sequence;
-            record.epoch = coupling.model().epoch;
+            record.sequence = coupling.model().head.sequence;
+            record.epoch = coupling.model().head.epoch;
             record.age_ns = coupling.age_ns(now_ns);
             record.trust = coupling.trust();
             record.state = coupling.state();

@@ -152,8 +152,8 @@ pub struct CouplingCounters {
 ///
 /// // A spring of 200 N/m along x, on the handle that device 0 holds.
 /// let mut model = LocalModel::empty();
-/// model.sequence = 1;
-/// model.handle_count = 1;
+/// model.head.sequence = 1;
+/// model.head.handle_count = 1;
 /// model.stiffness[0][0][(0, 0)] = 200.0;
 /// coupling.accept(&model).unwrap();
 ///
@@ -243,7 +243,7 @@ impl Coupling {
     /// The [`ModelFault`] for which the model was refused. Refusals are counted.
     pub fn accept(&mut self, model: &impl PublishedModel) -> Result<(), ModelFault> {
         let (current, named) = if self.is_pending {
-            (&self.pending, self.pending.handle_count)
+            (&self.pending, self.pending.head.handle_count)
         } else {
             (&self.to, self.named)
         };
@@ -252,14 +252,15 @@ impl Coupling {
             // After a clock was set back, the current model lies in the future. It must not block the models that
             // follow.
             let head = model.head();
-            let later = head.time_ns > current.time_ns || self.is_to_come(current.time_ns);
-            let newer = later && head.epoch >= current.epoch;
+            let later =
+                head.time_ns > current.head.time_ns || self.is_to_come(current.head.time_ns);
+            let newer = later && head.epoch >= current.head.epoch;
             if self.is_to_come(head.time_ns) {
                 Err(ModelFault::ToCome)
             } else if seen_one && !newer {
                 Err(ModelFault::Outdated)
             } else if seen_one
-                && head.epoch == current.epoch
+                && head.epoch == current.head.epoch
                 && !(head.handle_count == named && same_hands_and_pieces(model, current))
             {
                 // Only a change of topology may give a body other handles or other pieces.
@@ -373,7 +374,7 @@ impl Coupling {
 
     /// Age of the model in use (ns).
     pub fn age_ns(&self, now_ns: u64) -> u64 {
-        now_ns.saturating_sub(self.to.time_ns)
+        now_ns.saturating_sub(self.to.head.time_ns)
     }
 
     /// Trust in the model, from zero (safe hold) to one.
@@ -410,7 +411,7 @@ impl Coupling {
         let before = self.rendered(devices);
         let ahead = self.pending.ahead(now_ns);
         let ticks = self.blend_ticks();
-        (self.named_before, self.named) = (self.named, self.pending.handle_count);
+        (self.named_before, self.named) = (self.named, self.pending.head.handle_count);
         self.weigh();
         self.prepare_pieces();
         self.keep_leaving(&before, devices);
@@ -421,8 +422,8 @@ impl Coupling {
         let by_piece = pieces.then(|| self.stored_by_piece(devices));
         self.re_express(ahead, &before, devices);
         if let Some(stored) = stored {
-            self.from.energy = 0.0;
-            self.from.energy = stored + self.from.work(&self.from.deviations(devices), ahead);
+            self.from.head.energy = 0.0;
+            self.from.head.energy = stored + self.from.work(&self.from.deviations(devices), ahead);
         }
         let by_piece = by_piece.filter(|_| stored.is_some());
         let by_piece =
@@ -431,9 +432,9 @@ impl Coupling {
             self.keep_stored(stored, ahead, devices);
         }
         self.to.copy_used_from(&self.pending);
-        self.passivity.begin(self.to.energy);
+        self.passivity.begin(self.to.head.energy);
         self.part_account(division.as_ref(), by_piece.as_ref());
-        self.passivity.note_stored(self.to.energy.max(0.0));
+        self.passivity.note_stored(self.to.head.energy.max(0.0));
         self.ahead = ahead;
         self.blend_step = 1.0 / ticks;
         self.blend = 0.0;
@@ -444,7 +445,7 @@ impl Coupling {
     /// than `capped`, and before the first model: then the energy that the body stores is its own, though its force is
     /// yet to come.
     fn stored_before(&self, devices: &[(Pose, Twist)]) -> Option<f64> {
-        let has_energy = self.config.scheme == Scheme::Capped && self.to.handle_count > 0;
+        let has_energy = self.config.scheme == Scheme::Capped && self.to.head.handle_count > 0;
         let (still, at_rest) = ([Lead::none(); MAX_HANDLES], [Vec6::zeros(); MAX_HANDLES]);
         has_energy.then(|| self.parts(devices, &still, &at_rest).stored)
     }
@@ -469,16 +470,16 @@ impl Coupling {
         } else {
             from.copy_used_from(pending);
         }
-        from.handle_count = pending.handle_count;
-        from.pieces = pending.pieces;
-        from.tear_limit = pending.tear_limit;
+        from.head.handle_count = pending.head.handle_count;
+        from.head.pieces = pending.head.pieces;
+        from.head.tear_limit = pending.head.tear_limit;
         for (handle, newer) in from.handles.iter_mut().zip(pending.handles()) {
             let drift = handle.drift;
             *handle = *newer;
             handle.drift = drift;
         }
         let response = from.response(&from.deviations(devices));
-        let used = usize::from(pending.handle_count);
+        let used = usize::from(pending.head.handle_count);
         for (handle, fall) in from.handles.iter_mut().zip(&response).take(used) {
             let old = to
                 .handles()
@@ -500,10 +501,15 @@ impl Coupling {
 
     /// The number of ticks in which the force passes to the pending model.
     fn blend_ticks(&self) -> f64 {
-        let period = self.pending.period;
+        let period = self.pending.head.period;
         // After a gap, the two models differ by what happened in the gap. The blend takes its fraction of the gap, up
         // to the time in which a force comes back.
-        let gap = self.pending.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
+        let gap = self
+            .pending
+            .head
+            .time_ns
+            .saturating_sub(self.to.head.time_ns) as f64
+            * 1e-9;
         let interval = gap.min(self.config.age_limit).max(period);
         let longest = self.config.recovery.max(self.config.blend * period);
         let time = (self.config.blend * interval).min(longest);
@@ -528,7 +534,7 @@ impl Coupling {
                 .note(now_ns, whole, whole - force * trust);
         }
         if trust < 1.0 && self.counters.faded > 0 {
-            let used = wrenches.iter().take(usize::from(self.to.handle_count));
+            let used = wrenches.iter().take(usize::from(self.to.head.handle_count));
             let largest = used.map(|wrench| wrench.force.norm()).fold(0.0, f64::max);
             self.held_back.aged.note(now_ns, largest, largest * trust);
         }
@@ -539,7 +545,7 @@ impl Coupling {
         let mut wrenches = self.to.wrenches(&deviations, self.ahead);
         if self.blend < 1.0 {
             let old = self.from.wrenches(&deviations, self.ahead);
-            let used = usize::from(self.to.handle_count);
+            let used = usize::from(self.to.head.handle_count);
             for (wrench, old) in wrenches.iter_mut().zip(&old).take(used) {
                 *wrench = old
                     .scaled(1.0 - self.blend)
@@ -550,7 +556,7 @@ impl Coupling {
     }
 
     fn grow_old(&mut self, now_ns: u64) {
-        if self.to.handle_count == 0 {
+        if self.to.head.handle_count == 0 {
             return;
         }
         let fresh = self.age_ns(now_ns) as f64 <= self.config.age_limit * 1e9;
@@ -575,11 +581,11 @@ impl Coupling {
 /// Whether two models have the same handles, in the same hands.
 fn same_handles(a: &LocalModel, b: &LocalModel) -> bool {
     let mut pairs = a.handles().zip(b.handles());
-    a.handle_count == b.handle_count && pairs.all(|(a, b)| a.device == b.device)
+    a.head.handle_count == b.head.handle_count && pairs.all(|(a, b)| a.device == b.device)
 }
 
 /// Whether the handles of two models are in the same hands and on the same pieces, as far as both models have handles.
 fn same_hands_and_pieces(a: &impl PublishedModel, b: &LocalModel) -> bool {
-    let mut pairs = a.handles().zip(b.handles());
+    let mut pairs = a.rows().iter().zip(b.handles());
     pairs.all(|(a, b)| a.device == b.device && a.piece == b.piece)
 }

@@ -59,7 +59,7 @@ pub mod held_back;
 mod limits;
 pub mod local_model;
 pub mod passivity;
-
+pub mod publication;
 pub mod record;
 pub mod safety;
 pub mod scheme;

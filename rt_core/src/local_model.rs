@@ -1,6 +1,6 @@
 //! The local model: the linearized force of one connected body on all its handles together.
 //!
-//! For a state at the time [`LocalModel::time_ns`], the host publishes each handle's pose, twist and wrench on the
+//! For a state at the time [`ModelHead::time_ns`], the host publishes each handle's pose, twist and wrench on the
 //! hand, and the drift of each wrench. It also publishes the tangent stiffness and damping between every pair of
 //! handles, so that two hands on one sheet feel each other. Between publications the tick extrapolates:
 //!
@@ -20,17 +20,17 @@
 //! **A torn body** may consist of several pieces (`local_model/pieces.rs`), and a tear limits how far the
 //! extrapolation goes (`local_model/tear_limit.rs`).
 
-mod packed;
 mod parts;
 pub(crate) mod pieces;
+mod published;
 mod tear_limit;
 
 use crate::MAX_HANDLES;
 use crate::geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 
-pub use packed::{ModelHead, PackedModel, PublishedModel};
 pub use parts::{Lead, Parts};
 pub use pieces::PieceEnergy;
+pub use published::{ModelHead, PackedModel, PublishedModel};
 pub use tear_limit::TearLimit;
 
 /// The reference state of one handle in a [`LocalModel`].
@@ -120,8 +120,8 @@ pub type PairBlocks = [[Mat6; MAX_HANDLES]; MAX_HANDLES];
 ///
 /// // One handle, held by device 0, on a spring of 100 N/m along x.
 /// let mut model = LocalModel::empty();
-/// model.sequence = 1;
-/// model.handle_count = 1;
+/// model.head.sequence = 1;
+/// model.head.handle_count = 1;
 /// model.stiffness[0][0][(0, 0)] = 100.0;
 /// assert_eq!(model.check(), Ok(()));
 ///
@@ -133,31 +133,8 @@ pub type PairBlocks = [[Mat6; MAX_HANDLES]; MAX_HANDLES];
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalModel {
-    /// Number of the model among the models of this body, from one. A gap tells the reader that models were lost.
-    pub sequence: u64,
-    /// Number of changes of the topology up to this model.
-    pub epoch: u32,
-    /// Time of the linearized state (ns, the tick's clock).
-    pub time_ns: u64,
-    /// The publication period (s).
-    pub period: f64,
-    /// The age at which the next model is due (s). The model was condensed for this time ahead.
-    pub horizon: f64,
-    /// Energy that hands at rest could get back from the reference state, without the weight (J). It is the energy that
-    /// the body itself stores, and at most the tangent's `w^T K^-1 w / 2` of the wrenches on all handles. The cap on a
-    /// body's energy needs this value. Zero is always safe.
-    pub energy: f64,
-    /// Energy that the body has released of its own since the first model, beyond the energy in that model (J). A strip
-    /// that sags further, for instance, gives the potential of its weight to the hands. The value only grows. Zero is
-    /// always safe.
-    pub released: f64,
-    /// The energies of the pieces, by the number of the piece. Unused in a whole body, whose energies are `energy` and
-    /// `released`.
-    pub pieces: [PieceEnergy; MAX_HANDLES],
-    /// How far the model may be extrapolated before a tear goes on.
-    pub tear_limit: TearLimit,
-    /// The number of entries of `handles` in use.
-    pub handle_count: u8,
+    /// The numbers that do not belong to a handle.
+    pub head: ModelHead,
     /// The handles, the first `handle_count` of them in use.
     pub handles: [HandleReference; MAX_HANDLES],
     /// Tangent stiffness between handles (N/m, N/rad, N m/m, N m/rad).
@@ -228,77 +205,27 @@ impl LocalModel {
     )]
     pub fn empty() -> Self {
         Self {
-            sequence: 0,
-            epoch: 0,
-            time_ns: 0,
-            period: 1.0,
-            horizon: 1.0,
-            energy: 0.0,
-            released: 0.0,
-            pieces: [PieceEnergy::default(); MAX_HANDLES],
-            tear_limit: TearLimit::none(),
-            handle_count: 0,
+            head: ModelHead::empty(),
             handles: [HandleReference::zero(); MAX_HANDLES],
             stiffness: [[Mat6::zeros(); MAX_HANDLES]; MAX_HANDLES],
             damping: [[Mat6::zeros(); MAX_HANDLES]; MAX_HANDLES],
         }
     }
 
-    /// Copies the used part of another model. The unused part stays as it was. With one handle, the used part is a
-    /// fiftieth of the whole.
-    pub fn copy_used_from(&mut self, other: &impl PublishedModel) {
-        let Self {
-            sequence,
-            epoch,
-            time_ns,
-            period,
-            horizon,
-            energy,
-            released,
-            pieces,
-            tear_limit,
-            handle_count,
-            handles,
-            stiffness,
-            damping,
-        } = self;
-        let head = other.head();
-        *sequence = head.sequence;
-        *epoch = head.epoch;
-        *time_ns = head.time_ns;
-        *period = head.period;
-        *horizon = head.horizon;
-        *energy = head.energy;
-        *released = head.released;
-        *pieces = head.pieces;
-        *tear_limit = head.tear_limit;
-        *handle_count = head.handle_count;
-        for (mine, theirs) in handles.iter_mut().zip(other.handles()) {
-            *mine = *theirs;
-        }
-        other.copy_blocks(stiffness, damping);
-    }
-
-    /// The rows of blocks in use: those of the stiffness, then those of the damping.
-    pub fn rows(&self) -> impl Iterator<Item = &[Mat6]> {
-        let n = usize::from(self.handle_count);
-        let rows = self.stiffness.iter().take(n);
-        let rows = rows.chain(self.damping.iter().take(n));
-        rows.map(move |row| row.get(..n).unwrap_or(row))
-    }
-
     /// The handles in use.
     pub fn handles(&self) -> impl Iterator<Item = &HandleReference> {
-        self.handles.iter().take(usize::from(self.handle_count))
+        self.handles
+            .iter()
+            .take(usize::from(self.head.handle_count))
     }
 
     /// The time for which the drift has acted at `now_ns` (s): the age of the model, levelled off. Up to the horizon
     /// this time is the age. Beyond the horizon it slows down evenly; from twice the horizon on it stays at one and a
     /// half horizons. A model without a successor therefore predicts no further motion.
     pub fn ahead(&self, now_ns: u64) -> f64 {
-        let age = now_ns.saturating_sub(self.time_ns) as f64 * 1e-9;
-        let over = (age - self.horizon).max(0.0).min(self.horizon);
-        age.min(self.horizon) + over - 0.5 * over * over / self.horizon
+        let age = now_ns.saturating_sub(self.head.time_ns) as f64 * 1e-9;
+        let over = (age - self.head.horizon).max(0.0).min(self.head.horizon);
+        age.min(self.head.horizon) + over - 0.5 * over * over / self.head.horizon
     }
 
     /// The deviation of each handle from the reference, for the given poses and twists of the devices, by device index.
@@ -326,7 +253,7 @@ impl LocalModel {
     /// limit.
     pub fn response(&self, deviations: &[Deviation; MAX_HANDLES]) -> [Vec6; MAX_HANDLES] {
         let mut response = [Vec6::zeros(); MAX_HANDLES];
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         let rows = self
             .stiffness
             .iter()
@@ -375,7 +302,7 @@ impl LocalModel {
     /// N m s/rad): of displacements, and of turns.
     pub fn rendered_damping(&self, most: impl Fn(u8) -> [f64; 2]) -> [[f64; 2]; MAX_HANDLES] {
         let mut fractions = [[1.0; 2]; MAX_HANDLES];
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         let rows = self.damping.iter().enumerate().zip(&self.handles);
         for (((i, row), handle), fractions) in rows.zip(&mut fractions).take(n) {
             let Some(own) = row.get(i) else { continue };
@@ -394,7 +321,7 @@ impl LocalModel {
     /// positive semidefinite.
     pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
         let mut scales = self.rendered_damping(most);
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         for fraction in scales.iter_mut().take(n).flatten() {
             *fraction = libm::sqrt(*fraction);
         }
@@ -426,7 +353,7 @@ impl LocalModel {
     /// the rest would act as a part of the spring that is late by a publication. A late spring feeds the motion that it
     /// resists.
     pub(crate) fn rest_dampers(&mut self) {
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         let mut twists = [Vec6::zeros(); MAX_HANDLES];
         for (twist, handle) in twists.iter_mut().zip(self.handles()) {
             *twist = handle.twist.stacked();
@@ -445,7 +372,7 @@ impl LocalModel {
     /// handle alone is no larger.
     pub(crate) fn own_stiffness(&self) -> [[f64; 2]; MAX_HANDLES] {
         let mut found = [[0.0; 2]; MAX_HANDLES];
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         for ((i, row), found) in self.stiffness.iter().enumerate().zip(&mut found).take(n) {
             if let Some(own) = row.get(i) {
                 *found = largest(own);
@@ -457,7 +384,7 @@ impl LocalModel {
     /// Mixes stiffness, damping and drift of two models with the same handles: `fraction` of `other`, and
     /// `1 - fraction` of this model. The reference wrenches stay as they are, because the reference changes next.
     pub(crate) fn mix(&mut self, other: &Self, fraction: f64) {
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         for (mine, theirs) in self.handles.iter_mut().zip(&other.handles).take(n) {
             mine.drift = mine
                 .drift

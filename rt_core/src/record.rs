@@ -59,6 +59,23 @@ pub struct DeviceTelemetry {
     pub safety: SafetyState,
 }
 
+impl DeviceTelemetry {
+    /// A device at rest at the origin, without a reading.
+    pub fn empty() -> Self {
+        Self {
+            pose: Pose::at(Vec3::zeros()),
+            twist: Twist::zero(),
+            slip: Vec3::zeros(),
+            slip_angle: 0.0,
+            wrench: Wrench::zero(),
+            buttons: 0,
+            device_time_ns: 0,
+            fresh: false,
+            safety: SafetyState::Normal,
+        }
+    }
+}
+
 /// One body in a [`Telemetry`] record.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyTelemetry {
@@ -76,6 +93,21 @@ pub struct BodyTelemetry {
     pub withheld: Withheld,
     /// Energy account of the body's hands since the start.
     pub energy: EnergyAccount,
+}
+
+impl BodyTelemetry {
+    /// A body before its first model.
+    pub fn empty() -> Self {
+        Self {
+            sequence: 0,
+            epoch: 0,
+            age_ns: 0,
+            trust: 0.0,
+            state: HostState::Waiting,
+            withheld: Withheld::default(),
+            energy: EnergyAccount::default(),
+        }
+    }
 }
 
 /// Everything about one tick that the log keeps.
@@ -105,26 +137,7 @@ pub struct Telemetry {
 impl Telemetry {
     /// A record without devices or bodies.
     pub fn empty() -> Self {
-        let device = DeviceTelemetry {
-            pose: Pose::at(Vec3::zeros()),
-            twist: Twist::zero(),
-            slip: Vec3::zeros(),
-            slip_angle: 0.0,
-            wrench: Wrench::zero(),
-            buttons: 0,
-            device_time_ns: 0,
-            fresh: false,
-            safety: SafetyState::Normal,
-        };
-        let body = BodyTelemetry {
-            sequence: 0,
-            epoch: 0,
-            age_ns: 0,
-            trust: 0.0,
-            state: HostState::Waiting,
-            withheld: Withheld::default(),
-            energy: EnergyAccount::default(),
-        };
+        let (device, body) = (DeviceTelemetry::empty(), BodyTelemetry::empty());
         Self {
             tick: 0,
             time_ns: 0,

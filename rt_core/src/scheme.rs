@@ -60,9 +60,9 @@ impl Scheme {
             Self::Hold => (0.0, 0.0),
             Self::Thesis { stiffness, damping } => (stiffness, damping),
         };
-        let n = usize::from(model.handle_count);
+        let n = usize::from(model.head.handle_count);
         // The limit belongs to the stiffness of the body.
-        model.tear_limit = TearLimit::none();
+        model.head.tear_limit = TearLimit::none();
         own_translation(&mut model.stiffness, stiffness, n);
         own_translation(&mut model.damping, damping, n);
         for handle in model.handles.iter_mut().take(n) {

@@ -47,10 +47,10 @@ fn config(scheme: Scheme, port: Port, delay: usize) -> CouplingConfig {
 /// One handle at the origin, where a wall of stiffness `k` (N/m) pushes towards positive x.
 fn wall(k: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = 1;
-    model.time_ns = 1;
-    model.period = PERIOD;
-    model.handle_count = 1;
+    model.head.sequence = 1;
+    model.head.time_ns = 1;
+    model.head.period = PERIOD;
+    model.head.handle_count = 1;
     model.handles[0].contact = Vec3::x();
     model.stiffness[0][0][(0, 0)] = k;
     model
@@ -211,10 +211,10 @@ fn a_scaled_device_raises_its_scale_of_weight() {
         };
         let mut coupling = coupling(Scheme::Linear, port);
         let mut model = LocalModel::empty();
-        model.sequence = 1;
-        model.time_ns = 1;
-        model.period = PERIOD;
-        model.handle_count = 1;
+        model.head.sequence = 1;
+        model.head.time_ns = 1;
+        model.head.period = PERIOD;
+        model.head.handle_count = 1;
         model.handles[0].wrench.force.z = -weight;
         model.handles[0].weight.z = -weight;
         coupling.accept(&model).expect("a sound model");
@@ -389,15 +389,15 @@ fn the_cap_does_not_buzz_on_a_single_count() {
         let mut model = wall(0.0);
         model.handles[0].contact = Vec3::zeros();
         model.handles[0].wrench.force.x = 2.0;
-        model.energy = 10e-3;
+        model.head.energy = 10e-3;
         coupling.accept(&model).expect("a sound model");
         let mut estimator = VelocityEstimator::for_encoder(PERIOD, count);
         let (mut last, mut largest) = (0.0, 0.0_f64);
         for step in 0..2000 {
             if step == 100 {
-                model.sequence = 2;
-                model.time_ns = 2;
-                model.energy = 40e-3;
+                model.head.sequence = 2;
+                model.head.time_ns = 2;
+                model.head.energy = 40e-3;
                 coupling.accept(&model).expect("a sound model");
             }
             let off = step > 200 && (step / every) % 2 == 1;
@@ -428,7 +428,7 @@ fn what_hands_supply_is_stored_or_raised_or_dissipated() {
     handle.weight.x = -weight;
     handle.wrench.force.x = -pull - weight;
     model.damping[0][0][(0, 0)] = b;
-    model.energy = pull * pull / (2.0 * k);
+    model.head.energy = pull * pull / (2.0 * k);
     let mut coupling = coupling(Scheme::Capped, Port::UNKNOWN);
     coupling.accept(&model).expect("a sound model");
     for _ in 0..10 {
@@ -486,7 +486,7 @@ fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
         for axis in 0..3 {
             model.stiffness[0][0][(axis, axis)] = k;
         }
-        model.energy = 1.0;
+        model.head.energy = 1.0;
         coupling.accept(&model).expect("a sound model");
         let mut at = |x: i32, y: i32| {
             let ticks = if rests { 5 } else { 1 };
@@ -575,7 +575,7 @@ fn a_count_after_a_rest_is_paid_by_the_mean_of_the_force_before_and_after() {
         let mut coupling = coupling(Scheme::Capped, port);
         let mut model = wall(k);
         model.handles[0].contact = Vec3::zeros();
-        model.energy = 1.0;
+        model.head.energy = 1.0;
         coupling.accept(&model).expect("a sound model");
         let mut at = |x: f64| {
             tick(&mut coupling, moving(-x * count, 0.0));

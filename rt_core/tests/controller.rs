@@ -62,11 +62,11 @@ fn controller(scheme: Scheme) -> Controller {
 /// A model with a spring between the two handles (N/m).
 fn model(sequence: u64, spring: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = sequence;
-    model.epoch = 3;
-    model.time_ns = sequence;
-    model.period = PERIOD;
-    model.handle_count = 2;
+    model.head.sequence = sequence;
+    model.head.epoch = 3;
+    model.head.time_ns = sequence;
+    model.head.period = PERIOD;
+    model.head.handle_count = 2;
     model.handles[1].device = 1;
     for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
         model.stiffness[i][j][(0, 0)] = if i == j { spring } else { -spring };

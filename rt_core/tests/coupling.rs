@@ -30,10 +30,10 @@ fn config(scheme: Scheme) -> CouplingConfig {
 /// Two handles on a spring of `k` N/m along x and a damper of `b` N s/m, held apart with `pull` N.
 fn spring(sequence: u64, time_ns: u64, k: f64, b: f64, pull: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = sequence;
-    model.time_ns = time_ns;
-    model.period = 0.016;
-    model.handle_count = 2;
+    model.head.sequence = sequence;
+    model.head.time_ns = time_ns;
+    model.head.period = 0.016;
+    model.head.handle_count = 2;
     for (i, handle) in model.handles.iter_mut().take(2).enumerate() {
         let side = if i == 0 { -1.0 } else { 1.0 };
         handle.device = i as u8;
@@ -64,12 +64,12 @@ fn hands(left: Vec3, right: Vec3, velocity: f64) -> [(Pose, Twist); 2] {
 /// Ticks until the model is fully trusted and blended in; a model is published every 20 ms. Returns the time of the
 /// last tick (ns).
 fn settle(coupling: &mut Coupling, model: &LocalModel, at: &[(Pose, Twist)]) -> u64 {
-    let mut now = model.time_ns;
+    let mut now = model.head.time_ns;
     let mut newer = *model;
     for tick in 0..200 {
         now += MS;
         if tick % 20 == 0 {
-            newer.time_ns = now;
+            newer.head.time_ns = now;
             coupling.accept(&newer).unwrap();
         }
         coupling.tick(now, at);
@@ -124,9 +124,9 @@ fn hold_keeps_the_wrench_and_thesis_adds_a_spring_and_a_damper() {
 #[test]
 fn a_rotated_handle_answers_in_its_own_moment() {
     let mut model = LocalModel::empty();
-    model.sequence = 1;
-    model.period = 0.01;
-    model.handle_count = 1;
+    model.head.sequence = 1;
+    model.head.period = 0.01;
+    model.head.handle_count = 1;
     model.stiffness[0][0] = Mat6::from_diagonal_element(0.5);
     let mut coupling = Coupling::new(config(Scheme::Linear));
     let at = [(Pose::identity(), Twist::zero())];
@@ -148,15 +148,15 @@ fn invalid_models_are_refused_and_counted() {
     nan.stiffness[0][1][(2, 2)] = f64::NAN;
     assert_eq!(coupling.accept(&nan), Err(ModelFault::NotFinite));
     let mut crowd = good;
-    crowd.handle_count = MAX_HANDLES as u8 + 1;
+    crowd.head.handle_count = MAX_HANDLES as u8 + 1;
     assert_eq!(coupling.accept(&crowd), Err(ModelFault::Handles));
     assert_eq!(coupling.accept(&good), Ok(()));
     assert_eq!(coupling.accept(&good), Err(ModelFault::Outdated));
     // One hand less, though the topology did not change: these are not the handles of this body.
     let mut torn = spring(2, 11 * MS, 300.0, 2.0, 1.0);
-    torn.handle_count = 1;
+    torn.head.handle_count = 1;
     assert_eq!(coupling.accept(&torn), Err(ModelFault::Handles));
-    torn.epoch = 1;
+    torn.head.epoch = 1;
     assert_eq!(coupling.accept(&torn), Ok(()));
     let counters = coupling.counters();
     assert_eq!(
@@ -212,7 +212,7 @@ fn force_fades_without_a_jump_and_comes_back_without_one() {
         now += MS;
         if k >= 500 {
             let mut model = spring(500, now, 300.0, 0.0, 2.0);
-            model.sequence += k;
+            model.head.sequence += k;
             coupling.accept(&model).unwrap();
         }
         let force = coupling.tick(now, &at)[0].force.x;
@@ -285,9 +285,9 @@ fn any_model() -> impl Strategy<Value = LocalModel> {
     )
         .prop_map(|(a, b, numbers, period)| {
             let mut model = LocalModel::empty();
-            model.handle_count = 2;
-            model.period = period;
-            model.horizon = 1.5 * period;
+            model.head.handle_count = 2;
+            model.head.period = period;
+            model.head.horizon = 1.5 * period;
             model.handles[0] = a;
             model.handles[1] = b;
             for i in 0..2 {
@@ -307,7 +307,7 @@ proptest! {
     #[test]
     fn the_parts_of_a_model_add_up(model in any_model(), left in vector(0.1), right in vector(0.1)) {
         let mut model = model;
-        model.energy = 1e3;
+        model.head.energy = 1e3;
         // Only a symmetric stiffness has an energy.
         let k = model.stiffness;
         for i in 0..MAX_HANDLES {
@@ -353,15 +353,15 @@ proptest! {
         at[1].0.rotation = UnitQuaternion::from_scaled_axis(turn);
         let mut now = settle(&mut coupling, &models[0], &at);
         let mut newest = models[0];
-        newest.time_ns = now - 20 * MS;
+        newest.head.time_ns = now - 20 * MS;
         for (k, model) in models.iter().enumerate().skip(1) {
             let before = coupling.tick(now, &at);
             // One blending step may follow before the model comes: a copy tells the force after that step.
             let expected = coupling.clone().tick(now, &at);
             let mut model = *model;
-            model.sequence = 1000 + k as u64;
+            model.head.sequence = 1000 + k as u64;
             // The host needed some time to compute it: its drift has acted already.
-            model.time_ns = (now - late * MS).max(newest.time_ns + 1);
+            model.head.time_ns = (now - late * MS).max(newest.head.time_ns + 1);
             coupling.accept(&model).unwrap();
             newest = model;
             let after = coupling.tick(now, &at);
@@ -400,7 +400,7 @@ fn steady(recovery: f64, period: f64) -> (Coupling, u64) {
     });
     for tick in 1..=150 {
         let mut model = spring(tick, tick * MS, 0.0, 0.0, 1.0);
-        model.period = period;
+        model.head.period = period;
         coupling.accept(&model).unwrap();
         coupling.tick(tick * MS, &[]);
     }
@@ -427,7 +427,7 @@ fn a_force_passes_in_half_a_period_or_half_a_gap_up_to_the_time_of_recovery() {
             coupling.tick(last + tick * MS, &[]);
         }
         let mut model = spring(1000, now, 0.0, 0.0, 2.0);
-        model.period = period;
+        model.head.period = period;
         coupling.accept(&model).unwrap();
         for tick in 0..ticks + 5 {
             let force = coupling.tick(now + tick * MS, &[])[0].force.x;
@@ -476,7 +476,7 @@ fn a_model_that_comes_during_a_blend_starts_from_the_blended_one() {
     let model = |which: usize, sequence: u64, time_ns: u64| {
         let (k, b, drift) = models[which];
         let mut model = spring(sequence, time_ns, k, b, 1.0);
-        model.horizon = 0.05;
+        model.head.horizon = 0.05;
         for (handle, sign) in model.handles.iter_mut().zip([1.0, -1.0]) {
             handle.drift.force.x = sign * drift;
             handle.drift.moment.y = sign * drift;
@@ -556,11 +556,11 @@ fn the_force_of_a_hand_that_leaves_passes_to_zero_without_a_jump() {
         let at = |x: f64| hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1 + x, 0.0, 0.0), 0.0);
         let mut model = spring(1, 0, 300.0, 0.0, 1.5);
         // The pull is stored, so no scheme limits it.
-        model.energy = 1.0;
+        model.head.energy = 1.0;
         let mut now = 0;
         for _ in 0..10 {
             now += 20 * MS;
-            model.time_ns = now;
+            model.head.time_ns = now;
             coupling.accept(&model).unwrap();
             for tick in 0..20 {
                 held_tick(&mut coupling, now + tick * MS, &at(0.0));
@@ -571,14 +571,14 @@ fn the_force_of_a_hand_that_leaves_passes_to_zero_without_a_jump() {
         assert!((before + 1.5).abs() < 1e-9, "{scheme:?} {before}");
         // The second hand leaves.
         let mut alone = model;
-        (alone.epoch, alone.handle_count, alone.energy) = (1, 1, 0.0);
+        (alone.head.epoch, alone.head.handle_count, alone.head.energy) = (1, 1, 0.0);
         let supplied = coupling.energy().supplied;
         let (mut last, mut work, mut ticks) = (before, 0.0, 0);
-        while coupling.model().epoch == 0 || last != 0.0 {
+        while coupling.model().head.epoch == 0 || last != 0.0 {
             if ticks == 0 || ticks % 16 == 5 {
                 // The second model comes during the blend, the others during the fade. They are models of the same
                 // handle.
-                alone.time_ns = now + ticks * MS;
+                alone.head.time_ns = now + ticks * MS;
                 assert_eq!(coupling.accept(&alone), Ok(()), "{scheme:?}");
             }
             // The hand goes along with its force.
@@ -625,7 +625,7 @@ fn a_force_that_overflowed_is_gone_with_its_cause() {
     let mut now = 0;
     let mut tick = |coupling: &mut Coupling, at: &[(Pose, Twist)]| {
         if now % (4 * MS) == 0 {
-            model.time_ns = now + MS;
+            model.head.time_ns = now + MS;
             coupling.accept(&model).unwrap();
         }
         now += MS;

@@ -42,10 +42,10 @@ fn config(passivity: &PassivityConfig) -> CouplingConfig {
 /// A body with two handles. It stores so much energy of its own that the cap withholds nothing.
 fn body() -> LocalModel {
     let mut model = LocalModel::empty();
-    (model.sequence, model.time_ns, model.period) = (1, 1, PERIOD);
-    model.handle_count = 2;
+    (model.head.sequence, model.head.time_ns, model.head.period) = (1, 1, PERIOD);
+    model.head.handle_count = 2;
     model.handles[1].device = 1;
-    model.energy = 100.0;
+    model.head.energy = 100.0;
     model
 }
 
@@ -264,7 +264,7 @@ fn claiming(most: [[f64; 2]; 2]) -> Coupling {
     let mut coupling = coupling(0, most);
     let mut model = body();
     for (time, energy) in [(1, 10e-3), (2, 40e-3)] {
-        (model.sequence, model.time_ns, model.energy) = (time, time, energy);
+        (model.head.sequence, model.head.time_ns, model.head.energy) = (time, time, energy);
         coupling.accept(&model).expect("a sound model");
         for _ in 0..20 {
             coupling.tick(2, &[(Pose::identity(), Twist::zero()); 2]);
@@ -350,7 +350,7 @@ fn the_damper_for_missing_energy_comes_and_goes_in_20_ms() {
     for tick in 1..=80_u64 {
         if tick == 41 {
             // The claim ends.
-            (model.sequence, model.time_ns, model.energy) = (3, 3, 0.0);
+            (model.head.sequence, model.head.time_ns, model.head.energy) = (3, 3, 0.0);
             coupling.accept(&model).expect("a sound model");
         }
         let x = speed * PERIOD * tick as f64;
@@ -385,19 +385,19 @@ fn the_damper_goes_on_in_the_parts_of_a_piece_and_in_no_other_piece() {
         let mut coupling = coupling(0, [most; 2]);
         let model = |time: u64, pieces: [u8; 3], much: f64| {
             let mut model = body();
-            model.handle_count = 3;
+            model.head.handle_count = 3;
             model.handles[2].device = 2;
-            (model.sequence, model.time_ns) = (time, time);
-            model.epoch = u32::from(pieces[2] == 2);
+            (model.head.sequence, model.head.time_ns) = (time, time);
+            model.head.epoch = u32::from(pieces[2] == 2);
             for (handle, piece) in model.handles.iter_mut().zip(pieces) {
                 handle.piece = piece;
             }
             let parts = f64::from(pieces[2]);
-            model.pieces[0].stored = 10e-3 * if claims == 0 { much } else { 1.0 };
-            for piece in &mut model.pieces[1..=usize::from(pieces[2])] {
+            model.head.pieces[0].stored = 10e-3 * if claims == 0 { much } else { 1.0 };
+            for piece in &mut model.head.pieces[1..=usize::from(pieces[2])] {
                 piece.stored = 10e-3 * if claims == 1 { much } else { 1.0 } / parts;
             }
-            model.energy = model.pieces.iter().map(|piece| piece.stored).sum();
+            model.head.energy = model.head.pieces.iter().map(|piece| piece.stored).sum();
             model
         };
         let mut place = 0.0;

@@ -29,10 +29,10 @@ const STOP: u32 = 0b100;
 fn controller(scheme: Scheme, engage: EngageConfig, heat: HeatConfig) -> Controller {
     let mut config = ControllerConfig::default();
     let mut model = LocalModel::empty();
-    model.sequence = 1;
-    model.time_ns = 1;
-    model.period = PERIOD;
-    model.handle_count = 1;
+    model.head.sequence = 1;
+    model.head.time_ns = 1;
+    model.head.period = PERIOD;
+    model.head.handle_count = 1;
     for axis in 0..3 {
         model.stiffness[0][0][(axis, axis)] = SPRING;
     }

@@ -67,9 +67,9 @@ proptest! {
         let freedom = Freedom::Along(Axes::new(free).unwrap());
         let mut controller = controller(free, turn, max_force, max_slew);
         let mut model = LocalModel::empty();
-        model.sequence = 1;
-        model.time_ns = 1;
-        model.handle_count = 1;
+        model.head.sequence = 1;
+        model.head.time_ns = 1;
+        model.head.handle_count = 1;
         model.handles[0].pose = Pose::at(Vec3::new(0.1, -0.2, 0.3));
         model.handles[0].wrench.force = force;
         for axis in 0..3 {
@@ -111,10 +111,10 @@ fn the_account_raises_the_part_of_a_weight_that_the_device_bears() {
         let free = [true, false, false];
         let mut controller = controller(free, Vec3::zeros(), max_force, f64::INFINITY);
         let mut model = LocalModel::empty();
-        model.sequence = 1;
-        model.time_ns = 1;
-        model.period = PERIOD;
-        model.handle_count = 1;
+        model.head.sequence = 1;
+        model.head.time_ns = 1;
+        model.head.period = PERIOD;
+        model.head.handle_count = 1;
         model.handles[0].wrench.force = Vec3::new(-1.0, 3.0, 0.0);
         model.handles[0].weight = Vec3::x() * -1.0;
         controller.accept(0, &model).expect("a sound model");

@@ -55,14 +55,14 @@ fn controller(change: impl Fn(&mut SafetyConfig)) -> Controller {
 /// A new model comes every 4 ms until `models_until`.
 fn run(controller: &mut Controller, ticks: u64, silent: core::ops::Range<u64>, models_until: u64) {
     let mut model = LocalModel::empty();
-    model.handle_count = 1;
-    model.period = 4.0 * PERIOD;
+    model.head.handle_count = 1;
+    model.head.period = 4.0 * PERIOD;
     model.stiffness[0][0][(0, 0)] = STIFFNESS;
     for tick in 0..ticks {
         let now_ns = tick * 1_000_000;
         if tick % 4 == 0 && tick < models_until {
-            model.sequence += 1;
-            model.time_ns = now_ns;
+            model.head.sequence += 1;
+            model.head.time_ns = now_ns;
             controller.accept(0, &model).expect("a good model");
         }
         let mut state = DeviceState::resting();

@@ -22,15 +22,16 @@ const SCHEMES: [Scheme; 2] = [Scheme::Linear, Scheme::Capped];
 /// A body in these hands: the device and the piece of each. Each piece stores half a joule.
 fn body(epoch: u32, hands: &[(u8, u8)]) -> LocalModel {
     let mut model = LocalModel::empty();
-    (model.epoch, model.period, model.horizon) = (epoch, EVERY as f64 * PERIOD, 0.02);
-    model.handle_count = hands.len() as u8;
+    (model.head.epoch, model.head.period, model.head.horizon) =
+        (epoch, EVERY as f64 * PERIOD, 0.02);
+    model.head.handle_count = hands.len() as u8;
     for (handle, (device, piece)) in model.handles.iter_mut().zip(hands) {
         (handle.device, handle.piece) = (*device, *piece);
         handle.pose = Pose::at(place(*device));
         handle.wrench.force.x = PULL;
-        model.pieces[usize::from(*piece)].stored = 0.5;
+        model.head.pieces[usize::from(*piece)].stored = 0.5;
     }
-    model.energy = 0.5 * f64::from(model.piece_count());
+    model.head.energy = 0.5 * f64::from(model.piece_count());
     model
 }
 
@@ -73,7 +74,7 @@ impl Hands {
         let mut model = *model;
         self.now += MS;
         self.ticks = 0;
-        (model.sequence, model.time_ns) = (self.now, self.now);
+        (model.head.sequence, model.head.time_ns) = (self.now, self.now);
         self.coupling.accept(&model).expect("a sound model");
     }
 
@@ -166,7 +167,7 @@ fn the_weight_of_a_hand_that_leaves_lowers_with_its_force() {
     for scheme in SCHEMES {
         let mut hands = Hands::new(scheme, FADE as f64 * PERIOD);
         let weigh = |mut model: LocalModel| {
-            let used = usize::from(model.handle_count);
+            let used = usize::from(model.head.handle_count);
             for handle in &mut model.handles[..used] {
                 handle.weight.z = -2.0;
                 handle.wrench.force.z = -2.0;
@@ -224,7 +225,7 @@ fn a_spring_that_outlasts_the_fade_passes_with_the_blend() {
         both.stiffness[1][1][(0, 0)] = 300.0;
         let mut alone = body(1, &[(0, 0)]);
         for model in [&mut both, &mut alone] {
-            model.period = 0.04;
+            model.head.period = 0.04;
         }
         hands.settle(&both);
         hands.run(&alone, 10, |_, _, hands| hands.by[1].x += 1e-4);
@@ -301,7 +302,7 @@ fn a_hand_that_leaves_is_on_the_piece_that_continues_its_own_or_on_one_of_its_ow
             1 => 0,
             several => usize::from(several),
         };
-        for piece in &mut model.pieces[used..] {
+        for piece in &mut model.head.pieces[used..] {
             *piece = PieceEnergy {
                 stored: f64::NAN,
                 released: f64::NAN,
@@ -329,7 +330,7 @@ fn a_hand_that_leaves_is_on_the_piece_that_continues_its_own_or_on_one_of_its_ow
             }
             if tick > BLEND {
                 let stored = hands.coupling.energy().stored;
-                assert!(near(stored, model.energy), "{case} {stored}");
+                assert!(near(stored, model.head.energy), "{case} {stored}");
             }
         });
         let left: Vec<_> = hands.coupling.model().handles().map(|h| h.device).collect();

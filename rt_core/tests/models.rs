@@ -6,6 +6,7 @@
 use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::coupling::{Coupling, CouplingConfig, HostState, Passed};
 use rt_core::local_model::{Lead, ModelFault, PackedModel, PublishedModel};
+use rt_core::publication::Publication;
 use rt_core::{
     LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench,
 };
@@ -36,11 +37,11 @@ fn coupling(scheme: Scheme) -> Coupling {
 /// A model with one handle at the origin and no force.
 fn model(sequence: u64, epoch: u32, time_ns: u64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = sequence;
-    model.epoch = epoch;
-    model.time_ns = time_ns;
-    model.period = 0.004;
-    model.handle_count = 1;
+    model.head.sequence = sequence;
+    model.head.epoch = epoch;
+    model.head.time_ns = time_ns;
+    model.head.period = 0.004;
+    model.head.handle_count = 1;
     model
 }
 
@@ -74,14 +75,17 @@ fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
             assert_eq!(coupling.accept(&older), Err(ModelFault::Outdated));
             assert_eq!(coupling.counters().outdated, refused);
             tick(&mut coupling, now * MS, &still);
-            assert_eq!((coupling.model().epoch, coupling.model().sequence), (5, 1));
+            assert_eq!(
+                (coupling.model().head.epoch, coupling.model().head.sequence),
+                (5, 1)
+            );
         }
         // A model of the same epoch and one of a later epoch are taken.
         for (sequence, epoch) in [(4, 5), (5, 6)] {
             let newer = model(sequence, epoch, (20 + sequence) * MS);
             assert_eq!(coupling.accept(&newer), Ok(()));
             tick(&mut coupling, 30 * MS, &still);
-            assert_eq!(coupling.model().sequence, sequence);
+            assert_eq!(coupling.model().head.sequence, sequence);
         }
         assert_eq!(coupling.counters().accepted, 3);
     }
@@ -90,9 +94,9 @@ fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
 /// The judgement of a model, which is the same for the model in a ring.
 fn judged(model: &LocalModel) -> Result<(), ModelFault> {
     let handles: Vec<_> = model.handles().copied().collect();
-    let blocks = model.rows().collect::<Vec<_>>().concat();
+    let blocks = model.blocks().collect::<Vec<_>>().concat();
     let found = model.check();
-    if let Some(packed) = PackedModel::new(model.head(), &handles, &blocks) {
+    if let Some(packed) = PackedModel::new(model.head, &handles, &blocks) {
         assert_eq!(PublishedModel::check(&packed), found);
     }
     found
@@ -105,20 +109,20 @@ type Set = fn(&mut LocalModel, f64);
 fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
     // Two handles on two pieces, and a limit.
     let mut sound = model(1, 1, MS);
-    sound.handle_count = 2;
+    sound.head.handle_count = 2;
     (sound.handles[1].device, sound.handles[1].piece) = (1, 1);
-    sound.tear_limit.critical = 1.0;
+    sound.head.tear_limit.critical = 1.0;
     assert_eq!(judged(&sound), Ok(()));
     let in_use: [Set; 23] = [
-        |model, x| model.period = x,
-        |model, x| model.horizon = x,
-        |model, x| model.energy = x,
-        |model, x| model.released = x,
-        |model, x| model.pieces[0].stored = x,
-        |model, x| model.pieces[1].released = x,
-        |model, x| model.tear_limit.root = x,
-        |model, x| model.tear_limit.critical = x,
-        |model, x| model.tear_limit.area = x,
+        |model, x| model.head.period = x,
+        |model, x| model.head.horizon = x,
+        |model, x| model.head.energy = x,
+        |model, x| model.head.released = x,
+        |model, x| model.head.pieces[0].stored = x,
+        |model, x| model.head.pieces[1].released = x,
+        |model, x| model.head.tear_limit.root = x,
+        |model, x| model.head.tear_limit.critical = x,
+        |model, x| model.head.tear_limit.area = x,
         |model, x| model.handles[0].pose.position.y = x,
         |model, x| model.handles[1].pose.rotation = quaternion(x),
         |model, x| model.handles[0].twist.linear.z = x,
@@ -143,9 +147,9 @@ fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
     }
     // Numbers that are finite, and yet cannot be.
     let wrong: [Set; 3] = [
-        |model, x| model.period = x,
-        |model, x| model.horizon = x,
-        |model, x| model.tear_limit.area = x - 1e-300,
+        |model, x| model.head.period = x,
+        |model, x| model.head.horizon = x,
+        |model, x| model.head.tear_limit.area = x - 1e-300,
     ];
     for (which, set) in wrong.iter().enumerate() {
         for x in [0.0, -1.0] {
@@ -160,7 +164,7 @@ fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
 fn numbers_of_a_model_that_are_not_in_use_do_not_matter() {
     // A whole body in one hand, without a limit.
     let mut model = model(1, 1, MS);
-    model.pieces[0].stored = f64::NAN;
+    model.head.pieces[0].stored = f64::NAN;
     model.handles[0].tear_slope.x = f64::NAN;
     model.handles[1].weight.x = f64::NAN;
     (model.handles[1].device, model.handles[1].piece) = (200, 9);
@@ -185,7 +189,7 @@ fn a_model_is_refused_for_handles_devices_and_pieces_that_cannot_be() {
     ];
     for (count, device, piece, sound) in cases {
         let mut model = model(1, 1, MS);
-        model.handle_count = count;
+        model.head.handle_count = count;
         for (handle, device) in model.handles.iter_mut().zip(0..) {
             handle.device = device;
         }
@@ -259,7 +263,7 @@ fn a_contact_stores_the_part_of_its_energy_that_does_not_pull() {
         (Vec3::new(-4.0, 0.0, 0.0), 0.0, false),
     ] {
         let mut touched = model(1, 0, MS);
-        touched.energy = 2.0;
+        touched.head.energy = 2.0;
         let handle = &mut touched.handles[0];
         (handle.contact, handle.wrench.force) = (Vec3::x(), force);
         touched.damping[0][0][(1, 1)] = 5.0;
@@ -356,8 +360,8 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
 #[test]
 fn a_drift_acts_up_to_the_horizon_and_levels_off_within_another() {
     let mut model = LocalModel::empty();
-    model.time_ns = 5 * MS;
-    model.horizon = 0.02;
+    model.head.time_ns = 5 * MS;
+    model.head.horizon = 0.02;
     let ahead = |age_ms: f64| model.ahead(5 * MS + (age_ms * 1e6) as u64);
     // A model of the future has no age yet. The tolerance covers the rounding of hundredths of a second.
     assert_eq!(model.ahead(0), 0.0);

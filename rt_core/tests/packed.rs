@@ -7,6 +7,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use proptest::prelude::*;
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::local_model::{PackedModel, PublishedModel};
+use rt_core::publication::{Extent, Head, Publication};
 use rt_core::{
     HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, PieceEnergy,
     Scheme, TearLimit, Vec3, Vec6, Wrench,
@@ -33,17 +34,17 @@ fn filled(numbers: &[f64], sizes: (u8, u8), counts: (u64, u32, u64)) -> LocalMod
     let mut numbers = numbers.iter().copied().cycle();
     let mut next = || numbers.next().unwrap_or_default();
     let mut model = LocalModel::empty();
-    (model.sequence, model.epoch, model.time_ns) = counts;
-    model.handle_count = sizes.0;
-    model.period = next();
-    model.horizon = next();
-    model.energy = next();
-    model.released = next();
-    model.pieces = [(); MAX_HANDLES].map(|()| PieceEnergy {
+    (model.head.sequence, model.head.epoch, model.head.time_ns) = counts;
+    model.head.handle_count = sizes.0;
+    model.head.period = next();
+    model.head.horizon = next();
+    model.head.energy = next();
+    model.head.released = next();
+    model.head.pieces = [(); MAX_HANDLES].map(|()| PieceEnergy {
         stored: next(),
         released: next(),
     });
-    model.tear_limit = TearLimit {
+    model.head.tear_limit = TearLimit {
         root: next(),
         critical: next(),
         area: next(),
@@ -86,17 +87,22 @@ fn model(number: impl Strategy<Value = f64>) -> impl Strategy<Value = LocalModel
 /// The used part of a model, bit by bit.
 fn bits(model: &LocalModel) -> Vec<u64> {
     let mut bits = vec![
-        model.sequence,
-        u64::from(model.epoch),
-        model.time_ns,
-        u64::from(model.handle_count),
+        model.head.sequence,
+        u64::from(model.head.epoch),
+        model.head.time_ns,
+        u64::from(model.head.handle_count),
     ];
     let mut add = |numbers: &[f64]| bits.extend(numbers.iter().map(|x| x.to_bits()));
-    add(&[model.period, model.horizon, model.energy, model.released]);
-    for piece in &model.pieces {
+    add(&[
+        model.head.period,
+        model.head.horizon,
+        model.head.energy,
+        model.head.released,
+    ]);
+    for piece in &model.head.pieces {
         add(&[piece.stored, piece.released]);
     }
-    let limit = &model.tear_limit;
+    let limit = &model.head.tear_limit;
     add(&[limit.root, limit.critical, limit.area]);
     for handle in model.handles() {
         add(&[f64::from(handle.device), f64::from(handle.piece)]);
@@ -116,7 +122,7 @@ fn bits(model: &LocalModel) -> Vec<u64> {
             add(vector.as_slice());
         }
     }
-    let n = usize::from(model.handle_count).min(MAX_HANDLES);
+    let n = usize::from(model.head.handle_count).min(MAX_HANDLES);
     for blocks in [&model.stiffness, &model.damping] {
         for row in &blocks[..n] {
             row[..n].iter().for_each(|block| add(block.as_slice()));
@@ -127,7 +133,7 @@ fn bits(model: &LocalModel) -> Vec<u64> {
 
 /// The parts of a model in the order of a ring.
 fn parts(model: &LocalModel) -> (Vec<HandleReference>, Vec<Mat6>) {
-    let blocks = model.rows().flatten().copied().collect();
+    let blocks = model.blocks().flatten().copied().collect();
     (model.handles().copied().collect(), blocks)
 }
 
@@ -149,7 +155,7 @@ proptest! {
     #[test]
     fn a_packed_model_keeps_every_bit(model in model(number()), other in model(number())) {
         let (handles, blocks) = parts(&model);
-        let packed = PackedModel::new(model.head(), &handles, &blocks).expect("its own parts");
+        let packed = PackedModel::new(model.head, &handles, &blocks).expect("its own parts");
         // The copy goes over another model, whose parts are left where the new model has none.
         let mut copy = other;
         copy.copy_used_from(&packed);
@@ -157,7 +163,7 @@ proptest! {
         let mut direct = other;
         direct.copy_used_from(&model);
         let whole = |mut model: LocalModel| {
-            model.handle_count = MAX_HANDLES as u8;
+            model.head.handle_count = MAX_HANDLES as u8;
             bits(&model)
         };
         prop_assert_eq!(whole(copy), whole(direct));
@@ -170,7 +176,7 @@ proptest! {
         let (mut one, mut other) = (coupling(), coupling());
         for model in &models {
             let (handles, blocks) = parts(model);
-            let packed = PackedModel::new(model.head(), &handles, &blocks).expect("its own parts");
+            let packed = PackedModel::new(model.head, &handles, &blocks).expect("its own parts");
             prop_assert_eq!(PublishedModel::check(&packed), model.check());
             prop_assert_eq!(one.accept(model), other.accept(&packed));
             prop_assert_eq!(one.counters(), other.counters());
@@ -188,9 +194,9 @@ proptest! {
     ) {
         let held = vec![HandleReference::zero(); handles];
         let between = vec![Mat6::zeros(); blocks];
-        let head = model.head();
+        let head = model.head;
         let packed = PackedModel::new(head, &held, &between);
-        prop_assert_eq!(packed.is_some(), handles == head.handles() && blocks == head.blocks());
+        prop_assert_eq!(packed.is_some(), head.extent() == Extent { rows: handles, blocks });
         if let Some(packed) = packed {
             let _ = PublishedModel::check(&packed);
             LocalModel::empty().copy_used_from(&packed);

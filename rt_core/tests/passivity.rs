@@ -91,9 +91,9 @@ fn coupling_config(scheme: Scheme, passivity: &PassivityConfig) -> CouplingConfi
 /// A wall of stiffness `k` that begins at zero and pushes towards positive x.
 fn wall(k: f64, sequence: u64, time_ns: u64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = sequence;
-    model.time_ns = time_ns;
-    model.handle_count = 1;
+    model.head.sequence = sequence;
+    model.head.time_ns = time_ns;
+    model.head.handle_count = 1;
     model.handles[0].contact = Vec3::x();
     model.stiffness[0][0][(0, 0)] = k;
     model
@@ -363,17 +363,17 @@ fn the_energy_stored_in_the_first_model_belongs_to_the_body() {
     ));
     let (k, pull) = (200.0, 3.0);
     let mut model = wall(k, 1, 1);
-    model.period = 16.0 * PERIOD;
+    model.head.period = 16.0 * PERIOD;
     model.handles[0].contact = Vec3::zeros();
     model.handles[0].wrench.force = Vec3::x() * pull;
-    model.energy = pull * pull / (2.0 * k);
+    model.head.energy = pull * pull / (2.0 * k);
     coupling.accept(&model).expect("a sound model");
     let still = [(Pose::identity(), Twist::zero())];
     let last = (0..100).map(|_| coupling.tick(1, &still)[0].force.x).last();
     // No hand has supplied this energy, and yet it is available: 22 times the allowance.
     assert_eq!(last, Some(pull));
     assert_eq!(coupling.energy().capped, 0);
-    let more = coupling.energy().available - model.energy;
+    let more = coupling.energy().available - model.head.energy;
     let allowance = PassivityConfig::new(PERIOD).allowance;
     assert!((more - allowance).abs() < 1e-15, "{more}");
 }
@@ -384,8 +384,8 @@ const PULLS: [f64; 2] = [2.0, 3.0];
 /// A body that pulls two hands along x.
 fn pulling() -> LocalModel {
     let mut model = wall(0.0, 1, 1);
-    model.period = PERIOD;
-    model.handle_count = 2;
+    model.head.period = PERIOD;
+    model.head.handle_count = 2;
     model.handles[1].device = 1;
     for (handle, pull) in model.handles.iter_mut().zip(PULLS) {
         handle.contact = Vec3::zeros();
@@ -404,7 +404,7 @@ fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64, Withheld) {
     let still = [(Pose::identity(), Twist::zero()); 2];
     let mut forces = [0.0; 2];
     for (time, energy) in [(1, 10e-3), (2, 20e-3)] {
-        (model.sequence, model.time_ns, model.energy) = (time, time, energy);
+        (model.head.sequence, model.head.time_ns, model.head.energy) = (time, time, energy);
         coupling.accept(&model).expect("a sound model");
         for _ in 0..10 {
             let wrenches = coupling.tick(2, &still);
@@ -414,7 +414,7 @@ fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64, Withheld) {
             }
         }
     }
-    let covered = coupling.energy().available / model.energy;
+    let covered = coupling.energy().available / model.head.energy;
     (forces, covered, coupling.withheld())
 }
 
@@ -463,8 +463,8 @@ fn what_the_cap_holds_back_is_recorded_as_far_as_the_force_is_trusted() {
     for tick in 1..180_u64 {
         // The models claim ten times the energy that was supplied, from 50 ms on. The last model comes at 90 ms.
         if tick <= 90 {
-            (model.sequence, model.time_ns) = (tick, tick * ms);
-            model.energy = if tick < 50 { 10e-3 } else { 100e-3 };
+            (model.head.sequence, model.head.time_ns) = (tick, tick * ms);
+            model.head.energy = if tick < 50 { 10e-3 } else { 100e-3 };
             coupling.accept(&model).expect("a sound model");
         }
         let wrenches = coupling.tick(tick * ms, &still);
@@ -510,8 +510,8 @@ fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
         let mut forces = [0.0; 2];
         for tick in 1..60_u64 {
             if tick == 1 || tick == 20 {
-                model.energy = if tick == 1 { 10e-3 } else { 20e-3 };
-                (model.sequence, model.time_ns) = (tick, tick);
+                model.head.energy = if tick == 1 { 10e-3 } else { 20e-3 };
+                (model.head.sequence, model.head.time_ns) = (tick, tick);
                 coupling.accept(&model).expect("a sound model");
             }
             let wrenches = coupling.tick(tick, &at);
@@ -710,8 +710,8 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
     let mut coupling = Coupling::new(coupling_config(Scheme::Classic, &passivity));
     // A body that pushes both hands, whatever they do.
     let mut model = wall(0.0, 1, 1);
-    model.period = PERIOD;
-    model.handle_count = 2;
+    model.head.period = PERIOD;
+    model.head.handle_count = 2;
     model.handles[1].device = 1;
     for handle in &mut model.handles {
         handle.contact = Vec3::zeros();

@@ -80,11 +80,11 @@ fn hash_of_a_whole_body(scheme: Scheme) -> u64 {
         let now = (1 + tick) * MS;
         if tick % 4 == 0 {
             let mut model = LocalModel::empty();
-            (model.sequence, model.time_ns) = (tick + 1, now);
-            (model.period, model.horizon) = (4e-3, 5e-3);
-            model.handle_count = 2;
-            model.energy = 1e-3 * (1.0 + numbers.next());
-            model.released = 1e-6 * tick as f64;
+            (model.head.sequence, model.head.time_ns) = (tick + 1, now);
+            (model.head.period, model.head.horizon) = (4e-3, 5e-3);
+            model.head.handle_count = 2;
+            model.head.energy = 1e-3 * (1.0 + numbers.next());
+            model.head.released = 1e-6 * tick as f64;
             let k = 200.0 + 100.0 * numbers.next();
             for (i, sign) in [(0, 1.0), (1, -1.0)] {
                 let handle = &mut model.handles[i];
@@ -136,10 +136,10 @@ fn a_whole_body_renders_the_bytes_that_it_rendered_before_bodies_could_tear() {
 /// A body in two hands that pulls them together with `pull` (N), and stores `energy` (J).
 fn stretched(sequence: u64, now: u64, pull: f64, energy: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    (model.sequence, model.time_ns) = (sequence, now);
-    (model.period, model.horizon) = (4e-3, 5e-3);
-    model.handle_count = 2;
-    model.energy = energy;
+    (model.head.sequence, model.head.time_ns) = (sequence, now);
+    (model.head.period, model.head.horizon) = (4e-3, 5e-3);
+    model.head.handle_count = 2;
+    model.head.energy = energy;
     for i in 0..2 {
         let handle = &mut model.handles[i];
         handle.device = i as u8;
@@ -151,11 +151,11 @@ fn stretched(sequence: u64, now: u64, pull: f64, energy: f64) -> LocalModel {
 
 /// The body after it has parted into a piece for each hand, which store `energies` (J).
 fn parted(mut model: LocalModel, energies: [f64; 2]) -> LocalModel {
-    model.epoch = 1;
-    model.energy = energies[0] + energies[1];
+    model.head.epoch = 1;
+    model.head.energy = energies[0] + energies[1];
     for (i, stored) in energies.into_iter().enumerate() {
         model.handles[i].piece = i as u8;
-        model.pieces[i] = PieceEnergy {
+        model.head.pieces[i] = PieceEnergy {
             stored,
             released: 0.0,
         };
@@ -171,7 +171,7 @@ fn settled(scheme: Scheme, model: &LocalModel) -> (Coupling, u64) {
     for tick in 0..40 {
         now = (1 + tick) * MS;
         if tick % 4 == 0 {
-            (model.sequence, model.time_ns) = (tick + 1, now);
+            (model.head.sequence, model.head.time_ns) = (tick + 1, now);
             coupling.accept(&model).expect("a sound model");
         }
         held_tick(&mut coupling, now, &at_rest());
@@ -190,7 +190,7 @@ fn the_credits_of_the_pieces_add_up_to_that_of_the_body() {
         let (mut coupling, now) = settled(Scheme::Capped, &whole);
         let before = coupling.energy().available;
         let mut model = parted(whole, energies);
-        model.time_ns = now;
+        model.head.time_ns = now;
         coupling.accept(&model).expect("a sound model");
         held_tick(&mut coupling, now, &at_rest());
         let after = coupling.energy().available;
@@ -232,7 +232,7 @@ fn a_piece_gives_back_no_energy_that_the_tear_has_taken() {
             for i in 0..2 {
                 model.handles[i].pose.position += by[i];
             }
-            (model.sequence, model.time_ns) = (100 + tick, now);
+            (model.head.sequence, model.head.time_ns) = (100 + tick, now);
             coupling.accept(&model).expect("a sound model");
         }
         held = held_tick(&mut coupling, now, &hands(by, v));
@@ -259,16 +259,16 @@ fn other_pieces_in_the_same_epoch_are_refused() {
     let whole = stretched(1, 0, 0.5, 5e-3);
     let (mut coupling, now) = settled(Scheme::Capped, &whole);
     let mut model = parted(whole, [1e-3; 2]);
-    (model.epoch, model.time_ns) = (0, now);
+    (model.head.epoch, model.head.time_ns) = (0, now);
     assert_eq!(coupling.accept(&model), Err(ModelFault::Handles));
     // The number of a piece is below the number of handles.
-    (model.epoch, model.handles[1].piece) = (1, 2);
+    (model.head.epoch, model.handles[1].piece) = (1, 2);
     assert_eq!(coupling.accept(&model), Err(ModelFault::Handles));
     // The energies of pieces are numbers, but only where there are pieces.
     model.handles[1].piece = 1;
-    model.pieces[1].stored = f64::NAN;
+    model.head.pieces[1].stored = f64::NAN;
     assert_eq!(coupling.accept(&model), Err(ModelFault::NotFinite));
-    (model.handles[1].piece, model.tear_limit.root) = (0, 0.0);
+    (model.handles[1].piece, model.head.tear_limit.root) = (0, 0.0);
     assert_eq!(coupling.accept(&model), Ok(()));
 }
 
@@ -283,9 +283,9 @@ fn the_force_of_a_hand_on_a_piece_that_is_dropped_fades() {
             if tick % 4 == 0 {
                 if tick == 8 {
                     // The piece of the second hand is gone.
-                    (model.epoch, model.handle_count) = (2, 1);
+                    (model.head.epoch, model.head.handle_count) = (2, 1);
                 }
-                (model.sequence, model.time_ns) = (100 + tick, now);
+                (model.head.sequence, model.head.time_ns) = (100 + tick, now);
                 coupling.accept(&model).expect("a sound model");
             }
             let [left, right, ..] = held_tick(&mut coupling, now, &at_rest());
@@ -327,7 +327,7 @@ fn a_weight_that_is_found_anew_does_not_make_the_force_jump() {
         let mut last = [-0.4, -0.4];
         for tick in 0..40_u64 {
             if tick % 4 == 0 {
-                (model.sequence, model.time_ns) = (100 + tick, now);
+                (model.head.sequence, model.head.time_ns) = (100 + tick, now);
                 coupling.accept(&model).expect("a sound model");
             }
             let wrenches = held_tick(&mut coupling, now, &at_rest());
@@ -358,7 +358,7 @@ fn a_weight_that_is_found_anew_does_not_make_the_force_jump() {
 /// A body in three hands that pulls each with 0.5 N along x and weighs 1 N on each. The hands are 0.1 m apart.
 fn carried() -> LocalModel {
     let mut model = stretched(1, 0, 0.5, 5e-3);
-    model.handle_count = 3;
+    model.head.handle_count = 3;
     for (i, handle) in model.handles[..3].iter_mut().enumerate() {
         handle.device = i as u8;
         handle.pose = Pose::at(Vec3::x() * 0.1 * i as f64);
@@ -409,12 +409,12 @@ fn a_piece_owes_the_work_that_all_of_its_hands_were_spared_and_no_other_hand() {
         assert!((own - before - 0.03).abs() < 1e-15, "{own} {before}");
         // The body parts between the two hands that lifted and the third.
         let mut model = carried();
-        (model.epoch, model.time_ns) = (1, 1);
+        (model.head.epoch, model.head.time_ns) = (1, 1);
         for (i, handle) in model.handles[..3].iter_mut().enumerate() {
             handle.piece = u8::from(i == if owes == 0 { 2 } else { 0 });
             handle.pose.position.z = lifted[i];
         }
-        for piece in &mut model.pieces[..2] {
+        for piece in &mut model.head.pieces[..2] {
             piece.stored = 2.5e-3;
         }
         coupling.accept(&model).expect("a sound model");
@@ -463,13 +463,13 @@ impl Rest {
         ticks: u64,
     ) -> [f64; MAX_DEVICES] {
         self.now += MS;
-        (model.sequence, model.time_ns) = (self.now, self.now);
-        (model.epoch, model.handle_count) = ((self.now / MS) as u32, pieces.len() as u8);
-        model.energy = energies.iter().sum();
+        (model.head.sequence, model.head.time_ns) = (self.now, self.now);
+        (model.head.epoch, model.head.handle_count) = ((self.now / MS) as u32, pieces.len() as u8);
+        model.head.energy = energies.iter().sum();
         for (handle, piece) in model.handles.iter_mut().zip(pieces) {
             handle.piece = *piece;
         }
-        for (piece, energy) in model.pieces.iter_mut().zip(energies) {
+        for (piece, energy) in model.head.pieces.iter_mut().zip(energies) {
             piece.stored = *energy;
         }
         self.coupling.accept(&model).expect("a sound model");
@@ -576,8 +576,8 @@ fn a_hand_whose_piece_is_gone_pays_into_the_account_of_the_body_that_it_takes_ho
     // The body parts, the piece of the second hand is dropped, and later both hands hold a whole body.
     let torn = parted(whole, [2e-3, 3e-3]);
     let (mut alone, mut again) = (torn, whole);
-    (alone.epoch, alone.handle_count) = (2, 1);
-    again.epoch = 3;
+    (alone.head.epoch, alone.head.handle_count) = (2, 1);
+    again.head.epoch = 3;
     let mut available = [0.0; 3];
     let phases = [(&torn, 42), (&alone, 140), (&again, 42)];
     for ((model, ticks), available) in phases.into_iter().zip(&mut available) {
@@ -585,7 +585,7 @@ fn a_hand_whose_piece_is_gone_pays_into_the_account_of_the_body_that_it_takes_ho
             // No model comes in the tick after the fade.
             if tick % 7 == 0 {
                 let mut model = *model;
-                (model.sequence, model.time_ns) = (now, now);
+                (model.head.sequence, model.head.time_ns) = (now, now);
                 coupling.accept(&model).expect("a sound model");
             }
             held_tick(&mut coupling, now, &at_rest());
@@ -629,8 +629,8 @@ fn a_piece_is_credited_what_it_released_as_far_as_its_hands_got_it() {
         x += along;
         let before = tick(coupling, &mut now, x);
         let mut model = parted(whole, [2.5e-3; 2]);
-        (model.sequence, model.time_ns) = (now, now);
-        for (piece, released) in model.pieces.iter_mut().zip(released) {
+        (model.head.sequence, model.head.time_ns) = (now, now);
+        for (piece, released) in model.head.pieces.iter_mut().zip(released) {
             piece.released = released;
         }
         coupling.accept(&model).expect("a sound model");
@@ -664,8 +664,8 @@ fn a_piece_is_credited_what_it_released_as_far_as_its_hands_got_it() {
 /// Any model of one handle, with an own energy of a joule.
 fn any_piece(numbers: &mut Numbers, device: usize, by: Vec3) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.handle_count = 1;
-    (model.period, model.horizon, model.energy) = (8e-3, 9e-3, 1.0);
+    model.head.handle_count = 1;
+    (model.head.period, model.head.horizon, model.head.energy) = (8e-3, 9e-3, 1.0);
     let factor = nalgebra::Matrix6::from_fn(|_, _| 8.0 * numbers.next());
     model.stiffness[0][0] = factor * factor.transpose();
     let handle = &mut model.handles[0];
@@ -700,12 +700,12 @@ fn each_piece_of_a_torn_body_is_rendered_and_stores_what_it_would_as_a_body_alon
                 if tick % every == 1 {
                     let mut pieces = [0, 1].map(|i| any_piece(&mut numbers, i, by[i]));
                     let mut both = pieces[0];
-                    both.handle_count = 2;
-                    both.energy = 2.0;
+                    both.head.handle_count = 2;
+                    both.head.energy = 2.0;
                     both.handles[1] = pieces[1].handles[0];
                     both.handles[1].piece = 1;
                     both.stiffness[1][1] = pieces[1].stiffness[0][0];
-                    for piece in &mut both.pieces[..2] {
+                    for piece in &mut both.head.pieces[..2] {
                         piece.stored = 1.0;
                     }
                     // The tear goes on at the tip of one of the pieces.
@@ -717,13 +717,13 @@ fn each_piece_of_a_torn_body_is_rendered_and_stores_what_it_would_as_a_body_alon
                     };
                     let slope = Vec6::from_fn(|_, _| 300.0 * numbers.next());
                     for (model, handle) in [(&mut both, tip), (&mut pieces[tip], 0)] {
-                        model.tear_limit = limit;
+                        model.head.tear_limit = limit;
                         model.handles[handle].tear_slope = slope;
                     }
-                    both.time_ns = now;
+                    both.head.time_ns = now;
                     torn.accept(&both).expect("a sound model");
                     for (coupling, mut model) in alone.iter_mut().zip(pieces) {
-                        model.time_ns = now;
+                        model.head.time_ns = now;
                         coupling.accept(&model).expect("a sound model");
                     }
                 }
@@ -753,13 +753,13 @@ fn each_piece_of_a_torn_body_is_rendered_and_stores_what_it_would_as_a_body_alon
 fn a_weight_that_stays_keeps_its_bytes_through_every_blend() {
     for (weight, period) in [(0.7, 6e-3), (0.1, 14e-3), (1.9, 10e-3)] {
         let mut whole = stretched(1, 0, 0.0, 5e-3);
-        whole.period = period;
+        whole.head.period = period;
         for handle in &mut whole.handles[..2] {
             handle.weight.z = -weight;
             handle.wrench.force.z = -weight;
         }
         let (mut coupling, now) = settled(Scheme::Capped, &whole);
-        (whole.sequence, whole.time_ns) = (100, now);
+        (whole.head.sequence, whole.head.time_ns) = (100, now);
         coupling.accept(&whole).expect("a sound model");
         let lifted = 1.0 / 128.0;
         for tick in 0..10 {
@@ -803,7 +803,7 @@ fn a_hand_keeps_the_account_of_its_piece_when_the_other_piece_is_gone() {
 fn wrong(numbers: &mut Numbers, mut model: LocalModel, by: [Vec3; 2]) -> LocalModel {
     let energies = [5e-3 * (1.0 + numbers.next()), 5e-3 * (1.0 + numbers.next())];
     model = parted(model, energies);
-    model.tear_limit = TearLimit {
+    model.head.tear_limit = TearLimit {
         root: 2.0 + numbers.next(),
         critical: 2.0 + numbers.next(),
         area: 1e-3 * (1.0 + numbers.next()),
@@ -857,7 +857,7 @@ proptest! {
                     8 => parted(whole, [5e-3 * part, 5e-3 * (1.0 - part)]),
                     _ => wrong(&mut numbers, whole, by),
                 };
-                (model.sequence, model.time_ns) = (100 + tick, now);
+                (model.head.sequence, model.head.time_ns) = (100 + tick, now);
                 coupling.accept(&model).expect("a sound model");
             }
             let at = hands(by, directions.map(|direction| direction * 0.1));
@@ -892,7 +892,7 @@ fn limited(root: f64, critical: f64) -> LocalModel {
         .expect("positive definite")
         .solve(&slope);
     let mut model = stretched(1, 0, 0.5, 0.1);
-    model.tear_limit = TearLimit {
+    model.head.tear_limit = TearLimit {
         root,
         critical,
         area: 1.0 / slope.dot(&softness),
@@ -932,7 +932,7 @@ fn the_extrapolation_stops_where_the_tear_goes_on() {
     let (root, critical) = (1.0, 1.5);
     let model = limited(root, critical);
     let mut free = model;
-    free.tear_limit = TearLimit::none();
+    free.head.tear_limit = TearLimit::none();
     let mut numbers = Numbers(77);
     let mut beyond = 0;
     for _ in 0..200 {
@@ -1004,7 +1004,7 @@ fn a_running_tear_yields_from_the_reference_on() {
     }
     // Closing finds the whole stiffness.
     let mut free = model;
-    free.tear_limit = TearLimit::none();
+    free.head.tear_limit = TearLimit::none();
     let closed = open.map(|by| by * -1.0);
     assert_eq!(extrapolated(&model, &closed), extrapolated(&free, &closed));
 }
@@ -1076,7 +1076,7 @@ fn a_lead_answers_as_the_springs_answer_that_much_further_motion() {
 #[test]
 fn a_limit_that_is_not_reached_or_is_none_leaves_every_byte() {
     let mut free = limited(1.0, 1.5);
-    free.tear_limit = TearLimit::none();
+    free.head.tear_limit = TearLimit::none();
     for (scheme, root, critical) in [
         (Scheme::Linear, 1.0, 1e3),
         (Scheme::Capped, 1.0, 1e3),

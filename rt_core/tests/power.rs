@@ -48,9 +48,9 @@ fn controller(safety: SafetyConfig) -> Controller {
     let mut controller = Controller::new(&config);
     for body in 0..2 {
         let mut model = LocalModel::empty();
-        model.sequence = 1;
-        model.period = PERIOD;
-        model.handle_count = 2;
+        model.head.sequence = 1;
+        model.head.period = PERIOD;
+        model.head.handle_count = 2;
         for i in 0..2 {
             model.handles[i].device = i as u8;
             model.handles[i].pose = Pose::at(Vec3::new(0.1 * i as f64, 0.01, 0.0));

@@ -82,10 +82,10 @@ fn springs([a, b]: [f64; 2]) -> [f64; 2] {
 /// The model of the body, whose springs rest at the place `rest` along x.
 fn model(now_ns: u64, rest: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = 1 + now_ns / MS;
-    model.time_ns = now_ns;
-    model.period = PUBLISHED as f64 * PERIOD;
-    model.handle_count = 2;
+    model.head.sequence = 1 + now_ns / MS;
+    model.head.time_ns = now_ns;
+    model.head.period = PUBLISHED as f64 * PERIOD;
+    model.head.handle_count = 2;
     let [world, between] = SPRINGS;
     for i in 0..2 {
         model.handles[i].device = i as u8;

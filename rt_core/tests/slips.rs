@@ -82,8 +82,8 @@ impl Rig {
     fn publish(&mut self) {
         self.sequence += 1;
         for (body, model) in self.models.iter_mut().enumerate() {
-            model.sequence = self.sequence;
-            model.time_ns = self.tick * TICK_NS;
+            model.head.sequence = self.sequence;
+            model.head.time_ns = self.tick * TICK_NS;
             self.controller.accept(body, model).expect("a sound model");
         }
     }
@@ -165,9 +165,9 @@ fn at(x: f64, y: f64, z: f64) -> Option<Pose> {
 /// A body of springs from the handle of each of `devices` to the ground, at rest where the hands are at the origin.
 fn grounded(devices: &[u8]) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.period = 10.0 * PERIOD;
-    model.horizon = model.period;
-    model.handle_count = devices.len() as u8;
+    model.head.period = 10.0 * PERIOD;
+    model.head.horizon = model.head.period;
+    model.head.handle_count = devices.len() as u8;
     for (index, device) in devices.iter().enumerate() {
         model.handles[index].device = *device;
         for axis in 0..3 {
@@ -353,7 +353,7 @@ fn an_energy_that_no_motion_can_take_out_leads_to_no_force_at_rest_and_a_bounded
     // The body claims an energy that its handle cannot get back, as a strip does that is held in a buckled state.
     for claimed in [1.0, 1e300, f64::MAX] {
         let mut model = grounded(&[0]);
-        model.energy = claimed;
+        model.head.energy = claimed;
         let mut rig = Rig::new(1, Freedom::Three, vec![grounded(&[0])]);
         for _ in 0..100 {
             rig.tick(false, &[at(0.0, 0.0, 0.0)]);
@@ -382,10 +382,10 @@ fn a_force_that_no_motion_lowers_does_not_carry_the_proxy_away() {
         rig.tick(false, &[at(0.0, 0.0, 0.0)]);
     }
     let mut model = LocalModel::empty();
-    model.period = 10.0 * PERIOD;
-    model.handle_count = 1;
+    model.head.period = 10.0 * PERIOD;
+    model.head.handle_count = 1;
     model.handles[0].wrench.force = Vec3::new(0.0, 0.6, 0.8);
-    model.energy = 1.0;
+    model.head.energy = 1.0;
     rig.models = vec![model];
     let mut last = Vec3::zeros();
     for _ in 0..5000 {
@@ -425,7 +425,7 @@ proptest! {
                 row[i] *= factor;
             }
             if k >= 60 {
-                model.energy = energy * energy * 0.1;
+                model.head.energy = energy * energy * 0.1;
             }
             rig.models = vec![model];
             // A hand has inertia.

@@ -26,10 +26,10 @@ fn coupling() -> Coupling {
 /// A body that hangs from one hand at a height (m), without stiffness.
 fn hanging(sequence: u64, time_ns: u64, height: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = sequence;
-    model.time_ns = time_ns;
-    model.period = 0.004;
-    model.handle_count = 1;
+    model.head.sequence = sequence;
+    model.head.time_ns = time_ns;
+    model.head.period = 0.004;
+    model.head.handle_count = 1;
     model.handles[0].pose = Pose::at(Vec3::new(0.0, 0.0, height));
     model.handles[0].wrench.force.z = -WEIGHT;
     model.handles[0].weight.z = -WEIGHT;

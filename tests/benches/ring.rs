@@ -91,7 +91,7 @@ struct Publisher {
 
 impl Publisher {
     fn publish(&mut self) {
-        self.model.sequence += 1;
+        self.model.head.sequence += 1;
         // A full ring would refuse the model; no ring is full here.
         let _ = self.host.publish(0, black_box(&self.model));
     }
@@ -144,7 +144,7 @@ fn between_threads() {
         scope.spawn(move || {
             while !other.host.tick_is_gone() {
                 if let Some(record) = other.host.newest() {
-                    other.model.time_ns = record.time_ns;
+                    other.model.head.time_ns = record.time_ns;
                     other.publish();
                 }
                 std::hint::spin_loop();
@@ -162,7 +162,7 @@ fn between_threads() {
             while !returned {
                 tick.take_models(|_, model| {
                     newest.copy_used_from(black_box(model));
-                    returned = newest.time_ns == telemetry.time_ns;
+                    returned = newest.head.time_ns == telemetry.time_ns;
                 });
                 std::hint::spin_loop();
             }

@@ -114,11 +114,11 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Box<Controller> {
 /// A model in which every block is full, published every `period` (s).
 pub fn model(handles: usize, period: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.sequence = 1;
-    model.time_ns = MODEL_NS;
-    model.period = period;
-    model.energy = 0.1;
-    model.handle_count = handles as u8;
+    model.head.sequence = 1;
+    model.head.time_ns = MODEL_NS;
+    model.head.period = period;
+    model.head.energy = 0.1;
+    model.head.handle_count = handles as u8;
     for i in 0..MAX_HANDLES {
         model.handles[i].device = i as u8;
         model.handles[i].wrench.force = Vec3::new(0.5, -1.0, 1.5);

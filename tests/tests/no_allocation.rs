@@ -26,9 +26,9 @@ fn host_beside(mut host: HostEnd, mut model: LocalModel, over: &AtomicBool) -> u
     let mut published = 0;
     while !over.load(Ordering::Relaxed) {
         host.drain(|record| now = record.time_ns);
-        if now > model.time_ns {
-            model.sequence += 1;
-            model.time_ns = now;
+        if now > model.head.time_ns {
+            model.head.sequence += 1;
+            model.head.time_ns = now;
             published += u64::from(host.publish(0, &model).is_ok());
         }
         std::thread::yield_now();
@@ -54,7 +54,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
     engine.step(due, &WallStopwatch::start(), &mut |_, published| {
         model = *published;
     });
-    assert_eq!(model.handle_count, 2);
+    assert_eq!(model.head.handle_count, 2);
 
     let over = AtomicBool::new(false);
     std::thread::scope(|scope| {

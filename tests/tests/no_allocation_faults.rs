@@ -98,8 +98,8 @@ impl Watched {
 
     /// The next model, with the present time stamp.
     fn next(&mut self) -> LocalModel {
-        self.model.sequence += 1;
-        self.model.time_ns = self.now_ns;
+        self.model.head.sequence += 1;
+        self.model.head.time_ns = self.now_ns;
         self.model
     }
 
@@ -186,14 +186,14 @@ fn models_that_cannot_be_used(run: &mut Watched, host: &mut HostEnd) {
         run.ticks(1);
     };
     offer(run, 0, |model| model.damping[0][0][(5, 5)] = f64::NAN);
-    offer(run, 0, |model| model.period = 0.0);
-    offer(run, 0, |model| model.handle_count = 0);
-    offer(run, 0, |model| model.handle_count = u8::MAX);
+    offer(run, 0, |model| model.head.period = 0.0);
+    offer(run, 0, |model| model.head.handle_count = 0);
+    offer(run, 0, |model| model.head.handle_count = u8::MAX);
     offer(run, 0, |model| model.handles[0].device = u8::MAX);
-    offer(run, 0, |model| model.time_ns = 0);
+    offer(run, 0, |model| model.head.time_ns = 0);
     offer(run, 1, |_| {});
     // Some models are lost before they arrive.
-    offer(run, 0, |model| model.sequence += 7);
+    offer(run, 0, |model| model.head.sequence += 7);
     let counters = run.tick.controller.coupling_counters().next();
     let counters = counters.expect("there is a body");
     assert_eq!(counters.not_finite, 2);

@@ -23,7 +23,8 @@ pub fn scene_of(log: &[u8]) -> std::ops::Range<usize> {
 pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     use host::live::gather::Gatherer;
     use host::log::overview::OverviewBuilder;
-    use host::log::{BodyFrame, LogHeader, LogWriter};
+    use host::log::{LogHeader, LogWriter};
+    use host::record::BodyFrame;
     use host::record::Surface;
     use host::run::Clock;
     use host::scene::Scene;

@@ -140,9 +140,9 @@ impl HostBody {
     /// A body at rest that has published no model.
     pub fn new(parts: HostBodyParts) -> Self {
         let mut model = LocalModel::empty();
-        model.period = parts.period;
-        model.handle_count = parts.paths.len().min(MAX_HANDLES) as u8;
-        model.horizon = parts.horizon;
+        model.head.period = parts.period;
+        model.head.handle_count = parts.paths.len().min(MAX_HANDLES) as u8;
+        model.head.horizon = parts.horizon;
         let weights = parts.body.handle_weights();
         let origins = (0..parts.paths.len()).filter_map(|handle| {
             let report = parts.body.handle_report(handle);
@@ -336,7 +336,7 @@ impl HostBody {
         };
         // Where no record comes for long, the body's time stops. The tick would refuse a second model of the same
         // time.
-        let published = self.model.sequence > 0 && time_ns == self.model.time_ns;
+        let published = self.model.head.sequence > 0 && time_ns == self.model.head.time_ns;
         // No hand feels a body that has no handle. When the last hand lets go, its force fades with the age of the last
         // model.
         let held = !self.devices.is_empty();
@@ -345,9 +345,9 @@ impl HostBody {
         }
         self.condense()?;
         self.limit();
-        let elapsed = time_ns.saturating_sub(self.model.time_ns) as f64 * 1e-9;
-        self.model.sequence += 1;
-        self.model.time_ns = time_ns;
+        let elapsed = time_ns.saturating_sub(self.model.head.time_ns) as f64 * 1e-9;
+        self.model.head.sequence += 1;
+        self.model.head.time_ns = time_ns;
         for (i, reference) in self
             .model
             .handles
@@ -383,8 +383,8 @@ impl HostBody {
         if let Some(springs) = &mut self.springs {
             let acted = springs.model().is_some();
             springs.through(&self.model, elapsed);
-            let age = time_ns.saturating_sub(self.placing.time_ns) as f64 * 1e-9;
-            if !acted || age >= (PLACES * self.model.horizon).min(LONGEST_PLACED) {
+            let age = time_ns.saturating_sub(self.placing.head.time_ns) as f64 * 1e-9;
+            if !acted || age >= (PLACES * self.model.head.horizon).min(LONGEST_PLACED) {
                 self.placing.copy_used_from(&self.model);
             }
         }
@@ -485,7 +485,7 @@ impl HostBody {
             .solver
             .tear(&mut self.body, &mut tears.tearing, &mut self.tally);
         if torn {
-            self.model.epoch = self.model.epoch.saturating_add(1);
+            self.model.head.epoch = self.model.head.epoch.saturating_add(1);
             let parted = tears.tearing.report().parted;
             if let Some(from) = tears.parting.follow(&self.body, parted) {
                 self.part(from);
@@ -525,7 +525,7 @@ impl HostBody {
         if let Some(stored) = &mut self.stored {
             stored.part(before, &from[..sums.len()], body, sums, model);
         }
-        for reference in &mut self.model.handles[..usize::from(self.model.handle_count)] {
+        for reference in &mut self.model.handles[..usize::from(self.model.head.handle_count)] {
             self.projected.weight(reference);
         }
     }
@@ -547,7 +547,7 @@ impl HostBody {
                     handle.tear_slope[motion] = slope;
                 }
             });
-        self.model.tear_limit = match limit {
+        self.model.head.tear_limit = match limit {
             Some(limit) => TearLimit {
                 root: limit.root,
                 critical: limit.critical,
@@ -590,7 +590,7 @@ fn shortened(length: f64, most: f64) -> Option<f64> {
 
 /// Copies condensed stiffness, damping and drift into a local model.
 pub fn fill_blocks(model: &mut LocalModel, condensed: &Condensed) {
-    let handles = usize::from(model.handle_count);
+    let handles = usize::from(model.head.handle_count);
     for i in 0..handles {
         for j in 0..handles {
             let block = |matrix: &Square| Mat6::from_fn(|r, c| matrix[(6 * i + r, 6 * j + c)]);

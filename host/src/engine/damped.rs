@@ -87,7 +87,7 @@ mod tests {
             ..Renderable::ANY
         });
         let mut model = LocalModel::empty();
-        model.handle_count = 2;
+        model.head.handle_count = 2;
         model.handles[1].device = 1;
         let mut damped = Damped::default();
         // 5 % more than the device renders are not noticed.

@@ -91,7 +91,7 @@ impl Faults {
                 }
                 FaultKind::Topology => {
                     // One handle less, and the devices in another order.
-                    model.handle_count = model.handle_count.saturating_sub(1).max(1);
+                    model.head.handle_count = model.head.handle_count.saturating_sub(1).max(1);
                     for handle in &mut model.handles {
                         handle.device ^= 1;
                     }
@@ -196,12 +196,10 @@ mod tests {
             at: 1.0,
             duration: 1.0,
         }]);
-        let model = LocalModel {
-            handle_count: 2,
-            ..LocalModel::empty()
-        };
+        let mut model = LocalModel::empty();
+        model.head.handle_count = 2;
         let spoilt = faults.spoilt(1_000_000_000, &model).expect("a fault");
-        assert_eq!(spoilt.handle_count, 1);
+        assert_eq!(spoilt.head.handle_count, 1);
         assert_ne!(spoilt.handles[0].device, model.handles[0].device);
         assert!(faults.spoilt(2_000_000_000, &model).is_none());
     }

@@ -162,7 +162,7 @@ impl Parting {
     /// Gives the handles of `model` their groups and, where no support bears a part of the body, the weights of their
     /// groups: those of before, scaled so that they add up to the weight of the group.
     pub(super) fn name(&self, body: &Body, model: &mut LocalModel) {
-        let count = usize::from(model.handle_count);
+        let count = usize::from(model.head.handle_count);
         let handles = &mut model.handles[..count];
         for (handle, &group) in handles.iter_mut().zip(&self.group_of_handle) {
             handle.piece = group;

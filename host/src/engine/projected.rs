@@ -35,7 +35,7 @@ impl Projected {
 
     /// Leaves only what hands feel of a model's stiffness, damping and drift.
     pub fn blocks(&self, model: &mut LocalModel) {
-        let handles = usize::from(model.handle_count);
+        let handles = usize::from(model.head.handle_count);
         let LocalModel {
             handles: references,
             stiffness,
@@ -107,7 +107,7 @@ mod tests {
             axes: vec![Some(line * line.transpose())],
         };
         let mut model = LocalModel::empty();
-        model.handle_count = 2;
+        model.head.handle_count = 2;
         model.handles[1].device = 1;
         for i in 0..2 {
             let reference = &mut model.handles[i];

@@ -525,8 +525,8 @@ impl SeriesSprings {
     fn yield_energy(&mut self, model: &LocalModel, elastic: &[f64]) {
         let springs = &self.of_model;
         let out = &mut self.model;
-        out.energy = (model.energy - 0.5 * springs.between(elastic, elastic)).max(0.0);
-        for (piece, energy) in out.pieces.iter_mut().enumerate() {
+        out.head.energy = (model.head.energy - 0.5 * springs.between(elastic, elastic)).max(0.0);
+        for (piece, energy) in out.head.pieces.iter_mut().enumerate() {
             if energy.stored > 0.0 {
                 let mut own = [0.0; 6 * MAX_HANDLES];
                 let loads = own.chunks_exact_mut(6).zip(elastic.chunks_exact(6));
@@ -542,7 +542,7 @@ impl SeriesSprings {
 
     /// The tear limit for displacements of the devices.
     fn limit(&mut self, model: &LocalModel, elastic: &[f64]) {
-        if !model.tear_limit.is_some() {
+        if !model.head.tear_limit.is_some() {
             return;
         }
         let springs = &self.of_model;
@@ -551,7 +551,7 @@ impl SeriesSprings {
         for (place, handle) in slope.chunks_exact_mut(6).zip(model.handles()) {
             place.copy_from_slice(handle.tear_slope.as_slice());
         }
-        let limit = &mut self.model.tear_limit;
+        let limit = &mut self.model.head.tear_limit;
         limit.root += springs.between(slope, elastic);
         if limit.area > 0.0 {
             let inverse = 1.0 / limit.area - springs.between(slope, slope);

@@ -150,16 +150,16 @@ impl Stored {
             totals.released += below;
             let stored = (now + totals.constant).min(tangent).max(0.0);
             whole += stored;
-            if let Some(out) = model.pieces.get_mut(piece) {
+            if let Some(out) = model.head.pieces.get_mut(piece) {
                 *out = PieceEnergy {
                     stored,
                     released: totals.released,
                 };
             }
         }
-        model.energy = whole;
+        model.head.energy = whole;
         let released: f64 = self.pieces.iter().map(|totals| totals.released).sum();
-        model.released = self.released + released;
+        model.head.released = self.released + released;
     }
 
     /// Keeps the stiffness of `model`, which models publish from now on. A turn causes displacements at the lever arm
@@ -187,14 +187,14 @@ impl Stored {
         *constant += below;
         self.released += below;
         // `min` and `max` drop an energy that is not a number: nobody may count on it.
-        model.energy = (own + *constant).min(tangent).max(0.0);
-        model.released = self.released;
+        model.head.energy = (own + *constant).min(tangent).max(0.0);
+        model.head.released = self.released;
     }
 
     /// Completes the tear limit of `model`, where it has one, by `a = 1 / (q . K^-1 q)` with the slopes `q` of its
     /// handles ([`rt_core::TearLimit`]).
     pub fn publish_tear_area(&mut self, model: &mut LocalModel) {
-        if !model.tear_limit.is_some() {
+        if !model.head.tear_limit.is_some() {
             return;
         }
         for (load, handle) in self.load.chunks_exact_mut(6).zip(&model.handles) {
@@ -204,7 +204,7 @@ impl Stored {
             .clipper
             .stored(&self.stiffness, &self.scale, &self.load, SLACK);
         // Without a slope there is nothing to limit.
-        model.tear_limit.area = if half > 0.0 { 0.5 / half } else { 0.0 };
+        model.head.tear_limit.area = if half > 0.0 { 0.5 / half } else { 0.0 };
     }
 
     /// Adjusts `c` to a change of the body's material: the elastic energy falls from `before` to `after` (J) at the

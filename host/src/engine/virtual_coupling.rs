@@ -107,10 +107,10 @@ impl VirtualCoupling {
     /// those fields are zero. It has no tear limit, for the limit belongs to the displacements of the handles.
     pub fn through(&mut self, model: &LocalModel) -> &LocalModel {
         self.model = *model;
-        self.model.energy = 0.0;
-        self.model.released = 0.0;
-        self.model.pieces = [PieceEnergy::default(); MAX_HANDLES];
-        self.model.tear_limit = TearLimit::none();
+        self.model.head.energy = 0.0;
+        self.model.head.released = 0.0;
+        self.model.head.pieces = [PieceEnergy::default(); MAX_HANDLES];
+        self.model.head.tear_limit = TearLimit::none();
         self.read(model);
         self.factorize();
         self.combine();

@@ -20,21 +20,13 @@
 //! - The ticks since the last [`LogWriter::flush`] wait in memory. A killed process leaves a valid log without
 //!   an index, which [`index::LogIndex`] reads.
 
-mod body;
-mod cdr;
 mod chunks;
-mod cloud;
 mod file;
-mod geometry;
 pub mod index;
 mod limits;
-mod model;
 pub mod overview;
 mod read;
-mod reading;
 mod record;
-mod tear;
-mod tick;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -45,18 +37,13 @@ use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{Capabilities, LocalModel, Telemetry};
 
-use crate::record::{Surface, TearEvent};
+use crate::record::cdr::encode;
+use crate::record::{BodyFrame, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud};
 
-pub use body::BodyFrame;
 pub(crate) use file::LogFile;
-pub use model::ModelRow;
 use overview::Overview;
 pub use read::{Log, read_log};
 
-/// The channel of the ticks.
-pub(crate) const TICK_TOPIC: &str = "/tick";
-/// The channel of the local models.
-pub(crate) const MODEL_TOPIC: &str = "/model";
 const METADATA_NAME: &str = "palpate";
 const SCENE_NAME: &str = "scene.toml";
 /// Name and media type of the overview. The media type tells it from a file of the scene with the same name.
@@ -64,86 +51,6 @@ const OVERVIEW_NAME: &str = "palpate.overview";
 const OVERVIEW_TYPE: &str = "application/json";
 /// A chunk ends at this size even without a flush (bytes).
 const CHUNK_SIZE: u64 = 1 << 20;
-
-/// A channel of the log.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ChannelInfo {
-    /// Name of the channel.
-    pub topic: String,
-    /// Name of the type of its messages.
-    pub schema_name: &'static str,
-    /// Definition of its messages.
-    pub schema_text: &'static str,
-    /// Language of the definition.
-    pub schema_encoding: &'static str,
-    /// Encoding of the messages.
-    pub encoding: &'static str,
-}
-
-impl ChannelInfo {
-    fn new(topic: String, schema_name: &'static str, schema_text: &'static str) -> Self {
-        Self {
-            topic,
-            schema_name,
-            schema_text,
-            schema_encoding: "ros2msg",
-            encoding: "cdr",
-        }
-    }
-}
-
-/// The channels that every log has: ticks, then models.
-pub fn channels() -> [ChannelInfo; 2] {
-    [
-        ChannelInfo::new(TICK_TOPIC.to_owned(), tick::SCHEMA_NAME, tick::SCHEMA),
-        ChannelInfo::new(MODEL_TOPIC.to_owned(), model::SCHEMA_NAME, model::SCHEMA),
-    ]
-}
-
-/// The channels of the frames of the body with this name: point clouds, then [`BodyFrame`]s, then surfaces.
-pub fn body_channels(name: &str) -> [ChannelInfo; 3] {
-    let topic = body_topic(name);
-    let [frame, surface] = ["frame", "surface"].map(|part| format!("{topic}/{part}"));
-    [
-        ChannelInfo::new(topic, cloud::SCHEMA_NAME, cloud::SCHEMA),
-        ChannelInfo::new(frame, body::FRAME_SCHEMA_NAME, body::FRAME_SCHEMA),
-        ChannelInfo::new(surface, body::SURFACE_SCHEMA_NAME, body::SURFACE_SCHEMA),
-    ]
-}
-
-/// The channel of the edits by which the body with this name tears.
-pub fn tear_channel(name: &str) -> ChannelInfo {
-    let topic = format!("{}/tears", body_topic(name));
-    ChannelInfo::new(topic, tear::SCHEMA_NAME, tear::SCHEMA)
-}
-
-/// The message of the channel `/bodies/NAME` for the positions of a body (m), three numbers a vertex.
-pub fn cloud_message(time_ns: u64, positions: &[f32]) -> Vec<u8> {
-    let mut message = Vec::new();
-    cloud::encode(time_ns, positions, &mut message);
-    message
-}
-
-/// The message of the channel `/bodies/NAME/frame` for a frame of a body.
-pub fn frame_message(frame: &BodyFrame) -> Vec<u8> {
-    let mut message = Vec::new();
-    body::encode_frame(frame, &mut message);
-    message
-}
-
-/// The message of the channel `/tick` for a tick.
-pub fn tick_message(telemetry: &Telemetry) -> Vec<u8> {
-    let mut message = Vec::new();
-    tick::encode(telemetry, &mut message);
-    message
-}
-
-/// The message of the channel `/model` for a model of the body of index `body`.
-pub fn model_message(body: u8, model: &LocalModel) -> Vec<u8> {
-    let mut message = Vec::new();
-    model::encode(body, model, &mut message);
-    message
-}
 
 /// The identity and the input of a run, written before its first tick.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -190,7 +97,7 @@ pub enum LogError {
     /// The file is a sound MCAP file but has no channel of ticks.
     #[error(
         "this file has no channel of {} and so is not a log of palpate",
-        tick::SCHEMA_NAME
+        TickRow::SCHEMA_NAME
     )]
     NoTicks,
     /// The definition of the messages differs from that of this version.
@@ -228,11 +135,8 @@ pub enum LogError {
 /// ```
 pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
-    channels: Channels,
-    /// The channels of each body; empty for a log without frames.
-    bodies: Vec<BodyChannels>,
-    /// By body: the channel of its tears; `None` for a body that does not tear.
-    tears: Vec<Option<u16>>,
+    /// The channels by the type of their messages and by body.
+    channels: BTreeMap<(&'static str, usize), u16>,
     models: u32,
     /// The present message. The buffer is kept for its capacity.
     message: Vec<u8>,
@@ -261,18 +165,56 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 
     fn with_name(writer: W, name: String, header: &LogHeader) -> Result<Self, LogError> {
-        match begin(writer, header) {
-            Ok((writer, channels)) => Ok(Self {
+        let mut log = match begin(writer, header) {
+            Ok(writer) => Self {
                 writer,
-                channels,
-                bodies: Vec::new(),
-                tears: Vec::new(),
+                channels: BTreeMap::new(),
                 models: 0,
                 message: Vec::new(),
                 name,
-            }),
-            Err(error) => Err(write_error(&name, error)),
-        }
+            },
+            Err(error) => return Err(write_error(&name, error)),
+        };
+        log.add::<TickRow>(0, "")?;
+        log.add::<ModelRow>(0, "")?;
+        Ok(log)
+    }
+
+    /// Gives the log a channel of this kind for the body of this index and name. A channel of the run has index zero.
+    fn add<K: Kind>(&mut self, body: usize, name: &str) -> Result<(), LogError> {
+        let channel = K::channel(name);
+        // The ROS 2 profile requires this key. An empty value means the defaults.
+        let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
+        let definition = channel.schema_text.as_bytes();
+        let writer = &mut self.writer;
+        let id = writer
+            .add_schema(channel.schema_name, channel.schema_encoding, definition)
+            .and_then(|schema| writer.add_channel(schema, &channel.topic, channel.encoding, &qos))
+            .map_err(|error| write_error(&self.name, error))?;
+        self.channels.insert((K::SCHEMA_NAME, body), id);
+        Ok(())
+    }
+
+    /// Adds a message of this kind for the body of this index. A body without a channel is ignored.
+    fn put<K: Kind>(
+        &mut self,
+        body: usize,
+        (sequence, time_ns): (u32, u64),
+        encode: impl FnOnce(&mut Vec<u8>),
+    ) -> Result<(), LogError> {
+        let Some(&channel_id) = self.channels.get(&(K::SCHEMA_NAME, body)) else {
+            return Ok(());
+        };
+        encode(&mut self.message);
+        let header = MessageHeader {
+            channel_id,
+            sequence,
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        self.writer
+            .write_to_known_channel(&header, &self.message)
+            .map_err(|error| write_error(&self.name, error))
     }
 
     /// Gives the log channels for frames of the bodies of these names. The caller does so before the first tick.
@@ -283,10 +225,10 @@ impl<W: Write + Seek> LogWriter<W> {
         &mut self,
         names: impl IntoIterator<Item = &'a str>,
     ) -> Result<(), LogError> {
-        for name in names {
-            let channels = BodyChannels::add(&mut self.writer, name)
-                .map_err(|error| write_error(&self.name, error))?;
-            self.bodies.push(channels);
+        for (body, name) in names.into_iter().enumerate() {
+            self.add::<Cloud>(body, name)?;
+            self.add::<BodyFrame>(body, name)?;
+            self.add::<Surface>(body, name)?;
         }
         Ok(())
     }
@@ -300,11 +242,10 @@ impl<W: Write + Seek> LogWriter<W> {
         &mut self,
         names: impl IntoIterator<Item = Option<&'a str>>,
     ) -> Result<(), LogError> {
-        for name in names {
-            let channel = name.map(|name| add_channel(&mut self.writer, &tear_channel(name)));
-            let channel = channel.transpose();
-            let channel = channel.map_err(|error| write_error(&self.name, error))?;
-            self.tears.push(channel);
+        for (body, name) in names.into_iter().enumerate() {
+            if let Some(name) = name {
+                self.add::<TearEvent>(body, name)?;
+            }
         }
         Ok(())
     }
@@ -314,16 +255,8 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_tear(&mut self, event: &TearEvent) -> Result<(), LogError> {
-        let Some(channel_id) = self.tears.get(event.body as usize).copied().flatten() else {
-            return Ok(());
-        };
-        tear::encode(event, &mut self.message);
-        self.put(&MessageHeader {
-            channel_id,
-            sequence: event.number,
-            log_time: event.time_ns,
-            publish_time: event.time_ns,
-        })
+        let stamp = (event.number, event.time_ns);
+        self.put::<TearEvent>(event.body as usize, stamp, |m| encode(*event, m))
     }
 
     /// Adds a frame of a body: `positions` (m), three numbers a vertex. A body without channels is ignored.
@@ -331,19 +264,9 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_frame(&mut self, frame: &BodyFrame, positions: &[f32]) -> Result<(), LogError> {
-        let Some(channels) = self.bodies.get(frame.body as usize).copied() else {
-            return Ok(());
-        };
-        let header = |channel_id| MessageHeader {
-            channel_id,
-            sequence: frame.step as u32,
-            log_time: frame.time_ns,
-            publish_time: frame.time_ns,
-        };
-        body::encode_frame(frame, &mut self.message);
-        self.put(&header(channels.frame))?;
-        cloud::encode(frame.time_ns, positions, &mut self.message);
-        self.put(&header(channels.cloud))
+        let (body, stamp) = (frame.body as usize, (frame.step as u32, frame.time_ns));
+        self.put::<BodyFrame>(body, stamp, |m| encode(*frame, m))?;
+        self.put::<Cloud>(body, stamp, |m| cloud::encode(frame.time_ns, positions, m))
     }
 
     /// Adds the surface of a body. The caller writes it before the first frame of its topology epoch. `time_ns` is the
@@ -352,16 +275,8 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_surface(&mut self, surface: &Surface, time_ns: u64) -> Result<(), LogError> {
-        let Some(channels) = self.bodies.get(surface.body as usize).copied() else {
-            return Ok(());
-        };
-        body::encode_surface(surface, &mut self.message);
-        self.put(&MessageHeader {
-            channel_id: channels.surface,
-            sequence: surface.epoch,
-            log_time: time_ns,
-            publish_time: time_ns,
-        })
+        let stamp = (surface.epoch, time_ns);
+        self.put::<Surface>(surface.body as usize, stamp, |m| encode(surface.clone(), m))
     }
 
     /// Adds a tick.
@@ -369,15 +284,9 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
-        tick::encode(telemetry, &mut self.message);
-        let header = MessageHeader {
-            channel_id: self.channels.tick,
-            // Wraps after 49 days of ticks.
-            sequence: telemetry.tick as u32,
-            log_time: telemetry.time_ns,
-            publish_time: telemetry.time_ns,
-        };
-        self.put(&header)
+        // The number wraps after 49 days of ticks.
+        let stamp = (telemetry.tick as u32, telemetry.time_ns);
+        self.put::<TickRow>(0, stamp, |m| encode(TickRow::from(telemetry), m))
     }
 
     /// Adds a model of the body of index `body`. The caller writes it before the first tick that uses it.
@@ -385,21 +294,9 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
-        model::encode(body, model, &mut self.message);
-        let header = MessageHeader {
-            channel_id: self.channels.model,
-            sequence: self.models,
-            log_time: model.time_ns,
-            publish_time: model.time_ns,
-        };
+        let stamp = (self.models, model.head.time_ns);
         self.models = self.models.wrapping_add(1);
-        self.put(&header)
-    }
-
-    fn put(&mut self, header: &MessageHeader) -> Result<(), LogError> {
-        self.writer
-            .write_to_known_channel(header, &self.message)
-            .map_err(|error| write_error(&self.name, error))
+        self.put::<ModelRow>(0, stamp, |m| encode(ModelRow::new(body, model), m))
     }
 
     /// Hands all ticks so far to the system, so that they survive this process. Each call ends a chunk of the
@@ -441,52 +338,7 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 }
 
-/// The channels' numbers in the file.
-#[derive(Clone, Copy)]
-struct Channels {
-    tick: u16,
-    model: u16,
-}
-
-/// The numbers of a body's channels in the file.
-#[derive(Clone, Copy)]
-struct BodyChannels {
-    cloud: u16,
-    frame: u16,
-    surface: u16,
-}
-
-impl BodyChannels {
-    fn add<W: Write + Seek>(writer: &mut Writer<W>, name: &str) -> Result<Self, McapError> {
-        let [cloud, frame, surface] = body_channels(name);
-        Ok(Self {
-            cloud: add_channel(writer, &cloud)?,
-            frame: add_channel(writer, &frame)?,
-            surface: add_channel(writer, &surface)?,
-        })
-    }
-}
-
-/// The channel of a body's point clouds.
-fn body_topic(name: &str) -> String {
-    format!("/bodies/{name}")
-}
-
-fn add_channel<W: Write + Seek>(
-    writer: &mut Writer<W>,
-    channel: &ChannelInfo,
-) -> Result<u16, McapError> {
-    // The ROS 2 profile requires this key. An empty value means the defaults.
-    let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-    let definition = channel.schema_text.as_bytes();
-    let schema = writer.add_schema(channel.schema_name, channel.schema_encoding, definition)?;
-    writer.add_channel(schema, &channel.topic, channel.encoding, &qos)
-}
-
-fn begin<W: Write + Seek>(
-    writer: W,
-    header: &LogHeader,
-) -> Result<(Writer<W>, Channels), McapError> {
+fn begin<W: Write + Seek>(writer: W, header: &LogHeader) -> Result<Writer<W>, McapError> {
     let options = WriteOptions::new()
         .profile("ros2")
         .compression(None)
@@ -516,12 +368,7 @@ fn begin<W: Write + Seek>(
         })?;
     }
     writer.flush()?;
-    let [tick, model] = channels();
-    let channels = Channels {
-        tick: add_channel(&mut writer, &tick)?,
-        model: add_channel(&mut writer, &model)?,
-    };
-    Ok((writer, channels))
+    Ok(writer)
 }
 
 fn write_error(log: &str, error: McapError) -> LogError {

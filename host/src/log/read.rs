@@ -1,8 +1,7 @@
 //! A log that is read whole into memory, for tests and for programs that look at all ticks at once.
 
-use super::ModelRow;
 use super::index::{IndexError, LogIndex};
-use crate::record::{TearEvent, TickRow};
+use crate::record::{ModelRow, TearEvent, TickRow};
 use rt_core::Capabilities;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek};

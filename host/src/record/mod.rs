@@ -2,13 +2,27 @@
 //!
 //! The host makes them; the log, the viewers, the tables and the summary take them. This room stands at the ground of the host:
 //! it imports no other of its rooms.
+//!
+//! A kind of record is one file: its fields, its channel and the definition of its messages ([`Kind`], [`field::Record`]),
+//! and its columns in a table. Whoever writes, reads, compares or shows records follows these lists.
 
+pub(crate) mod cdr;
+pub(crate) mod cloud;
+pub mod field;
+mod frame;
+mod kind;
+mod model;
 mod surface;
 pub mod tear;
 pub mod tick;
 mod times;
 pub mod totals;
 
+pub use cdr::message;
+pub use cloud::Cloud;
+pub use frame::BodyFrame;
+pub use kind::{ChannelInfo, Kind};
+pub use model::ModelRow;
 pub use surface::Surface;
 pub use tear::TearEvent;
 pub use tick::{LoggedReading, ReadFault, TickRow, energy_sums};

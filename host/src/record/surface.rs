@@ -4,6 +4,8 @@
 //! corners of such a face run counterclockwise seen from outside. A quadratic face has a vertex at the middle of each edge
 //! and is divided into four triangles, so the surface bends with the face.
 
+use super::field::{Record, Visitor, definition, fields, record};
+use super::kind::Kind;
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, Mesh};
 use serde::{Deserialize, Serialize};
@@ -63,6 +65,43 @@ impl Surface {
     }
 }
 
+impl Kind for Surface {
+    const SCHEMA_NAME: &'static str = "palpate_msgs/msg/Surface";
+
+    fn topic(body: &str) -> String {
+        format!("/bodies/{body}/surface")
+    }
+
+    fn definition() -> String {
+        definition::<Self>()
+    }
+}
+
+record! { Surface: Self::default(), Self::count;
+    "# The surface of a body in one topology epoch.";
+    "uint32 body         # index in a tick's bodies" body;
+    "uint32 epoch        # topology epoch" epoch;
+    "uint32 vertices     # number of vertices of the body, including those inside" vertices;
+    "float32[] rest      # positions at rest (m), three numbers a vertex" rest;
+    "uint32[] triangles  # three vertices each" triangles;
+    "uint32[] lines      # the bars of a thread, two vertices each" lines;
+    triangle_count: skip;
+    line_count: skip;
+}
+
+impl Surface {
+    /// Counts triangles and lines. `None` if the numbers contradict each other.
+    fn count(&mut self) -> Option<()> {
+        self.triangle_count = self.triangles.len() as u32 / 3;
+        self.line_count = self.lines.len() as u32 / 2;
+        let inside = |indices: &[u32]| indices.iter().all(|index| *index < self.vertices);
+        let whole = self.rest.len() as u64 == 3 * u64::from(self.vertices)
+            && self.triangles.len().is_multiple_of(3)
+            && self.lines.len().is_multiple_of(2);
+        (whole && inside(&self.triangles) && inside(&self.lines)).then_some(())
+    }
+}
+
 /// The triangles of the boundary, three vertices each, in the order of the cells.
 fn boundary(cells: &Cells) -> Vec<u32> {
     let mut shared: BTreeMap<[u32; 3], u8> = BTreeMap::new();
@@ -114,6 +153,8 @@ fn middles(cell: &[u32], [a, b, c]: [usize; 3]) -> Option<[u32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::BodyFrame;
+    use crate::record::cdr::{decode, encode};
     use physics::Vec3;
     use physics::mesh::generate::{self, Pattern};
     use physics::mesh::generate_box::solid_box;
@@ -203,5 +244,46 @@ mod tests {
         let surface = Surface::of_mesh(0, 0, &Mesh::Thread(thread));
         assert_eq!((surface.line_count, surface.lines.len()), (7, 14));
         assert!(surface.triangles.is_empty());
+    }
+
+    #[test]
+    fn a_frame_and_a_surface_are_read_back() {
+        let mut message = Vec::new();
+        let frame = BodyFrame {
+            body: 1,
+            step: 7,
+            time_ns: 9,
+            epoch: 3,
+        };
+        encode(frame, &mut message);
+        assert_eq!(decode(&message), Some(frame));
+        let surface = Surface {
+            body: 1,
+            epoch: 2,
+            vertices: 3,
+            triangle_count: 1,
+            line_count: 1,
+            rest: (0..9_u8).map(f32::from).collect(),
+            triangles: vec![0, 1, 2],
+            lines: vec![2, 0],
+        };
+        encode(surface.clone(), &mut message);
+        assert_eq!(decode(&message), Some(surface));
+        for cut in 0..message.len() {
+            assert_eq!(decode::<Surface>(&message[..cut]), None, "{cut}");
+        }
+    }
+
+    #[test]
+    fn a_surface_with_a_vertex_that_does_not_exist_is_refused() {
+        let surface = Surface {
+            vertices: 1,
+            rest: vec![0.0; 3],
+            triangles: vec![0, 0, 1],
+            ..Surface::default()
+        };
+        let mut message = Vec::new();
+        encode(surface.clone(), &mut message);
+        assert_eq!(decode::<Surface>(&message), None);
     }
 }

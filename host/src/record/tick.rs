@@ -1,8 +1,17 @@
 //! One tick: the telemetry of devices and bodies, and the readings of the devices, from which a run is replayed.
+//!
+//! The fields of a tick, of its devices, bodies and readings are listed here once, in the order of the message, and so are
+//! the columns of the table of a run. The message of a log, its definition, the comparison of a replay, the table and the
+//! sums of energy of a viewer follow from these lists. A list that lacks a field does not compile.
 
-use rt_core::Reading;
+use super::field::{Cells, Each, Leaf, Record, Visitor, definition, fields, name, record};
+use super::kind::Kind;
+use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
-use rt_core::{Corruption, DeviceError, DeviceState, EnergyAccount, Telemetry};
+use rt_core::safety::SafetyState;
+use rt_core::{
+    Corruption, DeviceError, DeviceState, EnergyAccount, Reading, Rendering, Telemetry, Withheld,
+};
 use std::fmt;
 
 /// One tick, read back from a log.
@@ -116,26 +125,268 @@ impl fmt::Display for ReadFault {
     }
 }
 
-/// The sums of energy (J), by the names and in the order of the message definition. They are all fields of the account
-/// except the count of ticks.
-pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
-    let EnergyAccount {
-        supplied,
-        raised,
-        least,
-        initial,
-        stored,
-        credited,
-        available,
-        capped: _,
-    } = *energy;
-    [
-        ("supplied", supplied),
-        ("raised", raised),
-        ("least", least),
-        ("initial", initial),
-        ("stored", stored),
-        ("credited", credited),
-        ("available", available),
-    ]
+/// The faults in the order of the constants in the message definition, from one.
+const FAULTS: [ReadFault; 8] = [
+    ReadFault::NoReport,
+    ReadFault::Disconnected(0),
+    ReadFault::Busy,
+    ReadFault::BadLength,
+    ReadFault::BadCheckSum,
+    ReadFault::BadVersion,
+    ReadFault::BadKind,
+    ReadFault::OutOfRange,
+];
+
+impl Kind for TickRow {
+    const SCHEMA_NAME: &'static str = "palpate_msgs/msg/Tick";
+
+    fn topic(_: &str) -> String {
+        "/tick".to_owned()
+    }
+
+    fn definition() -> String {
+        definition::<Self>()
+    }
+}
+
+record! { TickRow: (&Telemetry::empty()).into();
+    "# One pass of the haptic loop. SI units; world axes.";
+    "uint64 tick         # number of the tick, from zero" tick;
+    "uint64 time_ns      # its nominal time" time_ns;
+    "uint64 lateness_ns  # how late it woke" lateness_ns;
+    "uint64 took_ns      # from there until just before its commands left" took_ns;
+    "palpate_msgs/Device[] devices" devices: list "device";
+    "palpate_msgs/Body[] bodies" bodies: list "body";
+    "palpate_msgs/Reading[] readings  # by device" readings: list "reading";
+}
+
+impl TickRow {
+    /// The tick without what it was given: readings and measured times. A replay compares the rest.
+    pub(crate) fn outputs(&self) -> Self {
+        Self {
+            lateness_ns: 0,
+            took_ns: 0,
+            readings: Vec::new(),
+            ..self.clone()
+        }
+    }
+}
+
+// A `torque` is the moment about the handle.
+record! { DeviceTelemetry: Self::empty();
+    "uint8 NORMAL=0";
+    "uint8 LIMITED=1";
+    "uint8 RECOVERING=2";
+    "uint8 DEVICE_STALE=3";
+    "uint8 NOT_A_NUMBER=4";
+    "uint8 SLEWED=5";
+    "uint8 TOO_FAST=6";
+    "uint8 OUT_OF_REACH=7";
+    "uint8 HOT=8";
+    "uint8 ENGAGING=9";
+    "uint8 HANDS_OFF=10";
+    "uint8 DISARMED=11";
+    "uint8 STOPPED=12";
+    "uint8 LET_GO=13";
+    "uint8 DEVICE_FAULT=14";
+    "geometry_msgs/Pose pose      # of the proxy" pose;
+    "geometry_msgs/Twist twist    # of the proxy" twist;
+    "geometry_msgs/Wrench wrench  # on the hand, as it left for the device" wrench;
+    "geometry_msgs/Vector3 slip   # of the proxy against its hand; part of the pose" slip;
+    "float64 slip_angle           # of that slip (rad)" slip_angle;
+    "uint64 device_time_ns        # the device's own clock" device_time_ns;
+    "uint32 buttons               # one bit each; the two highest are the operator's orders" buttons;
+    "bool fresh                   # whether the device gave a good state this tick" fresh;
+    "uint8 safety                 # what the last stage did to the wrench" safety;
+}
+
+record! { BodyTelemetry: Self::empty();
+    "uint8 WAITING=0";
+    "uint8 LIVE=1";
+    "uint8 FADING=2";
+    "uint8 HELD=3";
+    "uint64 sequence  # of the model in use; zero before the first" sequence;
+    "uint64 age_ns    # of that model" age_ns;
+    "float64 trust    # in it, from zero (safe hold) to one" trust;
+    "uint32 epoch     # of its topology" epoch;
+    "uint8 state      # what the coupling was doing" state;
+    withheld: flat;
+    energy: flat;
+}
+
+record! { Withheld: Self::default();
+    "float64 withheld # force that the cap withholds (N)" force;
+    "float64 of       # force of the model's springs there (N)" of;
+}
+
+record! { EnergyAccount: Self::default();
+    "# Energy (J) between the hands and the body, sums since the start: a lost message loses nothing.";
+    "float64 supplied   # net work of the hands" supplied;
+    "float64 raised     # part of it that lifted weight" raised;
+    "float64 least      # least that supplied - raised + credited ever was" least;
+    "float64 initial    # stored when the first model came" initial;
+    "float64 stored     # that could be got back now" stored;
+    "float64 credited   # dissipated by devices and relied on" credited;
+    "float64 available  # what the cap has to spend" available;
+    "uint64 capped      # ticks in which it took something off" capped;
+}
+
+impl Record for LoggedReading {
+    fn empty() -> Self {
+        Self(Ok(DeviceState::resting()))
+    }
+
+    fn fields(&mut self, to: &mut impl Visitor) -> Option<()> {
+        let (mut state, mut status, mut system_error) = match self.0 {
+            Ok(state) => (state, 0, 0),
+            Err(fault) => {
+                let (kind, number) = match fault {
+                    ReadFault::Disconnected(number) => (ReadFault::Disconnected(0), number),
+                    other => (other, 0),
+                };
+                let place = FAULTS.iter().position(|f| *f == kind);
+                // The state is all zero: a rotation of zero length cannot be mistaken for a rotation that was read.
+                let mut nothing = DeviceState::resting();
+                nothing.pose.rotation.as_mut_unchecked().coords.fill(0.0);
+                (
+                    nothing,
+                    place.map_or(u8::MAX, |i| i as u8 + 1),
+                    number as u32,
+                )
+            }
+        };
+        let (mut rendering, mut fault) = match state.rendering {
+            Rendering::Commanded => (0_u8, 0),
+            Rendering::LetGo => (1, 0),
+            Rendering::Fault(fault) => (2, fault),
+        };
+        let DeviceState {
+            pose,
+            twist,
+            buttons,
+            device_time_ns,
+            rendering: _,
+        } = &mut state;
+        let (own_status, own_error) = (&mut status, &mut system_error);
+        let (own_rendering, own_fault) = (&mut rendering, &mut fault);
+        fields! { to;
+            "# What the device gave, as it gave it: its own axes. All zero where it gave nothing.";
+            "uint8 OK=0";
+            "uint8 NO_REPORT=1";
+            "uint8 DISCONNECTED=2";
+            "uint8 BUSY=3";
+            "uint8 BAD_LENGTH=4";
+            "uint8 BAD_CHECK_SUM=5";
+            "uint8 BAD_VERSION=6";
+            "uint8 BAD_KIND=7";
+            "uint8 OUT_OF_RANGE=8";
+            "geometry_msgs/Pose pose" pose;
+            "geometry_msgs/Twist twist" twist;
+            "uint64 device_time_ns" device_time_ns;
+            "uint32 buttons" buttons;
+            "int32 system_error  # where it is disconnected" own_error;
+            "uint8 status" own_status;
+            "uint8 COMMANDED=0";
+            "uint8 LET_GO=1";
+            "uint8 FAULT=2";
+            "uint8 rendering     # what the device says of the wrenches that it is commanded" own_rendering;
+            "uint8 fault         # number of the fault, where it has one" own_fault;
+        }
+        state.rendering = match (rendering, fault) {
+            (0, 0) => Rendering::Commanded,
+            (1, 0) => Rendering::LetGo,
+            (2, fault) => Rendering::Fault(fault),
+            _ => return None,
+        };
+        self.0 = match usize::from(status).checked_sub(1) {
+            None => Ok(state),
+            Some(place) => Err(match *FAULTS.get(place)? {
+                ReadFault::Disconnected(_) => ReadFault::Disconnected(system_error as i32),
+                other => other,
+            }),
+        };
+        Some(())
+    }
+}
+
+/// The sums of energy (J), with their names: the fields of the account without the count of ticks.
+pub fn energy_sums(energy: &EnergyAccount) -> Vec<(&'static str, f64)> {
+    let mut sums = Vec::new();
+    let mut each = Each(|line, _, leaf: Leaf<'_>| {
+        if let Leaf::Number(sum) = leaf {
+            sums.push((name(line), *sum));
+        }
+    });
+    // The visitor takes every field.
+    let _ = { *energy }.fields(&mut each);
+    sums
+}
+
+/// The states of the last stage that have a column, in the order of the columns.
+const SAFETY: [SafetyState; 14] = [
+    SafetyState::Limited,
+    SafetyState::Slewed,
+    SafetyState::Recovering,
+    SafetyState::TooFast,
+    SafetyState::OutOfReach,
+    SafetyState::Hot,
+    SafetyState::Engaging,
+    SafetyState::HandsOff,
+    SafetyState::Disarmed,
+    SafetyState::Stopped,
+    SafetyState::Silent,
+    SafetyState::LetGo,
+    SafetyState::DeviceFault,
+    SafetyState::NotANumber,
+];
+
+/// The states of a coupling without a model that it trusts, which have a column each.
+const COUPLING: [HostState; 3] = [HostState::Waiting, HostState::Fading, HostState::Held];
+
+/// The columns of a tick before those of its devices.
+pub(crate) fn tick_columns(tick: &Telemetry, to: &mut impl Cells) {
+    to.whole(format_args!("tick"), tick.tick);
+    to.seconds("time_s", tick.time_ns);
+    to.seconds("lateness_s", tick.lateness_ns);
+}
+
+/// The columns of a device.
+pub(crate) fn device_columns(device: &DeviceTelemetry, to: &mut impl Cells) {
+    to.vector("position", "m", &device.pose.position);
+    let rotation = device.pose.rotation.quaternion();
+    let components = [rotation.w, rotation.i, rotation.j, rotation.k];
+    for (component, x) in ["w", "x", "y", "z"].into_iter().zip(components) {
+        to.number(format_args!("orientation_{component}"), x);
+    }
+    to.vector("velocity", "m_per_s", &device.twist.linear);
+    to.vector("angular_velocity", "rad_per_s", &device.twist.angular);
+    to.vector("force", "N", &device.wrench.force);
+    to.vector("moment", "Nm", &device.wrench.moment);
+    to.vector("slip", "m", &device.slip);
+    to.number(format_args!("slip_rad"), device.slip_angle);
+    to.whole(format_args!("buttons"), u64::from(device.buttons));
+    to.flag("missed", !device.fresh);
+    for state in SAFETY {
+        to.flag(state.name(), device.safety == state);
+    }
+}
+
+/// The columns of a body. `capped`: the ticks in which the cap reduced a wrench, before this tick.
+pub(crate) fn body_columns(body: &BodyTelemetry, capped: u64, to: &mut impl Cells) {
+    to.whole(format_args!("model"), body.sequence);
+    if body.sequence == 0 {
+        to.number(format_args!("model_age_s"), f64::NAN);
+    } else {
+        to.seconds("model_age_s", body.age_ns);
+    }
+    to.number(format_args!("trust"), body.trust);
+    for state in COUPLING {
+        to.flag(state.name(), body.state == state);
+    }
+    to.flag("capped", body.energy.capped > capped);
+    to.number(format_args!("withheld_N"), body.withheld.force);
+    to.number(format_args!("springs_N"), body.withheld.of);
+    for (name, sum) in energy_sums(&body.energy) {
+        to.number(format_args!("{name}_J"), sum);
+    }
 }

@@ -5,13 +5,11 @@
 
 use super::observer::{Observed, Observer};
 use crate::atomic_file::{AtomicFileError, Stream, open_stream, stream};
-use crate::record::energy_sums;
+use crate::record::tick::{body_columns, device_columns, tick_columns};
 use crate::scene::Scene;
 use crate::table::{Columns, Line};
 use rt_core::Telemetry;
-use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
-use rt_core::safety::SafetyState;
 use runner::link::LogRecord;
 use std::fs::{OpenOptions, TryLockError};
 use std::io::{self, Write};
@@ -21,27 +19,6 @@ use std::path::{Path, PathBuf};
 const FLUSH_PERIOD: f64 = 0.5;
 /// Most rows that wait to be written (bytes).
 const WAITING: usize = 1 << 16;
-
-/// The states of the last stage that have a column, in the order of the columns.
-const SAFETY: [SafetyState; 14] = [
-    SafetyState::Limited,
-    SafetyState::Slewed,
-    SafetyState::Recovering,
-    SafetyState::TooFast,
-    SafetyState::OutOfReach,
-    SafetyState::Hot,
-    SafetyState::Engaging,
-    SafetyState::HandsOff,
-    SafetyState::Disarmed,
-    SafetyState::Stopped,
-    SafetyState::Silent,
-    SafetyState::LetGo,
-    SafetyState::DeviceFault,
-    SafetyState::NotANumber,
-];
-
-/// The states of a coupling without a model that it trusts, which have a column each.
-const COUPLING: [HostState; 3] = [HostState::Waiting, HostState::Fading, HostState::Held];
 
 /// Writes a row for each tick.
 pub(super) struct CsvObserver {
@@ -85,14 +62,13 @@ impl CsvObserver {
     fn write(&mut self, telemetry: &Telemetry) {
         let line = &mut self.line;
         line.clear();
-        line.whole(telemetry.tick);
-        line.seconds(telemetry.time_ns);
-        line.seconds(telemetry.lateness_ns);
+        tick_columns(telemetry, line);
         for device in telemetry.devices() {
-            write_device(line, device);
+            device_columns(device, line);
         }
         for (body, capped) in telemetry.bodies().zip(&mut self.capped) {
-            write_body(line, body, capped);
+            body_columns(body, *capped, line);
+            *capped = body.energy.capped;
         }
         self.rows.push_str(line.end());
         self.taken += 1;
@@ -166,78 +142,12 @@ fn open(path: &Path) -> io::Result<Box<dyn Write + Send>> {
 /// The columns, in the order in which `CsvObserver::write` fills them.
 fn columns(scene: &Scene) -> Columns {
     let mut columns = Columns::default();
-    for name in ["tick", "time_s", "lateness_s"] {
-        columns.add("", name);
-    }
+    tick_columns(&Telemetry::empty(), &mut columns.of(""));
     for device in &scene.devices {
-        let of = &device.name;
-        columns.vector(of, "position", "m");
-        for part in ["w", "x", "y", "z"] {
-            columns.add(of, &format!("orientation_{part}"));
-        }
-        columns.vector(of, "velocity", "m_per_s");
-        columns.vector(of, "angular_velocity", "rad_per_s");
-        columns.vector(of, "force", "N");
-        columns.vector(of, "moment", "Nm");
-        columns.vector(of, "slip", "m");
-        columns.add(of, "slip_rad");
-        columns.add(of, "buttons");
-        columns.add(of, "missed");
-        for state in SAFETY {
-            columns.add(of, state.name());
-        }
+        device_columns(&DeviceTelemetry::empty(), &mut columns.of(&device.name));
     }
     for body in &scene.bodies {
-        let of = &body.name;
-        for name in ["model", "model_age_s", "trust"] {
-            columns.add(of, name);
-        }
-        for state in COUPLING {
-            columns.add(of, state.name());
-        }
-        for name in ["capped", "withheld_N", "springs_N"] {
-            columns.add(of, name);
-        }
-        for (name, _) in energy_sums(&rt_core::EnergyAccount::default()) {
-            columns.add(of, &format!("{name}_J"));
-        }
+        body_columns(&BodyTelemetry::empty(), 0, &mut columns.of(&body.name));
     }
     columns
-}
-
-fn write_device(line: &mut Line, device: &DeviceTelemetry) {
-    let rotation = device.pose.rotation.quaternion();
-    line.numbers(device.pose.position.iter().copied());
-    line.numbers([rotation.w, rotation.i, rotation.j, rotation.k]);
-    line.numbers(device.twist.linear.iter().copied());
-    line.numbers(device.twist.angular.iter().copied());
-    line.numbers(device.wrench.force.iter().copied());
-    line.numbers(device.wrench.moment.iter().copied());
-    line.numbers(device.slip.iter().copied());
-    line.number(device.slip_angle);
-    line.whole(u64::from(device.buttons));
-    line.flag(!device.fresh);
-    for state in SAFETY {
-        line.flag(device.safety == state);
-    }
-}
-
-/// `capped`: the ticks in which the cap reduced a wrench, before this tick.
-fn write_body(line: &mut Line, body: &BodyTelemetry, capped: &mut u64) {
-    line.whole(body.sequence);
-    if body.sequence == 0 {
-        line.number(f64::NAN);
-    } else {
-        line.seconds(body.age_ns);
-    }
-    line.number(body.trust);
-    for state in COUPLING {
-        line.flag(body.state == state);
-    }
-    line.flag(body.energy.capped > *capped);
-    *capped = body.energy.capped;
-    line.numbers([body.withheld.force, body.withheld.of]);
-    for (_, sum) in energy_sums(&body.energy) {
-        line.number(sum);
-    }
 }

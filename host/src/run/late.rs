@@ -55,7 +55,7 @@ impl LateLink {
         let arrived = |sent: &mut Sent| sent.arrival_ns <= now_ns;
         for Sent { body, model, .. } in self.under_way.extract_if(.., arrived) {
             // The link counts a full ring.
-            let _ = self.end.publish(body, &model);
+            let _ = self.end.publish(body, &*model);
             see(body, &model);
             self.room.push(model);
         }

@@ -255,9 +255,9 @@ fn race(
         sheet.step(STEP, &targets)?;
 
         let mut model = LocalModel::empty();
-        model.sequence = step;
-        model.time_ns = step * 1_000_000;
-        model.handle_count = handles.len().min(MAX_HANDLES) as u8;
+        model.head.sequence = step;
+        model.head.time_ns = step * 1_000_000;
+        model.head.handle_count = handles.len().min(MAX_HANDLES) as u8;
         for (i, reference) in model.handles.iter_mut().take(handles.len()).enumerate() {
             if let Some(report) = sheet.handle_report(i) {
                 *reference = reference_of(i as u8, report);
@@ -278,7 +278,7 @@ fn race(
             let row = (0..handles.len()).map(|j| condensed.stiffness[(0, 6 * j)]);
             race.rigid_stiffness[index] = row.sum::<f64>().abs();
             fill_blocks(&mut model, condensed);
-            model.period = 1.0 / rate;
+            model.head.period = 1.0 / rate;
             stored[index].keep(&model, condensed.length);
             stored[index].publish(&sheet, sheet.elastic_energy(), &mut model);
             for rival in rivals.iter_mut().filter(|rival| rival.rate == index) {
@@ -289,7 +289,7 @@ fn race(
 
         let measured = t > SETTLE;
         for rival in rivals.iter_mut() {
-            let wrenches = rival.coupling.tick(model.time_ns, &hands);
+            let wrenches = rival.coupling.tick(model.head.time_ns, &hands);
             // Nothing limits the devices here: they hold what the scheme renders. The account needs to know.
             let mut held = [Wrench::zero(); MAX_DEVICES];
             for (held, (wrench, _)) in held.iter_mut().zip(wrenches.iter().zip(handles)) {

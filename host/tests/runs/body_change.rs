@@ -111,8 +111,8 @@ fn a_hand_takes_hold_at_a_fixed_step_while_the_old_solver_serves() {
         steps(&mut rig, 1);
         let last = *rig.published.last().unwrap();
         assert!(!rig.engine.bodies()[0].is_changing());
-        assert_eq!((last.epoch, devices(&last)), (1, vec![0, 1, 2]));
-        assert_eq!(last.sequence as usize, rig.published.len());
+        assert_eq!((last.head.epoch, devices(&last)), (1, vec![0, 1, 2]));
+        assert_eq!(last.head.sequence as usize, rig.published.len());
         // No vertex jumps: none moves by more than the hand does in a step, which is 0.13 mm at most.
         for (x, was) in body(&rig).positions().zip(&positions) {
             assert!((x - was).norm() < 2e-4, "{}", (x - was).norm());
@@ -146,7 +146,7 @@ fn a_hand_lets_go_and_the_others_continue() {
         .unwrap();
     steps(&mut rig, LANDING);
     let last = rig.published.last().unwrap();
-    assert_eq!((last.epoch, devices(last)), (2, vec![1, 2]));
+    assert_eq!((last.head.epoch, devices(last)), (2, vec![1, 2]));
     // The released edge follows, and in the end nothing pulls at the second hand but damping and weight.
     for _ in 0..1000 {
         rig.follow(TICKS, |_, _| {});
@@ -154,7 +154,11 @@ fn a_hand_lets_go_and_the_others_continue() {
     }
     assert_eq!(rig.engine.stats().faults, 0);
     let at_rest = rig.published.last().unwrap();
-    let energies: Vec<f64> = rig.published.iter().map(|model| model.energy).collect();
+    let energies: Vec<f64> = rig
+        .published
+        .iter()
+        .map(|model| model.head.energy)
+        .collect();
     assert!(
         energies
             .iter()
@@ -180,7 +184,7 @@ fn all_hands_let_go_and_one_takes_hold_again() {
     rig.engine.change(0, vec![edit]).unwrap();
     steps(&mut rig, LANDING + 5);
     let last = rig.published.last().unwrap();
-    assert_eq!((last.epoch, devices(last)), (2, vec![2]));
+    assert_eq!((last.head.epoch, devices(last)), (2, vec![2]));
     assert_eq!(rig.engine.stats().faults, 0);
 }
 

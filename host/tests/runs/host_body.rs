@@ -104,8 +104,8 @@ fn no_tick_is_published_twice() {
     assert_eq!(rig.step(), 1);
     for pair in rig.published.array_windows() {
         let [before, after] = pair;
-        assert!(after.time_ns > before.time_ns);
-        assert_eq!(after.sequence, before.sequence + 1);
+        assert!(after.head.time_ns > before.head.time_ns);
+        assert_eq!(after.head.sequence, before.head.sequence + 1);
     }
 }
 

@@ -5,10 +5,9 @@ use rt_core::LocalModel;
 use runner::link::{LinkConfig, TickEnd, link};
 
 fn model(sequence: u64) -> LocalModel {
-    LocalModel {
-        sequence,
-        ..LocalModel::empty()
-    }
+    let mut model = LocalModel::empty();
+    model.head.sequence = sequence;
+    model
 }
 
 /// The models that the tick takes: for each body with a new model, the body and the newest number.
@@ -25,11 +24,11 @@ fn a_model_arrives_at_its_time_and_once() {
     late.send(3_000_000, 0, &model(1));
     let mut seen = Vec::new();
     for now_ns in [0, 2_999_999] {
-        late.deliver(now_ns, |body, model| seen.push((body, model.sequence)));
+        late.deliver(now_ns, |body, model| seen.push((body, model.head.sequence)));
         assert_eq!((seen.len(), taken(&mut tick)), (0, vec![]), "{now_ns}");
     }
     for (now_ns, expected) in [(3_000_000, vec![(0, 1)]), (4_000_000, vec![])] {
-        late.deliver(now_ns, |body, model| seen.push((body, model.sequence)));
+        late.deliver(now_ns, |body, model| seen.push((body, model.head.sequence)));
         assert_eq!(taken(&mut tick), expected, "{now_ns}");
     }
     assert_eq!(seen, [(0, 1)]);
@@ -50,7 +49,7 @@ fn models_arrive_by_body_in_the_order_of_sending() {
     let mut seen = Vec::new();
     let mut at = |now_ns, tick: &mut TickEnd| {
         late.deliver(now_ns, |body, model| {
-            seen.push((now_ns, body, model.sequence));
+            seen.push((now_ns, body, model.head.sequence));
         });
         taken(tick)
     };

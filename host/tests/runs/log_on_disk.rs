@@ -29,7 +29,7 @@ fn at_most_half_a_second_is_not_on_disk() -> Result<(), Box<dyn Error>> {
             let log = Log::parse(&bytes).unwrap_or_default();
             let rows = log.rows.len() as u64;
             // Every model that a tick in the file used precedes the tick.
-            let newest = log.models.iter().map(|model| model.sequence).max();
+            let newest = log.models.iter().map(|model| model.head.sequence).max();
             for row in &log.rows {
                 assert!(row.bodies[0].sequence <= newest.unwrap_or(0));
             }

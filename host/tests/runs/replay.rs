@@ -162,7 +162,7 @@ fn a_changed_input_or_model_changes_the_replay() -> Outcome {
 
     let mut log = whole;
     log.models[20].handles[1].wrench.force.x += 1e-9;
-    let sequence = log.models[20].sequence;
+    let sequence = log.models[20].head.sequence;
     let user = log
         .rows
         .iter()
@@ -218,7 +218,7 @@ fn a_log_without_a_tick_or_a_model_is_refused_and_the_missing_one_named() -> Out
     let missing = log.models.remove(9);
     match refused(&log) {
         Some(ReplayError::MissingModel { body, sequence, .. }) => {
-            assert_eq!((body, sequence), (0, missing.sequence));
+            assert_eq!((body, sequence), (0, missing.head.sequence));
         }
         other => panic!("{other:?}"),
     }

@@ -111,7 +111,7 @@ fn logged(case: &Case) -> Result<Log, Box<dyn Error>> {
     for k in (0..TICKS).filter(|k| !PAUSE.contains(k)) {
         let now_ns = k * 1_000_000;
         // The host goes on while the loop stands still; its models wait in the ring.
-        while let Some((body, model)) = models.next_if(|(_, model)| model.time_ns <= now_ns) {
+        while let Some((body, model)) = models.next_if(|(_, model)| model.head.time_ns <= now_ns) {
             host.publish(body, &model)?;
         }
         let late = if k == PAUSE.end {

@@ -70,7 +70,7 @@ fn every_scheme_runs_under_its_name() -> Result<(), Box<dyn Error>> {
 #[test]
 fn a_proxy_publishes_the_body_in_series_with_its_spring() -> Result<(), Box<dyn Error>> {
     let linear = published(&with("linear", "")?)?;
-    assert_eq!(linear.sequence, 10);
+    assert_eq!(linear.head.sequence, 10);
     for lines in ["", "proxy_stiffness = 150.0\nproxy_damping = 0.5"] {
         let scene = with("proxy", lines)?;
         let links = links(&scene, &scene.scene.bodies[0]);

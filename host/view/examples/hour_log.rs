@@ -7,7 +7,8 @@
 use fuzz_rules::changed::Mutator;
 use host::live::gather::Gatherer;
 use host::log::overview::OverviewBuilder;
-use host::log::{BodyFrame, LogHeader, LogWriter};
+use host::log::{LogHeader, LogWriter};
+use host::record::BodyFrame;
 use host::record::Surface;
 use host::run::Clock;
 use host::scene::Scene;

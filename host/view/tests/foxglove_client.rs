@@ -11,7 +11,8 @@ mod foxglove_common;
 
 use foxglove_common::{Logged, PATIENCE, Server, hello, messages_of, run_with_log};
 use host::live::{BodyState, Frame, Vertices};
-use host::log::{BodyFrame, LogHeader, LogWriter};
+use host::log::{LogHeader, LogWriter};
+use host::record::BodyFrame;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Write};

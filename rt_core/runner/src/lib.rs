@@ -24,10 +24,10 @@ pub mod degradation;
 pub mod latency;
 pub mod link;
 pub mod memory;
-mod model_ring;
 #[cfg(feature = "mutations")]
 mod mutation;
 pub mod pace;
+pub mod packed_ring;
 pub mod reserve;
 pub mod ring;
 pub mod schedule;

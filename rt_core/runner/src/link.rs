@@ -1,5 +1,5 @@
 //! The link between the tick and the host and log: wait-free rings of records of fixed size, and rings of models that
-//! pass the used part of a model (`crate::model_ring`).
+//! pass the used part of a model ([`crate::packed_ring`]).
 //!
 //! ```text
 //!              TickRecord            Telemetry
@@ -22,9 +22,10 @@
 //! body in constant time, however many models wait.
 
 use crate::memory::MemoryRange;
-use crate::model_ring::{ModelReader, ModelWriter, model_ring, prefaulted_model_ring};
+use crate::packed_ring::{PackedReader, PackedWriter, packed_ring, prefaulted_packed_ring};
 use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
-use rt_core::local_model::PackedModel;
+use rt_core::local_model::{ModelHead, PackedModel};
+use rt_core::publication::Publication;
 use rt_core::{LocalModel, MAX_BODIES, MAX_HANDLES, Telemetry, TickRecord};
 use rtrb::{Consumer, Producer};
 
@@ -76,7 +77,9 @@ impl LinkConfig {
 ///
 /// // The host publishes two models of the first body; the tick takes the newer one.
 /// for sequence in 1..=2 {
-///     host.publish(0, &LocalModel { sequence, ..LocalModel::empty() })?;
+///     let mut model = LocalModel::empty();
+///     model.head.sequence = sequence;
+///     host.publish(0, &model)?;
 /// }
 /// tick.take_models(|body, model| assert_eq!((body, model.head.sequence), (0, 2)));
 /// assert_eq!(tick.counters().superseded_models, 1);
@@ -93,18 +96,15 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     let mut to_tick = Vec::new();
     let mut inlets = Vec::new();
     let bodies = config.bodies.min(MAX_BODIES);
-    let handles = config.handles.clamp(1, MAX_HANDLES);
+    let most = ModelHead::extent_of(config.handles.clamp(1, MAX_HANDLES));
     for _ in 0..bodies {
-        let (writer, ring, used) = prefaulted_model_ring(models, handles);
+        let ((writer, reader), used) = prefaulted_packed_ring(models, most);
         memory.extend(used);
         to_tick.push(writer);
-        inlets.push(Inlet {
-            ring,
-            sequence: Sequence::from(1),
-        });
+        inlets.push(reader);
     }
     // Both threads of this ring may wait for a page, so the ring is not mapped in advance.
-    let (copies, to_replay) = model_ring(models * bodies, handles);
+    let (copies, to_replay) = packed_ring(models * bodies, most);
     let tick = TickEnd {
         to_host,
         to_log,
@@ -147,16 +147,10 @@ pub struct TickCounters {
 pub struct TickEnd {
     to_host: Producer<TickRecord>,
     to_log: Producer<Telemetry>,
-    inlets: Vec<Inlet>,
+    /// By body: its models.
+    inlets: Vec<PackedReader<ModelHead>>,
     counters: TickCounters,
     memory: Vec<MemoryRange>,
-}
-
-/// The tick's end of the ring of models of one body.
-#[derive(Debug)]
-struct Inlet {
-    ring: ModelReader,
-    sequence: Sequence,
 }
 
 impl TickEnd {
@@ -174,21 +168,17 @@ impl TickEnd {
     /// stays in the ring while `accept` reads it. The time does not depend on the number of models that wait.
     pub fn take_models(&mut self, mut accept: impl FnMut(usize, &PackedModel<'_>)) {
         for (body, inlet) in self.inlets.iter_mut().enumerate() {
-            let sequence = &mut inlet.sequence;
-            let counters = &mut self.counters;
-            inlet.ring.take_newest(|newest, waiting| {
-                let before = sequence.lost();
-                sequence.see(newest.head.sequence, waiting);
-                counters.lost_models += sequence.lost() - before;
-                counters.superseded_models += waiting - 1;
-                accept(body, newest);
-            });
+            inlet.take_newest(|newest| accept(body, newest));
         }
     }
 
     /// The counts since the start.
     pub fn counters(&self) -> TickCounters {
-        self.counters
+        TickCounters {
+            lost_models: self.inlets.iter().map(PackedReader::lost).sum(),
+            superseded_models: self.inlets.iter().map(PackedReader::superseded).sum(),
+            ..self.counters
+        }
     }
 
     /// Number of bodies that have a ring.
@@ -229,8 +219,8 @@ pub struct RingFull {
 #[derive(Debug)]
 pub struct HostEnd {
     records: Consumer<TickRecord>,
-    to_tick: Vec<ModelWriter>,
-    copies: ModelWriter,
+    to_tick: Vec<PackedWriter<ModelHead>>,
+    copies: PackedWriter<ModelHead>,
     sequence: Sequence,
     refused: u64,
     refused_copies: u64,
@@ -261,7 +251,11 @@ impl HostEnd {
     /// # Errors
     /// [`RingFull`] where the ring is full (the tick has taken no model for the time of a stall), or where the body has
     /// no ring. The refused model is counted.
-    pub fn publish(&mut self, body: usize, model: &LocalModel) -> Result<(), RingFull> {
+    pub fn publish(
+        &mut self,
+        body: usize,
+        model: &impl Publication<Head = ModelHead>,
+    ) -> Result<(), RingFull> {
         let Some(ring) = self.to_tick.get_mut(body) else {
             self.refused += 1;
             return Err(RingFull { body, capacity: 0 });
@@ -315,7 +309,7 @@ pub enum LogRecord<'a> {
 #[derive(Debug)]
 pub struct LogEnd {
     telemetry: Consumer<Telemetry>,
-    models: ModelReader,
+    models: PackedReader<ModelHead>,
     /// The model that is being read.
     model: Box<LocalModel>,
     sequence: Sequence,

@@ -25,10 +25,9 @@ fn telemetry(tick: u64) -> Telemetry {
 }
 
 fn model(sequence: u64) -> LocalModel {
-    LocalModel {
-        sequence,
-        ..LocalModel::empty()
-    }
+    let mut model = LocalModel::empty();
+    model.head.sequence = sequence;
+    model
 }
 
 #[test]
@@ -111,7 +110,7 @@ fn one_take_gives_the_newest_model_of_each_body() {
 /// A model of this number of handles. Each of its parts tells the model and the place of the part.
 fn sized(sequence: u64, handles: u8) -> LocalModel {
     let mut model = model(sequence);
-    model.handle_count = handles;
+    model.head.handle_count = handles;
     let tell = |place: usize| sequence as f64 + 0.01 * place as f64;
     for (i, handle) in model.handles.iter_mut().enumerate() {
         handle.pose.position = Vec3::repeat(tell(i));
@@ -126,7 +125,7 @@ fn sized(sequence: u64, handles: u8) -> LocalModel {
 /// Whether the used part of a model is that of [`sized`].
 fn is_sized(model: &LocalModel) -> bool {
     let mut expected = LocalModel::empty();
-    expected.copy_used_from(&sized(model.sequence, model.handle_count));
+    expected.copy_used_from(&sized(model.head.sequence, model.head.handle_count));
     let mut found = LocalModel::empty();
     found.copy_used_from(model);
     found == expected
@@ -150,7 +149,7 @@ proptest! {
                         let mut model = LocalModel::empty();
                         model.copy_used_from(packed);
                         assert!(body == 0 && is_sized(&model));
-                        taken = Some(model.sequence);
+                        taken = Some(model.head.sequence);
                     });
                     prop_assert_eq!(taken, (waiting > 0).then_some(newest));
                     waiting = 0;
@@ -159,7 +158,7 @@ proptest! {
                     let mut read = Vec::new();
                     log.records(|record| if let LogRecord::Model(0, model) = record {
                         assert!(is_sized(model));
-                        read.push(model.sequence);
+                        read.push(model.head.sequence);
                     });
                     prop_assert_eq!(&read, &copies);
                     copies.clear();
@@ -200,8 +199,8 @@ fn models_cross_threads_whole() {
         tick.take_models(|_, packed| {
             let mut model = LocalModel::empty();
             model.copy_used_from(packed);
-            assert!(is_sized(&model) && model.sequence > last);
-            last = model.sequence;
+            assert!(is_sized(&model) && model.head.sequence > last);
+            last = model.head.sequence;
             taken += 1;
         });
         if over {
@@ -359,7 +358,9 @@ fn numbers(log: &mut LogEnd) -> Vec<i64> {
     let mut seen = Vec::new();
     log.records(|record| {
         seen.push(match record {
-            LogRecord::Model(body, model) => -((100 * u64::from(body) + model.sequence) as i64),
+            LogRecord::Model(body, model) => {
+                -((100 * u64::from(body) + model.head.sequence) as i64)
+            }
             LogRecord::Tick(telemetry) => telemetry.tick as i64,
         });
     });
@@ -435,7 +436,7 @@ fn a_model_that_is_larger_than_the_rings_is_taken_whole_or_refused() {
         tick.take_models(|_, model| {
             let mut found = LocalModel::empty();
             found.copy_used_from(model);
-            whole = Some(is_sized(&found) && found.sequence == sequence);
+            whole = Some(is_sized(&found) && found.head.sequence == sequence);
         });
         (sent.is_ok(), whole)
     };

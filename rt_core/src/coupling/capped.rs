@@ -57,7 +57,7 @@ impl Coupling {
         let mut parts = self.to.parts(&deviations, lead, self.ahead);
         if self.blend < 1.0 {
             let mut from = self.from.parts(&deviations, lead, self.ahead);
-            from.mix(&parts, self.blend, usize::from(self.to.handle_count));
+            from.mix(&parts, self.blend, usize::from(self.to.head.handle_count));
             parts = from;
         }
         parts

@@ -81,7 +81,7 @@ impl Coupling {
             let has_force = wrench.is_finite()
                 && *wrench != Wrench::zero()
                 && (fade.left > 0.0 || wrench.stacked().amax() > RESIDUE);
-            let last = usize::from(pending.handle_count);
+            let last = usize::from(pending.head.handle_count);
             let successor = to.successor_of(old.piece, pending).unwrap_or(pieces);
             let place = pending.handles.get_mut(last);
             let Some(place) = place.filter(|_| leaves && has_force) else {
@@ -97,25 +97,25 @@ impl Coupling {
                 ..HandleReference::zero()
             };
             if successor == pieces {
-                if let Some(energy) = pending.pieces.get_mut(usize::from(successor)) {
+                if let Some(energy) = pending.head.pieces.get_mut(usize::from(successor)) {
                     *energy = PieceEnergy::default();
                 }
                 pieces = pieces.saturating_add(1);
             }
             clear(&mut pending.stiffness, last);
             clear(&mut pending.damping, last);
-            pending.handle_count = pending.handle_count.saturating_add(1);
+            pending.head.handle_count = pending.head.handle_count.saturating_add(1);
         }
     }
 
     /// Fades the force of hands that leave by a tick, and forgets these hands once they have no force.
     pub(super) fn fade_leaving(&mut self) {
-        if self.to.handle_count <= self.named {
+        if self.to.head.handle_count <= self.named {
             return;
         }
         let step = self.config.period / self.config.decay;
         let mut fading = false;
-        let used = usize::from(self.to.handle_count);
+        let used = usize::from(self.to.head.handle_count);
         let leaving = self.to.handles.iter_mut().zip(&mut self.from.handles);
         for (handle, from) in leaving.take(used).skip(usize::from(self.named)) {
             let Some(fade) = self.fades.get_mut(usize::from(handle.device)) else {
@@ -132,7 +132,7 @@ impl Coupling {
             (handle.wrench, handle.weight) = (wrench, weight);
         }
         if !fading && self.blend >= 1.0 {
-            self.to.handle_count = self.named;
+            self.to.head.handle_count = self.named;
             self.passivity
                 .keep_pieces(usize::from(self.to.piece_count()));
         }

@@ -30,10 +30,10 @@ impl LocalModel {
 
     /// States the energies of a whole body as those of its only piece.
     fn state_only_piece(&mut self) {
-        let [only, ..] = &mut self.pieces;
+        let [only, ..] = &mut self.head.pieces;
         *only = PieceEnergy {
-            stored: self.energy,
-            released: self.released,
+            stored: self.head.energy,
+            released: self.head.released,
         };
     }
 }
@@ -57,7 +57,7 @@ impl Coupling {
         let (to, pending) = (&self.to, &self.pending);
         let torn = to.piece_count() > 1 || pending.piece_count() > 1;
         let mut pairs = to.handles().zip(pending.handles());
-        let same = to.handle_count == pending.handle_count
+        let same = to.head.handle_count == pending.head.handle_count
             && pairs.all(|(a, b)| a.device == b.device && a.piece == b.piece);
         (torn && !same).then(|| Division::between(to, pending))
     }
@@ -93,15 +93,15 @@ impl Coupling {
     ) {
         let from = &mut self.from;
         let works = from.works(&from.deviations(devices), ahead);
-        for (piece, stored) in from.pieces.iter_mut().zip(stored) {
+        for (piece, stored) in from.head.pieces.iter_mut().zip(stored) {
             piece.stored = *stored;
         }
         let handles = from
             .handles
             .iter()
-            .take(usize::from(self.pending.handle_count));
+            .take(usize::from(self.pending.head.handle_count));
         for (handle, work) in handles.zip(works) {
-            if let Some(piece) = from.pieces.get_mut(usize::from(handle.piece)) {
+            if let Some(piece) = from.head.pieces.get_mut(usize::from(handle.piece)) {
                 piece.stored += work;
             }
         }
@@ -116,11 +116,11 @@ impl Coupling {
     ) {
         if let Some(division) = division {
             self.passivity.part(division, stored, self.to.handles());
-            self.passivity.begin_released(&self.to.pieces);
+            self.passivity.begin_released(&self.to.head.pieces);
         } else if self.is_torn() {
-            self.passivity.release_by_piece(&self.to.pieces);
+            self.passivity.release_by_piece(&self.to.head.pieces);
         } else {
-            self.passivity.release(self.to.released);
+            self.passivity.release(self.to.head.released);
         }
     }
 

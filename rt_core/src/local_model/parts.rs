@@ -71,7 +71,7 @@ impl LocalModel {
         ahead: f64,
     ) -> Parts {
         let mut parts = Parts::none();
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         let rows = self.stiffness.iter().zip(&self.damping);
         let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
         let handles = self.handles.iter().zip(deviations.iter().zip(lead));
@@ -100,7 +100,7 @@ impl LocalModel {
                 work += handle.tear_slope.dot(&own.displacement) * beyond.work;
             }
         }
-        parts.stored = (self.energy - work).max(0.0);
+        parts.stored = (self.head.energy - work).max(0.0);
         for ((elastic, viscous), handle) in parts
             .elastic
             .iter_mut()
@@ -134,7 +134,7 @@ impl LocalModel {
         deviations: &[Deviation; MAX_HANDLES],
         ahead: f64,
     ) -> [f64; MAX_HANDLES] {
-        let n = usize::from(self.handle_count);
+        let n = usize::from(self.head.handle_count);
         let handles = self.handles.iter().zip(deviations);
         let mut works = [0.0; MAX_HANDLES];
         let rows = self.stiffness.iter().zip(handles).zip(&mut works);

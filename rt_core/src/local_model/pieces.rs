@@ -1,7 +1,7 @@
 //! The pieces of a torn body. A torn body is still one body with one local model. A **piece** is a part of the body that
 //! hangs together; each handle has the number of its piece ([`HandleReference::piece`](super::HandleReference::piece)).
 //! Hands on different pieces cannot pass energy to each other, so the model states the energies of each piece apart
-//! ([`LocalModel::pieces`]), and each piece has an account of its own ([`crate::passivity`]).
+//! ([`ModelHead::pieces`](super::ModelHead::pieces)), and each piece has an account of its own ([`crate::passivity`]).
 //!
 //! In a whole body, the number of every piece is zero. The model's energies are then those of the body, and nothing here
 //! is computed.
@@ -14,7 +14,7 @@ use crate::geometry::Vec3;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PieceEnergy {
     /// Energy that hands at rest could get back from the piece at the reference state, without the weight (J). The
-    /// energies of all pieces add up to [`LocalModel::energy`]. Zero is always safe.
+    /// energies of all pieces add up to [`ModelHead::energy`](super::ModelHead::energy). Zero is always safe.
     pub stored: f64,
     /// Energy that the piece has released of its own since the body parted into these pieces (J). The value only grows.
     /// Zero is always safe.
@@ -46,7 +46,7 @@ impl LocalModel {
         deviations: &[Deviation; MAX_HANDLES],
         ahead: f64,
     ) -> [f64; MAX_HANDLES] {
-        let mut stored = self.pieces.map(|piece| piece.stored);
+        let mut stored = self.head.pieces.map(|piece| piece.stored);
         let works = self.works(deviations, ahead);
         for (handle, work) in self.handles().zip(works) {
             if let Some(stored) = stored.get_mut(usize::from(handle.piece)) {

@@ -98,7 +98,7 @@ impl LocalModel {
         deviations: &[Deviation; MAX_HANDLES],
         lead: &[Lead],
     ) -> Option<Beyond> {
-        let limit = &self.tear_limit;
+        let limit = &self.head.tear_limit;
         if !limit.is_some() {
             return None;
         }

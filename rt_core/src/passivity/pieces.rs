@@ -91,7 +91,7 @@ impl Division {
             }
         };
         for handle in new.handles() {
-            if old.handle_count == 0 {
+            if old.head.handle_count == 0 {
                 mark(0, handle.piece);
             }
             let before = old.handles().find(|before| before.device == handle.device);
@@ -104,7 +104,7 @@ impl Division {
             for (is_part, part) in is_part.iter_mut().zip(row.iter()) {
                 *is_part |= parts > 1.0 && *part > 0.0;
             }
-            let weights = new.pieces.iter().map(|piece| piece.stored.max(0.0));
+            let weights = new.head.pieces.iter().map(|piece| piece.stored.max(0.0));
             let whole = row
                 .iter()
                 .zip(weights.clone())

@@ -68,14 +68,14 @@ fn law_taking_a_model<const N: usize>(bencher: Bencher, name: &str) {
     let readings = readings();
     let mut readings = readings.iter().cycle();
     bencher.bench_local(|| {
-        model.sequence += 1;
-        model.time_ns += 1;
+        model.head.sequence += 1;
+        model.head.time_ns += 1;
         let accepted = law.accept(0, black_box(&model));
         (
             accepted,
             readings
                 .next()
-                .map(|r| law.tick(model.time_ns, black_box(r))),
+                .map(|r| law.tick(model.head.time_ns, black_box(r))),
         )
     });
 }

@@ -323,7 +323,7 @@ fn springs(handles: u8, along: f64) -> Result<Case, Failure> {
     let mut springs = SeriesSprings::of(&devices, &vec![limit; devices.len()])
         .ok_or("the devices have limits")?;
     let mut model = LocalModel::empty();
-    model.handle_count = handles;
+    model.head.handle_count = handles;
     let (own, link) = (0.5 * limit.stiffness, along * limit.stiffness);
     for (i, row) in model.stiffness.iter_mut().enumerate().take(devices.len()) {
         for (j, block) in row.iter_mut().enumerate().take(devices.len()) {

@@ -176,19 +176,19 @@ impl Case {
         }
         let mut last = first;
         if situation == Situation::Slipping {
-            last.energy = UNPAID;
-            last.time_ns += 1;
+            last.head.energy = UNPAID;
+            last.head.time_ns += 1;
             law.accept(0, &last).expect("the second model is sound");
             for k in 0..SETTLE {
-                law.tick(last.time_ns, &readings(SETTLE + k));
+                law.tick(last.head.time_ns, &readings(SETTLE + k));
             }
         }
         let alone = [Situation::AtRest, Situation::Moving, Situation::Slipping];
         if !alone.contains(&situation) {
-            last.period = ENDLESS;
-            last.time_ns += 1;
+            last.head.period = ENDLESS;
+            last.head.time_ns += 1;
             law.accept(0, &last).expect("the second model is sound");
-            law.tick(last.time_ns, &readings(SETTLE));
+            law.tick(last.head.time_ns, &readings(SETTLE));
         }
         let mut prepared = Prepared {
             law,
@@ -212,10 +212,8 @@ pub(crate) struct Prepared {
 
 impl Prepared {
     fn meet(&mut self, situation: Situation, last: &LocalModel) {
-        let newer = LocalModel {
-            time_ns: last.time_ns + 1,
-            ..*last
-        };
+        let mut newer = *last;
+        newer.head.time_ns += 1;
         match situation {
             Situation::AtRest | Situation::Moving | Situation::Slipping | Situation::Blending => {}
             Situation::NotANumber => {
@@ -244,7 +242,7 @@ impl Prepared {
             }
             Situation::Refused => {
                 let mut spoilt = newer;
-                let last = usize::from(spoilt.handle_count) - 1;
+                let last = usize::from(spoilt.head.handle_count) - 1;
                 spoilt.damping[last][last][(5, 5)] = f64::NAN;
                 self.model = Some(spoilt);
             }

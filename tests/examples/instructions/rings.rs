@@ -100,8 +100,8 @@ impl Ready {
     }
 
     fn renew(&mut self) {
-        self.model.sequence += 1;
-        self.model.time_ns += MODEL_NS;
+        self.model.head.sequence += 1;
+        self.model.head.time_ns += MODEL_NS;
     }
 
     /// The passage. Returns whether the model went through.

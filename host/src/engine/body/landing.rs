@@ -156,14 +156,14 @@ impl HostBody {
     /// joins bears no weight: the hand took hold of it wherever it was.
     fn renamed(&self, hands: &[Hand], joining: &[Joining]) -> LocalModel {
         let mut model = self.model;
-        model.epoch = model.epoch.saturating_add(1);
+        model.head.epoch = model.head.epoch.saturating_add(1);
         let handles = each(hands, joining, &self.model.handles, |join| {
             HandleReference {
                 device: join.device,
                 ..HandleReference::zero()
             }
         });
-        model.handle_count = handles.len().min(MAX_HANDLES) as u8;
+        model.head.handle_count = handles.len().min(MAX_HANDLES) as u8;
         for (mine, handle) in model.handles.iter_mut().zip(handles) {
             *mine = handle;
         }

@@ -79,10 +79,10 @@ fn vector(of: impl Fn(&HandleReference) -> Vec6, model: &LocalModel) -> Vector {
 
 fn model(stiffness: &Matrix, damping: &Matrix, numbers: &[f64]) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.handle_count = 2;
+    model.head.handle_count = 2;
     blocks(stiffness, &mut model.stiffness);
     blocks(damping, &mut model.damping);
-    model.energy = 0.3;
+    model.head.energy = 0.3;
     let vec6 = |from: usize| Vec6::from_iterator(numbers[from..from + 6].iter().copied());
     for (i, handle) in model.handles.iter_mut().enumerate().take(2) {
         handle.device = i as u8;
@@ -99,12 +99,12 @@ fn model(stiffness: &Matrix, damping: &Matrix, numbers: &[f64]) -> LocalModel {
     let area = stiffness
         .cholesky()
         .map_or(0.0, |factor| 1.0 / slope.dot(&factor.solve(&slope)));
-    model.tear_limit = TearLimit {
+    model.head.tear_limit = TearLimit {
         root: 2.0,
         critical: 3.0,
         area,
     };
-    model.pieces[0] = PieceEnergy {
+    model.head.pieces[0] = PieceEnergy {
         stored: 0.3,
         released: 0.0,
     };
@@ -170,13 +170,13 @@ proptest! {
 
         // The model states the energy of body and springs there.
         let energy = |model: &LocalModel, k: &Matrix, a: &Vector, x: &Vector| {
-            model.energy - a.dot(x) + 0.5 * x.dot(&(*k * *x))
+            model.head.energy - a.dot(x) + 0.5 * x.dot(&(*k * *x))
         };
         let whole = energy(&body, &k, &a, &proxies) + 0.5 * passed.dot(&(compliance * passed));
-        if out.energy > 0.0 {
+        if out.head.energy > 0.0 {
             let stated = energy(&out, &after, &elastic(&out), &d);
             prop_assert!((whole - stated).abs() < 1e-9, "{whole} {stated}");
-            prop_assert!((out.pieces[0].stored - out.energy).abs() < 1e-12);
+            prop_assert!((out.head.pieces[0].stored - out.head.energy).abs() < 1e-12);
         }
 
         // The damping keeps its sign, and moves with the proxies.
@@ -185,16 +185,16 @@ proptest! {
         prop_assert!(least > -1e-9, "{least}");
         // The tear feels the proxies.
         let slope = |model: &LocalModel| vector(|handle| handle.tear_slope, model);
-        let at_proxies = body.tear_limit.root + slope(&body).dot(&proxies);
-        let at_devices = out.tear_limit.root + slope(&out).dot(&d);
+        let at_proxies = body.head.tear_limit.root + slope(&body).dot(&proxies);
+        let at_devices = out.head.tear_limit.root + slope(&out).dot(&d);
         prop_assert!((at_proxies - at_devices).abs() < 1e-8, "{at_proxies} {at_devices}");
-        if let (Some(factor), true) = (after.cholesky(), body.tear_limit.area > 0.0) {
+        if let (Some(factor), true) = (after.cholesky(), body.head.tear_limit.area > 0.0) {
             let q = slope(&out);
             let inverse = q.dot(&factor.solve(&q));
             // A body that is much softer than the limits loses nearly all of its own term. Zero stands for none.
-            let area = out.tear_limit.area;
+            let area = out.head.tear_limit.area;
             let stated = if area > 0.0 { 1.0 / area } else { 0.0 };
-            let rounding = 1e-9 * (1.0 / body.tear_limit.area + inverse);
+            let rounding = 1e-9 * (1.0 / body.head.tear_limit.area + inverse);
             prop_assert!((stated - inverse).abs() < rounding, "{stated} {inverse}");
         }
 
@@ -243,7 +243,7 @@ proptest! {
 /// A body of one handle that is `ratio` times as stiff along an axis as its device can render.
 fn along(axis: Vec3, ratio: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.handle_count = 1;
+    model.head.handle_count = 1;
     let stiffness = axis * axis.transpose() * (ratio * LIMITS[0].stiffness);
     model.stiffness[0][0]
         .fixed_view_mut::<3, 3>(0, 0)

@@ -38,9 +38,9 @@ fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
         stiffness += shape * shape.transpose();
     }
     let mut model = LocalModel::empty();
-    model.sequence = 1;
-    model.energy = 1.0;
-    model.handle_count = handles as u8;
+    model.head.sequence = 1;
+    model.head.energy = 1.0;
+    model.head.handle_count = handles as u8;
     for i in 0..handles {
         model.handles[i].device = i as u8;
         model.handles[i].twist = Twist {
@@ -64,7 +64,7 @@ fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
 }
 
 fn through(model: &LocalModel, link: Link) -> LocalModel {
-    let mut coupling = VirtualCoupling::new(vec![link; usize::from(model.handle_count)]);
+    let mut coupling = VirtualCoupling::new(vec![link; usize::from(model.head.handle_count)]);
     coupling.set_length(LENGTH);
     *coupling.through(model)
 }
@@ -90,7 +90,7 @@ fn largest(matrix: &Whole) -> f64 {
 #[test]
 fn a_spring_before_a_spring_is_both_in_series() {
     let mut model = LocalModel::empty();
-    model.handle_count = 1;
+    model.head.handle_count = 1;
     model.stiffness[0][0][(0, 0)] = 1000.0;
     model.damping[0][0][(0, 0)] = 4.0;
     model.handles[0].wrench.force = Vec3::new(-2.0, 0.5, 0.0);
@@ -207,9 +207,7 @@ fn stiff_springs_leave_the_body_as_it_is() {
 #[test]
 fn a_body_without_stiffness_is_rendered_unchanged() {
     let free = model(3, 0, 1.0);
-    let wanted = LocalModel {
-        energy: 0.0,
-        ..free
-    };
+    let mut wanted = free;
+    wanted.head.energy = 0.0;
     assert_eq!(through(&free, LINK), wanted);
 }

@@ -2,9 +2,9 @@
 
 use super::{Chunk, IndexError};
 use crate::log::read::same_fields;
-use crate::log::{BodyFrame, LogError, ModelRow, body, chunks, cloud, model, record, tear, tick};
-use crate::record::TearEvent;
-use crate::record::{Surface, TickRow};
+use crate::log::{LogError, chunks, record};
+use crate::record::cdr::decode as read;
+use crate::record::{BodyFrame, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -37,35 +37,28 @@ impl Decoded {
     }
 }
 
-/// The content of a channel that palpate wrote.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Content {
-    Ticks,
-    Models,
-    Tears,
-    Frames,
-    Clouds,
-    Surfaces,
-}
-
-/// The schemas and channels that palpate wrote, by number.
+/// The schemas and channels that palpate wrote, by number. Schemas have their names.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Channels {
-    schemas: BTreeMap<u16, Content>,
-    channels: BTreeMap<u16, (Content, String)>,
+    schemas: BTreeMap<u16, &'static str>,
+    channels: BTreeMap<u16, (&'static str, String)>,
 }
 
-/// The content that a schema of this name describes, and the definition of this version.
-fn known_schema(name: &str) -> Option<(Content, &'static str)> {
-    match name {
-        tick::SCHEMA_NAME => Some((Content::Ticks, tick::SCHEMA)),
-        model::SCHEMA_NAME => Some((Content::Models, model::SCHEMA)),
-        tear::SCHEMA_NAME => Some((Content::Tears, tear::SCHEMA)),
-        body::FRAME_SCHEMA_NAME => Some((Content::Frames, body::FRAME_SCHEMA)),
-        body::SURFACE_SCHEMA_NAME => Some((Content::Surfaces, body::SURFACE_SCHEMA)),
-        cloud::SCHEMA_NAME => Some((Content::Clouds, cloud::SCHEMA)),
-        _ => None,
+/// The schema of this name, and its definition in this version.
+fn known_schema(name: &str) -> Option<(&'static str, String)> {
+    fn of<K: Kind>() -> (&'static str, fn() -> String) {
+        (K::SCHEMA_NAME, K::definition)
     }
+    let kinds = [
+        of::<TickRow>(),
+        of::<ModelRow>(),
+        of::<TearEvent>(),
+        of::<BodyFrame>(),
+        of::<Surface>(),
+        of::<Cloud>(),
+    ];
+    let mut found = kinds.into_iter().filter(|(known, _)| *known == name);
+    found.next().map(|(name, definition)| (name, definition()))
 }
 
 impl Channels {
@@ -73,19 +66,19 @@ impl Channels {
     pub(super) fn take(&mut self, record: Record<'_>) -> Result<(), LogError> {
         match record {
             Record::Schema { header, data } => {
-                if let Some((content, definition)) = known_schema(&header.name) {
-                    if !same_fields(&data, definition) {
+                if let Some((name, definition)) = known_schema(&header.name) {
+                    if !same_fields(&data, &definition) {
                         return Err(LogError::OtherLayout);
                     }
-                    self.schemas.insert(header.id, content);
+                    self.schemas.insert(header.id, name);
                 }
             }
             Record::Channel(channel) => {
-                if let Some(content) = self.schemas.get(&channel.schema_id) {
+                if let Some(name) = self.schemas.get(&channel.schema_id) {
                     if channel.message_encoding != "cdr" {
                         return Err(LogError::OtherLayout);
                     }
-                    self.channels.insert(channel.id, (*content, channel.topic));
+                    self.channels.insert(channel.id, (name, channel.topic));
                 }
             }
             _ => {}
@@ -93,16 +86,19 @@ impl Channels {
         Ok(())
     }
 
-    /// The channels of this content.
-    pub(super) fn of(&self, content: Content) -> impl Iterator<Item = u16> {
+    /// The channels of this kind.
+    pub(super) fn of<K: Kind>(&self) -> impl Iterator<Item = u16> {
         let channels = self.channels.iter();
-        channels.filter_map(move |(id, (found, _))| (*found == content).then_some(*id))
+        channels.filter_map(|(id, (found, _))| (*found == K::SCHEMA_NAME).then_some(*id))
     }
 
-    /// The channel of this content and topic.
-    pub(super) fn named(&self, content: Content, topic: &str) -> Option<u16> {
+    /// The channel of this kind for the body of this name.
+    pub(super) fn named<K: Kind>(&self, body: &str) -> Option<u16> {
+        let topic = K::topic(body);
         let mut channels = self.channels.iter();
-        channels.find_map(|(id, (found, name))| (*found == content && name == topic).then_some(*id))
+        channels.find_map(|(id, (found, name))| {
+            (*found == K::SCHEMA_NAME && *name == topic).then_some(*id)
+        })
     }
 }
 
@@ -182,13 +178,13 @@ impl Decoded {
         let Record::Message { header, data } = record else {
             return Some(());
         };
-        let Some((content, _)) = channels.channels.get(&header.channel_id) else {
+        let Some((name, _)) = channels.channels.get(&header.channel_id) else {
             return Some(());
         };
         let (channel, time_ns) = (header.channel_id, header.log_time);
-        match content {
-            Content::Ticks => {
-                let row = tick::decode(&data)?;
+        match *name {
+            TickRow::SCHEMA_NAME => {
+                let row: TickRow = read(&data)?;
                 // The order of the ticks is what a search relies on.
                 let in_order = self
                     .ticks
@@ -199,20 +195,18 @@ impl Decoded {
                 }
                 self.ticks.push(row);
             }
-            Content::Models => self.models.push(model::decode(&data)?),
-            Content::Tears => self.tears.push(tear::decode(&data)?),
-            Content::Frames => {
-                let frame = body::decode_frame(&data)?;
-                self.frames.push((channel, frame));
-            }
-            Content::Clouds => {
+            ModelRow::SCHEMA_NAME => self.models.push(read(&data)?),
+            TearEvent::SCHEMA_NAME => self.tears.push(read(&data)?),
+            BodyFrame::SCHEMA_NAME => self.frames.push((channel, read(&data)?)),
+            Cloud::SCHEMA_NAME => {
                 let positions = cloud::decode(time_ns, &data)?;
                 self.clouds.push((channel, time_ns, positions.into()));
             }
-            Content::Surfaces => {
-                let surface = body::decode_surface(&data)?;
-                self.surfaces.push((channel, time_ns, Arc::new(surface)));
+            Surface::SCHEMA_NAME => {
+                let surface = Arc::new(read(&data)?);
+                self.surfaces.push((channel, time_ns, surface));
             }
+            _ => {}
         }
         Some(())
     }

@@ -1,11 +1,12 @@
 //! Finds the chunks and the header of a log: in the index at its end, or by a walk over its records.
 
-use super::decode::{Channels, Content};
+use super::decode::Channels;
 use super::{Chunk, IndexError, LONGEST_CHUNK, LogIndex, read_at};
 use crate::log::overview::Overview;
 use crate::log::{
     LogError, METADATA_NAME, OVERVIEW_NAME, OVERVIEW_TYPE, SCENE_NAME, limits, record,
 };
+use crate::record::TickRow;
 use crate::scene::source::printable;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -52,7 +53,7 @@ impl<R: Read + Seek> LogIndex<R> {
             None => log.walk()?,
         }
         // A writer that is killed before its first flush leaves only the header. Such a log is empty.
-        if log.complete && log.channels.of(Content::Ticks).next().is_none() {
+        if log.complete && log.channels.of::<TickRow>().next().is_none() {
             return Err(LogError::NoTicks.into());
         }
         Ok(log)

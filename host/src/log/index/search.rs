@@ -1,9 +1,7 @@
 //! Ticks and frames by their time.
 
-use super::decode::Content;
 use super::{Chunk, IndexError, LogIndex};
-use crate::log::{BodyFrame, body_topic};
-use crate::record::{Surface, TickRow};
+use crate::record::{BodyFrame, Cloud, Surface, TickRow};
 use std::io::{Read, Seek};
 use std::sync::Arc;
 
@@ -93,11 +91,8 @@ impl<R: Read + Seek> LogIndex<R> {
     /// # Errors
     /// [`IndexError`].
     pub fn frame_at(&mut self, name: &str, time_ns: u64) -> Result<Option<BodyMoment>, IndexError> {
-        let topic = body_topic(name);
-        let clouds = self.channels.named(Content::Clouds, &topic);
-        let frames = self
-            .channels
-            .named(Content::Frames, &format!("{topic}/frame"));
+        let clouds = self.channels.named::<Cloud>(name);
+        let frames = self.channels.named::<BodyFrame>(name);
         let (Some(clouds), Some(frames)) = (clouds, frames) else {
             return Ok(None);
         };
@@ -140,8 +135,7 @@ impl<R: Read + Seek> LogIndex<R> {
         name: &str,
         time_ns: u64,
     ) -> Result<Option<Arc<Surface>>, IndexError> {
-        let topic = format!("{}/surface", body_topic(name));
-        let Some(surfaces) = self.channels.named(Content::Surfaces, &topic) else {
+        let Some(surfaces) = self.channels.named::<Surface>(name) else {
             return Ok(None);
         };
         for number in (0..self.chunks.len()).rev() {
@@ -162,7 +156,7 @@ impl<R: Read + Seek> LogIndex<R> {
 
     /// Whether the log has channels for frames of bodies.
     pub fn has_frames(&self) -> bool {
-        self.channels.of(Content::Clouds).next().is_some()
+        self.channels.of::<Cloud>().next().is_some()
     }
 
     /// Gives `see` every tick from the place `from` on while `see` returns true.
@@ -192,11 +186,7 @@ impl<R: Read + Seek> LogIndex<R> {
     fn may_have_ticks(&self, number: usize) -> bool {
         let chunk = self.chunks.get(number);
         chunk.is_some_and(|chunk| {
-            chunk.channels.is_none()
-                || self
-                    .channels
-                    .of(Content::Ticks)
-                    .any(|id| chunk.may_have(id))
+            chunk.channels.is_none() || self.channels.of::<TickRow>().any(|id| chunk.may_have(id))
         })
     }
 

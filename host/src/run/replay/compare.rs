@@ -1,23 +1,11 @@
 //! Compares two records of one tick, field by field and bit by bit.
 
-use crate::record::{TickRow, energy_sums};
+use crate::record::TickRow;
+use crate::record::field::{Leaf, Record, Visitor, name};
 use rt_core::coupling::HostState;
-use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
-use rt_core::{Pose, Twist, Vec3, Withheld, Wrench};
 use serde::{Serialize, Serializer};
 use std::fmt;
-
-/// The part of a tick's record that contains a field.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// The tick itself.
-    Tick,
-    /// A device, by index.
-    Device(usize),
-    /// A body, by index.
-    Body(usize),
-}
 
 /// The value of a field.
 #[derive(Clone, Copy, Debug)]
@@ -34,11 +22,11 @@ pub enum Value {
     Host(HostState),
 }
 
-/// A field's name: its part, and its path within the part as in the message definition.
+/// A field's name: its part of the tick, and its path within the part as in the message definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// The part.
-    pub part: Part,
+    /// The device or the body, by index; `None` for the tick itself.
+    pub part: Option<(&'static str, usize)>,
     /// The vector or the field.
     pub name: &'static str,
     /// The component; empty if there is none.
@@ -63,26 +51,26 @@ pub struct Difference {
 /// The first field of `now` that differs from `log` in any bit. Input (readings, lateness) is not compared, because
 /// it comes from the log.
 pub(super) fn first_difference(log: &TickRow, now: &TickRow) -> Option<Difference> {
-    let mut found = None;
-    let mut logged = Vec::with_capacity(64);
-    visit(log, &mut |field, value| logged.push((field, value)));
-    let mut logged = logged.into_iter();
-    visit(now, &mut |field, value| {
-        // The counts of devices and bodies come first: if two lists differ in length, the counts differ.
-        if let Some((_, before)) = logged.next()
-            && found.is_none()
-            && !same(before, value)
-        {
-            found = Some(Difference {
-                tick: log.tick,
-                time_ns: log.time_ns,
-                field,
-                log: before,
-                now: value,
-            });
-        }
+    let [logged, replayed] = [log, now].map(|row| {
+        let mut values = Values::default();
+        // A list takes every field.
+        let _ = row.outputs().fields(&mut values);
+        values.found
     });
-    found
+    // The length of a list precedes its records: if two lists differ in length, the lengths differ.
+    let mut pairs = logged.into_iter().zip(replayed);
+    let ((_, before), (field, value)) =
+        pairs.find(|((_, before), (_, value))| !same(*before, *value))?;
+    Some(Difference {
+        tick: log.tick,
+        time_ns: log.time_ns,
+        field: Field {
+            name: name(field.name),
+            ..field
+        },
+        log: before,
+        now: value,
+    })
 }
 
 fn same(a: Value, b: Value) -> bool {
@@ -96,109 +84,42 @@ fn same(a: Value, b: Value) -> bool {
     }
 }
 
-/// Gives every field of a tick to `see`, always in the same order. The records are destructured without `..`, so that
-/// a new field cannot be forgotten here.
-fn visit(row: &TickRow, see: &mut impl FnMut(Field, Value)) {
-    let mut put = |part, name, component, value| {
-        see(
-            Field {
-                part,
-                name,
-                component,
-            },
-            value,
-        );
-    };
-    let TickRow {
-        tick,
-        time_ns,
-        lateness_ns: _,
-        took_ns: _,
-        devices,
-        bodies,
-        readings: _,
-    } = row;
-    put(Part::Tick, "tick", "", Value::Count(*tick));
-    put(Part::Tick, "time_ns", "", Value::Count(*time_ns));
-    for (name, count) in [("devices", devices.len()), ("bodies", bodies.len())] {
-        put(Part::Tick, name, "", Value::Count(count as u64));
-    }
-    for (index, device) in devices.iter().enumerate() {
-        visit_device(Part::Device(index), device, &mut put);
-    }
-    for (index, body) in bodies.iter().enumerate() {
-        visit_body(Part::Body(index), body, &mut put);
-    }
+/// The values of a record in their order.
+#[derive(Default)]
+struct Values {
+    found: Vec<(Field, Value)>,
+    part: Option<(&'static str, usize)>,
 }
 
-fn visit_device(
-    part: Part,
-    device: &DeviceTelemetry,
-    put: &mut impl FnMut(Part, &'static str, &'static str, Value),
-) {
-    let DeviceTelemetry {
-        pose: Pose { position, rotation },
-        twist: Twist { linear, angular },
-        wrench: Wrench { force, moment },
-        slip,
-        slip_angle,
-        buttons,
-        device_time_ns,
-        fresh,
-        safety,
-    } = device;
-    vector(part, "position", position, put);
-    for (component, x) in ["x", "y", "z", "w"].iter().zip(rotation.coords.iter()) {
-        put(part, "orientation", component, Value::Number(*x));
+impl Visitor for Values {
+    fn leaf(&mut self, name: &'static str, component: &'static str, leaf: Leaf<'_>) -> Option<()> {
+        let value = match leaf {
+            Leaf::Number(x) => Value::Number(*x),
+            Leaf::Count(n) => Value::Count(*n),
+            Leaf::Small(n) => Value::Count(u64::from(*n)),
+            Leaf::Byte(n) => Value::Count(u64::from(*n)),
+            Leaf::Flag(flag) => Value::Flag(*flag),
+            Leaf::Safety(state) => Value::Safety(*state),
+            Leaf::Host(state) => Value::Host(*state),
+        };
+        let part = self.part;
+        let field = Field {
+            part,
+            name,
+            component,
+        };
+        self.found.push((field, value));
+        Some(())
     }
-    vector(part, "linear", linear, put);
-    vector(part, "angular", angular, put);
-    vector(part, "force", force, put);
-    vector(part, "torque", moment, put);
-    vector(part, "slip", slip, put);
-    put(part, "slip_angle", "", Value::Number(*slip_angle));
-    put(part, "device_time_ns", "", Value::Count(*device_time_ns));
-    put(part, "buttons", "", Value::Count(u64::from(*buttons)));
-    put(part, "fresh", "", Value::Flag(*fresh));
-    put(part, "safety", "", Value::Safety(*safety));
-}
 
-fn visit_body(
-    part: Part,
-    body: &BodyTelemetry,
-    put: &mut impl FnMut(Part, &'static str, &'static str, Value),
-) {
-    let BodyTelemetry {
-        sequence,
-        epoch,
-        age_ns,
-        trust,
-        state,
-        withheld,
-        energy,
-    } = body;
-    let Withheld { force, of } = withheld;
-    put(part, "withheld", "", Value::Number(*force));
-    put(part, "of", "", Value::Number(*of));
-    put(part, "sequence", "", Value::Count(*sequence));
-    put(part, "epoch", "", Value::Count(u64::from(*epoch)));
-    put(part, "age_ns", "", Value::Count(*age_ns));
-    put(part, "trust", "", Value::Number(*trust));
-    put(part, "state", "", Value::Host(*state));
-    for (name, sum) in energy_sums(energy) {
-        put(part, name, "", Value::Number(sum));
+    fn length(&mut self, name: &'static str, length: usize) -> Option<usize> {
+        self.part = None;
+        self.leaf(name, "", Leaf::Count(&mut (length as u64)))?;
+        Some(length)
     }
-    put(part, "capped", "", Value::Count(energy.capped));
-}
 
-fn vector(
-    part: Part,
-    name: &'static str,
-    v: &Vec3,
-    put: &mut impl FnMut(Part, &'static str, &'static str, Value),
-) {
-    for (component, x) in ["x", "y", "z"].iter().zip(v.iter()) {
-        put(part, name, component, Value::Number(*x));
+    fn enter(&mut self, part: &'static str, index: usize) {
+        self.part = Some((part, index));
     }
 }
 
@@ -217,10 +138,8 @@ impl fmt::Display for Difference {
 
 impl fmt::Display for Field {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.part {
-            Part::Tick => {}
-            Part::Device(index) => write!(f, "device {index} ")?,
-            Part::Body(index) => write!(f, "body {index} ")?,
+        if let Some((part, index)) = self.part {
+            write!(f, "{part} {index} ")?;
         }
         f.write_str(self.name)?;
         if self.component.is_empty() {

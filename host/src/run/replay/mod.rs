@@ -13,14 +13,14 @@
 mod compare;
 mod waiting;
 
-pub use compare::{Difference, Field, Part, Value};
+pub use compare::{Difference, Field, Value};
 
 use super::observer::{Observed, Observers};
 use super::{devices, prepare};
 use crate::atomic_file::AtomicFileError;
+use crate::log::Log;
 use crate::log::index::{IndexError, LogIndex};
-use crate::log::{Log, ModelRow};
-use crate::record::TickRow;
+use crate::record::{ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use crate::world::World;
 use rt_core::{Capabilities, Controller, TickTime};
@@ -346,7 +346,7 @@ fn check(log: &mut dyn Recorded, done: &mut dyn FnMut(usize)) -> Result<u64, Rep
 
 /// Body and number of a model.
 fn place(model: &ModelRow) -> (usize, u64) {
-    (usize::from(model.body), model.sequence)
+    (usize::from(model.body), model.head.sequence)
 }
 
 /// The models that a tick began to use, by body: those whose numbers differ from the numbers `in_use` before the

@@ -11,8 +11,7 @@ use crate::live::merge::MAX_LOG;
 use crate::live::rate::Rate;
 use crate::live::slot::{Moment, SlotReader, Watchers};
 use crate::live::socket::{Update, UpdateSender};
-use crate::log;
-use crate::record::Surface;
+use crate::record::{Kind, ModelRow, Surface, TickRow, message};
 use crate::run::observer::{Observed, Observer};
 use crate::run::tears::TearEvents;
 use runner::LatencyReader;
@@ -275,14 +274,14 @@ impl LogTail {
         }
         let (topic, time_ns, data) = match record {
             LogRecord::Tick(telemetry) => (
-                log::TICK_TOPIC,
+                TickRow::topic(""),
                 telemetry.time_ns,
-                log::tick_message(telemetry),
+                message(TickRow::from(telemetry)),
             ),
             LogRecord::Model(body, model) => (
-                log::MODEL_TOPIC,
-                model.time_ns,
-                log::model_message(body, model),
+                ModelRow::topic(""),
+                model.head.time_ns,
+                message(ModelRow::new(body, model)),
             ),
         };
         self.bytes += data.len();
@@ -291,7 +290,7 @@ impl LogTail {
             return;
         }
         self.messages.push(LogMessage {
-            topic: topic.to_owned(),
+            topic,
             time_ns,
             length: data.len() as u32,
             data,

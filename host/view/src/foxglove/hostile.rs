@@ -55,7 +55,7 @@ fn channels() -> Vec<Channel> {
         topic: format!("/{id}"),
         encoding: "cdr",
         schema_name: "a",
-        schema: "",
+        schema: String::new(),
         schema_encoding: "ros2msg",
     };
     (1..4).map(channel).collect()

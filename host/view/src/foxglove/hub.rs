@@ -4,7 +4,7 @@ use super::protocol::{Channel, Level, advertise, server_info, status, unadvertis
 use super::queue::Queue;
 use crate::door::Client;
 use host::live::{Frame, Hello, Vertices};
-use host::log::{BodyFrame, ChannelInfo, cloud_message, frame_message};
+use host::record::{BodyFrame, ChannelInfo, Cloud, Kind, ModelRow, TickRow, message};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The clients, and what a client that joins is told.
@@ -65,9 +65,9 @@ impl State {
             epoch: vertices.epoch,
         };
         let place = 2 + 2 * index;
-        self.send(place + 1, time_ns, || frame_message(&frame));
+        self.send(place + 1, time_ns, || message(frame));
         self.send(place, time_ns, || {
-            cloud_message(time_ns, &vertices.positions)
+            Cloud::message(time_ns, &vertices.positions)
         });
     }
 }
@@ -171,11 +171,10 @@ impl Hub {
 /// numbers of the channels begin with `first`.
 fn channels(hello: &Hello, first: u32) -> Vec<Channel> {
     let bodies = hello.bodies.iter();
-    let frames = bodies.flat_map(|body| {
-        let [cloud, frame, _] = host::log::body_channels(&body.name);
-        [cloud, frame]
-    });
-    let all = host::log::channels().into_iter().chain(frames);
+    let frames =
+        bodies.flat_map(|body| [Cloud::channel(&body.name), BodyFrame::channel(&body.name)]);
+    let all = [TickRow::channel(""), ModelRow::channel("")];
+    let all = all.into_iter().chain(frames);
     let channel = |(id, info): (u32, ChannelInfo)| Channel {
         id,
         topic: info.topic,

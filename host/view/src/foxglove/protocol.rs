@@ -29,7 +29,7 @@ pub(super) struct Channel {
     /// Name of the type of the messages.
     pub(super) schema_name: &'static str,
     /// Definition of the messages.
-    pub(super) schema: &'static str,
+    pub(super) schema: String,
     /// Language of the definition.
     pub(super) schema_encoding: &'static str,
 }
@@ -147,7 +147,7 @@ mod tests {
             topic: "/tick".into(),
             encoding: "cdr",
             schema_name: "a/msg/B",
-            schema: "uint8 c\n",
+            schema: "uint8 c\n".to_owned(),
             schema_encoding: "ros2msg",
         };
         let advertised = concat!(

@@ -175,7 +175,7 @@ mod tests {
                 topic: (*topic).to_owned(),
                 encoding: "cdr",
                 schema_name: "a",
-                schema: "",
+                schema: String::new(),
                 schema_encoding: "ros2msg",
             })
             .collect()

@@ -5,7 +5,7 @@
 
 use host::live::frame::{LogMessage, PROTOCOL};
 use host::live::{BodyInfo, Frame, Hello, Message};
-use host::log::{model_message, tick_message};
+use host::record::{ModelRow, TickRow, message};
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::{Clock, RunOptions, run_watched};
 use host::scene::Scene;
@@ -130,8 +130,12 @@ struct Keep(Arc<Mutex<Vec<(bool, LogMessage)>>>);
 impl Observer for Keep {
     fn take(&mut self, record: LogRecord<'_>) {
         let (topic, time_ns, data) = match record {
-            LogRecord::Tick(tick) => ("/tick", tick.time_ns, tick_message(tick)),
-            LogRecord::Model(body, model) => ("/model", model.time_ns, model_message(body, model)),
+            LogRecord::Tick(tick) => ("/tick", tick.time_ns, message(TickRow::from(tick))),
+            LogRecord::Model(body, model) => (
+                "/model",
+                model.head.time_ns,
+                message(ModelRow::new(body, model)),
+            ),
         };
         let message = LogMessage {
             topic: topic.into(),

@@ -7,6 +7,7 @@ use devices::scripted::{Scripted, small};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
+use rt_core::local_model::ModelHead;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, Freedom, HandleReference, LocalModel,
@@ -162,13 +163,14 @@ pub(crate) fn controller(devices: usize) -> Controller {
 
 /// A model of one handle that pushes with one newton along x at every pose.
 pub(crate) fn pushing(sequence: u64, time_ns: u64) -> LocalModel {
-    let mut model = LocalModel {
+    let mut model = LocalModel::empty();
+    model.head = ModelHead {
         sequence,
         time_ns,
         period: 0.01,
-        ..LocalModel::empty()
+        handle_count: 1,
+        ..ModelHead::empty()
     };
-    model.handle_count = 1;
     model.handles[0] = HandleReference {
         wrench: Wrench {
             force: Vec3::new(1.0, 0.0, 0.0),
@@ -182,7 +184,7 @@ pub(crate) fn pushing(sequence: u64, time_ns: u64) -> LocalModel {
 /// As [`pushing`], for two devices: the first is pushed along x, the second against x.
 pub(crate) fn pushing_both(sequence: u64, time_ns: u64) -> LocalModel {
     let mut model = pushing(sequence, time_ns);
-    model.handle_count = 2;
+    model.head.handle_count = 2;
     model.handles[1] = HandleReference {
         device: 1,
         wrench: Wrench {

@@ -333,10 +333,10 @@ fn config(plan: &Plan, kind: Kind) -> ControllerConfig {
 fn wall(now_ns: u64) -> LocalModel {
     let [stiffness, damping] = WALL;
     let mut model = LocalModel::empty();
-    model.sequence = now_ns;
-    model.time_ns = now_ns;
-    model.period = PERIOD;
-    model.handle_count = 1;
+    model.head.sequence = now_ns;
+    model.head.time_ns = now_ns;
+    model.head.period = PERIOD;
+    model.head.handle_count = 1;
     model.handles[0].contact[2] = 1.0;
     model.stiffness[0][0][(2, 2)] = stiffness;
     model.damping[0][0][(2, 2)] = damping;

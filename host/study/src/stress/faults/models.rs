@@ -60,8 +60,8 @@ impl Models {
         }
         self.sequence += 1;
         let mut model = sound(self.devices, self.period);
-        model.sequence = self.sequence;
-        model.time_ns = now_ns;
+        model.head.sequence = self.sequence;
+        model.head.time_ns = now_ns;
         let chances = self.chance.of("mood");
         let behaviour = bad.map_or(Behaviour::Sound, |stretch| {
             let pick = chances.unit(stretch) * BEHAVIOURS.len() as f64;
@@ -86,15 +86,15 @@ impl Models {
                     next += 1;
                     extreme(draw, next)
                 };
-                model.energy = number();
+                model.head.energy = number();
                 for handle in &mut model.handles {
                     handle.wrench.force = Vec3::from_fn(|_, _| number());
                     handle.pose.position = Vec3::from_fn(|_, _| number());
                     handle.twist.linear = Vec3::from_fn(|_, _| number());
                     handle.drift.force = Vec3::from_fn(|_, _| number());
                 }
-                model.released = number();
-                model.horizon = number();
+                model.head.released = number();
+                model.head.horizon = number();
                 // Most of these models are made finite; otherwise the controller would refuse all of them.
                 if draw.unit(n) < 0.9 {
                     tame(&mut model);
@@ -109,8 +109,8 @@ impl Models {
 /// A sheet between hands: a spring on every hand, and a spring between every two hands.
 fn sound(devices: usize, period: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.period = period;
-    model.handle_count = devices as u8;
+    model.head.period = period;
+    model.head.handle_count = devices as u8;
     for i in 0..devices {
         model.handles[i].device = i as u8;
         for j in 0..devices {
@@ -139,8 +139,8 @@ fn restless(model: &mut LocalModel, draw: Chance, n: u64) {
             *block = Mat6::from_fn(|r, c| scale * draw.between(first + (r + c) as u64, -1.0, 1.0));
         }
     }
-    model.energy = scale * draw.unit(n + 1);
-    model.released = scale * draw.unit(n + 2);
+    model.head.energy = scale * draw.unit(n + 1);
+    model.head.released = scale * draw.unit(n + 2);
 }
 
 /// Replaces every number that is not finite by zero.
@@ -150,10 +150,10 @@ fn tame(model: &mut LocalModel) {
             *x = 0.0;
         }
     };
-    fix(&mut model.energy);
-    fix(&mut model.released);
-    if !(model.horizon.is_finite() && model.horizon > 0.0) {
-        model.horizon = 1.0;
+    fix(&mut model.head.energy);
+    fix(&mut model.head.released);
+    if !(model.head.horizon.is_finite() && model.head.horizon > 0.0) {
+        model.head.horizon = 1.0;
     }
     for handle in &mut model.handles {
         handle.wrench.force.iter_mut().for_each(fix);
@@ -165,11 +165,11 @@ fn tame(model: &mut LocalModel) {
 
 fn make_impossible(model: &mut LocalModel, draw: Chance, n: u64) {
     match (draw.unit(n) * 6.0) as u64 {
-        0 => model.time_ns = u64::MAX,
-        1 => model.time_ns = 0,
-        2 => model.handle_count = u8::MAX,
-        3 => model.handle_count = 0,
+        0 => model.head.time_ns = u64::MAX,
+        1 => model.head.time_ns = 0,
+        2 => model.head.handle_count = u8::MAX,
+        3 => model.head.handle_count = 0,
         4 => model.handles[0].device = u8::MAX,
-        _ => model.period = extreme(draw, n + 1),
+        _ => model.head.period = extreme(draw, n + 1),
     }
 }

@@ -56,7 +56,7 @@ impl Rendered {
         let all = renderable(world.loaded);
         let numbers: Vec<u8> = devices.iter().map(|device| *device as u8).collect();
         let mut model = LocalModel::empty();
-        model.handle_count = numbers.len() as u8;
+        model.head.handle_count = numbers.len() as u8;
         let projected = Projected::new(world);
         let weights = body.handle_weights();
         for ((handle, device), weight) in model.handles.iter_mut().zip(&numbers).zip(weights) {
@@ -93,7 +93,7 @@ impl Rendered {
         let condensed = self.condenser.condense(body, self.horizon)?;
         fill_blocks(&mut self.model, condensed);
         self.projected.blocks(&mut self.model);
-        let count = usize::from(self.model.handle_count);
+        let count = usize::from(self.model.head.handle_count);
         for (index, handle) in self.model.handles[..count].iter_mut().enumerate() {
             if let Some(report) = body.handle_report(index) {
                 let (weight, drift) = (handle.weight, handle.drift);

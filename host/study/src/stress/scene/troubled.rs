@@ -54,7 +54,7 @@ impl HostLink for Lossy {
     }
 
     fn send(&mut self, arrival_ns: u64, body: usize, model: &LocalModel) {
-        let (number, chance) = (model.sequence, self.chance);
+        let (number, chance) = (model.head.sequence, self.chance);
         self.newest[body][0] = number;
         if chance.of("model").unit(number) >= self.models_lost {
             let late = self.jitter_ns * chance.of("late").unit(number);
@@ -65,7 +65,7 @@ impl HostLink for Lossy {
     fn deliver(&mut self, now_ns: u64) {
         let newest = &mut self.newest;
         self.link.deliver(now_ns, |body, model| {
-            newest[body][1] = newest[body][1].max(model.sequence);
+            newest[body][1] = newest[body][1].max(model.head.sequence);
         });
     }
 

@@ -32,7 +32,11 @@ struct Parts {
 
 impl Parts {
     fn of(model: &LocalModel) -> Self {
-        let energies = model.pieces.iter().take(usize::from(model.piece_count()));
+        let energies = model
+            .head
+            .pieces
+            .iter()
+            .take(usize::from(model.piece_count()));
         let mut pieces: Vec<_> = energies
             .map(|energy| (Vec::new(), energy.stored.max(0.0)))
             .collect();
@@ -41,7 +45,7 @@ impl Parts {
             hands.push(usize::from(handle.device));
         }
         Self {
-            sequence: model.sequence,
+            sequence: model.head.sequence,
             pieces,
         }
     }

@@ -114,10 +114,10 @@ impl Wall {
 
     fn local_model(&self) -> LocalModel {
         let mut model = LocalModel::empty();
-        model.sequence = 1;
-        model.time_ns = 1;
-        model.period = self.period();
-        model.handle_count = 1;
+        model.head.sequence = 1;
+        model.head.time_ns = 1;
+        model.head.period = self.period();
+        model.head.handle_count = 1;
         let axis = self.axis();
         model.handles[0].contact[axis] = 1.0;
         let [stiffness, damping] = self.published();

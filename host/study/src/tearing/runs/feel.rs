@@ -150,7 +150,7 @@ impl Rival {
 /// The model without the limit of the tears.
 fn unlimited(model: &LocalModel) -> LocalModel {
     let mut model = *model;
-    model.tear_limit = TearLimit::none();
+    model.head.tear_limit = TearLimit::none();
     for handle in &mut model.handles {
         handle.tear_slope = Vec6::zeros();
     }

@@ -1,40 +1,44 @@
 //! CDR, the byte layout of ROS 2 messages (XCDR version 1). Numbers are little-endian. Each number is aligned
 //! to its own size, counted from the end of the four-byte header.
 
+use super::field::{Leaf, Record, Visitor};
+use rt_core::coupling::HostState;
+use rt_core::safety::SafetyState;
+
 /// Marks a message as little-endian XCDR1. The last two bytes are options, which are always zero here.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
 /// Appends numbers to a message.
-pub(super) struct CdrWriter<'a> {
+pub(crate) struct CdrWriter<'a> {
     bytes: &'a mut Vec<u8>,
 }
 
 impl<'a> CdrWriter<'a> {
     /// Begins a message in `bytes`. The former content is cleared; the capacity stays.
-    pub(super) fn begin(bytes: &'a mut Vec<u8>) -> Self {
+    pub(crate) fn begin(bytes: &'a mut Vec<u8>) -> Self {
         bytes.clear();
         bytes.extend_from_slice(&ENCAPSULATION);
         Self { bytes }
     }
 
-    pub(super) fn u8(&mut self, value: u8) {
+    pub(crate) fn u8(&mut self, value: u8) {
         self.put([value]);
     }
 
-    pub(super) fn u32(&mut self, value: u32) {
+    pub(crate) fn u32(&mut self, value: u32) {
         self.put(value.to_le_bytes());
     }
 
-    pub(super) fn u64(&mut self, value: u64) {
+    pub(crate) fn u64(&mut self, value: u64) {
         self.put(value.to_le_bytes());
     }
 
-    pub(super) fn f64(&mut self, value: f64) {
+    pub(crate) fn f64(&mut self, value: f64) {
         self.put(value.to_le_bytes());
     }
 
     /// A text without zero bytes: its length with the closing zero, the text, the zero.
-    pub(super) fn text(&mut self, text: &str) {
+    pub(crate) fn text(&mut self, text: &str) {
         self.u32(text.len() as u32 + 1);
         self.bytes.extend_from_slice(text.as_bytes());
         self.bytes.push(0);
@@ -49,7 +53,7 @@ impl<'a> CdrWriter<'a> {
 }
 
 /// Reads the numbers of a message in their order. Each method returns `None` past the end.
-pub(super) struct CdrReader<'a> {
+pub(crate) struct CdrReader<'a> {
     /// The message after its header.
     bytes: &'a [u8],
     at: usize,
@@ -57,24 +61,24 @@ pub(super) struct CdrReader<'a> {
 
 impl<'a> CdrReader<'a> {
     /// Begins to read a message; `None` if the message is not little-endian XCDR1.
-    pub(super) fn begin(message: &'a [u8]) -> Option<Self> {
+    pub(crate) fn begin(message: &'a [u8]) -> Option<Self> {
         let (header, bytes) = message.split_at_checked(ENCAPSULATION.len())?;
         (header.starts_with(&ENCAPSULATION[..2])).then_some(Self { bytes, at: 0 })
     }
 
-    pub(super) fn u8(&mut self) -> Option<u8> {
+    pub(crate) fn u8(&mut self) -> Option<u8> {
         self.take().map(u8::from_le_bytes)
     }
 
-    pub(super) fn u32(&mut self) -> Option<u32> {
+    pub(crate) fn u32(&mut self) -> Option<u32> {
         self.take().map(u32::from_le_bytes)
     }
 
-    pub(super) fn u64(&mut self) -> Option<u64> {
+    pub(crate) fn u64(&mut self) -> Option<u64> {
         self.take().map(u64::from_le_bytes)
     }
 
-    pub(super) fn f64(&mut self) -> Option<f64> {
+    pub(crate) fn f64(&mut self) -> Option<f64> {
         self.take().map(f64::from_le_bytes)
     }
 
@@ -83,6 +87,70 @@ impl<'a> CdrReader<'a> {
         let number = self.bytes.get(from..)?.first_chunk::<N>()?;
         self.at = from + N;
         Some(*number)
+    }
+}
+
+/// Writes a record into `bytes`, in place of the former content.
+pub(crate) fn encode(mut record: impl Record, bytes: &mut Vec<u8>) {
+    // A writer takes every field.
+    let _ = record.fields(&mut CdrWriter::begin(bytes));
+}
+
+/// The message of a record.
+pub fn message(record: impl Record) -> Vec<u8> {
+    let mut message = Vec::new();
+    encode(record, &mut message);
+    message
+}
+
+/// Reads a record back; `None` if the message is too short, holds an unknown code or contradicts itself.
+pub(crate) fn decode<R: Record>(message: &[u8]) -> Option<R> {
+    let mut record = R::empty();
+    record.fields(&mut CdrReader::begin(message)?)?;
+    Some(record)
+}
+
+impl Visitor for CdrWriter<'_> {
+    fn leaf(&mut self, _: &'static str, _: &'static str, leaf: Leaf<'_>) -> Option<()> {
+        match leaf {
+            Leaf::Number(x) => self.f64(*x),
+            Leaf::Count(n) => self.u64(*n),
+            Leaf::Small(n) => self.u32(*n),
+            Leaf::Byte(n) => self.u8(*n),
+            Leaf::Flag(flag) => self.u8(u8::from(*flag)),
+            Leaf::Safety(state) => self.u8(state.code()),
+            Leaf::Host(state) => self.u8(state.code()),
+        }
+        Some(())
+    }
+
+    fn length(&mut self, _: &'static str, length: usize) -> Option<usize> {
+        self.u32(length as u32);
+        Some(length)
+    }
+}
+
+impl Visitor for CdrReader<'_> {
+    fn leaf(&mut self, _: &'static str, _: &'static str, leaf: Leaf<'_>) -> Option<()> {
+        match leaf {
+            Leaf::Number(x) => *x = self.f64()?,
+            Leaf::Count(n) => *n = self.u64()?,
+            Leaf::Small(n) => *n = self.u32()?,
+            Leaf::Byte(n) => *n = self.u8()?,
+            Leaf::Flag(flag) => *flag = self.u8()? != 0,
+            Leaf::Safety(state) => *state = *SafetyState::ALL.get(usize::from(self.u8()?))?,
+            Leaf::Host(state) => *state = *HostState::ALL.get(usize::from(self.u8()?))?,
+        }
+        Some(())
+    }
+
+    fn length(&mut self, _: &'static str, _: usize) -> Option<usize> {
+        Some(self.u32()? as usize)
+    }
+
+    fn is_at_end(&self) -> bool {
+        let next = self.at.next_multiple_of(4);
+        self.bytes.len() < next + 4
     }
 }
 

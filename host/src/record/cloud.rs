@@ -5,12 +5,35 @@
 //! bytes differ is refused.
 
 use super::cdr::CdrWriter;
+use super::kind::Kind;
 
-/// Name of the message type.
-pub(super) const SCHEMA_NAME: &str = "sensor_msgs/msg/PointCloud2";
+/// The kind of these messages.
+#[derive(Debug)]
+pub struct Cloud;
+
+impl Kind for Cloud {
+    const SCHEMA_NAME: &'static str = "sensor_msgs/msg/PointCloud2";
+
+    fn topic(body: &str) -> String {
+        format!("/bodies/{body}")
+    }
+
+    fn definition() -> String {
+        DEFINITION.to_owned()
+    }
+}
+
+impl Cloud {
+    /// The message for the positions of a body (m), three numbers a vertex.
+    pub fn message(time_ns: u64, positions: &[f32]) -> Vec<u8> {
+        let mut message = Vec::new();
+        encode(time_ns, positions, &mut message);
+        message
+    }
+}
 
 /// The message definition of ROS 2, with the definitions that it uses.
-pub(super) const SCHEMA: &str = "\
+const DEFINITION: &str = "\
 std_msgs/Header header
 uint32 height
 uint32 width
@@ -52,7 +75,7 @@ const POINT: usize = 12;
 const FLOAT32: u8 = 7;
 
 /// Writes a cloud into `bytes`, in place of the former content. `positions` has three numbers a vertex (m).
-pub(super) fn encode(time_ns: u64, positions: &[f32], bytes: &mut Vec<u8>) {
+pub(crate) fn encode(time_ns: u64, positions: &[f32], bytes: &mut Vec<u8>) {
     let count = positions.len() / 3;
     begin(time_ns, count, bytes);
     for value in positions.iter().take(3 * count) {
@@ -84,7 +107,7 @@ fn begin(time_ns: u64, count: usize, bytes: &mut Vec<u8>) {
 }
 
 /// Reads the positions of a cloud of this time; `None` if the message has another layout or another time.
-pub(super) fn decode(time_ns: u64, message: &[u8]) -> Option<Vec<f32>> {
+pub(crate) fn decode(time_ns: u64, message: &[u8]) -> Option<Vec<f32>> {
     let mut head = Vec::new();
     begin(time_ns, 0, &mut head);
     let count = message.len().checked_sub(head.len() + 1)? / POINT;

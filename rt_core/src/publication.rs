@@ -1,0 +1,110 @@
+//! Publications: what the host tells the tick, in a size of its own each time.
+//!
+//! A publication has a **head** of fixed size, **rows** (such as the handles of a local model) and **blocks** (such as the
+//! stiffness between two handles). Its type in memory may have room for the largest number of them. A ring stores the
+//! parts in use one after another, so a writer and a reader touch only these. [`Packed`] refers to them, and the tick
+//! reads a publication from its ring without a copy in between.
+//!
+//! The head names the kind: a new kind of publication is a type that implements [`Head`], and one that implements
+//! [`Publication`]. The ring of any kind is `runner::packed_ring`.
+
+use core::fmt::Debug;
+
+/// Numbers of rows and of blocks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Extent {
+    /// Number of rows.
+    pub rows: usize,
+    /// Number of blocks.
+    pub blocks: usize,
+}
+
+/// The numbers of a publication that belong to no row and to no block.
+pub trait Head: Copy + Debug {
+    /// A row.
+    type Row: Copy + Debug;
+    /// A block.
+    type Block: Copy + Debug;
+
+    /// What the slots of a ring contain before they are used.
+    fn filler() -> (Self, Self::Row, Self::Block);
+
+    /// Number of the publication among those of its ring, from one. A gap tells the reader that publications were lost.
+    fn sequence(&self) -> u64;
+
+    /// The rows and the blocks that this head has.
+    fn extent(&self) -> Extent;
+}
+
+/// A publication, wherever its parts lie.
+pub trait Publication {
+    /// Its head.
+    type Head: Head;
+
+    /// The head.
+    fn head(&self) -> &Self::Head;
+
+    /// The rows in use.
+    fn rows(&self) -> &[<Self::Head as Head>::Row];
+
+    /// The blocks in use, in pieces that lie one after another.
+    fn blocks(&self) -> impl Iterator<Item = &[<Self::Head as Head>::Block]>;
+}
+
+/// A publication as it lies in a ring.
+///
+/// ```
+/// use rt_core::LocalModel;
+/// use rt_core::local_model::PackedModel;
+/// use rt_core::publication::Publication;
+///
+/// let mut model = LocalModel::empty();
+/// model.head.handle_count = 1;
+/// model.stiffness[0][0][(0, 0)] = 100.0;
+///
+/// // The parts in use, as they follow one another in a ring.
+/// let blocks = model.blocks().collect::<Vec<_>>().concat();
+/// assert_eq!((model.rows().len(), blocks.len()), (1, 2));
+/// let packed = PackedModel::new(model.head, model.rows(), &blocks).unwrap();
+///
+/// let mut copy = LocalModel::empty();
+/// copy.copy_used_from(&packed);
+/// assert_eq!(copy, model);
+///
+/// // Parts that are not as many as the head says are no publication.
+/// assert!(PackedModel::new(model.head, &[], &blocks).is_none());
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Packed<'a, H: Head> {
+    /// The head.
+    pub head: H,
+    rows: &'a [H::Row],
+    pub(crate) blocks: &'a [H::Block],
+}
+
+impl<'a, H: Head> Packed<'a, H> {
+    /// The publication of these parts. `None` if there are not as many as the head says.
+    pub fn new(head: H, rows: &'a [H::Row], blocks: &'a [H::Block]) -> Option<Self> {
+        let found = Extent {
+            rows: rows.len(),
+            blocks: blocks.len(),
+        };
+        (found == head.extent()).then_some(Self { head, rows, blocks })
+    }
+}
+
+impl<H: Head> Publication for Packed<'_, H> {
+    type Head = H;
+
+    fn head(&self) -> &H {
+        &self.head
+    }
+
+    fn rows(&self) -> &[H::Row] {
+        self.rows
+    }
+
+    fn blocks(&self) -> impl Iterator<Item = &[H::Block]> {
+        core::iter::once(self.blocks)
+    }
+}
