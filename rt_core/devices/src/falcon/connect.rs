@@ -91,9 +91,13 @@ impl Driver for FalconDriver {
         };
         let falcon = Falcon::connect(open, clock(), settings);
         let falcon = falcon.map_err(|error| refused(Box::new(error)))?;
-        let device = Exchanged::start(falcon, limited(request.model.capabilities()));
+        let device = Exchanged::start(
+            falcon,
+            limited(request.model.capabilities()),
+            request.period,
+        );
         let device = device.map_err(|error| refused(Box::new(error)))?;
-        Ok(Box::new(device.for_loop(request.period)))
+        Ok(Box::new(device))
     }
 }
 

@@ -133,9 +133,9 @@ fn start(
     }
     let stated = device.reports().host().capabilities();
     request.has_firmware(stated.map(|report| report.model.firmware));
-    let device =
-        Exchanged::start(device, capabilities).map_err(|error| refused(request.address, &error))?;
-    Ok(Box::new(device.for_loop(request.period)))
+    let device = Exchanged::start(device, capabilities, request.period);
+    let device = device.map_err(|error| refused(request.address, &error))?;
+    Ok(Box::new(device))
 }
 
 fn wrong(address: &str, allowed: &'static str) -> OpenError {
