@@ -19,7 +19,7 @@ mod poller;
 mod thread;
 mod tick_end;
 
-use crate::hid::watchdog_us;
+use crate::firmware::watchdog_us;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use rtrb::{Consumer, Producer};
 use runner::ring::{prefaulted, take_newest};

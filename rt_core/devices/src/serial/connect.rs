@@ -2,7 +2,7 @@
 
 use super::Serial;
 use crate::exchange::{Exchanged, clock, first_then};
-use crate::hid::watchdog_us;
+use crate::firmware::watchdog_us;
 use crate::registry::{Driver, Kind, OpenError, Request, file_of, places_of};
 use crate::transport::Stream;
 use runner::AnyDevice;
