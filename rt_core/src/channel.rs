@@ -8,10 +8,11 @@
 //! waits where its handle rests.
 
 use crate::clutch::Clutch;
-use crate::device::{DeviceState, Freedom};
+use crate::coupling::Passed;
+use crate::device::{DeviceState, Freedom, Reading};
 use crate::device_frame::DeviceFrame;
 use crate::engage::Engagement;
-use crate::geometry::{Pose, Twist, Vec6};
+use crate::geometry::{Pose, Twist, Vec6, Wrench};
 use crate::held_back::HeldBackByDevice;
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
 use crate::safety::{Limiter, SafetyConfig};
@@ -28,6 +29,8 @@ const SKEW: f64 = 0.01;
 /// A device, its frame and its last stage.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
+    /// The number of the device in the lists of the controller.
+    pub(crate) device: usize,
     pub(crate) frame: DeviceFrame,
     pub(crate) limiter: Limiter,
     pub(crate) engagement: Engagement,
@@ -35,6 +38,12 @@ pub(crate) struct Channel {
     pub(crate) held_back: HeldBackByDevice,
     /// The last state that was believed; at rest before the first, where the proxy waits.
     pub(crate) state: DeviceState,
+    /// Whether that is the state of this tick.
+    pub(crate) fresh: bool,
+    /// The sum of the bodies' wrenches on the proxy in this tick (scene axes).
+    pub(crate) wrench: Wrench,
+    /// What the last stage passed of its force, times the lever.
+    pub(crate) passed: Passed,
     /// Time of that state (ns).
     seen_ns: Option<u64>,
     clutch: Clutch,
@@ -44,7 +53,7 @@ pub(crate) struct Channel {
 }
 
 impl Channel {
-    pub(crate) fn new(frame: DeviceFrame, safety: SafetyConfig) -> Self {
+    pub(crate) fn new(device: usize, frame: DeviceFrame, safety: SafetyConfig) -> Self {
         let limiter = Limiter::new(safety);
         let clutch = Clutch::before(&limiter);
         let mut state = DeviceState::resting();
@@ -52,6 +61,7 @@ impl Channel {
             state.pose.position = safety.engage.waits_at;
         }
         Self {
+            device,
             frame,
             clutch,
             slip: Slip::none(),
@@ -59,9 +69,19 @@ impl Channel {
             engagement: Engagement::new(safety.engage),
             held_back: HeldBackByDevice::default(),
             state,
+            fresh: false,
+            wrench: Wrench::zero(),
+            passed: Passed::NONE,
             seen_ns: None,
             allowed: 1.0,
         }
+    }
+
+    /// Takes the reading of a tick, before any body acts on the proxy.
+    pub(crate) fn read(&mut self, now_ns: u64, reading: &Reading) {
+        let state = reading.as_ref();
+        self.fresh = state.is_ok_and(|state| self.follow(now_ns, state));
+        self.wrench = Wrench::zero();
     }
 
     /// Takes the state that the device gave. Returns whether the state is believed.

@@ -194,7 +194,9 @@ impl Controller {
         };
         // The lists have the capacities of those in the configuration.
         for device in &config.devices {
-            let _ = new.channels.push(Channel::new(device.frame, device.safety));
+            let number = new.channels.len();
+            let channel = Channel::new(number, device.frame, device.safety);
+            let _ = new.channels.push(channel);
         }
         for body in &config.bodies {
             let _ = new.couplings.push(Box::new(Coupling::new(*body)));
@@ -243,47 +245,41 @@ impl Controller {
 
         // Not an array, which would be filled for devices that do not exist.
         let mut hands = Proxies::new();
-        let fresh = self.read(time, readings, &mut hands);
+        self.read(time, readings, &mut hands);
         let slipped = self.has_slips.then(|| self.slipped(&hands, &mut telemetry));
         let proxies = slipped.as_ref().unwrap_or(&hands);
-        let mut forces = Forces::none();
+        for (proxy, record) in proxies.iter().zip(&mut telemetry.devices) {
+            (record.pose, record.twist) = *proxy;
+        }
+        let mut forces = [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES];
         self.couple(now_ns, &hands, proxies, &mut forces, &mut telemetry);
-        let commands = self.limit(proxies, fresh, &mut forces, &mut telemetry);
+        let commands = self.limit(&mut forces, &mut telemetry);
         self.account(&forces, &mut telemetry);
         self.tick = self.tick.wrapping_add(1);
         (commands, telemetry)
     }
 
-    /// The first phase: finds where each hand leads its proxy. Returns which devices gave a state that is believed.
-    fn read(
-        &mut self,
-        time: TickTime,
-        readings: &[Reading; MAX_DEVICES],
-        hands: &mut Proxies,
-    ) -> [bool; MAX_DEVICES] {
+    /// The first phase: finds where each hand leads its proxy.
+    fn read(&mut self, time: TickTime, readings: &[Reading; MAX_DEVICES], hands: &mut Proxies) {
         let mut couplings = self.couplings.iter();
         if couplings.any(|coupling| coupling.asks_for_slips()) {
             self.slip();
         }
-        let mut fresh = [false; MAX_DEVICES];
-        let each = self.channels.iter_mut().zip(readings).zip(&mut fresh);
-        for ((channel, reading), fresh) in each {
+        for (channel, reading) in self.channels.iter_mut().zip(readings) {
             channel.limiter.begin(time.clock_ns());
-            if let Ok(state) = reading {
-                *fresh = channel.follow(time.now_ns, state);
-            }
+            channel.read(time.now_ns, reading);
             // There are no more channels than places.
             let _ = hands.push(channel.on_scene());
         }
-        self.engage(fresh);
-        fresh
+        self.engage();
     }
 
     /// Slips the proxies as the bodies asked in the last tick.
     #[cold]
     #[inline(never)]
     fn slip(&mut self) {
-        for (channel, device) in self.channels.iter_mut().zip(0..MAX_DEVICES) {
+        for channel in &mut self.channels {
+            let device = channel.device;
             let asked = self.couplings.iter().map(|coupling| coupling.asked(device));
             let asked = asked.fold(Asked::Nothing, Asked::and);
             if let Some(way_back) = channel.slip(&asked) {
@@ -312,9 +308,9 @@ impl Controller {
 
     /// Tells each last stage whether its device may render force. A stop of one device stops all. Only the states of this
     /// tick ask for a stop: an older state would keep the other devices from being armed.
-    fn engage(&mut self, fresh: [bool; MAX_DEVICES]) {
-        let mut channels = self.channels.iter().zip(fresh);
-        let stop = channels.any(|(channel, fresh)| fresh && channel.engagement.asks_to_stop());
+    fn engage(&mut self) {
+        let mut channels = self.channels.iter();
+        let stop = channels.any(|channel| channel.fresh && channel.engagement.asks_to_stop());
         for channel in &mut self.channels {
             if stop {
                 channel.engagement.stop();
@@ -332,12 +328,13 @@ impl Controller {
         forces: &mut Forces,
         telemetry: &mut Telemetry,
     ) {
-        let bodies = self.couplings.iter_mut().zip(&mut forces.by_body);
+        let bodies = self.couplings.iter_mut().zip(forces);
         for ((coupling, by_device), record) in bodies.zip(&mut telemetry.bodies) {
             let wrenches = coupling.tick_slipped(now_ns, hands, proxies);
             for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
                 let device = usize::from(handle.device);
-                let sums = forces.on_proxies.get_mut(device).into_iter();
+                let channel = self.channels.get_mut(device);
+                let sums = channel.map(|channel| &mut channel.wrench).into_iter();
                 for sum in sums.chain(by_device.get_mut(device)) {
                     *sum = sum.plus(wrench);
                 }
@@ -353,37 +350,27 @@ impl Controller {
 
     /// The third phase: limits the command for each device. If a limit reduces a wrench, the wrenches of the bodies are reduced
     /// by the same part.
-    fn limit(
-        &mut self,
-        proxies: &[(Pose, Twist)],
-        fresh: [bool; MAX_DEVICES],
-        forces: &mut Forces,
-        telemetry: &mut Telemetry,
-    ) -> [Wrench; MAX_DEVICES] {
+    fn limit(&mut self, forces: &mut Forces, telemetry: &mut Telemetry) -> [Wrench; MAX_DEVICES] {
         let mut commands = [Wrench::zero(); MAX_DEVICES];
-        let bodies = self.couplings.len();
-        let inputs = self.channels.iter_mut().zip(proxies).zip(fresh);
-        let inputs = inputs.zip(&forces.on_proxies).zip(&mut forces.passed);
+        let (bodies, now_ns) = (self.couplings.len(), telemetry.time_ns);
         let outputs = commands.iter_mut().zip(&mut telemetry.devices);
-        // Not `enumerate`: as far as the compiler knows, its count could overflow.
-        for (((((channel, proxy), fresh), wrench), passed), ((command, record), device)) in
-            inputs.zip(outputs.zip(0..MAX_DEVICES))
-        {
-            let actuated = channel.limiter.actuated();
+        for (channel, (command, record)) in self.channels.iter_mut().zip(outputs) {
+            let (device, actuated) = (channel.device, channel.limiter.actuated());
             if let Freedom::Along(axes) = actuated {
                 // The mechanism bears the force along the other axes. No account may take that force as rendered.
                 let frame = &channel.frame;
-                let here = forces.by_body.iter_mut().take(bodies);
+                let here = forces.iter_mut().take(bodies);
                 for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                     wrench.force = frame.rendered_along(axes, &wrench.force);
                 }
             }
-            let mut asked = channel.frame.to_device(wrench);
+            let mut asked = channel.frame.to_device(&channel.wrench);
             asked.force = actuated.part(&asked.force);
+            let fresh = channel.fresh;
             *command = channel
                 .limiter
                 .pass(&asked, fresh.then_some(&channel.state));
-            let (state, now_ns) = (channel.limiter.state(), telemetry.time_ns);
+            let state = channel.limiter.state();
             (channel.held_back).note(state, now_ns, &asked.force, &command.force);
             let [force, moment] = fractions_passed(&asked, command);
             let allowed = channel.allow(force);
@@ -397,18 +384,16 @@ impl Controller {
             let lever = channel.lever();
             rest.force *= lever;
             let (force, moment) = (force * lever, moment * lever);
-            *passed = Passed {
+            channel.passed = Passed {
                 rendered: force,
                 allowed,
             };
-            let here = forces.by_body.iter_mut().take(bodies);
+            let here = forces.iter_mut().take(bodies);
             for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                 wrench.force = wrench.force * force + rest.force;
                 wrench.moment *= moment;
                 rest = Wrench::zero();
             }
-            record.pose = proxy.0;
-            record.twist = proxy.1;
             record.wrench = Wrench {
                 force: channel.frame.rotation * command.force,
                 moment: channel.frame.rotation * command.moment,
@@ -416,7 +401,7 @@ impl Controller {
             record.buttons = channel.state.buttons;
             record.device_time_ns = channel.state.device_time_ns;
             record.fresh = fresh;
-            record.safety = channel.limiter.state();
+            record.safety = state;
             // The grip takes this force up: neither the hand nor the scene has any part in it.
             command.force += channel.limiter.grip_force();
         }
@@ -425,8 +410,13 @@ impl Controller {
 
     /// The last phase: accounts for each body's energy, with the wrenches that its devices were finally commanded.
     fn account(&mut self, forces: &Forces, telemetry: &mut Telemetry) {
-        for (coupling, held) in self.couplings.iter_mut().zip(&forces.by_body) {
-            coupling.hold(held, &forces.passed);
+        // Zeros: other numbers would be copied from memory in each tick.
+        let mut passed = [Passed::NONE; MAX_DEVICES];
+        for (passed, channel) in passed.iter_mut().zip(&self.channels) {
+            *passed = channel.passed;
+        }
+        for (coupling, held) in self.couplings.iter_mut().zip(forces) {
+            coupling.hold(held, &passed);
         }
         for (coupling, record) in self.couplings.iter().zip(&mut telemetry.bodies) {
             record.energy = *coupling.energy();
@@ -503,26 +493,8 @@ impl Controller {
 /// Poses and twists in the scene, by device.
 type Proxies = heapless::Vec<(Pose, Twist), MAX_DEVICES>;
 
-/// The wrenches of one tick.
-struct Forces {
-    /// The sum over all bodies, on each proxy (scene axes).
-    on_proxies: [Wrench; MAX_DEVICES],
-    /// The part of each body in that sum.
-    by_body: [[Wrench; MAX_DEVICES]; MAX_BODIES],
-    /// By device, what the last stage passed of the force, times the clutch's lever.
-    passed: [Passed; MAX_DEVICES],
-}
-
-impl Forces {
-    fn none() -> Self {
-        Self {
-            on_proxies: [Wrench::zero(); MAX_DEVICES],
-            by_body: [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES],
-            // Zeros: other numbers would be copied from memory in each tick.
-            passed: [Passed::NONE; MAX_DEVICES],
-        }
-    }
-}
+/// The wrench of each body on each proxy (scene axes).
+type Forces = [[Wrench; MAX_DEVICES]; MAX_BODIES];
 
 /// The fractions of the force and of the moment asked for that are left in the command.
 fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {

@@ -298,7 +298,7 @@ impl Coupling {
     ) -> [Wrench; MAX_HANDLES] {
         self.ticked_ns = Some(now_ns);
         self.fade_leaving();
-        let steps = self.passivity.observe(
+        self.passivity.observe(
             hands.iter().map(|(pose, _)| *pose),
             self.to.handles().map(|handle| handle.device),
         );
@@ -309,13 +309,12 @@ impl Coupling {
         }
         self.weigh();
         let mut wrenches = match self.config.scheme {
-            Scheme::Capped => self.capped(devices, &steps),
+            Scheme::Capped => self.capped(devices),
             _ => self.rendered(devices),
         };
         if self.config.scheme == Scheme::Classic {
             let hands = self.to.handles().map(|handle| handle.device);
-            self.passivity
-                .restore(hands, devices, &steps, &mut wrenches);
+            self.passivity.restore(hands, devices, &mut wrenches);
         }
         self.blend = (self.blend + self.blend_step).min(1.0);
         self.grow_old(now_ns);

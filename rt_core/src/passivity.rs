@@ -26,8 +26,7 @@ mod hand;
 mod pieces;
 
 use edge::Edge;
-use hand::Hand;
-pub(crate) use hand::Motion;
+pub(crate) use hand::{Hand, Motion};
 pub(crate) use pieces::Division;
 use pieces::PieceAccount;
 
@@ -80,19 +79,6 @@ impl Port {
         force_scale: 1.0,
         count: 0.0,
         max_slew: f64::INFINITY,
-    };
-
-    /// A place for a device: zeros, which cost a tick less than other numbers.
-    const BLANK: Self = Self {
-        damping: 0.0,
-        friction: 0.0,
-        turning_damping: 0.0,
-        turning_friction: 0.0,
-        most_damping: 0.0,
-        most_turning_damping: 0.0,
-        force_scale: 0.0,
-        count: 0.0,
-        max_slew: 0.0,
     };
 
     pub(crate) fn most(&self) -> [f64; 2] {
@@ -235,7 +221,7 @@ impl Passivity {
     pub fn new(config: PassivityConfig) -> Self {
         Self {
             config,
-            hands: [Hand::new(); MAX_DEVICES],
+            hands: config.ports.map(Hand::new),
             devices: 0,
             account: EnergyAccount {
                 available: config.allowance,
@@ -265,24 +251,25 @@ impl Passivity {
     }
 
     /// Takes the devices' poses of this tick, and accounts for the work of the wrenches held since the last tick.
-    /// `holders` are the devices that hold the body: only their dissipation is credited. Returns the displacement of
-    /// each device since the last tick.
+    /// `holders` are the devices that hold the body: only their dissipation is credited.
     pub(crate) fn observe(
         &mut self,
         poses: impl Iterator<Item = Pose>,
         holders: impl Iterator<Item = u8>,
-    ) -> [Vec6; MAX_DEVICES] {
-        let mut holds = [false; MAX_DEVICES];
+    ) {
+        for hand in &mut self.hands {
+            hand.holds = false;
+        }
         for holder in holders {
-            if let Some(holds) = holds.get_mut(usize::from(holder)) {
-                *holds = true;
+            if let Some(hand) = self.hands.get_mut(usize::from(holder)) {
+                hand.holds = true;
             }
         }
-        let mut steps = [Vec6::zeros(); MAX_DEVICES];
         self.devices = 0;
-        let each = self.hands.iter_mut().zip(&self.config.ports).zip(holds);
-        for ((((hand, port), holds), pose), step) in each.zip(poses).zip(&mut steps) {
+        for (hand, pose) in self.hands.iter_mut().zip(poses) {
             self.devices = self.devices.saturating_add(1);
+            let port = hand.port;
+            hand.step = Vec6::zeros();
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
@@ -295,18 +282,18 @@ impl Passivity {
             if !possible(&moved, self.config.period) {
                 continue;
             }
-            *step = moved;
+            hand.step = moved;
             for (reach, length) in hand.reach.iter_mut().zip(norms(&moved)) {
                 *reach = length.max(*reach * self.fade);
             }
-            let translation = Vec3::new(step.x, step.y, step.z);
+            let translation = Vec3::new(moved.x, moved.y, moved.z);
             let held = hand.held.get(self.config.delay);
-            let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
+            let work = held.map_or(0.0, |wrench| wrench.stacked().dot(&moved)) * port.force_scale;
             let weight = hand.weights.get(self.config.delay);
             let fallen = weight.map_or(0.0, |weight| weight.dot(&translation)) * port.force_scale;
             // The work of the part of the weight that the device did not render.
             let spared = fallen - hand.weight.dot(&translation) * port.force_scale;
-            let turn = Vec3::new(step.w, step.a, step.b);
+            let turn = Vec3::new(moved.w, moved.a, moved.b);
             let [last, last_turn] = &mut hand.last_steps;
             if translation != Vec3::zeros() {
                 if last.since > 1 && translation.norm() < 1.5 * port.count {
@@ -321,7 +308,7 @@ impl Passivity {
                     );
             }
             let period = self.config.period;
-            let fraction = if holds { self.config.credit } else { 0.0 };
+            let fraction = if hand.holds { self.config.credit } else { 0.0 };
             let onwards = last.dissipated(
                 &translation,
                 period,
@@ -360,7 +347,6 @@ impl Passivity {
         let got = account.supplied - account.raised + account.credited;
         account.least = account.least.min(got);
         self.total();
-        steps
     }
 
     /// Takes the energy stored in the first local model (J). The hands need not have supplied that energy.
@@ -387,11 +373,9 @@ impl Passivity {
             .map_or(Balance::default(), |piece| piece.balance)
     }
 
-    /// The heading of a device: its last translation along each axis.
-    pub(crate) fn heading(&self, device: usize) -> Vec3 {
-        self.hands
-            .get(device)
-            .map_or(Vec3::zeros(), |hand| hand.heading)
+    /// What the account knows of a device.
+    pub(crate) fn hand(&self, device: usize) -> Option<&Hand> {
+        self.hands.get(device)
     }
 
     /// Takes the energy of its own that the body says to have released so far (J). The increase is credited up to the
@@ -400,19 +384,6 @@ impl Passivity {
     pub(crate) fn release(&mut self, released: f64) {
         let [whole, ..] = &mut self.pieces;
         whole.release(released);
-    }
-
-    /// One along each axis of a device, or zero where the last step was a single count back, as a tremor on the edge of
-    /// a count produces it.
-    pub(crate) fn onward(&self, device: usize) -> Vec3 {
-        self.hands
-            .get(device)
-            .map_or(Vec3::repeat(1.0), |hand| hand.onward)
-    }
-
-    /// Number of ticks in which a device made the translation of this tick: one, or more for a count after a rest.
-    pub(crate) fn pace(&self, device: usize) -> f64 {
-        self.hands.get(device).map_or(1.0, |hand| hand.pace)
     }
 
     /// Notes the energy that could be got back now (J).
@@ -427,16 +398,15 @@ impl Passivity {
         wrenches: &[Wrench; MAX_DEVICES],
         weights: &[[Vec3; 2]; MAX_DEVICES],
     ) {
-        let each = self.hands.iter_mut().zip(&self.config.ports);
-        let each = each.zip(wrenches.iter().zip(weights));
-        for ((hand, port), (wrench, [rendered, weight])) in each.take(self.devices) {
+        let each = self.hands.iter_mut().zip(wrenches).zip(weights);
+        for ((hand, wrench), [rendered, weight]) in each.take(self.devices) {
             // No device holds a larger force, so a larger number was limited before it left.
             let held = |force: &Vec3| force.norm() <= MOST_FORCE;
             let zero = (Wrench::zero(), Vec3::zeros());
             let sound = wrench.is_finite() && held(&wrench.force) && held(rendered);
             let (wrench, rendered) = if sound { (*wrench, *rendered) } else { zero };
             let weight = if held(weight) { *weight } else { rendered };
-            let raised = hand.push(&wrench, &rendered, &weight) * port.force_scale;
+            let raised = hand.push(&wrench, &rendered, &weight) * hand.port.force_scale;
             self.account.raised += raised;
             hand.spared += raised;
             if let Some(piece) = self.pieces.get_mut(hand.piece) {
@@ -460,10 +430,9 @@ fn note_turns(onward: &mut Vec3, translation: &Vec3, heading: &Vec3, count: f64)
 
 /// Passes a step by `translation` (m) under `force` (N) to the edge of each axis.
 fn note_edges(edges: &mut [Edge; 3], translation: &Vec3, force: &Vec3, credited: bool, count: f64) {
-    let [x, y, z] = [translation.x, translation.y, translation.z].map(|by| by != 0.0);
-    let others = [y || z, x || z, x || y];
-    let axes = translation.iter().zip(force).zip(edges).zip(others);
-    for (((&by, force), edge), others) in axes {
+    let moved = translation.map(|by| u8::from(by != 0.0));
+    for ((&by, force), edge) in translation.iter().zip(force).zip(edges) {
+        let others = moved.sum() > u8::from(by != 0.0);
         if by != 0.0 {
             edge.step(by, -force * by, credited, count);
         }

@@ -2,7 +2,8 @@
 
 use core::num::NonZeroU32;
 use devices::exchange::{MotionSource, let_go_after};
-use devices::serial::{GREETING_NS, Serial, SerialError};
+use devices::firmware::GreetingError;
+use devices::serial::{GREETING_NS, Serial};
 use devices::stated::Mismatch;
 use devices::{DeviceModel, Exchange, Transport};
 use firmware_proto::host::{Event as HostEvent, Host, HostError};
@@ -89,7 +90,7 @@ impl Link {
         });
     }
 
-    fn open(&self, profile: &DeviceModel) -> Result<Serial<Self>, SerialError> {
+    fn open(&self, profile: &DeviceModel) -> Result<Serial<Self>, GreetingError> {
         self.open_for(profile, 0)
     }
 
@@ -97,7 +98,7 @@ impl Link {
         &self,
         profile: &DeviceModel,
         watchdog_us: u32,
-    ) -> Result<Serial<Self>, SerialError> {
+    ) -> Result<Serial<Self>, GreetingError> {
         let (link, clock) = (self.clone(), self.clone());
         let open = move || match link.world(|world| world.gone) {
             Some(number) => Err(number),
@@ -516,7 +517,7 @@ fn a_fault_takes_the_force_until_the_device_is_reset() {
     assert!((link.force() - force.force).amax() <= HALF_UNIT);
 }
 
-fn refusal(link: &Link, profile: &DeviceModel) -> SerialError {
+fn refusal(link: &Link, profile: &DeviceModel) -> GreetingError {
     let error = link.open(profile).err();
     assert_eq!(link.force(), Vec3::zeros());
     error.expect("it is refused")
@@ -529,7 +530,7 @@ fn another_devices_profile_is_refused() {
         let profile = DeviceModel::named(name).expect("a built-in device");
         let error = refusal(&link, &profile);
         assert!(
-            matches!(error, SerialError::Profile(Mismatch::Freedom { .. })),
+            matches!(error, GreetingError::Profile(Mismatch::Freedom { .. })),
             "{error}"
         );
     }
@@ -555,19 +556,23 @@ fn a_device_that_does_not_answer_is_refused_with_what_to_check() {
     let muted = link();
     muted.world(|world| world.mute = true);
     let start_ns = muted.now_ns();
-    assert_eq!(refusal(&muted, &model()), SerialError::Silent);
+    assert_eq!(refusal(&muted, &model()), GreetingError::Silent);
     let took_ns = muted.now_ns() - start_ns;
     assert!((GREETING_NS..GREETING_NS + 20 * MS).contains(&took_ns));
     let deafened = link();
     deafened.world(|world| world.deaf = true);
-    assert_eq!(refusal(&deafened, &model()), SerialError::Deaf);
+    assert_eq!(refusal(&deafened, &model()), GreetingError::Deaf);
     let babbling = link();
     babbling.world(|world| world.replaced = Some(vec![3, 7, 0]));
-    assert_eq!(refusal(&babbling, &model()), SerialError::Garbage);
+    assert_eq!(refusal(&babbling, &model()), GreetingError::Garbage);
     let gone = link();
     gone.world(|world| world.gone = Some(5));
-    assert_eq!(refusal(&gone, &model()), SerialError::Ended(5));
-    for error in [SerialError::Silent, SerialError::Deaf, SerialError::Garbage] {
+    assert_eq!(refusal(&gone, &model()), GreetingError::Ended(5));
+    for error in [
+        GreetingError::Silent,
+        GreetingError::Deaf,
+        GreetingError::Garbage,
+    ] {
         assert!(error.to_string().contains("Check"), "{error}");
     }
 }
@@ -593,7 +598,7 @@ fn a_device_that_another_host_uses_is_refused() {
     let error = second.err().expect("it is in use");
     assert_eq!(
         error,
-        SerialError::Refused(HostError::Session { found: session })
+        GreetingError::Refused(HostError::Session { found: session })
     );
     assert!(error.to_string().contains("of another host"), "{error}");
 }
@@ -620,7 +625,7 @@ fn a_device_of_version_1_is_refused_at_once() {
     let error = refusal(&link, &model());
     assert_eq!(
         error,
-        SerialError::Version(ReportError::Version { found: 1 })
+        GreetingError::Version(ReportError::Version { found: 1 })
     );
     assert!(error.to_string().contains("update it"), "{error}");
     assert!(link.now_ns() - start_ns < 20 * MS);

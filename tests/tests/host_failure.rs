@@ -6,7 +6,7 @@ use host::run::prepare::{Options, Prepared};
 use host::scene::spec::SchemeName;
 use host::world::World;
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
-use runner::thread::{RunnerConfig, Stop, spawn};
+use runner::{RunnerConfig, Stop, spawn};
 use std::sync::Arc;
 
 #[test]

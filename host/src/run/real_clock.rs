@@ -14,7 +14,7 @@ use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
 use crate::engine::stats::WallStopwatch;
 use runner::link::{HostEnd, LogEnd};
-use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
+use runner::{RunnerConfig, Stop, TickReport, spawn};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};

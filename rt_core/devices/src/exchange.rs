@@ -9,38 +9,32 @@
 //! ring for the next tick. A state is therefore older than a state that the device sends by itself, by at most one period
 //! of the tick.
 //!
-//! The thread never repeats a force on its own, and commands none that waited while the process was stopped. Where the
-//! tick hands over no wrench for [`LET_GO`], or for four periods of a slow loop ([`Exchanged::for_loop`]), the thread
-//! commands zero. The state that comes back says so ([`rt_core::Rendering`]), and no wrench from before that state is
-//! commanded ([`Gate`]): the force returns along the tick's ramp. Where the device is lost, the thread tries to reopen it
-//! every [`RETRY`], and the device comes back without a restart of the run.
+//! [`Poller`] decides what the thread does, and [`TickEnd`] what the tick reads and hands over. Both are state machines
+//! without a thread, a clock or a ring. The thread drives them by the real clock, and `sim::emulated` by virtual time.
 //!
 //! [WoodenHaptics]: https://woodenhaptics.org
 
 mod gate;
+mod poller;
 mod thread;
+mod tick_end;
 
-use crate::hid::watchdog_us;
+use crate::firmware::watchdog_us;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use rtrb::{Consumer, Producer};
 use runner::ring::{prefaulted, take_newest};
 use std::fmt;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-pub use gate::Gate;
+pub use poller::{Handed, Poller, RETRY_NS, Reply, Step};
+pub use tick_end::TickEnd;
 
-/// Time without a wrench from the tick after which the thread commands zero.
-pub const LET_GO: Duration = Duration::from_millis(10);
-/// Time between two attempts to reopen a lost device.
-pub const RETRY: Duration = Duration::from_millis(100);
+/// Number of wrenches, and of replies, that may wait. A healthy device is never behind by more than one.
+pub const SLOTS: usize = 4;
 /// Longest time that the end of a run waits for the release of a device. A thread that blocks longer, in a vendor's
 /// library, is left behind until the process ends.
 const LAST_WAIT: Duration = Duration::from_secs(2);
-/// Number of wrenches, and of answers, that may wait. A healthy device is never behind by more than one.
-const SLOTS: usize = 4;
 /// Time between two looks whether the thread has ended.
 const POLL: Duration = Duration::from_micros(200);
 /// Error number for a device whose thread has ended (ESHUTDOWN).
@@ -51,7 +45,7 @@ pub trait Exchange: Send {
     /// Sends `wrench` (N, N m on the hand, device axes), and returns the newest state of the device.
     ///
     /// # Errors
-    /// [`DeviceError::Disconnected`] where the device is gone: the thread then calls [`reopen`](Self::reopen) until the
+    /// [`DeviceError::Disconnected`] if the device is gone: the thread then calls [`reopen`](Self::reopen) until the
     /// device is back. Any other error is one missing state.
     fn exchange(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError>;
 
@@ -70,7 +64,7 @@ pub trait Exchange: Send {
         MotionSource::Thread
     }
 
-    /// Number of wrenches that the device refused so far. `None` where the device does not tell.
+    /// Number of wrenches that the device refused so far. `None` if the device does not tell.
     fn refused_wrenches(&self) -> Option<u64> {
         None
     }
@@ -102,102 +96,10 @@ pub(crate) fn first_then<T: Send>(
     move || first.take().map_or_else(&mut again, Ok)
 }
 
-/// The answer of one exchange.
-type Answer = Result<DeviceState, DeviceError>;
-
-/// Time without a wrench, of a loop of `period` (s), after which the thread commands zero: as the watchdog that such a
-/// loop asks of a device.
+/// Time without a wrench, of a loop of `period` (s), after which the poller commands zero: as the watchdog that such a
+/// loop asks of a device, ten milliseconds, or four periods of a slow loop.
 pub fn let_go_after(period: f64) -> Duration {
     Duration::from_micros(watchdog_us(period).into())
-}
-
-/// What the tick hands over.
-#[derive(Clone, Copy, Debug)]
-struct Handed {
-    wrench: Wrench,
-    /// The number of the exchange whose state the wrench answers; zero where the tick had no new state.
-    answers: u64,
-    /// The number of the newest exchange whose state the tick has read; zero before the first.
-    seen: u64,
-}
-
-impl Default for Handed {
-    /// No force.
-    fn default() -> Self {
-        Self {
-            wrench: Wrench::zero(),
-            answers: 0,
-            seen: 0,
-        }
-    }
-}
-
-/// What comes back.
-#[derive(Clone, Copy, Debug)]
-struct Reply {
-    answer: Answer,
-    /// The number of the exchange, from one.
-    number: u64,
-    motion_to_force_ns: Option<u64>,
-    refused_wrenches: Option<u64>,
-}
-
-impl Default for Reply {
-    fn default() -> Self {
-        Self {
-            answer: Err(DeviceError::NoReport),
-            number: 0,
-            motion_to_force_ns: None,
-            refused_wrenches: None,
-        }
-    }
-}
-
-/// Counts of a device's exchanges, which any thread may read. The counts only grow.
-#[derive(Debug, Default)]
-pub struct Counts {
-    states: AtomicU64,
-    failures: AtomicU64,
-    losses: AtomicU64,
-    returns: AtomicU64,
-    unread: AtomicU64,
-    let_go: AtomicU64,
-}
-
-impl Counts {
-    /// Exchanges that gave a state.
-    pub fn states(&self) -> u64 {
-        self.states.load(Ordering::Relaxed)
-    }
-
-    /// Exchanges that gave no state from a device that was there.
-    pub fn failures(&self) -> u64 {
-        self.failures.load(Ordering::Relaxed)
-    }
-
-    /// Times that the device was lost.
-    pub fn losses(&self) -> u64 {
-        self.losses.load(Ordering::Relaxed)
-    }
-
-    /// Times that a lost device came back.
-    pub fn returns(&self) -> u64 {
-        self.returns.load(Ordering::Relaxed)
-    }
-
-    /// Answers that the tick did not read in time.
-    pub fn unread(&self) -> u64 {
-        self.unread.load(Ordering::Relaxed)
-    }
-
-    /// Times that the thread commanded zero because the tick handed over no wrench.
-    pub fn let_go(&self) -> u64 {
-        self.let_go.load(Ordering::Relaxed)
-    }
-
-    fn add(count: &AtomicU64) {
-        count.fetch_add(1, Ordering::Relaxed);
-    }
 }
 
 /// The tick's end of a device that has a thread of its own. Dropping it releases the device, and waits up to two seconds
@@ -205,62 +107,32 @@ impl Counts {
 pub struct Exchanged {
     wrenches: Option<Producer<Handed>>,
     replies: Consumer<Reply>,
-    /// What the last read found. Without an answer, its number is zero.
-    last: Reply,
-    /// The number of the newest exchange whose state was read.
-    seen: u64,
-    refused_wrenches: Option<u64>,
+    end: TickEnd,
     thread: Option<JoinHandle<()>>,
     capabilities: Capabilities,
-    counts: Arc<Counts>,
-    /// Time without a wrench after which the thread commands zero (ns).
-    let_go_ns: Arc<AtomicU64>,
-    /// The system's error number while the device is lost.
-    gone: Option<i32>,
-    clock: Continued,
 }
 
 impl Exchanged {
-    /// Starts the thread of a device that is open. `capabilities` are the capabilities of the device.
+    /// Starts the thread of a device that is open, for a loop of `period` (s). `capabilities` are the capabilities of the
+    /// device.
     ///
     /// # Errors
-    /// The error of the system, where it gave no thread.
+    /// The error of the system, if it gave no thread.
     pub fn start(
         exchange: impl Exchange + 'static,
         capabilities: Capabilities,
+        period: f64,
     ) -> std::io::Result<Self> {
         let (wrenches, commands, _) = prefaulted(SLOTS, Handed::default());
         let (results, replies, _) = prefaulted(SLOTS, Reply::default());
-        let counts = Arc::new(Counts::default());
-        let let_go_ns = Arc::new(AtomicU64::new(LET_GO.as_nanos() as u64));
-        let shared = (Arc::clone(&counts), Arc::clone(&let_go_ns));
-        let thread = thread::start(exchange, commands, results, shared)?;
+        let thread = thread::start(exchange, commands, results, let_go_after(period))?;
         Ok(Self {
             wrenches: Some(wrenches),
             replies,
-            last: Reply::default(),
-            seen: 0,
-            refused_wrenches: None,
+            end: TickEnd::default(),
             thread: Some(thread),
             capabilities,
-            counts,
-            let_go_ns,
-            gone: None,
-            clock: Continued::default(),
         })
-    }
-
-    /// The same device for a loop of `period` (s), whose pauses between two wrenches are no silence.
-    #[must_use]
-    pub fn for_loop(self, period: f64) -> Self {
-        let let_go_ns = let_go_after(period).as_nanos() as u64;
-        self.let_go_ns.store(let_go_ns, Ordering::Relaxed);
-        self
-    }
-
-    /// The counts of the exchanges, which another thread may keep and read while the device runs.
-    pub fn counts(&self) -> Arc<Counts> {
-        Arc::clone(&self.counts)
     }
 }
 
@@ -274,54 +146,29 @@ impl Device for Exchanged {
         // The end of the ring is read first, so that the answers before the end are still found below.
         let ended = self.replies.is_abandoned();
         let reply = take_newest(&mut self.replies, |reply, _| *reply);
-        self.last = reply.unwrap_or_default();
-        if let Some(reply) = reply {
-            self.refused_wrenches = reply.refused_wrenches;
+        let reading = self.end.read(reply);
+        if ended && reply.is_none() {
+            return Err(DeviceError::Disconnected(ENDED));
         }
-        match reply.map(|reply| reply.answer) {
-            Some(Ok(mut state)) => {
-                self.gone = None;
-                self.seen = self.last.number;
-                state.device_time_ns = self.clock.advance(state.device_time_ns);
-                Ok(state)
-            }
-            Some(Err(error)) => {
-                if let DeviceError::Disconnected(number) = error {
-                    self.gone = Some(number);
-                }
-                Err(error)
-            }
-            None if ended => Err(DeviceError::Disconnected(ENDED)),
-            None => Err(self
-                .gone
-                .map_or(DeviceError::NoReport, DeviceError::Disconnected)),
-        }
+        reading
     }
 
     fn write(&mut self, _now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        if let Some(number) = self.gone {
-            // The thread reopens the device and needs no wrench for that.
-            return Err(DeviceError::Disconnected(number));
-        }
+        let handed = self.end.hand(wrench)?;
         let (Some(ring), Some(thread)) = (&mut self.wrenches, &self.thread) else {
             return Err(DeviceError::Busy);
         };
-        let state = self.last.answer.is_ok();
-        let pushed = ring.push(Handed {
-            wrench: *wrench,
-            answers: if state { self.last.number } else { 0 },
-            seen: self.seen,
-        });
+        let pushed = ring.push(handed);
         thread.thread().unpark();
         pushed.map_err(|_| DeviceError::Busy)
     }
 
     fn motion_to_force_ns(&self) -> Option<u64> {
-        self.last.motion_to_force_ns
+        self.end.motion_to_force_ns()
     }
 
     fn refused_wrenches(&self) -> Option<u64> {
-        self.refused_wrenches
+        self.end.refused_wrenches()
     }
 }
 
@@ -347,29 +194,8 @@ impl fmt::Debug for Exchanged {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Exchanged")
             .field("capabilities", &self.capabilities)
-            .field("counts", &self.counts)
-            .field("gone", &self.gone)
+            .field("end", &self.end)
             .finish_non_exhaustive()
-    }
-}
-
-/// A clock that continues where the clock of a device starts anew, so that its time never decreases.
-#[derive(Clone, Copy, Debug, Default)]
-struct Continued {
-    /// What is added to the device's own time (ns).
-    offset: u64,
-    last: u64,
-}
-
-impl Continued {
-    fn advance(&mut self, time_ns: u64) -> u64 {
-        let time = time_ns.saturating_add(self.offset);
-        if time < self.last {
-            self.offset = self.last.saturating_sub(time_ns);
-            return self.last;
-        }
-        self.last = time;
-        time
     }
 }
 

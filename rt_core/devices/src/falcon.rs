@@ -17,8 +17,3 @@ pub mod packet;
 pub use boot::{BootError, Firmware, FirmwareError, Tries};
 pub use connect::{FalconDriver, MOST_FORCE};
 pub use driver::{Counts, Falcon, FalconError, Settings};
-
-/// USB vendor of the Falcon (FTDI).
-pub const VENDOR: u16 = 0x0403;
-/// USB product of the Falcon.
-pub const PRODUCT: u16 = 0xcb48;

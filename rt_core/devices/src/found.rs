@@ -4,16 +4,15 @@
 //! the file of the device (of a serial line, its rights alone), so nothing is sent to any device. The root of the file system is an argument, so that a test
 //! can make a tree of its own.
 //!
-//! - [`listed`]: the kernel's lists.
+//! - [`listed`]: the kernel's lists. `known`: the numbers of the devices that are known by name.
 //! - [`which`]: which one of several devices of a kind a connection names.
 
+pub(crate) mod known;
 pub mod listed;
 pub mod which;
 
 pub use which::{FindError, Which};
 
-use crate::falcon::{PRODUCT, VENDOR};
-use crate::woodenhaptics::connect::Board;
 use listed::{Listed, entries};
 use rustix::fs::FlockOperation;
 use rustix::io::Errno;
@@ -120,7 +119,7 @@ pub fn list(root: &Path) -> Vec<Found> {
 
 /// The connected boards of WoodenHaptics.
 pub(crate) fn woodenhaptics(root: &Path) -> Alike<'static> {
-    let is_board = |one: &Listed| Board::with(one.numbers).is_some();
+    let is_board = |one: &Listed| known::board(one.numbers).is_some();
     Alike {
         kind: "woodenhaptics",
         by_path: Some("woodenhaptics"),
@@ -143,7 +142,7 @@ fn hid(root: &Path) -> Vec<Found> {
     let boards = woodenhaptics(root);
     let all = listed::hid(root);
     let each = all.iter().map(|one| {
-        let board = Board::with(one.numbers);
+        let board = known::board(one.numbers);
         let connect = if board.is_some() {
             boards.connection(one)
         } else {
@@ -183,10 +182,10 @@ fn found(connect: String, one: &Listed) -> Found {
 /// Falcons.
 fn falcons(root: &Path) -> Vec<Found> {
     // The kernel does not show the Falcon as HID.
-    let numbers = (VENDOR, PRODUCT);
+    let numbers = known::FALCON.numbers;
     let all = usb(root, "falcon", numbers);
     let each = all.devices.iter().map(|one| Found {
-        name: "Novint Falcon".to_owned(),
+        name: known::FALCON.name.to_owned(),
         // A program that has claimed the device appears as the driver `usbfs`.
         trouble: match one.driver.as_deref() {
             Some("usbfs") => Some(Trouble::Busy),

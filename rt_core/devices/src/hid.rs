@@ -26,22 +26,19 @@ mod reading;
 mod selector;
 mod writer;
 
+use crate::firmware::{GreetingError, check, session};
 use crate::found::{FindError, udev_rule};
-use crate::serial::{SerialError, check};
 use crate::stated::Name;
 use crate::transport::{Hidraw, Transport};
 use firmware_proto::host::release;
 use firmware_proto::report::{FirmwareVersion, Model};
 use reading::numbered;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
-use std::hash::{BuildHasher, RandomState};
-use std::num::NonZeroU32;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use writer::{Open, Write, Writer};
 
 pub use driver::Hid;
-pub(crate) use driver::watchdog_us;
 pub use reading::{Command, QUEUE, Reports};
 pub use selector::HidSelector;
 
@@ -61,7 +58,7 @@ pub enum HidError {
     Find(#[from] FindError),
     /// The device is not that of its profile.
     #[error(transparent)]
-    Profile(#[from] SerialError),
+    Profile(#[from] GreetingError),
     /// The device is connected but cannot be opened.
     #[error(
         "the HID device {selector} is connected as {path} but cannot be opened: {source}. {}",
@@ -143,7 +140,7 @@ fn answer(
     (read, write): &mut Ends,
     profile: &Capabilities,
     watchdog_us: u32,
-) -> Result<Option<Model>, SerialError> {
+) -> Result<Option<Model>, GreetingError> {
     let mut reports = Reports::new(session(), watchdog_us);
     let start = Instant::now();
     while start.elapsed() < GREETING {
@@ -328,12 +325,6 @@ impl Device for HidDevice {
     fn refused_wrenches(&self) -> Option<u64> {
         Some(self.reports.refused_by_device)
     }
-}
-
-/// A session that no other host has, but by chance: the standard library draws the keys of its hashes at random.
-pub(crate) fn session() -> NonZeroU32 {
-    let number = RandomState::new().hash_one(0_u8);
-    NonZeroU32::new(number as u32).unwrap_or(NonZeroU32::MAX)
 }
 
 #[cfg(test)]

@@ -23,6 +23,7 @@
 pub mod conformance;
 pub mod exchange;
 pub mod falcon;
+pub mod firmware;
 pub mod found;
 pub mod ftdi;
 pub mod hid;

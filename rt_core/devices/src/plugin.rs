@@ -104,7 +104,7 @@ impl Plugins {
             limits,
             told: false,
         };
-        let device = Exchanged::start(plugin, limits);
+        let device = Exchanged::start(plugin, limits, request.period);
         device.map_err(|error| refused(PluginOpenError::Thread(error).into()))
     }
 }
@@ -124,7 +124,7 @@ impl Driver for Plugins {
     }
 
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
-        Ok(Box::new(self.connect(request)?.for_loop(request.period)))
+        Ok(Box::new(self.connect(request)?))
     }
 }
 

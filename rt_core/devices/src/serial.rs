@@ -11,10 +11,7 @@
 //! controller with another device's profile relies on a mass and on a damping that the device does not have.
 
 pub mod connect;
-mod error;
 mod exchange;
 
 pub use connect::{Tcp, Tty};
-pub use error::SerialError;
-pub(crate) use error::check;
 pub use exchange::{GREETING_NS, SILENT_PERIODS, Serial};

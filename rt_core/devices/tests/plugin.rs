@@ -276,7 +276,6 @@ fn a_plug_in_that_fails_is_a_silent_device() {
     until(&mut device, &push(), |result| *result == lost);
     // It comes back by itself.
     until(&mut device, &push(), Result::is_ok);
-    assert!(device.counts().returns() >= 1);
 }
 
 #[test]
@@ -305,7 +304,7 @@ fn a_plug_in_that_hangs_is_silent_and_holds_up_nobody() {
     };
     let mut device = opened(&library, "hang");
     // The ring of wrenches fills, because nobody takes them any more.
-    while device.write(0, &push()) != Err(DeviceError::Busy) || device.counts().states() < 100 {
+    while device.write(0, &push()) != Err(DeviceError::Busy) {
         let _ = device.read(0);
         std::thread::yield_now();
     }
@@ -348,10 +347,14 @@ fn a_plug_in_that_ends_its_process_ends_no_run() {
             matches!(result, Err(DeviceError::Disconnected(19)))
         });
         until(&mut device, &push(), Result::is_ok);
-        assert!(device.counts().returns() >= 1, "{test}");
-        until(&mut other, &push(), Result::is_ok);
+        until(&mut other, &push(), |result| {
+            assert!(
+                !matches!(result, Err(DeviceError::Disconnected(_))),
+                "{test}"
+            );
+            result.is_ok()
+        });
     }
-    assert_eq!(other.counts().losses(), 0);
 }
 
 #[test]
@@ -481,7 +484,6 @@ fn a_plug_in_that_comes_back_as_another_device_stays_lost() {
             assert!(device.read(0).is_err(), "{test}");
             std::thread::yield_now();
         }
-        assert_eq!(device.counts().returns(), 0, "{test}");
         // It comes back when it is itself again.
         std::fs::remove_file(&marker).expect("it was opened");
         until(&mut device, &push(), Result::is_ok);

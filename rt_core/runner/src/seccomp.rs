@@ -14,14 +14,13 @@
 //!
 //! The filter guards against mistakes, not against malice: it does not confine an attacker.
 
-use crate::trap;
+use crate::trap::{self, FilterError};
 use libc::c_long;
 use seccompiler::{
     BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter,
     SeccompRule, apply_filter,
 };
 use std::collections::BTreeMap;
-use std::fmt;
 
 /// The kind of devices that the tick calls, which determines the system calls that it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,46 +29,6 @@ pub enum CallPolicy {
     Simulated,
     /// HID devices: `poll` and `read` as well.
     Hid,
-}
-
-/// A system call that the tick's thread made without permission.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ForbiddenCall {
-    /// The first such call, by the kernel's number on this architecture.
-    pub number: i64,
-    /// Number of such calls until the loop ended.
-    pub count: u64,
-}
-
-impl fmt::Display for ForbiddenCall {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match name(self.number) {
-            Some(name) => write!(f, "{name} (number {})", self.number)?,
-            None => write!(f, "number {}", self.number)?,
-        }
-        if self.count > 1 {
-            write!(f, ", the first of {}", self.count)?;
-        }
-        Ok(())
-    }
-}
-
-/// The reason why the kernel does not watch the thread's system calls.
-#[derive(Debug, thiserror::Error)]
-pub enum FilterError {
-    /// There is no trap for this processor or C library.
-    #[error(
-        "system calls can be watched on x86-64 and 64-bit Arm Linux with the GNU C library only"
-    )]
-    Platform,
-    /// The signal that reports a forbidden call is not available.
-    #[error("the system did not give the signal SIGSYS: {0}")]
-    Signal(std::io::Error),
-    /// The system refused the filter.
-    #[error(
-        "the system refused the filter of system calls ({0}); the kernel needs CONFIG_SECCOMP_FILTER"
-    )]
-    Refused(String),
 }
 
 /// Traps every system call of the calling thread except those of `policy`, until the thread ends. The filter cannot be
@@ -150,56 +109,9 @@ fn is(argument: u8, value: libc::c_int) -> Result<SeccompCondition, seccompiler:
     )
 }
 
-/// Names of the calls that stray into a tick most easily. Other calls are reported by number.
-fn name(number: i64) -> Option<&'static str> {
-    let names = [
-        (libc::SYS_brk, "brk"),
-        (libc::SYS_clock_nanosleep, "clock_nanosleep"),
-        (libc::SYS_close, "close"),
-        (libc::SYS_fdatasync, "fdatasync"),
-        (libc::SYS_fsync, "fsync"),
-        (libc::SYS_futex, "futex"),
-        (libc::SYS_getpid, "getpid"),
-        (libc::SYS_getppid, "getppid"),
-        (libc::SYS_getrandom, "getrandom"),
-        (libc::SYS_gettid, "gettid"),
-        (libc::SYS_ioctl, "ioctl"),
-        (libc::SYS_lseek, "lseek"),
-        (libc::SYS_mmap, "mmap"),
-        (libc::SYS_mprotect, "mprotect"),
-        (libc::SYS_mremap, "mremap"),
-        (libc::SYS_nanosleep, "nanosleep"),
-        (libc::SYS_openat, "openat"),
-        (libc::SYS_ppoll, "ppoll"),
-        (libc::SYS_read, "read"),
-        (libc::SYS_recvfrom, "recvfrom"),
-        (libc::SYS_sched_yield, "sched_yield"),
-        (libc::SYS_sendto, "sendto"),
-        (libc::SYS_write, "write"),
-        (libc::SYS_writev, "writev"),
-    ];
-    let found = names.iter().find(|(known, _)| *known == number);
-    found.map(|(_, name)| *name)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_call_is_named_with_its_number() {
-        let one = ForbiddenCall {
-            number: libc::SYS_openat,
-            count: 1,
-        };
-        let number = libc::SYS_openat;
-        assert_eq!(one.to_string(), format!("openat (number {number})"));
-        let unknown = ForbiddenCall {
-            number: 99_999,
-            count: 3,
-        };
-        assert_eq!(unknown.to_string(), "number 99999, the first of 3");
-    }
 
     #[test]
     fn every_policy_compiles_and_a_simulated_device_may_do_less() {

@@ -1,13 +1,53 @@
 //! The requests of the tick's thread to the system before its first tick, and their outcome.
 
 use crate::clock::now_ns;
-use crate::cores::Cores;
+use crate::cores::{CoreChoice, Cores};
 use crate::degradation::Degradation;
 use crate::memory::{LockedMemory, MemoryRange, STACK_AHEAD, touch_stack};
-use crate::schedule::{KeepAwake, pin, realtime, sharpen_timers};
-use crate::thread::RunnerConfig;
+use crate::schedule::{DEFAULT_PRIORITY, KeepAwake, WAKE_LATENCY, pin, realtime, sharpen_timers};
+use crate::seccomp::CallPolicy;
 use crate::tick_loop::TickLoop;
 use std::path::Path;
+
+/// Configuration of the thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RunnerConfig {
+    /// Time between two deadlines (ns).
+    pub period_ns: u64,
+    /// Number of ticks; `None`: until asked to stop. Missed deadlines do not count.
+    pub ticks: Option<u64>,
+    /// The core of the thread.
+    pub core: CoreChoice,
+    /// Priority under SCHED_FIFO (1 to 99); `None`: stay under the ordinary scheduler.
+    pub priority: Option<u8>,
+    /// Whether to lock the memory of the loop. The memory is touched in advance in any case.
+    pub lock_memory: bool,
+    /// Whether to keep the processor out of its deeper sleep states.
+    pub keep_awake: bool,
+    /// The file in which the latency is requested: [`WAKE_LATENCY`], or a file that replaces it in tests.
+    pub wake_latency: &'static str,
+    /// Whether to refuse to start where the system does not grant one of the items above.
+    pub require_grants: bool,
+    /// The system calls that the thread may make; any other call ends the loop. `None`: the calls are not watched.
+    pub calls: Option<CallPolicy>,
+}
+
+impl Default for RunnerConfig {
+    /// 1 kHz until asked to stop, with every privilege that the system grants.
+    fn default() -> Self {
+        Self {
+            period_ns: 1_000_000,
+            ticks: None,
+            core: CoreChoice::default(),
+            priority: Some(DEFAULT_PRIORITY),
+            lock_memory: true,
+            keep_awake: true,
+            wake_latency: WAKE_LATENCY,
+            require_grants: false,
+            calls: None,
+        }
+    }
+}
 
 /// The outcome of the requests.
 #[derive(Clone, Debug, Default)]

@@ -1,13 +1,53 @@
 //! The response to a forbidden system call of the tick's thread.
 //!
-//! The kernel skips the call and sends the thread SIGSYS instead ([`crate::seccomp`]). The handler notes the call in
+//! The kernel skips the call and sends the thread SIGSYS instead (`seccomp.rs`). The handler notes the call in
 //! the thread's own memory and answers EPERM. For the few calls in [`MADE_ALL_THE_SAME`], the handler makes the call
 //! with a mark that the filter knows. The handler does nothing else: a handler must not allocate or lock either.
 //!
 //! The module is unsafe, because it reads and answers the call in the registers that the kernel saved.
 
-use crate::seccomp::{FilterError, ForbiddenCall};
+use std::fmt;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+
+/// A system call that the tick's thread made without permission.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ForbiddenCall {
+    /// The first such call, by the kernel's number on this architecture.
+    pub number: i64,
+    /// Number of such calls until the loop ended.
+    pub count: u64,
+}
+
+impl fmt::Display for ForbiddenCall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match name(self.number) {
+            Some(name) => write!(f, "{name} (number {})", self.number)?,
+            None => write!(f, "number {}", self.number)?,
+        }
+        if self.count > 1 {
+            write!(f, ", the first of {}", self.count)?;
+        }
+        Ok(())
+    }
+}
+
+/// The reason why the kernel does not watch the thread's system calls.
+#[derive(Debug, thiserror::Error)]
+pub enum FilterError {
+    /// There is no trap for this processor or C library.
+    #[error(
+        "system calls can be watched on x86-64 and 64-bit Arm Linux with the GNU C library only"
+    )]
+    Platform,
+    /// The signal that reports a forbidden call is not available.
+    #[error("the system did not give the signal SIGSYS: {0}")]
+    Signal(std::io::Error),
+    /// The system refused the filter.
+    #[error(
+        "the system refused the filter of system calls ({0}); the kernel needs CONFIG_SECCOMP_FILTER"
+    )]
+    Refused(String),
+}
 
 /// Calls that are noted and then made: memory for the heap, and text on the standard error.
 pub(crate) const MADE_ALL_THE_SAME: [i64; 5] = [
@@ -56,6 +96,38 @@ fn note(number: i64) {
             FIRST.with(|first| first.store(number, Ordering::Relaxed));
         }
     });
+}
+
+/// Names of the calls that stray into a tick most easily. Other calls are reported by number.
+fn name(number: i64) -> Option<&'static str> {
+    let names = [
+        (libc::SYS_brk, "brk"),
+        (libc::SYS_clock_nanosleep, "clock_nanosleep"),
+        (libc::SYS_close, "close"),
+        (libc::SYS_fdatasync, "fdatasync"),
+        (libc::SYS_fsync, "fsync"),
+        (libc::SYS_futex, "futex"),
+        (libc::SYS_getpid, "getpid"),
+        (libc::SYS_getppid, "getppid"),
+        (libc::SYS_getrandom, "getrandom"),
+        (libc::SYS_gettid, "gettid"),
+        (libc::SYS_ioctl, "ioctl"),
+        (libc::SYS_lseek, "lseek"),
+        (libc::SYS_mmap, "mmap"),
+        (libc::SYS_mprotect, "mprotect"),
+        (libc::SYS_mremap, "mremap"),
+        (libc::SYS_nanosleep, "nanosleep"),
+        (libc::SYS_openat, "openat"),
+        (libc::SYS_ppoll, "ppoll"),
+        (libc::SYS_read, "read"),
+        (libc::SYS_recvfrom, "recvfrom"),
+        (libc::SYS_sched_yield, "sched_yield"),
+        (libc::SYS_sendto, "sendto"),
+        (libc::SYS_write, "write"),
+        (libc::SYS_writev, "writev"),
+    ];
+    let found = names.iter().find(|(known, _)| *known == number);
+    found.map(|(_, name)| *name)
 }
 
 #[cfg(all(
@@ -200,6 +272,21 @@ mod handler {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_call_is_named_with_its_number() {
+        let one = ForbiddenCall {
+            number: libc::SYS_openat,
+            count: 1,
+        };
+        let number = libc::SYS_openat;
+        assert_eq!(one.to_string(), format!("openat (number {number})"));
+        let unknown = ForbiddenCall {
+            number: 99_999,
+            count: 3,
+        };
+        assert_eq!(unknown.to_string(), "number 99999, the first of 3");
+    }
 
     #[test]
     fn the_first_call_since_the_last_clear_is_noted_with_the_number_of_calls() {

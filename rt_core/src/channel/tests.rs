@@ -13,7 +13,7 @@ fn channel() -> Channel {
         recovery: 0.01,
         ..SafetyConfig::unlimited(1e-3)
     };
-    Channel::new(DeviceFrame::at(Vec3::zeros()), safety)
+    Channel::new(0, DeviceFrame::at(Vec3::zeros()), safety)
 }
 
 fn at(x: f64) -> DeviceState {
@@ -175,7 +175,7 @@ fn the_proxy_of_a_device_that_waits_is_where_its_handle_rests() {
             },
             ..SafetyConfig::unlimited(1e-3)
         };
-        let mut channel = Channel::new(DeviceFrame::at(Vec3::zeros()), safety);
+        let mut channel = Channel::new(0, DeviceFrame::at(Vec3::zeros()), safety);
         let waits = if armed { Vec3::zeros() } else { waits_at };
         assert_eq!(channel.on_scene().0.position, waits);
         // The hand holds the device elsewhere.

@@ -12,10 +12,10 @@
 //! axis, neither dampers nor the lead act along that axis.
 
 use super::Coupling;
+use crate::MAX_HANDLES;
 use crate::geometry::{Pose, Twist, Vec6, Wrench};
 use crate::local_model::{Lead, Parts};
 use crate::passivity::{Motion, Port};
-use crate::{MAX_DEVICES, MAX_HANDLES};
 
 /// Fraction of the lag for which the drift acts in advance. The whole would be right for a model without age: at 1 kHz
 /// without latency, a motion at 4 Hz then feels 1.1 ms K of viscosity where 0.4 are right, and 1.9 with a half. But the
@@ -63,39 +63,39 @@ impl Coupling {
         parts
     }
 
-    /// The wrenches under the energy cap, where `steps` are the displacements of the devices since the last tick.
-    pub(super) fn capped(
-        &mut self,
-        devices: &[(Pose, Twist)],
-        steps: &[Vec6; MAX_DEVICES],
-    ) -> [Wrench; MAX_HANDLES] {
+    /// The wrenches under the energy cap.
+    pub(super) fn capped(&mut self, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         let mut motions = [Motion::none(); MAX_HANDLES];
         let mut lead = [Lead::none(); MAX_HANDLES];
         let mut onward = [Vec6::repeat(1.0); MAX_HANDLES];
-        let each = motions.iter_mut().zip(&mut lead).zip(&mut onward);
-        let each = each.zip(&self.lead).zip(self.to.handles());
-        for ((((motion, lead), onward), fraction), handle) in each {
+        let handles = self.to.handles().zip(&self.lead);
+        for ((handle, [linear, angular]), at) in handles.zip(0..MAX_HANDLES) {
             let device = usize::from(handle.device);
-            let (Some(step), Some((_, twist))) = (steps.get(device), devices.get(device)) else {
+            let known = self.passivity.hand(device).zip(devices.get(device));
+            let (Some((hand, (_, twist))), Some(motion), Some(lead), Some(onward)) = (
+                known,
+                motions.get_mut(at),
+                lead.get_mut(at),
+                onward.get_mut(at),
+            ) else {
                 continue;
             };
             *motion = Motion {
-                step: *step,
-                heading: self.passivity.heading(device),
+                step: hand.step,
+                heading: hand.heading,
                 velocity: twist.stacked(),
             };
-            let [linear, angular] = *fraction;
             // A hand that made one count in several ticks moved slowly: the lag of the spring is smaller by that
             // factor.
-            let linear = linear / self.passivity.pace(device);
-            let sure = self.passivity.onward(device);
-            *onward = Vec6::new(sure.x, sure.y, sure.z, 1.0, 1.0, 1.0);
-            let lag = Vec6::new(linear, linear, linear, angular, angular, angular);
+            let linear = linear / hand.pace;
+            *onward = Vec6::new(hand.onward.x, hand.onward.y, hand.onward.z, 1.0, 1.0, 1.0);
+            let lag = Vec6::new(linear, linear, linear, *angular, *angular, *angular);
             let lag = lag.component_mul(onward);
             let time = DRIFT * self.config.period;
+            let drifts = |step, lag| if step == 0.0 { 0.0 } else { lag * time };
             *lead = Lead {
-                step: step.component_mul(&lag),
-                time: step.zip_map(&lag, |step, lag| if step == 0.0 { 0.0 } else { lag * time }),
+                step: hand.step.component_mul(&lag),
+                time: hand.step.zip_map(&lag, drifts),
             };
         }
         let mut parts = self.parts(devices, &lead, &onward);
@@ -130,11 +130,10 @@ impl Coupling {
             );
         }
         let mut wrenches = [Wrench::zero(); MAX_HANDLES];
-        let each = parts.elastic.iter().zip(&parts.viscous);
-        let handles = self.to.handles().zip(&self.weights);
-        for ((wrench, (elastic, viscous)), (_, weight)) in
-            wrenches.iter_mut().zip(each).zip(handles)
-        {
+        let each = wrenches.iter_mut().zip(&self.weights);
+        let parts = parts.elastic.iter().zip(&parts.viscous);
+        let used = usize::from(self.to.handle_count);
+        for ((wrench, weight), (elastic, viscous)) in each.zip(parts).take(used) {
             *wrench = Wrench::from_stacked(&(elastic + viscous));
             wrench.force += weight;
         }

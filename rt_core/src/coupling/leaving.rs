@@ -59,32 +59,31 @@ impl Coupling {
                 *named = true;
             }
         }
-        let mut pieces = pending.piece_count();
-        let each = to
-            .handles()
-            .zip(before)
-            .zip(weights.iter())
-            .zip(0..MAX_HANDLES as u8);
-        for (((old, wrench), weight), index) in each {
+        let leaves = |device: usize| named.get(device) == Some(&false);
+        let each = to.handles().zip(before).zip(weights.iter());
+        for ((old, wrench), weight) in each.take(usize::from(*named_before)) {
             let device = usize::from(old.device);
-            let Some(fade) = fades.get_mut(device) else {
-                continue;
-            };
-            let leaves = named.get(device) == Some(&false);
-            if leaves && index < *named_before {
+            if let Some(fade) = fades.get_mut(device).filter(|_| leaves(device)) {
                 *fade = Fade {
                     wrench: *wrench,
                     weight: *weight,
                     left: 1.0,
                 };
             }
+        }
+        let mut pieces = pending.piece_count();
+        for (old, wrench) in to.handles().zip(before) {
+            let device = usize::from(old.device);
+            let Some(fade) = fades.get(device) else {
+                continue;
+            };
             let has_force = wrench.is_finite()
                 && *wrench != Wrench::zero()
                 && (fade.left > 0.0 || wrench.stacked().amax() > RESIDUE);
             let last = usize::from(pending.head.handle_count);
             let successor = to.successor_of(old.piece, pending).unwrap_or(pieces);
             let place = pending.handles.get_mut(last);
-            let Some(place) = place.filter(|_| leaves && has_force) else {
+            let Some(place) = place.filter(|_| leaves(device) && has_force) else {
                 continue;
             };
             let part = smooth_step(fade.left);

@@ -84,29 +84,16 @@ const MOST_DAMPING: f64 = 1e3;
 /// Time (s) in which the damper that takes out missing energy grows to the largest damping of a device.
 const EASE: f64 = 0.02;
 
+/// The device on a handle.
+struct Holder {
+    device: usize,
+    port: Port,
+    /// Largest motion of the handle in a tick: translation (m) and rotation (rad).
+    reach: [f64; 2],
+}
+
 /// The devices on a body's handles, in the handles' order.
-struct Holders {
-    devices: [usize; MAX_HANDLES],
-    /// Number of handles.
-    count: usize,
-    ports: [Port; MAX_HANDLES],
-    /// Largest motion of each handle in a tick: translation (m) and rotation (rad).
-    reaches: [[f64; 2]; MAX_HANDLES],
-    /// Work that earlier commands may still do (J).
-    under_way: f64,
-}
-
-impl Holders {
-    /// The ports of the handles that exist.
-    fn ports(&self) -> &[Port] {
-        self.ports.get(..self.count).unwrap_or(&self.ports)
-    }
-
-    /// The wrenches on the handles that exist.
-    fn used<'a>(&self, wrenches: &'a mut [Vec6; MAX_HANDLES]) -> &'a mut [Vec6] {
-        wrenches.get_mut(..self.count).unwrap_or_default()
-    }
-}
+type Holders = heapless::Vec<Holder, MAX_HANDLES>;
 
 impl Passivity {
     /// Caps the elastic and viscous wrenches on the handles that `devices` hold. `stored` (J) is the energy that hands
@@ -140,13 +127,13 @@ impl Passivity {
         elastic: &mut [Vec6; MAX_HANDLES],
         viscous: &mut [Vec6; MAX_HANDLES],
     ) -> Option<Withheld> {
-        let holders = self.holders(devices, motions);
+        let (holders, under_way) = self.holders(devices, motions);
         let spared = piece.spared.max(0.0);
         self.forget(piece, spared, stored);
         // Commands under way will be rendered, whatever this tick decides.
-        let left = piece.credit - spared - holders.under_way;
+        let left = piece.credit - spared - under_way;
         let budget = left.max(0.0);
-        let backed = self.backed(holders.ports());
+        let backed = self.backed(&holders);
         let bowed = if budget < backed * stored {
             piece.balance.unpaid = stored - PAID * budget / backed;
             budget / (backed * stored)
@@ -155,49 +142,43 @@ impl Passivity {
             1.0
         };
         piece.balance.budget = budget;
-        self.damp_missing(piece, stored - budget, holders.ports(), motions, viscous);
+        self.damp_missing(piece, stored - budget, &holders, motions, viscous);
         // Handles that do not exist have no force.
-        let elastic = holders.used(elastic);
-        let viscous = holders.used(viscous);
+        let elastic = elastic.get_mut(..holders.len()).unwrap_or_default();
+        let viscous = viscous.get_mut(..holders.len()).unwrap_or_default();
         let [elastic_share, viscous_share] =
-            self.certified(left, bowed, &holders.reaches, elastic, viscous);
+            self.certified(left, bowed, &holders, elastic, viscous);
         let withheld = withhold([elastic_share, viscous_share], elastic, viscous);
         self.settle_counts(piece, &holders, elastic);
         withheld
     }
 
-    /// The known properties of the devices on a body's handles.
+    /// The known properties of the devices on a body's handles, and the work that earlier commands may still do (J).
     fn holders(
         &self,
         devices: impl Iterator<Item = u8>,
         motions: &[Motion; MAX_HANDLES],
-    ) -> Holders {
-        let mut holders = Holders {
-            devices: [0; MAX_HANDLES],
-            count: 0,
-            ports: [Port::BLANK; MAX_HANDLES],
-            reaches: [[0.0; 2]; MAX_HANDLES],
-            under_way: 0.0,
-        };
-        let each = holders.ports.iter_mut().zip(&mut holders.reaches);
-        let each = each.zip(devices).zip(motions).zip(&mut holders.devices);
-        for ((((port, reach), device), motion), holder) in each {
+    ) -> (Holders, f64) {
+        let (mut holders, mut under_way) = (Holders::new(), 0.0);
+        for (device, motion) in devices.zip(motions) {
             let device = usize::from(device);
-            holders.count = holders.count.saturating_add(1);
-            *holder = device;
-            let known = self.config.ports.get(device).zip(self.hands.get(device));
-            *port = Port::UNKNOWN;
-            if let Some((known, hand)) = known {
-                *port = *known;
-                *reach = hand.reach;
+            let mut holder = Holder {
+                device,
+                port: Port::UNKNOWN,
+                reach: [0.0; 2],
+            };
+            if let Some(hand) = self.hands.get(device) {
+                (holder.port, holder.reach) = (hand.port, hand.reach);
                 let coming = hand.held.iter().take(self.config.delay);
-                holders.under_way += coming
-                    .map(|wrench| most_work(&wrench.stacked(), reach))
+                under_way += coming
+                    .map(|wrench| most_work(&wrench.stacked(), &hand.reach))
                     .sum::<f64>()
-                    + hand.lingering(&motion.velocity, known.max_slew);
+                    + hand.lingering(&motion.velocity);
             }
+            // There are no more motions than places.
+            let _ = holders.push(holder);
         }
-        holders
+        (holders, under_way)
     }
 
     /// Lets credit decay that the `stored` energy (J) does not back. The work that hands were `spared` (J) is no
@@ -208,8 +189,9 @@ impl Passivity {
     }
 
     /// The fraction of the stored energy that must be backed, lest the elastic wrenches be reduced.
-    fn backed(&self, ports: &[Port]) -> f64 {
-        if ports.iter().any(|port| port.max_slew.is_finite()) {
+    fn backed(&self, holders: &Holders) -> f64 {
+        let mut ports = holders.iter().map(|holder| &holder.port);
+        if ports.any(|port| port.max_slew.is_finite()) {
             1.0
         } else {
             (BACKED * (1.0 + self.config.delay as f64)).min(1.0)
@@ -221,7 +203,7 @@ impl Passivity {
         &self,
         piece: &mut PieceAccount,
         missing: f64,
-        ports: &[Port],
+        holders: &Holders,
         motions: &[Motion; MAX_HANDLES],
         viscous: &mut [Vec6; MAX_HANDLES],
     ) {
@@ -231,9 +213,10 @@ impl Passivity {
         piece.damped = 0.0;
         if missing > 0.0 || eased > step {
             let mut clear = *motions;
-            for (motion, port) in clear.iter_mut().zip(ports) {
-                without_count(&mut motion.velocity, port.count);
+            for (motion, holder) in clear.iter_mut().zip(holders) {
+                without_count(&mut motion.velocity, holder.port.count);
             }
+            let ports = holders.iter().map(|holder| &holder.port);
             piece.damped = damp(missing, period, bounds, ports, &clear, viscous);
         }
     }
@@ -244,13 +227,14 @@ impl Passivity {
         &self,
         left: f64,
         bowed: f64,
-        reaches: &[[f64; 2]; MAX_HANDLES],
+        holders: &Holders,
         elastic: &[Vec6],
         viscous: &[Vec6],
     ) -> [f64; 2] {
         let most = |wrenches: &[Vec6]| -> f64 {
-            let each = wrenches.iter().zip(reaches);
-            each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
+            let each = wrenches.iter().zip(holders);
+            each.map(|(wrench, holder)| most_work(wrench, &holder.reach))
+                .sum()
         };
         let (springs, dampers) = (most(elastic), most(viscous));
         let budget = left.max(0.0);
@@ -268,11 +252,11 @@ impl Passivity {
     /// the same place: the force of the springs changes during the count, not after it. A hand can gain less by this
     /// correction than the friction that is not relied on.
     fn settle_counts(&mut self, piece: &mut PieceAccount, holders: &Holders, elastic: &[Vec6]) {
-        let each = holders.devices.iter().zip(elastic).zip(&holders.ports);
-        for ((holder, elastic), port) in each {
-            let Some(hand) = self.hands.get_mut(*holder) else {
+        for (holder, elastic) in holders.iter().zip(elastic) {
+            let Some(hand) = self.hands.get_mut(holder.device) else {
                 continue;
             };
+            let port = &holder.port;
             let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
             // A force that no device holds was limited before it left.
             hand.spring = if spring.norm() <= MOST_FORCE {
@@ -334,11 +318,11 @@ fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
 
 /// Adds damping that takes out the energy `missing` (J) within a tick, where the velocity of a hand is clear. The
 /// damping is proportional to what each device can render, by a fraction within the bounds. Returns that fraction.
-pub(super) fn damp(
+pub(super) fn damp<'a>(
     missing: f64,
     period: f64,
     [least, most]: [f64; 2],
-    ports: &[Port],
+    ports: impl Iterator<Item = &'a Port>,
     motions: &[Motion; MAX_HANDLES],
     viscous: &mut [Vec6; MAX_HANDLES],
 ) -> f64 {

@@ -15,8 +15,8 @@
 
 use super::cap::damp;
 use super::{Motion, Passivity, Port};
+use crate::MAX_HANDLES;
 use crate::geometry::{Pose, Twist, Vec6, Wrench};
-use crate::{MAX_DEVICES, MAX_HANDLES};
 
 impl Passivity {
     /// Damps the hands if they have got more energy than they supplied. `handles` names the device on each handle, in
@@ -25,7 +25,6 @@ impl Passivity {
         &mut self,
         handles: impl Iterator<Item = u8>,
         devices: &[(Pose, Twist)],
-        steps: &[Vec6; MAX_DEVICES],
         wrenches: &mut [Wrench; MAX_HANDLES],
     ) {
         let account = &self.account;
@@ -35,12 +34,12 @@ impl Passivity {
         let mut motions = [Motion::none(); MAX_HANDLES];
         for ((port, motion), device) in ports.iter_mut().zip(&mut motions).zip(handles) {
             let device = usize::from(device);
-            let known = self.config.ports.get(device).zip(steps.get(device));
-            if let Some(((known, step), (_, twist))) = known.zip(devices.get(device)) {
-                *port = *known;
+            let known = self.hands.get(device).zip(devices.get(device));
+            if let Some((hand, (_, twist))) = known {
+                *port = hand.port;
                 *motion = Motion {
-                    step: *step,
-                    heading: self.heading(device),
+                    step: hand.step,
+                    heading: hand.heading,
                     velocity: twist.stacked(),
                 };
             }
@@ -51,7 +50,7 @@ impl Passivity {
                 -observed,
                 self.config.period,
                 [0.0, 1.0],
-                &ports,
+                ports.iter(),
                 &motions,
                 &mut damping,
             );

@@ -1,7 +1,7 @@
 //! The memory of each hand on a body: its pose, the wrenches that it held, and its last steps.
 
-use super::MAX_DELAY;
 use super::edge::Edge;
+use super::{MAX_DELAY, Port};
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 
 /// The motion of one handle.
@@ -66,9 +66,14 @@ impl LastStep {
     }
 }
 
-/// The memory of one device.
+/// One device and its memory.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Hand {
+pub(crate) struct Hand {
+    pub(super) port: Port,
+    /// Whether the device holds the body.
+    pub(super) holds: bool,
+    /// The displacement since the last tick.
+    pub(crate) step: Vec6,
     /// Number of the piece whose account takes the work of the hand; zero for a whole body.
     pub(super) piece: usize,
     /// Work that the hand was spared by weight that its device did not render (J), signed.
@@ -85,14 +90,14 @@ pub(super) struct Hand {
     /// The last translation and the last rotation that were not zero.
     pub(super) last_steps: [LastStep; 2],
     /// The last translation along each axis. A count along another axis does not tell that the hand has turned.
-    pub(super) heading: Vec3,
+    pub(crate) heading: Vec3,
     /// The step of this tick, if it was one count after a rest; zero otherwise.
     pub(super) rest_count: Vec3,
     /// Number of ticks in which the translation of this tick was made: more than one for a count after a rest.
-    pub(super) pace: f64,
+    pub(crate) pace: f64,
     /// One along each axis, or zero where the last step was a single count back: such a count tells nothing of a
     /// velocity.
-    pub(super) onward: Vec3,
+    pub(crate) onward: Vec3,
     /// The last count along each axis.
     pub(super) edges: [Edge; 3],
     /// Spring force of the last command.
@@ -102,8 +107,11 @@ pub(super) struct Hand {
 }
 
 impl Hand {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(port: Port) -> Self {
         Self {
+            port,
+            holds: false,
+            step: Vec6::zeros(),
             piece: 0,
             spared: 0.0,
             pose: None,
@@ -142,12 +150,12 @@ impl Hand {
     }
 
     /// Work that the wrench held now will do (J) before it can vanish, while the hand moves on at `velocity`. The force
-    /// falls by `slew` (N/s) at most.
-    pub(super) fn lingering(&self, velocity: &Vec6, slew: f64) -> f64 {
+    /// falls by the slew limit of the device at most.
+    pub(super) fn lingering(&self, velocity: &Vec6) -> f64 {
         let [held, ..] = &self.held;
         let power = held
             .force
             .dot(&Vec3::new(velocity.x, velocity.y, velocity.z));
-        (0.5 * power * held.force.norm() / slew).max(0.0)
+        (0.5 * power * held.force.norm() / self.port.max_slew).max(0.0)
     }
 }

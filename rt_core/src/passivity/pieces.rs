@@ -245,19 +245,10 @@ impl Passivity {
         let each = accounts.iter_mut().zip(stored).zip(0..MAX_HANDLES);
         for ((account, stored), piece) in each.take(count) {
             // The handles of the piece, one after another.
-            let mut own = [(Motion::none(), Vec6::zeros(), Vec6::zeros()); MAX_HANDLES];
             let on_piece = |handle: &&HandleReference| usize::from(handle.piece) == piece;
-            let all = model
-                .handles()
-                .zip(motions)
-                .zip(elastic.iter().zip(viscous.iter()));
-            let all = all.filter(|((handle, _), _)| on_piece(handle));
-            for (place, ((_, motion), (elastic, viscous))) in own.iter_mut().zip(all) {
-                *place = (*motion, *elastic, *viscous);
-            }
-            let own_motions = own.map(|(motion, _, _)| motion);
-            let mut own_elastic = own.map(|(_, elastic, _)| elastic);
-            let mut own_viscous = own.map(|(_, _, viscous)| viscous);
+            let own_motions = gathered(model, piece, motions, Motion::none());
+            let mut own_elastic = gathered(model, piece, elastic, Vec6::zeros());
+            let mut own_viscous = gathered(model, piece, viscous, Vec6::zeros());
             let devices = model.handles().filter(on_piece).map(|handle| handle.device);
             let found = self.cap_piece(
                 account,
@@ -267,13 +258,12 @@ impl Passivity {
                 &mut own_elastic,
                 &mut own_viscous,
             );
-            let all = model
-                .handles()
-                .zip(elastic.iter_mut().zip(viscous.iter_mut()));
-            let all = all.filter(|(handle, _)| on_piece(handle));
-            let left = own_elastic.iter().zip(&own_viscous);
-            for ((_, (elastic, viscous)), (own_elastic, own_viscous)) in all.zip(left) {
-                (*elastic, *viscous) = (*own_elastic, *own_viscous);
+            for (all, own) in [(&mut *elastic, &own_elastic), (&mut *viscous, &own_viscous)] {
+                let all = model.handles().zip(all);
+                let all = all.filter(|(handle, _)| on_piece(handle));
+                for ((_, wrench), own) in all.zip(own) {
+                    *wrench = *own;
+                }
             }
             capped |= found.is_some();
             withheld = found
@@ -292,6 +282,22 @@ impl Passivity {
         let pieces = self.pieces.iter().take(self.piece_count);
         self.account.available = pieces.fold(0.0, |sum, piece| sum + piece.available());
     }
+}
+
+/// The values of the handles on a `piece`, one after another.
+fn gathered<T: Copy>(
+    model: &LocalModel,
+    piece: usize,
+    all: &[T; MAX_HANDLES],
+    none: T,
+) -> [T; MAX_HANDLES] {
+    let mut own = [none; MAX_HANDLES];
+    let all = model.handles().zip(all);
+    let all = all.filter(|(handle, _)| usize::from(handle.piece) == piece);
+    for (own, (_, value)) in own.iter_mut().zip(all) {
+        *own = *value;
+    }
+    own
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::link::{IMAGE, Link};
 use crate::DeviceModel;
 use crate::protocol::Protocol;
 use core::num::NonZeroU32;
-use devices::exchange::{Gate, RETRY, let_go_after};
+use devices::exchange::{Handed, Poller, RETRY_NS, Reply, SLOTS, Step, TickEnd, let_go_after};
 use devices::falcon::{Falcon, Firmware, Settings, Tries};
 use devices::ftdi::Chip;
 use devices::hid::Reports;
@@ -16,15 +16,13 @@ use rt_core::{DeviceError, Freedom, Vec3, Wrench};
 use std::collections::VecDeque;
 use std::path::Path;
 
-/// Number of wrenches, and of answers, that may wait between the tick and the thread of a device.
-const SLOTS: usize = 4;
 /// Session of the driver over HID. The driver draws it anew at each start.
 const SESSION: NonZeroU32 = NonZeroU32::MIN.saturating_add(6);
 
 /// The driver, as the tick sees it.
 pub enum Driver {
     /// A driver in a thread of its own.
-    Exchanged(Thread),
+    Exchanged(Box<Thread>),
     /// The driver over HID, which the tick reads itself.
     Reports(Box<Hid>),
 }
@@ -42,18 +40,13 @@ impl Driver {
         let open = move || opened.open();
         let clock = move || clocked.now_ns();
         let threaded = |exchange: Box<dyn Exchange>| {
-            Driver::Exchanged(Thread {
+            Driver::Exchanged(Box::new(Thread {
                 exchange,
-                gate: Gate::default(),
-                let_go_ns: let_go.as_nanos() as u64,
+                poller: Poller::new(link.now_ns(), let_go),
+                end: TickEnd::default(),
                 wrenches: VecDeque::new(),
-                answers: VecDeque::new(),
-                seen: 0,
-                since_ns: link.now_ns(),
-                retry_ns: None,
-                gone: None,
-                looked_ns: link.now_ns(),
-            })
+                replies: VecDeque::new(),
+            }))
         };
         match protocol {
             Protocol::Reports => {
@@ -124,7 +117,7 @@ impl Driver {
     /// Number of wrenches that the device refused; `None` where it does not tell.
     pub fn refused_wrenches(&self) -> Option<u64> {
         match self {
-            Self::Exchanged(thread) => thread.exchange.refused_wrenches(),
+            Self::Exchanged(thread) => thread.end.refused_wrenches(),
             Self::Reports(hid) => Some(hid.reports.refused_by_device),
         }
     }
@@ -138,112 +131,52 @@ impl Driver {
     }
 }
 
-/// The thread of a device that answers when it is asked: [`devices::Exchanged`] in virtual time.
+/// The thread of a device that answers when it is asked, and its rings: [`devices::Exchanged`] in virtual time.
 pub struct Thread {
     exchange: Box<dyn Exchange>,
-    gate: Gate,
-    /// Time without a wrench after which the thread commands zero (ns).
-    let_go_ns: u64,
-    /// Wrenches, each with the number of the newest exchange whose state the tick had read.
-    wrenches: VecDeque<(Wrench, u64)>,
-    /// Answers, each with its time (ns) and the number of its exchange.
-    answers: VecDeque<(u64, u64, Reading)>,
-    /// The number of the newest exchange whose state the tick has read.
-    seen: u64,
-    /// Since when the thread waits for a wrench (ns).
-    since_ns: u64,
-    /// When a lost device is opened again (ns).
-    retry_ns: Option<u64>,
-    gone: Option<i32>,
-    /// When the thread last looked for a wrench (ns).
-    looked_ns: u64,
+    poller: Poller,
+    end: TickEnd,
+    wrenches: VecDeque<Handed>,
+    /// Replies, each with its time (ns).
+    replies: VecDeque<(u64, Reply)>,
 }
 
 impl Thread {
     /// Lets the thread work until `to_ns`, or until what it has begun by then is done.
     fn run(&mut self, link: &Link, to_ns: u64) {
         while link.now_ns() < to_ns {
-            if let Some(retry_ns) = self.retry_ns {
-                link.run(to_ns.min(retry_ns));
-                if to_ns < retry_ns {
-                    return;
+            let newest = self.wrenches.drain(..).next_back();
+            match self.poller.next(link.now_ns(), newest) {
+                Step::Wait(until_ns) => link.run(to_ns.min(until_ns)),
+                Step::Exchange(wrench) => {
+                    let device = &mut self.exchange;
+                    let answer = device.exchange(&wrench);
+                    let (motion, refused) = (device.motion_to_force(), device.refused_wrenches());
+                    let now_ns = link.now_ns();
+                    let reply = self.poller.answered(now_ns, answer, motion, refused);
+                    if self.replies.len() < SLOTS {
+                        self.replies.push_back((now_ns, reply));
+                    }
                 }
-                if self.exchange.reopen().is_ok() {
-                    self.retry_ns = None;
-                    self.wrenches.clear();
-                    self.once(link, None);
-                } else {
-                    self.retry_ns = Some(link.now_ns() + RETRY.as_nanos() as u64);
+                Step::Reopen => {
+                    let result = self.exchange.reopen();
+                    self.poller.reopened(link.now_ns(), result);
                 }
-            } else if let Some(handed) = self.found(link.now_ns()) {
-                self.once(link, Some(handed));
-            } else {
-                let due_ns = self.since_ns + self.let_go_ns;
-                link.run(to_ns.min(due_ns));
-                if to_ns < due_ns {
-                    return;
-                }
-                self.once(link, None);
             }
-        }
-    }
-
-    /// The newest wrench that waits, unless it may be old.
-    fn found(&mut self, now_ns: u64) -> Option<(Wrench, u64)> {
-        let away_ns = now_ns - self.looked_ns;
-        self.looked_ns = now_ns;
-        let newest = self.wrenches.pop_back();
-        self.wrenches.clear();
-        newest.filter(|_| away_ns <= 2 * self.let_go_ns)
-    }
-
-    /// One exchange, with zero where the tick has handed over no wrench.
-    fn once(&mut self, link: &Link, handed: Option<(Wrench, u64)>) {
-        let wrench = match handed {
-            Some((wrench, seen)) => self.gate.pass(&wrench, seen),
-            None => self.gate.let_go(),
-        };
-        let mut answer = self.exchange.exchange(&wrench);
-        self.gate.end(&mut answer);
-        let now_ns = link.now_ns();
-        self.since_ns = now_ns;
-        if let Err(DeviceError::Disconnected(_)) = answer {
-            self.retry_ns = Some(now_ns + RETRY.as_nanos() as u64);
-        }
-        if self.answers.len() < SLOTS {
-            self.answers.push_back((now_ns, self.gate.number(), answer));
         }
     }
 
     fn read(&mut self, now_ns: u64) -> Reading {
-        let mut newest = None;
-        while let Some(&(at_ns, number, answer)) = self.answers.front()
-            && at_ns <= now_ns
-        {
-            newest = Some((number, answer));
-            self.answers.pop_front();
-        }
-        match newest {
-            Some((number, Ok(state))) => {
-                self.gone = None;
-                self.seen = number;
-                Ok(state)
-            }
-            Some((_, Err(error))) => {
-                if let DeviceError::Disconnected(number) = error {
-                    self.gone = Some(number);
-                }
-                Err(error)
-            }
-            None => Err(self
-                .gone
-                .map_or(DeviceError::NoReport, DeviceError::Disconnected)),
-        }
+        let come = self.replies.partition_point(|(at_ns, _)| *at_ns <= now_ns);
+        let newest = self.replies.drain(..come).next_back();
+        self.end.read(newest.map(|(_, reply)| reply))
     }
 
     fn write(&mut self, wrench: &Wrench) {
-        if self.gone.is_none() && self.wrenches.len() < SLOTS {
-            self.wrenches.push_back((*wrench, self.seen));
+        if let Ok(handed) = self.end.hand(wrench)
+            && self.wrenches.len() < SLOTS
+        {
+            self.wrenches.push_back(handed);
         }
     }
 }
@@ -267,7 +200,7 @@ impl Hid {
         let next = |buffer: &mut [u8]| link.read_now(buffer).map_err(DeviceError::Disconnected);
         let result = self.reports.newest(self.sensed, now_ns, next);
         if let Err(DeviceError::Disconnected(_)) = result {
-            self.retry_ns = Some(now_ns + RETRY.as_nanos() as u64);
+            self.retry_ns = Some(now_ns + RETRY_NS);
         }
         result
     }

@@ -7,32 +7,11 @@
 //! reads the newest state only, so each state says that the device let go until the tick has read one of them. Before the
 //! first force there is nothing to let go: a device that idles until the run begins tells nothing.
 
-use super::Answer;
-use rt_core::{Rendering, Wrench};
+use rt_core::{Reading, Rendering, Wrench};
 
 /// Holds back the wrenches that were computed before the tick could know that the device had let go.
-///
-/// ```
-/// use devices::exchange::Gate;
-/// use rt_core::{DeviceState, Rendering, Vec3, Wrench};
-///
-/// let push = Wrench { force: Vec3::x(), moment: Vec3::zeros() };
-/// let mut gate = Gate::default();
-/// // The tick has read no state, and nothing let go.
-/// assert_eq!(gate.pass(&push, 0), push);
-/// gate.end(&mut Ok(DeviceState::resting()));
-/// // The tick falls silent: the thread lets go, and the state of this second exchange says so.
-/// assert_eq!(gate.let_go(), Wrench::zero());
-/// let mut answer = Ok(DeviceState::resting());
-/// gate.end(&mut answer);
-/// assert_eq!(answer.unwrap().rendering, Rendering::LetGo);
-/// // A wrench of a tick that has read the state of the first exchange only.
-/// assert_eq!(gate.pass(&push, 1), Wrench::zero());
-/// gate.end(&mut Ok(DeviceState::resting()));
-/// assert_eq!(gate.pass(&push, 2), push);
-/// ```
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Gate {
+pub(super) struct Gate {
     /// The number of the last exchange, from one.
     number: u64,
     /// The number of the last exchange in which the device had let go.
@@ -50,7 +29,7 @@ pub struct Gate {
 impl Gate {
     /// Begins an exchange with a wrench of the tick, which had read the state of the exchange `seen` when it computed the
     /// wrench (zero for none). Returns the wrench to command.
-    pub fn pass(&mut self, wrench: &Wrench, seen: u64) -> Wrench {
+    pub(super) fn pass(&mut self, wrench: &Wrench, seen: u64) -> Wrench {
         self.number = self.number.wrapping_add(1);
         self.seen = self.seen.max(seen);
         self.tells = self.seen < self.let_go;
@@ -62,7 +41,7 @@ impl Gate {
 
     /// Begins an exchange without a wrench of the tick. Returns the wrench to command, which is zero. Where there was no
     /// force before, nothing was let go.
-    pub fn let_go(&mut self) -> Wrench {
+    pub(super) fn let_go(&mut self) -> Wrench {
         self.number = self.number.wrapping_add(1);
         if self.acts {
             self.let_go = self.number;
@@ -73,7 +52,7 @@ impl Gate {
     }
 
     /// Ends the exchange with its answer, which then says whether the wrench of the tick was rendered.
-    pub fn end(&mut self, answer: &mut Answer) {
+    pub(super) fn end(&mut self, answer: &mut Reading) {
         let Ok(state) = answer else {
             return;
         };
@@ -86,7 +65,7 @@ impl Gate {
     }
 
     /// The number of the last exchange, from one.
-    pub fn number(&self) -> u64 {
+    pub(super) fn number(&self) -> u64 {
         self.number
     }
 }

@@ -1,52 +1,74 @@
+//! The state machines of both ends in virtual time, and the thread that drives them.
+
 use super::*;
 use crate::scripted::small;
-use rt_core::{Freedom, Rendering, Vec3};
+use poller::BEGUN;
+use proptest::prelude::*;
+use rt_core::{Freedom, Reading, Rendering, Vec3};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// What the thread did.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Done {
-    Exchanged(f64),
-    Reopened,
-    Released,
+const MS: u64 = 1_000_000;
+const GONE: DeviceError = DeviceError::Disconnected(19);
+
+/// Both ends of a device, in virtual time.
+struct Ends {
+    now_ns: u64,
+    poller: Poller,
+    tick: TickEnd,
+    /// The wrench that waits for the poller.
+    handed: Option<Handed>,
+    refused: Option<u64>,
 }
 
-/// A device that reports what is done with it, and answers as a test tells it.
-struct Told {
-    done: Sender<Done>,
-    answers: Receiver<Answer>,
-}
-
-impl Exchange for Told {
-    fn exchange(&mut self, wrench: &Wrench) -> Answer {
-        let _ = self.done.send(Done::Exchanged(wrench.force.x));
-        // A test that has ended lets everything fail.
-        self.answers.recv().unwrap_or(Err(DeviceError::NoReport))
+impl Ends {
+    /// The ends of a device of a loop at 1 kHz. The clock begins at any time.
+    fn new() -> Self {
+        let now_ns = 7 * MS;
+        Self {
+            now_ns,
+            poller: Poller::new(now_ns, let_go_after(1e-3)),
+            tick: TickEnd::default(),
+            handed: None,
+            refused: None,
+        }
     }
-    fn release(&mut self) {
-        let _ = self.done.send(Done::Released);
-    }
-    fn reopen(&mut self) -> Result<(), DeviceError> {
-        let _ = self.done.send(Done::Reopened);
-        self.answers
-            .recv()
-            .map_or(Ok(()), |answer| answer.map(drop))
-    }
-}
 
-fn told() -> (Exchanged, Receiver<Done>, Sender<Answer>) {
-    let (done, seen) = channel();
-    let (tell, answers) = channel();
-    let device = Exchanged::start(Told { done, answers }, small(Freedom::Three));
-    (device.expect("a thread"), seen, tell)
-}
+    /// The tick hands `force` over.
+    fn hand(&mut self, force: f64) {
+        self.handed = Some(self.tick.hand(&push(force)).expect("it is there"));
+    }
 
-/// The thread of this device never lets go by itself: however busy the machine is, a test meets each exchange once.
-fn patient() -> (Exchanged, Receiver<Done>, Sender<Answer>) {
-    let (device, seen, tell) = told();
-    let minute = Duration::from_secs(60).as_nanos() as u64;
-    device.let_go_ns.store(minute, Ordering::Relaxed);
-    (device, seen, tell)
+    fn next(&mut self) -> Step {
+        self.poller.next(self.now_ns, self.handed.take())
+    }
+
+    /// An exchange, in which the device is commanded `force`, and takes `took_ns` for its `answer`.
+    #[track_caller]
+    fn exchange(&mut self, force: f64, took_ns: u64, answer: Reading) -> Reply {
+        assert_eq!(self.next(), Step::Exchange(push(force)));
+        self.now_ns += took_ns;
+        let motion = MotionSource::Thread;
+        self.poller
+            .answered(self.now_ns, answer, motion, self.refused)
+    }
+
+    /// The tick hands `force` over, the device is commanded it, and the tick reads the state.
+    #[track_caller]
+    fn turn(&mut self, force: f64, answer: Reading) -> Reading {
+        self.hand(force);
+        let reply = self.exchange(force, MS / 2, answer);
+        self.now_ns += MS / 2;
+        self.tick.read(Some(reply))
+    }
+
+    /// The poller waits until this time, and that time comes.
+    #[track_caller]
+    fn wait(&mut self, until_ns: u64) {
+        assert_eq!(self.next(), Step::Wait(until_ns));
+        self.now_ns = until_ns;
+    }
 }
 
 fn push(force: f64) -> Wrench {
@@ -63,318 +85,301 @@ fn at(device_time_ns: u64) -> DeviceState {
     }
 }
 
-/// Hands `force` over, and waits until the thread of a [`patient`] device has exchanged it.
-#[track_caller]
-fn exchanged(device: &mut Exchanged, seen: &Receiver<Done>, force: f64) {
-    assert_eq!(device.write(0, &push(force)), Ok(()));
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(force)));
-}
-
-/// Hands the first force over, and waits until the thread has exchanged it. On a busy machine the thread may look so late
-/// that it lets go. The wrench is then handed over again, while the thread waits for the answer to its zero.
-fn first(device: &mut Exchanged, seen: &Receiver<Done>, tell: &Sender<Answer>, force: f64) {
-    assert_eq!(device.write(0, &push(force)), Ok(()));
-    while seen.recv() != Ok(Done::Exchanged(force)) {
-        let _ = device.write(0, &push(force));
-        tell.send(Err(DeviceError::NoReport)).expect("it listens");
-    }
-}
-
-fn let_go(state: DeviceState) -> DeviceState {
+fn let_go(device_time_ns: u64) -> DeviceState {
     DeviceState {
         rendering: Rendering::LetGo,
-        ..state
-    }
-}
-
-/// Reads until the answer is `wanted`.
-fn read(device: &mut Exchanged, wanted: Answer) {
-    while device.read(0) != wanted {
-        std::thread::yield_now();
+        ..at(device_time_ns)
     }
 }
 
 #[test]
 fn a_wrench_is_exchanged_for_a_state() {
-    let (mut device, seen, tell) = patient();
-    assert_eq!(device.read(0), Err(DeviceError::NoReport));
-    exchanged(&mut device, &seen, 1.5);
-    tell.send(Ok(at(7))).expect("it listens");
-    read(&mut device, Ok(at(7)));
-    assert!(device.counts().states() == 1 && device.counts().losses() == 0);
-    drop(tell);
-    drop(device);
-    assert_eq!(seen.iter().last(), Some(Done::Released));
+    let mut ends = Ends::new();
+    assert_eq!(ends.tick.read(None), Err(DeviceError::NoReport));
+    ends.wait(17 * MS);
+    assert_eq!(ends.turn(1.5, Ok(at(7))), Ok(at(7)));
+    let silent = Err(DeviceError::NoReport);
+    assert_eq!(ends.turn(1.5, silent), silent);
+    // A device that does not tell its refusals has none.
+    assert_eq!(ends.tick.refused_wrenches(), None);
 }
 
 #[test]
-fn motion_to_force_is_the_time_between_the_requests_for_the_state_and_for_its_force() {
-    let (mut device, seen, tell) = patient();
-    let pause = Duration::from_millis(3);
-    // The first wrench answers no state.
-    exchanged(&mut device, &seen, 1.0);
-    tell.send(Ok(at(1))).expect("it listens");
-    read(&mut device, Ok(at(1)));
-    assert_eq!(device.motion_to_force_ns(), None);
-    std::thread::sleep(pause);
-    // The wrench that is handed over after the read answers that state. Its exchange begins after the pause.
-    exchanged(&mut device, &seen, 2.0);
-    tell.send(Ok(at(2))).expect("it listens");
-    read(&mut device, Ok(at(2)));
-    let shown = device.motion_to_force_ns().map(Duration::from_nanos);
-    assert!(shown.is_some_and(|shown| shown >= pause), "{shown:?}");
-    // A wrench without a new state answers none.
-    assert_eq!(device.read(0), Err(DeviceError::NoReport));
-    assert_eq!(device.motion_to_force_ns(), None);
-    exchanged(&mut device, &seen, 3.0);
-    tell.send(Ok(at(3))).expect("it listens");
-    read(&mut device, Ok(at(3)));
-    assert_eq!(device.motion_to_force_ns(), None);
-    drop(tell);
+fn a_tick_that_stops_lets_the_device_go_and_is_told() {
+    let mut ends = Ends::new();
+    assert_eq!(ends.turn(1.0, Ok(at(1))), Ok(at(1)));
+    // The time counts from the answer.
+    ends.wait(ends.now_ns - MS / 2 + 10 * MS);
+    // The tick hands over a wrench that it computed before it was told.
+    let reply = ends.exchange(0.0, MS, Ok(at(2)));
+    ends.hand(2.0);
+    ends.exchange(0.0, MS, Ok(at(3)));
+    // The force returns with a wrench of a tick that has read the let-go.
+    assert_eq!(ends.tick.read(Some(reply)), Ok(let_go(2)));
+    assert_eq!(ends.turn(3.0, Ok(at(4))), Ok(at(4)));
 }
 
 #[test]
-fn a_device_that_blocks_makes_the_tick_busy_and_then_gets_the_newest_wrench() {
-    let (mut device, seen, tell) = patient();
-    exchanged(&mut device, &seen, 1.0);
-    // The device is in its first exchange. Four wrenches may wait.
-    for force in [2.0, 3.0, 4.0, 5.0] {
-        assert_eq!(device.write(0, &push(force)), Ok(()));
+fn a_device_that_let_go_gets_no_wrench_from_before() {
+    let mut ends = Ends::new();
+    ends.hand(1.0);
+    let reply = ends.exchange(1.0, MS, Ok(let_go(1)));
+    ends.hand(2.0);
+    assert_eq!(ends.tick.read(Some(reply)), Ok(let_go(1)));
+    // The device renders again, but nothing is commanded in this exchange.
+    let reply = ends.exchange(0.0, MS, Ok(at(2)));
+    assert_eq!(ends.tick.read(Some(reply)), Ok(let_go(2)));
+    assert_eq!(ends.turn(3.0, Ok(at(3))), Ok(at(3)));
+}
+
+/// A wrench that waited while the process was stopped is not commanded. A wake-up that is late by less than the time of a
+/// let-go is no stop.
+#[test]
+fn a_wrench_may_wait_for_two_let_goes() {
+    for (away_ns, is_commanded) in [(20 * MS, true), (20 * MS + 1, false)] {
+        let mut ends = Ends::new();
+        assert_eq!(ends.turn(1.0, Ok(at(1))), Ok(at(1)));
+        ends.now_ns -= MS;
+        ends.hand(2.0);
+        ends.now_ns += away_ns;
+        ends.exchange(if is_commanded { 2.0 } else { 0.0 }, 0, Ok(at(2)));
     }
-    assert_eq!(device.write(0, &push(6.0)), Err(DeviceError::Busy));
-    tell.send(Ok(at(1))).expect("it listens");
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(5.0)));
 }
 
 #[test]
-fn a_wrench_that_waited_while_the_process_was_stopped_is_not_commanded() {
-    let (mut device, seen, tell) = told();
-    first(&mut device, &seen, &tell, 1.0);
-    // The thread is in its exchange, and the tick hands one more wrench over before everything stands still.
-    assert_eq!(device.write(0, &push(2.0)), Ok(()));
-    std::thread::sleep(3 * LET_GO);
-    tell.send(Ok(at(1))).expect("it listens");
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
-    tell.send(Ok(at(2))).expect("it listens");
-    read(&mut device, Ok(let_go(at(2))));
-    // A new wrench of the tick that was told is commanded again.
-    first(&mut device, &seen, &tell, 3.0);
-    drop(tell);
-}
-
-#[test]
-fn a_tick_that_stops_lets_the_device_go() {
-    let (mut device, seen, tell) = told();
-    first(&mut device, &seen, &tell, 1.0);
-    tell.send(Ok(at(1))).expect("it listens");
-    // No further wrench comes.
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
-    assert!(device.counts().let_go() >= 1);
+fn a_slow_loop_has_more_time_between_two_wrenches() {
+    let periods = [1e-3, 1.0 / 150.0, 1.0 / 100.0, 1.0 / 50.0, 1.0];
+    for (period, ms) in periods.into_iter().zip([10, 26, 40, 80, 100]) {
+        let let_go = let_go_after(period);
+        assert_eq!(let_go.as_millis(), ms);
+        let step = Poller::new(5, let_go).next(5, None);
+        assert_eq!(step, Step::Wait(5 + let_go.as_nanos() as u64));
+    }
 }
 
 #[test]
 fn a_lost_device_comes_back_and_its_clock_goes_on() {
-    let (mut device, seen, tell) = patient();
-    let gone = DeviceError::Disconnected(19);
-    exchanged(&mut device, &seen, 1.0);
-    tell.send(Ok(at(50))).expect("it listens");
-    read(&mut device, Ok(at(50)));
-    exchanged(&mut device, &seen, 2.0);
-    assert_eq!(device.write(0, &push(3.0)), Ok(()));
-    tell.send(Err(gone)).expect("it listens");
-    read(&mut device, Err(gone));
-    // The error stays until the device is back.
-    assert_eq!(device.read(0), Err(gone));
-    assert_eq!(device.write(0, &push(4.0)), Err(gone));
-    // The first attempt fails, the second succeeds. The device that is back gets zero first, and no older wrench.
-    assert_eq!(seen.recv(), Ok(Done::Reopened));
-    tell.send(Err(gone)).expect("it listens");
-    assert_eq!(seen.recv(), Ok(Done::Reopened));
-    tell.send(Ok(at(0))).expect("it listens");
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
+    let mut ends = Ends::new();
+    assert_eq!(ends.turn(1.0, Ok(at(50))), Ok(at(50)));
+    assert_eq!(ends.turn(2.0, Err(GONE)), Err(GONE));
+    let lost_ns = ends.now_ns - MS / 2;
+    // The error stays until the device is back, and the tick hands nothing over.
+    assert_eq!(ends.tick.read(None), Err(GONE));
+    assert_eq!(ends.tick.hand(&push(3.0)).err(), Some(GONE));
+    // The first attempt fails after a while, the second succeeds.
+    ends.wait(lost_ns + RETRY_NS);
+    assert_eq!(ends.next(), Step::Reopen);
+    ends.now_ns += MS;
+    ends.poller.reopened(ends.now_ns, Err(GONE));
+    ends.wait(ends.now_ns + RETRY_NS);
+    assert_eq!(ends.next(), Step::Reopen);
+    ends.poller.reopened(ends.now_ns, Ok(()));
+    // The device that is back gets zero first, and no wrench from before its loss.
+    ends.handed = Some(Handed {
+        wrench: push(3.0),
+        ..Handed::default()
+    });
     // Its clock starts at 3 ns, and continues from 50 ns. The force before the loss was let go.
-    tell.send(Ok(at(3))).expect("it listens");
-    read(&mut device, Ok(let_go(at(50))));
-    exchanged(&mut device, &seen, 5.0);
-    tell.send(Ok(at(10))).expect("it listens");
-    read(&mut device, Ok(at(57)));
-    let counts = device.counts();
-    assert_eq!((counts.losses(), counts.returns()), (1, 1));
+    let reply = ends.exchange(0.0, MS, Ok(at(3)));
+    assert_eq!(ends.tick.read(Some(reply)), Ok(let_go(50)));
+    // The thread has not looked for long: the first wrench may be old.
+    ends.hand(4.0);
+    ends.wait(ends.now_ns + 10 * MS);
+    assert_eq!(ends.turn(5.0, Ok(at(10))), Ok(at(57)));
+}
+
+/// A wrench answers the state of one of the last exchanges. The time of an older exchange is no longer known, and the time
+/// of another exchange is never taken for it.
+#[test]
+fn motion_to_force_is_the_time_between_the_requests_for_the_state_and_for_its_force() {
+    let mut ends = Ends::new();
+    let mut begun_ns = vec![0];
+    for number in 1..=200 {
+        let behind = 1 + number % 12;
+        let answers = u64::saturating_sub(number, behind);
+        ends.handed = Some(Handed {
+            answers,
+            ..Handed::default()
+        });
+        ends.now_ns += number * 1000;
+        begun_ns.push(ends.now_ns);
+        let reply = ends.exchange(0.0, 10 * number, Ok(at(number)));
+        assert_eq!(reply.number, number);
+        let asked_ns = begun_ns[answers as usize];
+        let is_known = answers > 0 && behind < BEGUN as u64;
+        let exact_ns = is_known.then(|| begun_ns[number as usize] - asked_ns);
+        assert_eq!(reply.motion_to_force_ns, exact_ns, "{number}");
+    }
+    // The tick tells the time of the reply that it has just read.
+    let mut ends = Ends::new();
+    assert!(ends.turn(1.0, Ok(at(1))).is_ok());
+    assert_eq!(ends.tick.motion_to_force_ns(), None);
+    assert!(ends.turn(2.0, Ok(at(2))).is_ok());
+    assert_eq!(ends.tick.motion_to_force_ns(), Some(MS));
+    // A wrench without a new state answers none.
+    assert!(ends.tick.read(None).is_err());
+    assert_eq!(ends.tick.motion_to_force_ns(), None);
+    assert!(ends.turn(3.0, Ok(at(3))).is_ok());
+    assert_eq!(ends.tick.motion_to_force_ns(), None);
 }
 
 #[test]
-fn a_lost_device_can_be_dropped() {
-    let (mut device, seen, tell) = patient();
-    exchanged(&mut device, &seen, 1.0);
-    tell.send(Err(DeviceError::Disconnected(19)))
-        .expect("it listens");
-    read(&mut device, Err(DeviceError::Disconnected(19)));
-    drop(tell);
-    drop(device);
-    assert_eq!(seen.iter().last(), Some(Done::Released));
+fn a_device_that_states_its_motion_to_force_is_believed() {
+    let mut ends = Ends::new();
+    for stated in [None, Some(7)] {
+        ends.hand(1.0);
+        assert_eq!(ends.next(), Step::Exchange(push(1.0)));
+        let motion = MotionSource::Device(stated);
+        let reply = ends.poller.answered(ends.now_ns, Ok(at(1)), motion, None);
+        assert!(ends.tick.read(Some(reply)).is_ok());
+        assert_eq!(ends.tick.motion_to_force_ns(), stated);
+    }
 }
 
+/// What a device refuses while it idles before the first wrench is no refusal of a wrench of this run.
 #[test]
-fn a_driver_that_panics_is_a_lost_device_and_is_released() {
-    struct Broken(Sender<Done>);
-    impl Exchange for Broken {
-        fn exchange(&mut self, _: &Wrench) -> Answer {
-            panic!("a defect of the driver");
+fn refusals_count_from_the_first_wrench_of_the_tick() {
+    let mut ends = Ends::new();
+    let mut told = |refused, hands| {
+        ends.refused = refused;
+        ends.now_ns += 10 * MS;
+        ends.handed = None;
+        if hands {
+            ends.hand(0.0);
+        }
+        let reply = ends.exchange(0.0, 0, Ok(at(1)));
+        let _ = ends.tick.read(Some(reply));
+        // It stays until another reply.
+        let _ = ends.tick.read(None);
+        ends.tick.refused_wrenches()
+    };
+    assert_eq!(told(None, false), None);
+    assert_eq!(told(Some(3), false), Some(0));
+    assert_eq!(told(Some(5), true), Some(0));
+    assert_eq!(told(Some(6), false), Some(1));
+    assert_eq!(told(Some(9), true), Some(4));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever happens, no force is commanded that is older than two times of a let-go.
+    #[test]
+    fn no_force_outlives_the_tick(
+        events in prop::collection::vec((0..15 * MS, 0..3_u8, 0..3_u8, 0..4_u8), 1..200),
+    ) {
+        let mut ends = Ends::new();
+        let mut handed_ns = 0;
+        for (passed_ns, hands, looks, answer) in events {
+            ends.now_ns += passed_ns;
+            if hands > 0 && let Ok(handed) = ends.tick.hand(&push(1.0)) {
+                ends.handed = Some(handed);
+                handed_ns = ends.now_ns;
+            }
+            if looks == 0 {
+                continue;
+            }
+            match ends.next() {
+                Step::Wait(until_ns) => prop_assert!(until_ns > ends.now_ns),
+                Step::Reopen => {
+                    ends.poller.reopened(ends.now_ns, if answer == 0 { Err(GONE) } else { Ok(()) });
+                }
+                Step::Exchange(wrench) => {
+                    let age_ns = ends.now_ns - handed_ns;
+                    prop_assert!(wrench == push(0.0) || age_ns <= 20 * MS, "{age_ns}");
+                    let answer = match answer {
+                        0 => Err(GONE),
+                        1 => Err(DeviceError::NoReport),
+                        _ => Ok(at(1)),
+                    };
+                    let motion = MotionSource::Thread;
+                    let reply = ends.poller.answered(ends.now_ns, answer, motion, None);
+                    let _ = ends.tick.read(Some(reply));
+                }
+            }
+        }
+    }
+}
+
+/// A device of the tests of the thread: a force says what it does.
+struct Obeys {
+    released: Arc<AtomicBool>,
+}
+
+const ANSWERS: f64 = 1.0;
+const VANISHES: f64 = 2.0;
+const PANICS: f64 = 3.0;
+
+impl Exchange for Obeys {
+    fn exchange(&mut self, wrench: &Wrench) -> Reading {
+        match wrench.force.x {
+            ANSWERS => Ok(at(7)),
+            VANISHES => Err(GONE),
+            PANICS => panic!("a defect of the driver"),
+            _ => Err(DeviceError::NoReport),
+        }
+    }
+    fn release(&mut self) {
+        // A person may hold the device when the run ends: the end waits for this.
+        std::thread::sleep(Duration::from_millis(50));
+        self.released.store(true, Ordering::Relaxed);
+    }
+    fn reopen(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+/// The thread drives the machines until the end, also after the device was lost or its driver has panicked.
+#[test]
+fn a_thread_exchanges_and_releases_the_device() {
+    for (force, error) in [(VANISHES, GONE), (PANICS, DeviceError::Disconnected(ENDED))] {
+        let released = Arc::new(AtomicBool::new(false));
+        let obeys = Obeys {
+            released: Arc::clone(&released),
+        };
+        let device = Exchanged::start(obeys, small(Freedom::Three), 1e-3);
+        let mut device = device.expect("a thread");
+        for (force, reading) in [(ANSWERS, Ok(at(7))), (force, Err(error))] {
+            while device.read(0).map(|state| at(state.device_time_ns)) != reading {
+                let _ = device.write(0, &push(force));
+                std::thread::yield_now();
+            }
+        }
+        drop(device);
+        assert!(released.load(Ordering::Relaxed));
+    }
+}
+
+/// A vendor's library may block without end: the tick is busy as soon as the ring is full, and the end of the run leaves
+/// the thread behind.
+#[test]
+fn neither_the_tick_nor_the_end_waits_for_a_device_that_blocks() {
+    struct Blocks(Sender<&'static str>, Receiver<()>);
+    impl Exchange for Blocks {
+        fn exchange(&mut self, _: &Wrench) -> Reading {
+            let _ = self.0.send("exchanged");
+            let _ = self.1.recv();
+            Err(DeviceError::NoReport)
         }
         fn release(&mut self) {
-            let _ = self.0.send(Done::Released);
+            let _ = self.0.send("released");
         }
         fn reopen(&mut self) -> Result<(), DeviceError> {
             Ok(())
         }
     }
     let (done, seen) = channel();
-    let mut device = Exchanged::start(Broken(done), small(Freedom::Three)).expect("a thread");
-    assert_eq!(device.write(0, &push(1.0)), Ok(()));
-    read(&mut device, Err(DeviceError::Disconnected(ENDED)));
-    assert_eq!(seen.recv(), Ok(Done::Released));
-}
-
-/// The thread lets go while the tick hands a wrench over that it computed before: the wrench is not commanded, and the
-/// force returns with a wrench of a tick that has read the let-go.
-#[test]
-fn a_force_that_was_let_go_returns_after_the_tick_was_told() {
-    let (mut device, seen, tell) = told();
-    first(&mut device, &seen, &tell, 1.0);
-    tell.send(Ok(at(1))).expect("it listens");
-    // No further wrench comes in time.
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
-    assert_eq!(device.write(0, &push(2.0)), Ok(()));
-    tell.send(Ok(at(2))).expect("it listens");
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
-    // The tick reads the state that says so, and its next wrench is commanded.
-    read(&mut device, Ok(let_go(at(2))));
-    assert_eq!(device.write(0, &push(3.0)), Ok(()));
-    tell.send(Ok(at(3))).expect("it listens");
-    loop {
-        match seen.recv().expect("the thread lives") {
-            Done::Exchanged(3.0) => break,
-            // On a busy machine the wrench came too late, and the thread has let go of nothing.
-            other => {
-                assert_eq!(other, Done::Exchanged(0.0));
-                assert_eq!(device.write(0, &push(3.0)), Ok(()));
-                tell.send(Ok(at(3))).expect("it listens");
-            }
-        }
+    let (goes_on, waits) = channel();
+    let device = Exchanged::start(Blocks(done, waits), small(Freedom::Three), 1e-3);
+    let mut device = device.expect("a thread");
+    assert_eq!(seen.recv(), Ok("exchanged"));
+    for _ in 0..SLOTS {
+        assert_eq!(device.write(0, &push(1.0)), Ok(()));
     }
-    tell.send(Ok(at(4))).expect("it listens");
-    read(&mut device, Ok(at(4)));
-}
-
-#[test]
-fn a_device_that_let_go_gets_no_wrench_from_before() {
-    let (mut device, seen, tell) = patient();
-    exchanged(&mut device, &seen, 1.0);
-    // The tick computes another wrench before the state comes.
-    assert_eq!(device.write(0, &push(2.0)), Ok(()));
-    tell.send(Ok(let_go(at(1)))).expect("it listens");
-    assert_eq!(seen.recv(), Ok(Done::Exchanged(0.0)));
-    tell.send(Ok(at(2))).expect("it listens");
-    // The device renders again, but nothing was commanded in this exchange.
-    read(&mut device, Ok(let_go(at(2))));
-    exchanged(&mut device, &seen, 3.0);
-}
-
-#[test]
-fn the_refusals_of_the_device_are_passed_on() {
-    struct Refusing(u64);
-    impl Exchange for Refusing {
-        fn exchange(&mut self, _: &Wrench) -> Answer {
-            self.0 += 5;
-            Ok(at(self.0))
-        }
-        fn release(&mut self) {}
-        fn reopen(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-        fn refused_wrenches(&self) -> Option<u64> {
-            Some(self.0)
-        }
-    }
-    let mut device = Exchanged::start(Refusing(0), small(Freedom::Three)).expect("a thread");
-    assert_eq!(device.refused_wrenches(), None);
-    // Each state has the count as its time.
-    let mut told = || {
-        loop {
-            let _ = device.write(0, &push(1.0));
-            if let (Ok(state), Some(refused)) = (device.read(0), device.refused_wrenches())
-                && refused > 0
-            {
-                break (state.device_time_ns, refused);
-            }
-        }
-    };
-    // What the device refused up to the first wrench of the tick does not count.
-    let (time, refused) = told();
-    assert!(time - refused >= 5, "{refused} of {time}");
-    let (later, more) = told();
-    assert_eq!(more - refused, later - time);
-}
-
-#[test]
-fn a_slow_loop_has_more_time_between_two_wrenches() {
-    let times = [1e-3, 1.0 / 150.0, 1.0 / 100.0, 1.0 / 50.0, 1.0];
-    let times = times.map(|period| let_go_after(period).as_millis());
-    assert_eq!(times, [10, 26, 40, 80, 100]);
-    let (device, _seen, _tell) = told();
-    let let_go_ns = Arc::clone(&device.let_go_ns);
-    assert_eq!(let_go_ns.load(Ordering::Relaxed), 10_000_000);
-    let _device = device.for_loop(1.0 / 50.0);
-    assert_eq!(let_go_ns.load(Ordering::Relaxed), 80_000_000);
-}
-
-/// A person may hold the device when the run ends.
-#[test]
-fn the_end_waits_until_the_device_is_released() {
-    struct Slow(Arc<AtomicU64>);
-    impl Exchange for Slow {
-        fn exchange(&mut self, _: &Wrench) -> Answer {
-            Ok(at(1))
-        }
-        fn release(&mut self) {
-            std::thread::sleep(Duration::from_millis(50));
-            self.0.fetch_add(1, Ordering::Relaxed);
-        }
-        fn reopen(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-    }
-    // Two devices: each is released.
-    let released = Arc::new(AtomicU64::new(0));
-    let devices = [(); 2].map(|()| {
-        let device = Exchanged::start(Slow(Arc::clone(&released)), small(Freedom::Three));
-        device.expect("a thread")
-    });
-    for (done, device) in (1..).zip(devices) {
-        drop(device);
-        assert_eq!(released.load(Ordering::Relaxed), done);
-    }
-}
-
-/// A vendor's library may block without end. The end of the run leaves its thread behind.
-#[test]
-fn the_end_does_not_wait_for_a_device_that_blocks() {
-    let (mut device, seen, tell) = patient();
-    assert_eq!(device.write(0, &push(1.0)), Ok(()));
-    assert!(seen.recv().is_ok());
+    assert_eq!(device.write(0, &push(1.0)), Err(DeviceError::Busy));
     drop(device);
     // The device still blocks. It is released as soon as it does not.
     assert_eq!(seen.try_recv(), Err(std::sync::mpsc::TryRecvError::Empty));
-    drop(tell);
-    assert_eq!(seen.iter().last(), Some(Done::Released));
-}
-
-#[test]
-fn a_device_that_does_not_tell_its_refusals_has_none() {
-    let (mut device, seen, tell) = patient();
-    exchanged(&mut device, &seen, 1.0);
-    tell.send(Ok(at(1))).expect("it listens");
-    read(&mut device, Ok(at(1)));
-    assert_eq!(device.refused_wrenches(), None);
-    assert!(device.counts().states() == 1 && device.counts().returns() == 0);
+    drop(goes_on);
+    assert_eq!(seen.iter().last(), Some("released"));
 }

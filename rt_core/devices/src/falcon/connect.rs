@@ -2,9 +2,9 @@
 
 use super::boot::{Firmware, Tries};
 use super::driver::{Falcon, Settings};
-use super::{PRODUCT, VENDOR};
 use crate::exchange::{Exchanged, clock, first_then};
 use crate::found::Which;
+use crate::found::known::FALCON;
 use crate::ftdi::Chip;
 use crate::registry::{Driver, Kind, OpenError, Request, file_of};
 use crate::usbfs::{Selector, UsbDevice};
@@ -31,7 +31,7 @@ fn selector(address: &str) -> Option<Selector> {
     let is_port = matches!(which, Which::Port(_));
     (is_port || !address.contains([':', '/'])).then_some(Selector {
         kind: "falcon",
-        numbers: (VENDOR, PRODUCT),
+        numbers: FALCON.numbers,
         which,
     })
 }
@@ -91,9 +91,13 @@ impl Driver for FalconDriver {
         };
         let falcon = Falcon::connect(open, clock(), settings);
         let falcon = falcon.map_err(|error| refused(Box::new(error)))?;
-        let device = Exchanged::start(falcon, limited(request.model.capabilities()));
+        let device = Exchanged::start(
+            falcon,
+            limited(request.model.capabilities()),
+            request.period,
+        );
         let device = device.map_err(|error| refused(Box::new(error)))?;
-        Ok(Box::new(device.for_loop(request.period)))
+        Ok(Box::new(device))
     }
 }
 

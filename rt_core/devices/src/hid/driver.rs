@@ -1,9 +1,8 @@
 //! The driver `hid` opens the device that a scene names by its numbers or by its path.
 
 use super::{HidDevice, HidError, HidSelector};
+use crate::firmware::{GreetingError, watchdog_us};
 use crate::registry::{Driver, Kind, OpenError, Request};
-use crate::serial::SerialError;
-use firmware_proto::report::{WATCHDOG_MOST_US, WATCHDOG_US};
 use runner::AnyDevice;
 
 /// Devices that speak the firmware protocol over USB HID.
@@ -18,14 +17,6 @@ pub struct Hid;
 const ADDRESSES: &str = "hid:VID:PID, hid:VID:PID:SERIAL or hid:VID:PID:@PORT, with the numbers of the USB device as \
                          `lsusb` prints them (four hexadecimal digits each) and its USB port as `palpate device list` \
                          prints it, or hid:/dev/hidrawN or a link that leads there";
-
-/// The watchdog for a loop of a period (s): four ticks, so that a late tick is no silence, but not less than the
-/// device's own.
-pub(crate) fn watchdog_us(period: f64) -> u32 {
-    // The conversion saturates.
-    let ticks = (period * 4e6) as u32;
-    ticks.clamp(WATCHDOG_US, WATCHDOG_MOST_US)
-}
 
 impl Driver for Hid {
     fn name(&self) -> &'static str {
@@ -63,20 +54,9 @@ impl Driver for Hid {
         let device = device.map_err(refused)?;
         if let Some(name) = device.name() {
             let agreed = request.name_agrees(name);
-            agreed.map_err(|error| refused(SerialError::from(error).into()))?;
+            agreed.map_err(|error| refused(GreetingError::from(error).into()))?;
         }
         request.has_firmware(device.firmware());
         Ok(Box::new(device))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_slow_loop_asks_for_a_longer_watchdog() {
-        let watchdogs = [1e-4, 1e-3, 2.5e-3, 5e-3, 1.0].map(watchdog_us);
-        assert_eq!(watchdogs, [10_000, 10_000, 10_000, 20_000, 100_000]);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Serial;
 use crate::exchange::{Exchanged, clock, first_then};
-use crate::hid::watchdog_us;
+use crate::firmware::watchdog_us;
 use crate::registry::{Driver, Kind, OpenError, Request, file_of, places_of};
 use crate::transport::Stream;
 use runner::AnyDevice;
@@ -133,9 +133,9 @@ fn start(
     }
     let stated = device.reports().host().capabilities();
     request.has_firmware(stated.map(|report| report.model.firmware));
-    let device =
-        Exchanged::start(device, capabilities).map_err(|error| refused(request.address, &error))?;
-    Ok(Box::new(device.for_loop(request.period)))
+    let device = Exchanged::start(device, capabilities, request.period);
+    let device = device.map_err(|error| refused(request.address, &error))?;
+    Ok(Box::new(device))
 }
 
 fn wrong(address: &str, allowed: &'static str) -> OpenError {

@@ -11,9 +11,9 @@
     )
 )]
 
-use super::error::{NO_DEVICE, SerialError, TIMED_OUT, check};
 use crate::exchange::MotionSource;
-use crate::hid::{Reports, session};
+use crate::firmware::{GreetingError, NO_DEVICE, TIMED_OUT, check, session};
+use crate::hid::Reports;
 use crate::stated::{Mismatch, Name};
 use crate::{Exchange, Transport};
 use core::time::Duration;
@@ -64,14 +64,14 @@ impl<T: Transport> Serial<T> {
     /// asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]).
     ///
     /// # Errors
-    /// [`SerialError`] where the connection fails, or where the device does not answer, speaks another version of the
+    /// [`GreetingError`] where the connection fails, or where the device does not answer, speaks another version of the
     /// protocol, or is not the device of the profile.
     pub fn open(
         profile: Capabilities,
         watchdog_us: u32,
         open: impl FnMut() -> Result<T, i32> + Send + 'static,
         clock: impl FnMut() -> u64 + Send + 'static,
-    ) -> Result<Self, SerialError> {
+    ) -> Result<Self, GreetingError> {
         let mut new = Self {
             transport: None,
             open: Box::new(open),
@@ -98,30 +98,30 @@ impl<T: Transport> Serial<T> {
     }
 
     /// Opens the connection, and begins a session.
-    fn connect(&mut self) -> Result<(), SerialError> {
+    fn connect(&mut self) -> Result<(), GreetingError> {
         // Nobody else can open a tty before it is closed.
         self.transport = None;
-        self.transport = Some((self.open)().map_err(SerialError::Ended)?);
+        self.transport = Some((self.open)().map_err(GreetingError::Ended)?);
         self.reports.begin_session(session(), self.watchdog_us);
         self.decoder = Decoder::new();
         let start_ns = (self.clock)();
         self.heard_ns = start_ns;
         // The zero ends whatever came before.
-        self.write(&[0]).map_err(SerialError::Ended)?;
+        self.write(&[0]).map_err(GreetingError::Ended)?;
         loop {
             let now_ns = (self.clock)();
             if now_ns.saturating_sub(start_ns) >= GREETING_NS {
                 return Err(self.no_answer());
             }
             self.command(&Wrench::zero(), now_ns)
-                .map_err(SerialError::Ended)?;
+                .map_err(GreetingError::Ended)?;
             if let Err(DeviceError::Disconnected(number)) = self.newest() {
-                return Err(SerialError::Ended(number));
+                return Err(GreetingError::Ended(number));
             }
             if let Some(HostError::Report(error @ ReportError::Version { .. })) =
                 self.reports.refused
             {
-                return Err(SerialError::Version(error));
+                return Err(GreetingError::Version(error));
             }
             if self.agree()? {
                 return Ok(());
@@ -130,18 +130,18 @@ impl<T: Transport> Serial<T> {
     }
 
     /// Why no answer came.
-    fn no_answer(&self) -> SerialError {
+    fn no_answer(&self) -> GreetingError {
         match self.reports.refused {
             // Its state says that the device has no session.
-            Some(HostError::Session { found: 0 }) => SerialError::Deaf,
-            Some(error) => SerialError::Refused(error),
-            None if self.decoder.refused() > 0 => SerialError::Garbage,
-            None => SerialError::Silent,
+            Some(HostError::Session { found: 0 }) => GreetingError::Deaf,
+            Some(error) => GreetingError::Refused(error),
+            None if self.decoder.refused() > 0 => GreetingError::Garbage,
+            None => GreetingError::Silent,
         }
     }
 
     /// Whether the device has answered. An error where it is not the device of the profile, or not the one of before.
-    fn agree(&mut self) -> Result<bool, SerialError> {
+    fn agree(&mut self) -> Result<bool, GreetingError> {
         let Some(report) = self.reports.host().capabilities() else {
             return Ok(false);
         };

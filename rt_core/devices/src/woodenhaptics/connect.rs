@@ -4,6 +4,7 @@ use super::driver::{OpenError as DriverError, Setup, WoodenHaptics};
 use super::geometry::Geometry;
 use super::report::{Form, LENGTH};
 use crate::exchange::{Exchanged, clock, first_then};
+use crate::found::known::TEENSY;
 use crate::found::listed::Listed;
 use crate::found::{self, FindError, Which, hidraw_rule};
 use crate::hid::{HidSelector, advice};
@@ -12,36 +13,6 @@ use crate::transport::{Hidraw, Packets, Stream, Transport};
 use rt_core::Vec3;
 use runner::AnyDevice;
 use std::path::Path;
-
-/// A board of WoodenHaptics.
-pub(crate) struct Board {
-    /// Vendor and product.
-    pub(crate) numbers: (u16, u16),
-    /// The length of its reports.
-    form: Form,
-    /// Its name, for people.
-    pub(crate) name: &'static str,
-}
-
-impl Board {
-    const ALL: [Self; 2] = [
-        Self {
-            numbers: (0x1234, 0x0006),
-            form: Form::Short,
-            name: "WoodenHaptics (mbed)",
-        },
-        Self {
-            numbers: (0x16c0, 0x0486),
-            form: Form::Long,
-            name: "WoodenHaptics (Teensy)",
-        },
-    ];
-
-    /// The board with these numbers.
-    pub(crate) fn with(numbers: (u16, u16)) -> Option<Self> {
-        Self::ALL.into_iter().find(|one| one.numbers == numbers)
-    }
-}
 
 /// Error number where no device is connected (ENODEV).
 const NO_DEVICE: i32 = 19;
@@ -123,8 +94,11 @@ impl Address {
             }
             Self::Hidraw(_) | Self::Board(_) => {
                 let board = self.board()?;
-                let known = Board::with(board.numbers);
-                let form = known.map_or(Form::Short, |known| known.form);
+                let form = if board.numbers == TEENSY.numbers {
+                    Form::Long
+                } else {
+                    Form::Short
+                };
                 let device = Hidraw::open(&board.file).map_err(|error| {
                     let rule = hidraw_rule(Some(board.numbers));
                     format!(
@@ -189,9 +163,9 @@ impl Driver for WoodenHapticsDriver {
         };
         let device = WoodenHaptics::open(&setup, first_then(first, again), clock());
         let device = device.map_err(|error: DriverError| refused(Box::new(error)))?;
-        let device = Exchanged::start(device, request.model.capabilities());
+        let device = Exchanged::start(device, request.model.capabilities(), request.period);
         let device = device.map_err(|error| refused(Box::new(error)))?;
-        Ok(Box::new(device.for_loop(request.period)))
+        Ok(Box::new(device))
     }
 }
 

@@ -3,13 +3,13 @@
 //! For each deadline the thread sleeps, measures its lateness, ticks, and measures the duration of the tick. The hot
 //! path (`run`) consists of the clock, the sleep and the tick with the calls of the devices.
 
-use super::{Held, Outcome, RunnerConfig, SpawnError, Stop, TickPanic, TickReport};
+use super::{Held, Outcome, SpawnError, Stop, TickPanic, TickReport};
 use crate::clock::{now_ns, sleep_until};
 use crate::latency::LatencyRecorder;
 use crate::memory::LockedMemory;
 use crate::pace::Pace;
 use crate::seccomp::confine;
-use crate::setup::{Setup, set_up};
+use crate::setup::{RunnerConfig, Setup, set_up};
 use crate::tick_loop::TickLoop;
 use crate::trap;
 use alloc_count::calls;

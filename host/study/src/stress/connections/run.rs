@@ -5,9 +5,9 @@
 //! push. The run then shows how long the force lasts at the device and in the commands of the host, how it comes back,
 //! and how much energy the hand was given.
 //!
-//! Two parts of the program cannot run in virtual time, because they are threads of the system, and are written again
-//! ([`sim::emulated::driver`]): the thread of [`devices::Exchanged`], with its times, and the writing thread of `devices::hid`, which
-//! writes at once here. Everything else is the code of the program. The same seed gives the same run.
+//! The threads of the system cannot run in virtual time ([`sim::emulated::driver`]). Virtual time drives the state machine of
+//! a device that is asked in place of its thread, and what the thread of `devices::hid` writes is written at once. Everything
+//! else is the code of the program. The same seed gives the same run.
 //!
 //! What must hold ([`super::expected`]): no force at the device after its own watchdog, and none commanded after five of its
 //! periods; a force that comes back without a restart of the host and without a jump; and less than a millijoule of net

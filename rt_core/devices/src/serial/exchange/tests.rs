@@ -202,7 +202,7 @@ impl Place {
         f(&mut self.0.lock().expect("one thread"))
     }
 
-    fn open(&self) -> Result<Serial<Line>, SerialError> {
+    fn open(&self) -> Result<Serial<Line>, GreetingError> {
         let (world, clock) = (self.clone(), self.clone());
         let open = move || match world.world(|world| world.gone) {
             Some(number) => Err(number),
@@ -284,11 +284,11 @@ fn a_greeting_without_an_answer_says_what_came() {
         (error, place.world(|world| world.now_ns))
     };
     let silent = opened(&|world| world.sends = Sends::Nothing);
-    assert_eq!(silent.0, SerialError::Silent);
+    assert_eq!(silent.0, GreetingError::Silent);
     let garbage = opened(&|world| world.sends = Sends::Garbage);
-    assert_eq!(garbage.0, SerialError::Garbage);
+    assert_eq!(garbage.0, GreetingError::Garbage);
     let deaf = opened(&|world| world.is_deaf = true);
-    assert_eq!(deaf.0, SerialError::Deaf);
+    assert_eq!(deaf.0, GreetingError::Deaf);
     for (error, now_ns) in [silent, garbage, deaf] {
         // The last wait may end ten milliseconds later.
         assert!(
@@ -298,9 +298,9 @@ fn a_greeting_without_an_answer_says_what_came() {
         assert_eq!(error.number(), TIMED_OUT, "{error}");
     }
     let (gone, _) = opened(&|world| world.gone = Some(7));
-    assert_eq!((gone.number(), gone), (7, SerialError::Ended(7)));
+    assert_eq!((gone.number(), gone), (7, GreetingError::Ended(7)));
     let (version, now_ns) = opened(&|world| world.sends = Sends::OtherVersion);
-    assert!(matches!(version, SerialError::Version(_)), "{version}");
+    assert!(matches!(version, GreetingError::Version(_)), "{version}");
     assert!(version.number() == NO_DEVICE && now_ns < GREETING_NS);
 }
 

@@ -1,4 +1,5 @@
-//! Why a device of the firmware protocol is not used, and whether a device is that of its profile.
+//! What the drivers of the firmware protocol have in common, whatever carries its bytes: why a device is not used, whether it
+//! is that of its profile, the watchdog that it is asked for, and the session.
 
 #![cfg_attr(
     not(test),
@@ -13,17 +14,19 @@
 
 use crate::stated::{Mismatch, Name, Stated};
 use firmware_proto::host::HostError;
-use firmware_proto::report::{Model, ReportError, Sends};
+use firmware_proto::report::{Model, ReportError, Sends, WATCHDOG_MOST_US, WATCHDOG_US};
 use rt_core::Capabilities;
+use std::hash::{BuildHasher, RandomState};
+use std::num::NonZeroU32;
 
 /// Error number of a device that is not the one of the profile (ENODEV).
-pub(super) const NO_DEVICE: i32 = 19;
+pub(crate) const NO_DEVICE: i32 = 19;
 /// Error number of a device that says nothing (ETIMEDOUT).
-pub(super) const TIMED_OUT: i32 = 110;
+pub(crate) const TIMED_OUT: i32 = 110;
 
 /// Why a device is not used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SerialError {
+pub enum GreetingError {
     /// The connection could not be opened, or ended during the greeting.
     #[error("the connection ended (system error {0}); check the cable and the power of the device")]
     Ended(i32),
@@ -64,9 +67,9 @@ pub enum SerialError {
     Profile(#[from] Mismatch),
 }
 
-impl SerialError {
+impl GreetingError {
     /// The system's error number that says most.
-    pub(super) fn number(&self) -> i32 {
+    pub(crate) fn number(&self) -> i32 {
         match self {
             Self::Ended(number) => *number,
             Self::Silent | Self::Garbage | Self::Deaf | Self::Refused(_) => TIMED_OUT,
@@ -76,12 +79,26 @@ impl SerialError {
 }
 
 /// Checks that a device sends poses and is one of `profile`, with all of its force. Returns the limits that hold.
-pub(crate) fn check(model: &Model, profile: &Capabilities) -> Result<Capabilities, SerialError> {
+pub(crate) fn check(model: &Model, profile: &Capabilities) -> Result<Capabilities, GreetingError> {
     if model.sends != Sends::Poses {
         let name = Name(model.name);
-        return Err(SerialError::Counts { name });
+        return Err(GreetingError::Counts { name });
     }
     Ok(Stated::of(model).agree(profile, 1.0)?)
+}
+
+/// The watchdog for a loop of a period (s): four ticks, so that a late tick is no silence, but not less than the
+/// device's own.
+pub(crate) fn watchdog_us(period: f64) -> u32 {
+    // The conversion saturates.
+    let ticks = (period * 4e6) as u32;
+    ticks.clamp(WATCHDOG_US, WATCHDOG_MOST_US)
+}
+
+/// A session that no other host has, but by chance: the standard library draws the keys of its hashes at random.
+pub(crate) fn session() -> NonZeroU32 {
+    let number = RandomState::new().hash_one(0_u8);
+    NonZeroU32::new(number as u32).unwrap_or(NonZeroU32::MAX)
 }
 
 #[cfg(test)]
@@ -147,17 +164,23 @@ mod tests {
 
     #[test]
     fn each_error_has_the_number_that_says_most() {
-        let counts = SerialError::Counts {
+        let counts = GreetingError::Counts {
             name: Name::new("arm"),
         };
         for (error, number) in [
-            (SerialError::Ended(5), 5),
-            (SerialError::Silent, 110),
-            (SerialError::Garbage, 110),
-            (SerialError::Deaf, 110),
+            (GreetingError::Ended(5), 5),
+            (GreetingError::Silent, 110),
+            (GreetingError::Garbage, 110),
+            (GreetingError::Deaf, 110),
             (counts, 19),
         ] {
             assert_eq!(error.number(), number, "{error}");
         }
+    }
+
+    #[test]
+    fn a_slow_loop_asks_for_a_longer_watchdog() {
+        let watchdogs = [1e-4, 1e-3, 2.5e-3, 5e-3, 1.0].map(watchdog_us);
+        assert_eq!(watchdogs, [10_000, 10_000, 10_000, 20_000, 100_000]);
     }
 }
