@@ -132,7 +132,7 @@ impl Coupling {
         let mut wrenches = [Wrench::zero(); MAX_HANDLES];
         let each = wrenches.iter_mut().zip(&self.weights);
         let parts = parts.elastic.iter().zip(&parts.viscous);
-        let used = usize::from(self.to.handle_count);
+        let used = usize::from(self.to.head.handle_count);
         for ((wrench, weight), (elastic, viscous)) in each.zip(parts).take(used) {
             *wrench = Wrench::from_stacked(&(elastic + viscous));
             wrench.force += weight;
