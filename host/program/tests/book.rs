@@ -1,5 +1,5 @@
-//! The book and the README do what they say: their scenes load, their commands run, their output is what the program
-//! prints.
+//! The book, the laboratory report and the README do what they say: their scenes load, their commands run, their output is
+//! what the program prints, and their links lead somewhere.
 //!
 //! Every fenced block of TOML and of shell lines is checked, page by page, in a folder of the page's own that contains
 //! `host` (a link to the sources) and what the page itself writes. A comment before a block says what the block is:
@@ -37,10 +37,12 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The pages of the book, and the READMEs.
+/// The pages of the book and of the laboratory report, and the READMEs.
 fn pages() -> Vec<PathBuf> {
-    let book = fs::read_dir(root().join("docs/src")).unwrap();
-    let mut pages: Vec<PathBuf> = book
+    let folders = ["docs/src", "docs/report/src"].map(|folder| root().join(folder));
+    let mut pages: Vec<PathBuf> = folders
+        .iter()
+        .flat_map(|folder| fs::read_dir(folder).unwrap())
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|ending| ending == "md"))
         .collect();
@@ -91,6 +93,48 @@ fn every_listed_command_is_in_the_book() {
             assert!(!reason.is_empty(), "{command}: not run, without a reason");
         }
     }
+}
+
+/// The anchor of a heading, as mdbook and GitHub make it.
+fn anchor(heading: &str) -> String {
+    let kept = heading.chars().filter_map(|c| match c {
+        ' ' => Some('-'),
+        '-' | '_' => Some(c),
+        _ => c.is_alphanumeric().then(|| c.to_ascii_lowercase()),
+    });
+    kept.collect()
+}
+
+/// Links within and between the books and the READMEs lead to files and headings that exist.
+#[test]
+fn every_link_leads_to_a_file_and_a_heading() {
+    let mut pages = pages();
+    pages.push(root().join("CHANGELOG.md"));
+    let mut faults = Vec::new();
+    for page in &pages {
+        let text = fs::read_to_string(page).unwrap();
+        for link in text.split("](").skip(1) {
+            let link = link.split(')').next().unwrap_or_default();
+            if link.contains("://") || link.contains(char::is_whitespace) {
+                continue;
+            }
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = match file {
+                "" => page.clone(),
+                file => page.parent().unwrap().join(file),
+            };
+            let found = fs::read(&target).is_ok_and(|bytes| {
+                let text = String::from_utf8_lossy(&bytes);
+                let mut headings = text.lines().filter(|line| line.starts_with('#'));
+                heading.is_empty()
+                    || headings.any(|line| anchor(line.trim_start_matches('#').trim()) == heading)
+            });
+            if !found {
+                faults.push(format!("{}: {link}", page.display()));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 /// Checks a page of commands, and returns the folder in which they ran.
