@@ -1,4 +1,4 @@
-//! Writes the pages: a table of fields for each type that an output holds, and a list of the outputs of the studies.
+//! Writes the pages: a list of fields for each type that an output holds, and a list of the outputs of the studies.
 
 use super::source::{Definition, Field, Module, Shape, Source};
 use std::borrow::Cow;
@@ -38,8 +38,8 @@ The field `schema` names the layout: its number changes when the meaning of a fi
 be added without a change of the number, so a program should ignore fields that it does not know. A number that is not
 finite is written as `null`.
 
-In the column *type*, `[T]` is a list of `T`, `{T}` an object with a `T` for each name, and `T?` a `T` or `null`. A field with
-`~` is left out if it has no value. A name in bold is a table of this page.
+After the name of a field stand its type and unit. `[T]` is a list of `T`, `{T}` an object with a `T` for each name, and `T?` a `T`
+or `null`. A field with `~` is left out if it has no value. A name in bold is a type of this page.
 ";
 
 const LIST: &str = "\
@@ -161,7 +161,7 @@ impl<'a> Walk<'a, '_> {
             self.page.text.push('\n');
         }
         match &definition.shape {
-            Shape::Struct(fields) => self.table(definition, fields),
+            Shape::Struct(fields) => self.fields(definition, fields),
             Shape::Wrapper(_) => {}
             Shape::Enum(variants) => {
                 for variant in variants {
@@ -175,15 +175,15 @@ impl<'a> Walk<'a, '_> {
                         ..definition.clone()
                     };
                     if !variant.fields.is_empty() {
-                        self.table(&outer, &variant.fields);
+                        self.fields(&outer, &variant.fields);
                     }
                 }
             }
         }
     }
 
-    fn table(&mut self, definition: &Definition, fields: &[Field]) {
-        self.page.text += "\n| field | type | meaning |\n|---|---|---|\n";
+    fn fields(&mut self, definition: &Definition, fields: &[Field]) {
+        self.page.text.push('\n');
         self.rows(definition, fields);
     }
 
@@ -217,17 +217,16 @@ impl<'a> Walk<'a, '_> {
             };
             let unit = unit.filter(|unit| unit != NONE && unit != ELSEWHERE);
             if let Some(unit) = unit {
-                let _ = write!(ty, " ({unit})");
+                let _ = write!(ty, ", {unit}");
                 // The type has it.
                 meaning = meaning.replace(&format!(" ({unit})"), "");
             }
-            let name = match (field.name.as_str(), field.may_miss) {
-                ("", _) => String::new(),
-                (name, false) => format!("`{name}`"),
-                (name, true) => format!("`{name}` ~"),
+            let absent = if field.may_miss { "~" } else { "" };
+            let name = match field.name.as_str() {
+                "" => String::new(),
+                name => format!("`{name}`{absent} "),
             };
-            let meaning = meaning.replace('|', "\\|");
-            let _ = writeln!(self.page.text, "| {name} | {ty} | {meaning} |");
+            let _ = writeln!(self.page.text, "- {name}({ty}): {meaning}");
         }
     }
 
