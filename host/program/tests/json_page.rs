@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that a user's program reads, in the order of the book's page.
-const OUTPUTS: [Output; 9] = [
+const OUTPUTS: [Output; 7] = [
     Output {
         title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
@@ -44,18 +44,6 @@ const OUTPUTS: [Output; 9] = [
         root: "palpate::plan::PlanJson",
     },
     Output {
-        title: Cow::Borrowed("`palpate compare --json`"),
-        schema: "palpate.compare/1",
-        about: "A scene under several force schemes.",
-        root: "study::compare::Comparison",
-    },
-    Output {
-        title: Cow::Borrowed("`palpate sweep --json`"),
-        schema: "",
-        about: "A line for each run.",
-        root: "study::sweep::Swept",
-    },
-    Output {
         title: Cow::Borrowed("`palpate device list --json`"),
         schema: "palpate.devices/1",
         about: "The devices that are connected.",
@@ -76,7 +64,19 @@ const OUTPUTS: [Output; 9] = [
 ];
 
 /// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
-const STUDIES: [Output; 9] = [
+const STUDIES: [Output; 11] = [
+    Output {
+        title: Cow::Borrowed("`palpate compare --json`"),
+        schema: "palpate.compare/1",
+        about: "A scene under several force schemes.",
+        root: "study::compare::Comparison",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate sweep --json`"),
+        schema: "",
+        about: "A line for each run.",
+        root: "study::sweep::Swept",
+    },
     Output {
         title: Cow::Borrowed("`palpate bench accuracy --json`"),
         schema: "palpate.accuracy/2",
