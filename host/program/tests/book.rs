@@ -1,5 +1,5 @@
-//! The book and the README do what they say: their scenes load, their commands run, their output is what the program
-//! prints.
+//! The book, the laboratory report and the README do what they say: their scenes load, their commands run, their output is
+//! what the program prints, and their links lead somewhere.
 //!
 //! Every fenced block of TOML and of shell lines is checked, page by page, in a folder of the page's own that contains
 //! `host` (a link to the sources) and what the page itself writes. A comment before a block says what the block is:
@@ -37,10 +37,12 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The pages of the book, and the READMEs.
+/// The pages of the book and of the laboratory report, and the READMEs.
 fn pages() -> Vec<PathBuf> {
-    let book = fs::read_dir(root().join("docs/src")).unwrap();
-    let mut pages: Vec<PathBuf> = book
+    let folders = ["docs/src", "docs/report/src"].map(|folder| root().join(folder));
+    let mut pages: Vec<PathBuf> = folders
+        .iter()
+        .flat_map(|folder| fs::read_dir(folder).unwrap())
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|ending| ending == "md"))
         .collect();
@@ -245,21 +247,50 @@ fn formulas_are_written_as_every_renderer_reads_them() {
     assert!(formulas > 100, "only {formulas} formulas were found");
 }
 
-/// Links inside the repository lead to files that exist.
+/// The anchor of a heading, as mdBook and GitHub make it.
+fn anchor(heading: &str) -> String {
+    let heading = heading.trim_start_matches('#').trim();
+    let kept = heading.chars().filter_map(|c| match c {
+        ' ' => Some('-'),
+        '-' | '_' => Some(c),
+        _ => c.is_alphanumeric().then(|| c.to_ascii_lowercase()),
+    });
+    kept.collect()
+}
+
+/// Links inside the repository, also between the two books, lead to files and headings that exist.
 #[test]
 fn links_lead_somewhere() {
     let mut links = 0;
-    for path in pages() {
+    let mut faults = Vec::new();
+    let paths = [pages(), vec![root().join("CHANGELOG.md")]].concat();
+    for path in paths {
         let page = Page::read(&path);
         for link in page.prose().split("](").skip(1) {
-            let target = link.split([')', '#']).next().unwrap_or_default();
-            if target.is_empty() || target.contains("://") {
+            let link = link.split(')').next().unwrap_or_default();
+            if link.contains("://") {
                 continue;
             }
             links += 1;
-            let file = path.parent().unwrap().join(target);
-            assert!(file.exists(), "{}: {target}", page.name);
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() {
+                path.clone()
+            } else {
+                path.parent().unwrap().join(file)
+            };
+            let has = |text: &str| {
+                let mut headings = text.lines().filter(|line| line.starts_with('#'));
+                headings.any(|line| anchor(line) == heading)
+            };
+            let found = match heading {
+                "" => target.exists(),
+                _ => fs::read_to_string(&target).is_ok_and(|text| has(&text)),
+            };
+            if !found {
+                faults.push(format!("{}: {link}", path.display()));
+            }
         }
     }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
     assert!(links > 20, "only {links} links were found");
 }

@@ -1,5 +1,6 @@
-//! The book's page on JSON (`docs/src/json.md`) is generated from the doc comments of the types that the program writes.
-//! This test fails if the page is out of date, and if a number has no unit. To renew the page:
+//! Two pages on JSON are generated from the types that the program writes, and from their doc comments. `docs/src/json.md`
+//! has every field of what a user's program reads, and `docs/report/src/files.md` lists the files of the studies. This test
+//! fails if a page is out of date, or if a number of any file has no unit. To renew the pages:
 //!
 //! ```sh
 //! PALPATE_RENEW=1 cargo test --release -p palpate --test json_page
@@ -10,14 +11,14 @@ mod page;
 #[path = "json_page/source.rs"]
 mod source;
 
-use page::{Output, page, unit};
+use page::{Output, list, page, unit};
 use source::Source;
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The files that the program writes, in the page's order. Those of the studies stand before those of [`AFTER`].
-const OUTPUTS: [Output; 18] = [
+/// The files that a user's program reads, in the order of the book's page.
+const OUTPUTS: [Output; 7] = [
     Output {
         title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
@@ -43,18 +44,6 @@ const OUTPUTS: [Output; 18] = [
         root: "palpate::plan::PlanJson",
     },
     Output {
-        title: Cow::Borrowed("`palpate compare --json`"),
-        schema: "palpate.compare/1",
-        about: "A scene under several force schemes.",
-        root: "study::compare::Comparison",
-    },
-    Output {
-        title: Cow::Borrowed("`palpate sweep --json`"),
-        schema: "",
-        about: "A line for each run.",
-        root: "study::sweep::Swept",
-    },
-    Output {
         title: Cow::Borrowed("`palpate device list --json`"),
         schema: "palpate.devices/1",
         about: "The devices that are connected.",
@@ -71,6 +60,22 @@ const OUTPUTS: [Output; 18] = [
         schema: "palpate.identified/1",
         about: "The mechanics of a device, each number with its interval.",
         root: "palpate::device::identify::IdentifiedJson",
+    },
+];
+
+/// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
+const STUDIES: [Output; 11] = [
+    Output {
+        title: Cow::Borrowed("`palpate compare --json`"),
+        schema: "palpate.compare/1",
+        about: "A scene under several force schemes.",
+        root: "study::compare::Comparison",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate sweep --json`"),
+        schema: "",
+        about: "A line for each run.",
+        root: "study::sweep::Swept",
     },
     Output {
         title: Cow::Borrowed("`palpate bench accuracy --json`"),
@@ -149,15 +154,15 @@ const CRATES: [(&str, &str); 10] = [
 /// The title before which the studies stand.
 const AFTER: &str = "`palpate stress endings --json`";
 
-/// [`OUTPUTS`], and the files of the studies.
-fn outputs() -> Vec<Output> {
+/// [`STUDIES`], and those of the registry.
+fn studies() -> Vec<Output> {
     let studies = study::stress::STUDIES.iter().map(|study| Output {
         title: format!("`palpate stress {} --json`", study.name).into(),
         schema: "",
         about: "A line for each cell.",
         root: (study.outcome)(),
     });
-    let mut all = OUTPUTS.to_vec();
+    let mut all = STUDIES.to_vec();
     let after = all.iter().position(|output| output.title == AFTER);
     let after = after.unwrap_or(all.len());
     all.splice(after..after, studies);
@@ -167,39 +172,50 @@ fn outputs() -> Vec<Output> {
 const RENEW: &str = "PALPATE_RENEW=1 cargo test --release -p palpate --test json_page";
 
 #[test]
-fn the_page_on_json_is_up_to_date_and_every_number_has_a_unit() {
+fn the_pages_on_json_are_up_to_date_and_every_number_has_a_unit() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let source = Source::read(&root, &CRATES);
-    let named = OUTPUTS.iter().map(|output| output.schema);
+    let named = OUTPUTS.iter().chain(&STUDIES).map(|output| output.schema);
     let named: BTreeSet<_> = named.chain(OTHERS).collect();
     let missing: Vec<_> = source.schemas().difference(&named).copied().collect();
     assert!(
         missing.is_empty(),
-        "the page lacks the outputs of these schemas: add them to tests/json_page.rs: {missing:?}"
+        "the pages lack the outputs of these schemas: add them to tests/json_page.rs: {missing:?}"
     );
-    let page = page(&source, &outputs());
+    let studies = studies();
+    let book = page(&source, &OUTPUTS);
+    // The report does not print the fields of the studies, whose types describe them. Their units are checked as well.
+    let fields = page(&source, &studies);
+    let lacks = |of: fn(&page::Page) -> &Vec<String>| [of(&book).as_slice(), of(&fields)].concat();
+    let without_unit = lacks(|page| &page.without_unit);
     assert!(
-        page.without_unit.is_empty(),
+        without_unit.is_empty(),
         "these numbers name no unit: end the doc comment of the field (or of its type) with one in parentheses, such as \
          (m), or say that the number is a fraction, a factor or relative:\n{}",
-        page.without_unit.join("\n")
+        without_unit.join("\n")
     );
+    let without_words = lacks(|page| &page.without_words);
     assert!(
-        page.without_words.is_empty(),
+        without_words.is_empty(),
         "these fields have no doc comment:\n{}",
-        page.without_words.join("\n")
+        without_words.join("\n")
     );
-    let path = root.join("docs/src/json.md");
-    if std::env::var_os("PALPATE_RENEW").is_some() {
-        std::fs::write(&path, &page.text).expect("the page can be written");
-        return;
+    for (name, text) in [
+        ("docs/src/json.md", &book.text),
+        ("docs/report/src/files.md", &list(&source, &studies)),
+    ] {
+        let path = root.join(name);
+        if std::env::var_os("PALPATE_RENEW").is_some() {
+            std::fs::write(&path, text).expect("the page can be written");
+            continue;
+        }
+        let found = std::fs::read_to_string(&path).unwrap_or_default();
+        let differs = found.lines().zip(text.lines()).find(|(a, b)| a != b);
+        assert!(
+            found == *text,
+            "{name} is out of date: {differs:?}. Renew it with\n\n  {RENEW}\n"
+        );
     }
-    let found = std::fs::read_to_string(&path).unwrap_or_default();
-    let differs = found.lines().zip(page.text.lines()).find(|(a, b)| a != b);
-    assert!(
-        found == page.text,
-        "docs/src/json.md is out of date: {differs:?}. Renew it with\n\n  {RENEW}\n"
-    );
 }
 
 #[test]

@@ -169,6 +169,7 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         With(CELLS),
     ),
     ("palpate stress hold", With(CELLS)),
+    ("palpate stress tearing", With(CELLS)),
     ("palpate stress scene", With("--runs 1 --schemes capped")),
     (
         "palpate stress scene my_scene.toml --plot scene.svg",

@@ -1,4 +1,4 @@
-//! Writes the page: a table of fields for each type that an output holds.
+//! Writes the pages: a list of fields for each type that an output holds, and a list of the outputs of the studies.
 
 use super::source::{Definition, Field, Module, Shape, Source};
 use std::borrow::Cow;
@@ -31,15 +31,66 @@ const HEAD: &str = "\
 <!-- Generated from the sources by `PALPATE_RENEW=1 cargo test --release -p palpate --test json_page`. Do not edit. -->
 
 `--json FILE` writes what a command prints, and more, for programs. This page lists every field, with the unit of every
-number; `1` stands for a number without a unit. It is generated from the sources, and a test fails where the two differ.
+number that has one. [The report](../report/src/files.md) lists the files of the studies (`palpate compare`, `sweep`, `bench` and
+`stress`).
 
 The field `schema` names the layout: its number changes when the meaning of a field changes. New fields may
 be added without a change of the number, so a program should ignore fields that it does not know. A number that is not
 finite is written as `null`.
 
+After the name of a field stand its type and unit. `[T]` is a list of `T`, `{T}` an object with a `T` for each name, and `T?` a `T`
+or `null`. A field with `~` is left out if it has no value. A name in bold is a type of this page.
+";
+
+const LIST: &str = "\
+# Files of the studies
+
+<!-- Generated from the sources by `PALPATE_RENEW=1 cargo test --release -p palpate --test json_page`. Do not edit. -->
+
+`--json FILE` of a study writes what the study prints, and more, for programs. The doc comments of the types below describe
+every field with its unit; `cargo doc --workspace --no-deps --open` shows them. [The book](../../src/json.md) has the files
+that other commands write.
+
 The studies of `palpate stress` write JSON Lines. The first line is the header of the study (study, schema, seed, number
 of cells, settings). Each further line is a cell: its number (`cell`) and the fields of its result.
+
+| command | schema | contents | type | fields |
+|---|---|---|---|---|
 ";
+
+/// The list of the files of the studies.
+pub(super) fn list(source: &Source, outputs: &[Output]) -> String {
+    let mut text = LIST.to_owned();
+    for output in outputs {
+        let root = root(source, output);
+        let fields = match &root.shape {
+            Shape::Struct(fields) => fields.as_slice(),
+            _ => &[],
+        };
+        let names = fields.iter().map(|field| field.name.as_str());
+        let names: Vec<_> = names.filter(|name| !name.is_empty()).collect();
+        let schema = match output.schema {
+            "" => "in the header".to_owned(),
+            schema => format!("`{schema}`"),
+        };
+        let _ = writeln!(
+            text,
+            "| {} | {schema} | {} | `{}` | {} |",
+            output.title,
+            output.about,
+            output.root,
+            names.join(", ")
+        );
+    }
+    text
+}
+
+/// The type that an output writes.
+fn root<'a>(source: &'a Source, output: &Output) -> &'a Definition {
+    let path: Vec<String> = output.root.split("::").map(str::to_owned).collect();
+    let root = source.find(&Module::new(), &path);
+    root.unwrap_or_else(|| panic!("{} is no type that serde writes", output.root))
+}
 
 /// The page on `outputs`.
 pub(super) fn page(source: &Source, outputs: &[Output]) -> Page {
@@ -47,17 +98,17 @@ pub(super) fn page(source: &Source, outputs: &[Output]) -> Page {
         text: HEAD.to_owned(),
         ..Page::default()
     };
+    // Each type once, in the order of first use.
+    let mut known = Vec::new();
     for output in outputs {
-        page.output(source, output);
+        page.output(source, output, &mut known);
     }
     page
 }
 
 impl Page {
-    fn output(&mut self, source: &Source, output: &Output) {
-        let path: Vec<String> = output.root.split("::").map(str::to_owned).collect();
-        let root = source.find(&Module::new(), &path);
-        let root = root.unwrap_or_else(|| panic!("{} is no type that serde writes", output.root));
+    fn output(&mut self, source: &Source, output: &Output, known: &mut Vec<(Module, String)>) {
+        let root = root(source, output);
         let _ = write!(self.text, "\n## {}\n\n{}", output.title, output.about);
         if !output.schema.is_empty() {
             let _ = write!(self.text, " Schema: `{}`.", output.schema);
@@ -69,8 +120,7 @@ impl Page {
             output.title,
             output.schema
         );
-        // Each type once, in the order of first use.
-        let mut known = vec![key(root)];
+        known.push(key(root));
         let mut waiting = VecDeque::from([root]);
         while let Some(definition) = waiting.pop_front() {
             let mut walk = Walk {
@@ -111,7 +161,7 @@ impl<'a> Walk<'a, '_> {
             self.page.text.push('\n');
         }
         match &definition.shape {
-            Shape::Struct(fields) => self.table(definition, fields),
+            Shape::Struct(fields) => self.fields(definition, fields),
             Shape::Wrapper(_) => {}
             Shape::Enum(variants) => {
                 for variant in variants {
@@ -125,15 +175,15 @@ impl<'a> Walk<'a, '_> {
                         ..definition.clone()
                     };
                     if !variant.fields.is_empty() {
-                        self.table(&outer, &variant.fields);
+                        self.fields(&outer, &variant.fields);
                     }
                 }
             }
         }
     }
 
-    fn table(&mut self, definition: &Definition, fields: &[Field]) {
-        self.page.text += "\n| field | type | unit | meaning |\n|---|---|---|---|\n";
+    fn fields(&mut self, definition: &Definition, fields: &[Field]) {
+        self.page.text.push('\n');
         self.rows(definition, fields);
     }
 
@@ -148,9 +198,6 @@ impl<'a> Walk<'a, '_> {
             }
             let place = format!("{}: {}.{}", self.output.title, definition.name, field.name);
             let mut ty = self.describe(&field.ty, &definition.module);
-            if field.may_miss {
-                ty += ", or left out";
-            }
             let mut meaning = plain(&field.doc);
             if field.name == "schema" && !self.output.schema.is_empty() {
                 meaning = format!("`{}`.", self.output.schema);
@@ -168,14 +215,18 @@ impl<'a> Walk<'a, '_> {
             } else {
                 in_parentheses(&field.doc).filter(|_| is_whole(&field.ty))
             };
-            let unit = unit.unwrap_or_default();
-            let name = if field.name.is_empty() {
-                String::new()
-            } else {
-                format!("`{}`", field.name)
+            let unit = unit.filter(|unit| unit != NONE && unit != ELSEWHERE);
+            if let Some(unit) = unit {
+                let _ = write!(ty, ", {unit}");
+                // The type has it.
+                meaning = meaning.replace(&format!(" ({unit})"), "");
+            }
+            let absent = if field.may_miss { "~" } else { "" };
+            let name = match field.name.as_str() {
+                "" => String::new(),
+                name => format!("`{name}`{absent} "),
             };
-            let meaning = meaning.replace('|', "\\|");
-            let _ = writeln!(self.page.text, "| {name} | {ty} | {unit} | {meaning} |");
+            let _ = writeln!(self.page.text, "- {name}({ty}): {meaning}");
         }
     }
 
@@ -192,21 +243,20 @@ impl<'a> Walk<'a, '_> {
     fn describe(&mut self, ty: &Type, module: &Module) -> String {
         match ty {
             Type::Reference(reference) => self.describe(&reference.elem, module),
-            Type::Slice(slice) => format!("list of {}", self.many(&slice.elem, module)),
+            Type::Slice(slice) => format!("[{}]", self.describe(&slice.elem, module)),
             Type::Array(array) => {
-                let length = &array.len;
-                let length = match length {
+                let length = match &array.len {
                     syn::Expr::Lit(literal) => match &literal.lit {
-                        syn::Lit::Int(number) => format!("{number} "),
+                        syn::Lit::Int(number) => format!("; {number}"),
                         _ => String::new(),
                     },
                     _ => String::new(),
                 };
-                format!("list of {length}{}", self.many(&array.elem, module))
+                format!("[{}{length}]", self.describe(&array.elem, module))
             }
             Type::Tuple(tuple) => {
                 let parts = tuple.elems.iter().map(|part| self.describe(part, module));
-                format!("list: {}", parts.collect::<Vec<_>>().join(", "))
+                format!("[{}]", parts.collect::<Vec<_>>().join(", "))
             }
             Type::Path(path) => {
                 let Some(last) = path.path.segments.last() else {
@@ -225,19 +275,17 @@ impl<'a> Walk<'a, '_> {
                 };
                 match (last.ident.to_string().as_str(), inner.as_slice()) {
                     ("f64" | "f32", _) => "number".into(),
-                    ("u8" | "u16" | "u32" | "u64" | "usize" | "i32" | "i64", _) => {
-                        "whole number".into()
-                    }
-                    ("bool", _) => "true or false".into(),
+                    ("u8" | "u16" | "u32" | "u64" | "usize" | "i32" | "i64", _) => "integer".into(),
+                    ("bool", _) => "boolean".into(),
                     ("String" | "str" | "PathBuf", _) => "text".into(),
                     // The comparison of a replay writes values and fields as texts.
                     ("Value" | "Field", _) if is_compared(module) => "text".into(),
                     ("Value", _) => "any".into(),
-                    ("Option", [inner]) => format!("{} or null", self.describe(inner, module)),
-                    ("Vec", [inner]) => format!("list of {}", self.many(inner, module)),
+                    ("Option", [inner]) => format!("{}?", self.describe(inner, module)),
+                    ("Vec", [inner]) => format!("[{}]", self.describe(inner, module)),
                     ("Box" | "Arc", [inner]) => self.describe(inner, module),
                     ("BTreeMap" | "HashMap", [_, inner]) => {
-                        format!("{} by name", self.many(inner, module))
+                        format!("{{{}}}", self.describe(inner, module))
                     }
                     _ => self.named(ty, module),
                 }
@@ -246,20 +294,6 @@ impl<'a> Walk<'a, '_> {
                 "{}: a type that json_page/page.rs cannot describe",
                 self.output.title
             ),
-        }
-    }
-
-    /// A type in words, in the plural.
-    fn many(&mut self, ty: &Type, module: &Module) -> String {
-        let one = self.describe(ty, module);
-        match one.as_str() {
-            "number" => "numbers".into(),
-            "whole number" => "whole numbers".into(),
-            "text" => "texts".into(),
-            _ => match one.strip_prefix("table ") {
-                Some(name) => format!("tables {name}"),
-                None => format!("({one})"),
-            },
         }
     }
 
@@ -283,7 +317,7 @@ impl<'a> Walk<'a, '_> {
             }
             _ => {
                 self.found.push(definition);
-                format!("table **{}**", title(definition))
+                format!("**{}**", title(definition))
             }
         }
     }
@@ -395,6 +429,10 @@ const UNITS: &[&str] = &[
     "1/s",
 ];
 
+/// Stands for the unit of a number that has none, and for a unit that the comment refers to.
+const NONE: &str = "1";
+const ELSEWHERE: &str = "see there";
+
 /// Words that say that a number has no unit.
 const PURE: &[&str] = &[
     "fraction",
@@ -410,7 +448,7 @@ const PURE: &[&str] = &[
 ];
 
 /// Words that refer to a unit in another field.
-const ELSEWHERE: &[&str] = &[
+const REFERENCES: &[&str] = &[
     "in `unit`",
     "unit of the series",
     "unit of the family",
@@ -423,8 +461,8 @@ pub(super) fn unit(field: &str, definition: &str) -> Option<String> {
     [field, definition].iter().find_map(|doc| {
         let words = doc.to_lowercase();
         let has = |known: &[&str]| known.iter().any(|word| words.contains(word));
-        let elsewhere = || has(ELSEWHERE).then(|| "see there".to_owned());
-        let pure = || has(PURE).then(|| "1".to_owned());
+        let elsewhere = || has(REFERENCES).then(|| ELSEWHERE.to_owned());
+        let pure = || has(PURE).then(|| NONE.to_owned());
         in_parentheses(doc).or_else(elsewhere).or_else(pure)
     })
 }
