@@ -1,5 +1,6 @@
 //! Why a mesh file cannot be read: the errors of all formats, the places in files, and the bounds that all formats keep.
 
+use physics::mesh::check::Location;
 use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
 use std::fmt;
 use thiserror::Error;
@@ -45,34 +46,47 @@ pub enum MeshFileError {
         /// The text found, shortened.
         found: String,
     },
-    /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
-    #[error("{place}: {source}")]
-    Mesh {
-        /// Place of the faulty triangle or vertex.
-        place: Place,
-        /// The fault.
-        source: MeshError,
-    },
-    /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
-    #[error("{place}: {source}")]
-    Solid {
-        /// Place of the faulty cell or vertex.
-        place: Place,
-        /// The fault.
-        source: SolidError,
-    },
-    /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
-    /// mesh.
-    #[error("{place}: {source}")]
-    Thread {
-        /// Where the cell or vertex at fault stands.
-        place: Place,
-        /// What is wrong with it.
-        source: ThreadError,
-    },
+    /// The cells form no valid mesh.
+    #[error(transparent)]
+    Mesh(#[from] InvalidMesh),
     /// A Gmsh file is wrong.
     #[error(transparent)]
     Gmsh(#[from] GmshError),
+}
+
+/// The cells of a file form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{place}: {source}")]
+pub struct InvalidMesh {
+    /// Place of the faulty cell or vertex.
+    pub place: Place,
+    /// The fault.
+    pub source: MeshFault,
+}
+
+/// The fault of a mesh, by the kind of the mesh.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MeshFault {
+    /// Of triangles.
+    #[error(transparent)]
+    Sheet(#[from] MeshError),
+    /// Of tetrahedra.
+    #[error(transparent)]
+    Solid(#[from] SolidError),
+    /// Of lines.
+    #[error(transparent)]
+    Thread(#[from] ThreadError),
+}
+
+impl MeshFault {
+    /// The faulty vertex or cell of the mesh.
+    pub(crate) fn location(&self) -> Location {
+        match self {
+            Self::Sheet(error) => error.location(),
+            Self::Solid(error) => error.location(),
+            Self::Thread(error) => error.location(),
+        }
+    }
 }
 
 /// A place in a mesh file.
@@ -212,29 +226,7 @@ pub enum GmshError {
         /// The section.
         section: &'static str,
     },
-    /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
-    #[error("{place}: {source}")]
-    Mesh {
-        /// The place of the faulty triangle or vertex.
-        place: Place,
-        /// The fault.
-        source: MeshError,
-    },
-    /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
-    #[error("{place}: {source}")]
-    Solid {
-        /// The place of the faulty cell or vertex.
-        place: Place,
-        /// The fault.
-        source: SolidError,
-    },
-    /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
-    /// mesh.
-    #[error("{place}: {source}")]
-    Thread {
-        /// Where the element or vertex at fault stands.
-        place: Place,
-        /// What is wrong with it.
-        source: ThreadError,
-    },
+    /// The cells form no valid mesh.
+    #[error(transparent)]
+    Mesh(#[from] InvalidMesh),
 }

@@ -31,8 +31,6 @@ mod lines;
 mod merge;
 pub mod obj;
 mod soup;
-mod soup_solid;
-mod soup_thread;
 pub mod stl;
 mod text;
 mod vtk_array;
@@ -44,5 +42,5 @@ pub mod write_gmsh;
 pub mod write_vtk;
 pub mod write_vtu;
 
-pub use error::{GmshError, MeshFileError, Place};
+pub use error::{GmshError, InvalidMesh, MeshFault, MeshFileError, Place};
 pub use file::{Choices, read, read_mesh, read_mesh_as, read_with_pattern};

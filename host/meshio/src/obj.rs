@@ -16,13 +16,13 @@
 //!   edges with their angles). Curved surfaces are an error.
 //! - A backslash at the end of a line continues the statement on the next line.
 
-use crate::error::{MAX_GROUPS, MeshFileError, Place};
+use crate::error::{InvalidMesh, MAX_GROUPS, MeshFileError, Place};
 use crate::lines::{Fields, Lines};
-use crate::soup::{Fault, Soup};
+use crate::soup::{Fault, Soup, set_groups};
 use crate::text::line_of;
 use physics::Vec3;
 use physics::mesh::check::Location;
-use physics::mesh::{FlatPattern, Group, TriMesh};
+use physics::mesh::{FlatPattern, Group, MeshError, TriMesh};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -56,10 +56,12 @@ const ARCSIM: [&str; 13] = [
 /// The part of the file that has been read so far.
 #[derive(Default)]
 struct Reader {
-    soup: Soup,
+    soup: Soup<Vec<[u32; 3]>>,
+    /// Named sets of triangles, each in ascending order.
+    groups: Vec<Group>,
     vertex_lines: Vec<u32>,
     triangle_lines: Vec<u32>,
-    /// The index of each name among the groups of the soup.
+    /// The index of each name among the groups.
     names: BTreeMap<String, usize>,
     /// The groups of the next triangles: those of `g`, of `o`, of `usemtl`.
     current: [Vec<usize>; 3],
@@ -121,9 +123,9 @@ pub(crate) fn parse_merged_with_pattern(
         let line = error
             .triangle()
             .and_then(|triangle| parts.triangle_lines.get(triangle as usize));
-        MeshFileError::Mesh {
+        InvalidMesh {
             place: Place::Line(line.map_or(1, |&line| line as usize)),
-            source: error.into(),
+            source: MeshError::from(error).into(),
         }
     })?;
     Ok(mesh)
@@ -240,14 +242,14 @@ impl Reader {
                 format!("a face of {count} vertices"),
             ));
         }
-        let number = self.soup.triangles.len() as u32;
-        self.soup.triangles.push(corners);
+        let number = self.soup.cells.len() as u32;
+        self.soup.cells.push(corners);
         if let Some(texture) = &mut self.texture {
             texture.corners.push(points);
         }
         self.triangle_lines.push(fields.at as u32);
         for &group in self.current.iter().flatten() {
-            if let Some(Group { members, .. }) = self.soup.groups.get_mut(group)
+            if let Some(Group { members, .. }) = self.groups.get_mut(group)
                 && members.last() != Some(&number)
             {
                 members.push(number);
@@ -299,12 +301,12 @@ impl Reader {
     }
 
     fn new_group(&mut self, name: &str, fields: Fields) -> Result<usize, MeshFileError> {
-        let index = self.soup.groups.len();
+        let index = self.groups.len();
         if index == MAX_GROUPS {
             return Err(fields.unexpected(&format!("at most {MAX_GROUPS} groups in all")))?;
         }
         self.names.insert(name.to_owned(), index);
-        self.soup.groups.push(Group {
+        self.groups.push(Group {
             name: name.to_owned(),
             members: Vec::new(),
         });
@@ -321,7 +323,7 @@ impl Reader {
             let line = lines.get(index as usize);
             Place::Line(line.map_or(last_line, |&line| line as usize))
         };
-        for (triangle, corners) in (0_u32..).zip(&self.soup.triangles) {
+        for (triangle, corners) in (0_u32..).zip(&self.soup.cells) {
             if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= vertices) {
                 return Err(MeshFileError::syntax(
                     line(&self.triangle_lines, triangle),
@@ -341,8 +343,8 @@ impl Reader {
                 ));
             }
         }
-        self.soup.groups.retain(|group| !group.members.is_empty());
-        let (mesh, _) = self
+        self.groups.retain(|group| !group.members.is_empty());
+        let (mut mesh, _) = self
             .soup
             .into_mesh(merge)
             .map_err(|Fault { source, location }| {
@@ -351,8 +353,9 @@ impl Reader {
                     Location::Cell(triangle) => line(&self.triangle_lines, triangle),
                     Location::Mesh => Place::Line(last_line),
                 };
-                MeshFileError::Mesh { place, source }
+                InvalidMesh { place, source }
             })?;
+        set_groups(&mut mesh, self.groups);
         let parts = Parts {
             texture,
             triangle_lines: self.triangle_lines,

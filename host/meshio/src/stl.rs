@@ -6,10 +6,10 @@
 //!
 //! Many binary files begin with the word `solid`, so the length of the file tells which of the two it is.
 
-use crate::error::{MAX_GROUPS, MeshFileError, Place};
+use crate::error::{InvalidMesh, MAX_GROUPS, MeshFileError, Place};
 use crate::lines::Lines;
 use crate::merge;
-use crate::soup::{Fault, Soup};
+use crate::soup::{Fault, Soup, set_groups};
 use crate::text::line_of;
 use physics::Vec3;
 use physics::mesh::check::Location;
@@ -85,12 +85,11 @@ pub(crate) fn read(bytes: &[u8], distance: Option<f64>) -> Result<TriMesh, MeshF
     };
     let soup = Soup {
         positions: facets.corners,
-        triangles,
-        groups: facets.groups,
+        cells: triangles,
     };
-    let (mesh, _) = soup
+    let (mut mesh, _) = soup
         .into_mesh(distance)
-        .map_err(|Fault { source, location }| MeshFileError::Mesh {
+        .map_err(|Fault { source, location }| InvalidMesh {
             place: match location {
                 Location::Vertex(vertex) => place(vertex / 3),
                 Location::Cell(triangle) => place(triangle),
@@ -98,6 +97,7 @@ pub(crate) fn read(bytes: &[u8], distance: Option<f64>) -> Result<TriMesh, MeshF
             },
             source,
         })?;
+    set_groups(&mut mesh, facets.groups);
     Ok(mesh)
 }
 

@@ -2,10 +2,8 @@
 //!
 //! Source: "VTK File Formats" in the VTK documentation, and `vtkCellType.h` for the numbers of the types.
 
-use crate::error::{MeshFileError, Place, Wanted};
+use crate::error::{InvalidMesh, MeshFileError, Place, Wanted};
 use crate::soup::{Fault, Soup};
-use crate::soup_solid::{SolidFault, SolidSoup};
-use crate::soup_thread::{ThreadFault, ThreadSoup};
 use crate::vtk_array::Array;
 use physics::Vec3;
 use physics::mesh::check::Location;
@@ -318,40 +316,24 @@ impl<'a> Cells<'a> {
             }
             Location::Mesh => numbers.place(numbers.len()),
         };
+        let refused = |Fault { source, location }| InvalidMesh {
+            place: place(location),
+            source,
+        };
         let mesh = match tetrahedra {
             None if !lines.is_empty() => {
-                let soup = ThreadSoup { positions, lines };
-                let (thread, _) =
-                    soup.into_mesh(merge)
-                        .map_err(|ThreadFault { source, location }| {
-                            let place = place(location);
-                            MeshFileError::Thread { place, source }
-                        })?;
-                Mesh::Thread(thread)
+                let cells = lines;
+                let soup = Soup { positions, cells };
+                Mesh::Thread(soup.into_mesh(merge).map_err(refused)?.0)
             }
             None => {
-                let soup = Soup {
-                    positions,
-                    triangles,
-                    groups: Vec::new(),
-                };
-                let (sheet, _) = soup
-                    .into_mesh(merge)
-                    .map_err(|Fault { source, location }| {
-                        let place = place(location);
-                        MeshFileError::Mesh { place, source }
-                    })?;
-                Mesh::Sheet(sheet)
+                let cells = triangles;
+                let soup = Soup { positions, cells };
+                Mesh::Sheet(soup.into_mesh(merge).map_err(refused)?.0)
             }
             Some(cells) => {
-                let soup = SolidSoup { positions, cells };
-                let (solid, _) =
-                    soup.into_mesh(merge)
-                        .map_err(|SolidFault { source, location }| {
-                            let place = place(location);
-                            MeshFileError::Solid { place, source }
-                        })?;
-                Mesh::Solid(solid)
+                let soup = Soup { positions, cells };
+                Mesh::Solid(soup.into_mesh(merge).map_err(refused)?.0)
             }
         };
         Ok((mesh, count, kept))

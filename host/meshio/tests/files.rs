@@ -1,7 +1,7 @@
 //! Meshes from files of every format: what other programs write is read, what is wrong is refused with
 //! its place.
 
-use meshio::{MeshFileError, read, read_with_pattern};
+use meshio::{InvalidMesh, MeshFault, MeshFileError, read, read_with_pattern};
 use physics::mesh::{Mesh, MeshError, TriMesh};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -655,10 +655,10 @@ fn an_invalid_mesh_is_distinguished_from_invalid_text() {
     let flat = read("x.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     assert!(matches!(
         flat,
-        Err(MeshFileError::Mesh {
-            source: MeshError::Flat { .. },
+        Err(MeshFileError::Mesh(InvalidMesh {
+            source: MeshFault::Sheet(MeshError::Flat { .. }),
             ..
-        })
+        }))
     ));
 }
 

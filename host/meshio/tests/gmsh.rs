@@ -1,8 +1,8 @@
 //! Reading MSH 4.1: a real file, a small one with every feature, and an error for each way to be wrong.
 
-use meshio::GmshError;
 use meshio::Place;
 use meshio::gmsh::{MAX_GROUPS, parse, parse_bytes};
+use meshio::{GmshError, InvalidMesh};
 use physics::Vec3;
 use physics::mesh::{MeshError, TriMesh};
 use std::f64::consts::PI;
@@ -293,10 +293,10 @@ fn a_mesh_at_fault_is_traced_to_its_line() {
     };
     assert_eq!(
         error,
-        GmshError::Mesh {
+        GmshError::Mesh(InvalidMesh {
             place: Place::Line(second),
-            source
-        }
+            source: source.into(),
+        })
     );
     let error = parse(&with_line(second, "5 10 30 10")).unwrap_err();
     let source = MeshError::RepeatedVertex {
@@ -305,14 +305,14 @@ fn a_mesh_at_fault_is_traced_to_its_line() {
     };
     assert_eq!(
         error,
-        GmshError::Mesh {
+        GmshError::Mesh(InvalidMesh {
             place: Place::Line(second),
-            source
-        }
+            source: source.into(),
+        })
     );
     let error = parse(&with_line(line_of("$Nodes", 8), "1e10 1 0")).unwrap_err();
     assert!(
-        matches!(error, GmshError::Mesh { place, .. } if place == Place::Line(line_of("$Nodes", 8))),
+        matches!(error, GmshError::Mesh(InvalidMesh { place, .. }) if place == Place::Line(line_of("$Nodes", 8))),
         "{error}"
     );
 }

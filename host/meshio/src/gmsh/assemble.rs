@@ -4,8 +4,8 @@ use super::elements::of_dimension;
 use super::groups::groups;
 use super::sections::Sections;
 use super::{elements::Element, fields};
-use crate::error::{GmshError, Place};
-use crate::soup::{Fault, Soup};
+use crate::error::{GmshError, InvalidMesh, Place};
+use crate::soup::{CellList, Fault, Soup};
 use physics::mesh::TriMesh;
 use physics::mesh::check::Location;
 use std::collections::BTreeMap;
@@ -23,21 +23,27 @@ pub(super) fn sheet(sections: &Sections, merge: Option<f64>) -> Result<TriMesh, 
             Ok(nodes.map(|node| node as u32))
         })
         .collect::<Result<Vec<_>, GmshError>>()?;
-    let soup = Soup {
-        positions: sections.nodes.iter().map(|node| node.position).collect(),
-        triangles,
-        groups: Vec::new(),
-    };
-    let refused = |Fault { source, location }| GmshError::Mesh {
-        place: place_of_fault(location, sections, 2),
-        source,
-    };
-    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
+    let (mut mesh, vertices) = mesh_of(triangles, sections, 2, merge)?;
     let groups = groups(sections, 0..=3);
     mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
     mesh.triangle_groups = groups.of_cells(2);
     mesh.triangle_fields = fields::per_cell(sections, 2)?;
     Ok(mesh)
+}
+
+/// The mesh of the `cells`, which are all elements of a dimension, and the number of each node in it.
+pub(super) fn mesh_of<C: CellList>(
+    cells: C,
+    sections: &Sections,
+    dim: u8,
+    merge: Option<f64>,
+) -> Result<(C::Mesh, Vec<u32>), InvalidMesh> {
+    let positions = sections.nodes.iter().map(|node| node.position).collect();
+    let refused = |Fault { source, location }| InvalidMesh {
+        place: place_of_fault(location, sections, dim),
+        source,
+    };
+    Soup { positions, cells }.into_mesh(merge).map_err(refused)
 }
 
 /// The index of each node tag in the list of nodes. Tags may be sparse: they are looked up, never used as
@@ -86,7 +92,7 @@ pub(super) fn place_of(
 }
 
 /// The place of a faulty node, or of a faulty element among those of a dimension.
-pub(super) fn place_of_fault(location: Location, sections: &Sections, dim: u8) -> Place {
+fn place_of_fault(location: Location, sections: &Sections, dim: u8) -> Place {
     let at = match location {
         Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
         Location::Cell(cell) => of_dimension(&sections.blocks, dim)

@@ -1,13 +1,12 @@
 //! Builds a solid from the sections of a file: converts Gmsh's order of nodes to VTK's, drops unused nodes, fills
 //! groups.
 
-use super::assemble::{Places, nodes_of, place_of_fault, places};
+use super::assemble::{Places, mesh_of, nodes_of, places};
 use super::elements::of_dimension;
 use super::fields;
 use super::groups::groups;
 use super::sections::Sections;
 use crate::error::GmshError;
-use crate::soup_solid::{SolidFault, SolidSoup};
 use physics::mesh::{Cells, TetMesh};
 
 /// The solid of all tetrahedra, all of one order.
@@ -23,13 +22,7 @@ pub(super) fn mesh(sections: &Sections, merge: Option<f64>) -> Result<TetMesh, G
         }
         Cells::Quadratic(cells)
     };
-    let positions = sections.nodes.iter().map(|node| node.position).collect();
-    let soup = SolidSoup { positions, cells };
-    let refused = |SolidFault { source, location }| GmshError::Solid {
-        place: place_of_fault(location, sections, 3),
-        source,
-    };
-    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
+    let (mut mesh, vertices) = mesh_of(cells, sections, 3, merge)?;
     mesh.vertex_groups = groups(sections, 0..=2).of_vertices(&places, &vertices)?;
     mesh.cell_groups = groups(sections, 3..=3).of_cells(3);
     mesh.cell_fields = fields::per_cell(sections, 3)?;

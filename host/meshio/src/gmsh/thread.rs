@@ -1,12 +1,11 @@
 //! From a file's sections to a thread: unused nodes dropped, groups filled.
 
-use super::assemble::{nodes_of, place_of_fault, places};
+use super::assemble::{mesh_of, nodes_of, places};
 use super::elements::of_dimension;
 use super::fields;
 use super::groups::groups;
 use super::sections::Sections;
 use crate::error::GmshError;
-use crate::soup_thread::{ThreadFault, ThreadSoup};
 use physics::mesh::LineMesh;
 
 /// The thread of all 2-node lines.
@@ -19,13 +18,7 @@ pub(super) fn mesh(sections: &Sections, merge: Option<f64>) -> Result<LineMesh, 
             Ok(nodes.map(|node| node as u32))
         })
         .collect::<Result<Vec<_>, GmshError>>()?;
-    let positions = sections.nodes.iter().map(|node| node.position).collect();
-    let refused = |ThreadFault { source, location }| GmshError::Thread {
-        place: place_of_fault(location, sections, 1),
-        source,
-    };
-    let soup = ThreadSoup { positions, lines };
-    let (mut mesh, vertices) = soup.into_mesh(merge).map_err(refused)?;
+    let (mut mesh, vertices) = mesh_of(lines, sections, 1, merge)?;
     let groups = groups(sections, 0..=3);
     mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
     mesh.line_groups = groups.of_cells(1);
