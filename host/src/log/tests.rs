@@ -11,7 +11,8 @@ use rt_core::{
 
 use super::index::IndexError;
 use super::{Log, LogError, LogFile, LogHeader, LogWriter, read_log};
-use crate::record::{ModelRow, TickRow, message};
+use crate::record::cdr::decode;
+use crate::record::{BodyFrame, Kind, ModelRow, Surface, TearEvent, TickRow, message};
 
 /// The limits of a device that is driven with this force at most (N).
 fn limits(freedom: Freedom, max_force: f64) -> Capabilities {
@@ -244,6 +245,32 @@ fn a_model_is_read_back_as_published_and_takes_room_for_its_used_blocks_only() {
     let length = |model: &LocalModel| message(ModelRow::new(0, model)).len();
     assert!(length(&models[0]) < 8 * (2 * 31 + 2 * 36) + 120);
     assert!(length(&models[1]) < 8 * (2 * 31 + 2 * 144) + 120);
+}
+
+/// Logs of earlier versions are read only while these bytes stay.
+#[test]
+fn definitions_and_messages_are_those_of_earlier_versions() {
+    let definitions = [
+        TickRow::definition(),
+        ModelRow::definition(),
+        TearEvent::definition(),
+        BodyFrame::definition(),
+        Surface::definition(),
+    ];
+    let mut bytes = definitions.concat().into_bytes();
+    bytes.extend(message(TickRow::from(&telemetry(3))));
+    let whole = message(ModelRow::new(1, &model(2, true)));
+    bytes.extend(&whole);
+    bytes.extend(message(ModelRow::new(1, &torn(4))));
+    // FNV-1a.
+    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
+    });
+    assert_eq!(hash, 0xb195_31c7_a348_569e, "{hash:#x}");
+
+    // A message from before bodies could tear ends before the list of tears.
+    let before: ModelRow = decode(&whole[..whole.len() - 4]).expect("a model");
+    assert_eq!(before.model(), model(2, true));
 }
 
 #[test]
