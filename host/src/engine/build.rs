@@ -1,9 +1,9 @@
 //! Builds the bodies of the host's loop from the bodies of a scene.
 
 use super::body::{HostBody, HostBodyParts};
-use super::path::HandlePath;
 use super::plan::{BodyPlan, in_words};
 use super::projected::Projected;
+use super::publisher::Publishing;
 use super::recipe::Recipe;
 use super::tears::BodyTears;
 use super::virtual_coupling::VirtualCoupling;
@@ -85,22 +85,9 @@ fn body(
     if let Some(tears) = &tears {
         solver.begin_tears(&body, &tears.tearing);
     }
-    let devices: Vec<u8> = grasps(scene, spec)
-        .iter()
-        .map(|grasp| grasp.device as u8)
-        .collect();
-    let paths = world.bodies[index]
-        .handles
-        .iter()
-        .zip(&devices)
-        .map(|(handle, device)| {
-            HandlePath::new(
-                usize::from(*device),
-                scene.host.smoothing,
-                Pose::at(handle.origin),
-            )
-        })
-        .collect();
+    let grasps = grasps(scene, spec);
+    let handles = grasps.iter().zip(&world.bodies[index].handles);
+    let hands = handles.map(|(grasp, handle)| (grasp.device as u8, Pose::at(handle.origin)));
     Ok(HostBody::new(HostBodyParts {
         name: plan.name,
         solved: format!(
@@ -112,16 +99,17 @@ fn body(
         solver,
         recipe,
         smoothing: scene.host.smoothing,
-        paths,
-        devices,
-        projected,
+        hands: hands.collect(),
         step: plan.step,
-        period: plan.period,
-        horizon: plan.horizon,
         response: plan.response,
-        publishes_energy: plan.publishes_energy,
-        coupling: plan.links.map(VirtualCoupling::new),
-        renderable: plan.renderable,
+        publishing: Publishing {
+            period: plan.period,
+            horizon: plan.horizon,
+            energy: plan.publishes_energy,
+            projected,
+            coupling: plan.links.map(VirtualCoupling::new),
+            renderable: plan.renderable,
+        },
         tears,
     }))
 }
