@@ -5,9 +5,7 @@ mod landing;
 use super::background::Background;
 use super::change::Rebuild;
 use super::hands::{Hands, Joining};
-use super::publisher::{Publisher, Publishing, reference_of};
-use super::recipe::Recipe;
-use super::solver::Solver;
+use super::publisher::{Publisher, reference_of};
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::stepping::Stepping;
 use super::tears::BodyTears;
@@ -31,51 +29,20 @@ pub struct HostBody {
     joining: Option<Vec<Joining>>,
 }
 
-/// The parts of which a [`HostBody`] is made.
-pub struct HostBodyParts {
-    /// Name of the body.
-    pub name: String,
-    /// How it is solved and why so, for people.
-    pub solved: String,
-    /// The physics, at rest.
-    pub body: Body,
-    /// The solver that steps and condenses the body.
-    pub(super) solver: Solver,
-    /// How the solver is made again when the body's topology changes.
-    pub recipe: Recipe,
-    /// Cut-off of the handles' paths (Hz).
-    pub smoothing: f64,
-    /// The device and the place of each handle, in the body's order.
-    pub hands: Vec<(u8, Pose)>,
-    /// Length of a step (s).
-    pub step: f64,
-    /// The time over which models foresee the response of the body (s).
-    pub response: f64,
-    /// How its models are published.
-    pub publishing: Publishing,
-    /// The tears of the body; `None` for a body that does not tear.
-    pub tears: Option<BodyTears>,
-}
-
 impl HostBody {
-    /// A body at rest that has published no model.
-    pub fn new(parts: HostBodyParts) -> Self {
-        let devices: Vec<u8> = parts.hands.iter().map(|(device, _)| *device).collect();
+    /// A body of this name that has published no model. `solved` says how it is solved and why so, for people.
+    pub(super) fn new(
+        (name, solved): (String, String),
+        hands: Hands,
+        stepping: Stepping,
+        publisher: Publisher,
+    ) -> Self {
         Self {
-            name: parts.name,
-            solved: parts.solved,
-            hands: Hands::new(parts.hands.into_iter(), parts.smoothing, parts.step),
-            publisher: Publisher::new(&parts.body, &devices, parts.publishing),
-            stepping: Stepping {
-                body: parts.body,
-                solver: parts.solver,
-                recipe: parts.recipe,
-                tears: parts.tears,
-                step: parts.step,
-                response: parts.response,
-                sound: true,
-                tally: Tally::default(),
-            },
+            name,
+            solved,
+            hands,
+            stepping,
+            publisher,
             fault: None,
             publishes: false,
             background: None,
@@ -136,7 +103,7 @@ impl HostBody {
 
     /// Sets up the step's equation. Does nothing if an earlier stage of the step failed.
     pub(super) fn constrain(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
-        self.stepping.constrain(self.hands.targets(), watch)
+        self.stepping.constrain(&self.hands.targets, watch)
     }
 
     /// Solves the step's equation. Does nothing if an earlier stage of the step failed.

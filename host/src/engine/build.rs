@@ -1,10 +1,13 @@
 //! Builds the bodies of the host's loop from the bodies of a scene.
 
-use super::body::{HostBody, HostBodyParts};
+use super::body::HostBody;
+use super::hands::Hands;
 use super::plan::{BodyPlan, in_words};
 use super::projected::Projected;
-use super::publisher::Publishing;
+use super::publisher::{Publisher, Publishing};
 use super::recipe::Recipe;
+use super::stats::Tally;
+use super::stepping::Stepping;
 use super::tears::BodyTears;
 use super::virtual_coupling::VirtualCoupling;
 use crate::scene::spec::Scene;
@@ -86,30 +89,36 @@ fn body(
         solver.begin_tears(&body, &tears.tearing);
     }
     let grasps = grasps(scene, spec);
-    let handles = grasps.iter().zip(&world.bodies[index].handles);
-    let hands = handles.map(|(grasp, handle)| (grasp.device as u8, Pose::at(handle.origin)));
-    Ok(HostBody::new(HostBodyParts {
-        name: plan.name,
-        solved: format!(
-            "{} ({})",
-            in_words(plan.choice.solver, scene.host.tolerance),
-            plan.choice.why
-        ),
+    let devices: Vec<u8> = grasps.iter().map(|grasp| grasp.device as u8).collect();
+    let places = world.bodies[index].handles.iter();
+    let places = places.map(|handle| Pose::at(handle.origin));
+    let hands = devices.iter().copied().zip(places);
+    let hands = Hands::new(hands, scene.host.smoothing, plan.step);
+    let publishing = Publishing {
+        period: plan.period,
+        horizon: plan.horizon,
+        energy: plan.publishes_energy,
+        projected,
+        coupling: plan.links.map(VirtualCoupling::new),
+        renderable: plan.renderable,
+    };
+    let publisher = Publisher::new(&body, &devices, publishing);
+    let stepping = Stepping {
         body,
         solver,
         recipe,
-        smoothing: scene.host.smoothing,
-        hands: hands.collect(),
+        tears,
         step: plan.step,
         response: plan.response,
-        publishing: Publishing {
-            period: plan.period,
-            horizon: plan.horizon,
-            energy: plan.publishes_energy,
-            projected,
-            coupling: plan.links.map(VirtualCoupling::new),
-            renderable: plan.renderable,
-        },
-        tears,
-    }))
+        sound: true,
+        tally: Tally::default(),
+    };
+    let solver = in_words(plan.choice.solver, scene.host.tolerance);
+    let solved = format!("{solver} ({})", plan.choice.why);
+    Ok(HostBody::new(
+        (plan.name, solved),
+        hands,
+        stepping,
+        publisher,
+    ))
 }

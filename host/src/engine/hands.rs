@@ -18,7 +18,8 @@ const TURN_AFTER: f64 = 5.0;
 pub(super) struct Hands {
     /// In the order of the body's handles.
     paths: Vec<HandlePath>,
-    targets: Vec<HandlePose>,
+    /// The targets of the handles for the present step.
+    pub(super) targets: Vec<HandlePose>,
     /// Cut-off of the paths (Hz).
     cutoff: f64,
     /// Length of a step (s).
@@ -27,7 +28,7 @@ pub(super) struct Hands {
     /// The time of the newest record (ns); `None` before the first. A body that nobody holds has a time, too.
     newest_ns: Option<u64>,
     /// The time at the end of the present step (ns); `None` before the first record.
-    time_ns: Option<u64>,
+    pub(super) time_ns: Option<u64>,
     /// Whether a handle stays behind its hand in the present step.
     behind: bool,
 }
@@ -93,16 +94,6 @@ impl Hands {
                 }
             }
         }
-    }
-
-    /// The targets of the handles for the present step.
-    pub(super) fn targets(&self) -> &[HandlePose] {
-        &self.targets
-    }
-
-    /// The time at the end of the present step (ns), from the first record on.
-    pub(super) fn time_ns(&self) -> Option<u64> {
-        self.time_ns
     }
 
     /// The time at which a model of the present step holds (ns); `None` before the first record, and while a handle stays

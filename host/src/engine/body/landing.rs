@@ -102,7 +102,7 @@ impl HostBody {
             hands: &made_hands,
             joining,
         };
-        let now_ns = self.hands.time_ns().unwrap_or(0);
+        let now_ns = self.hands.time_ns.unwrap_or(0);
         for (handle, join) in hands.joined() {
             if join.path.time_ns().is_some() {
                 let pose = join.path.pose_at(now_ns);
