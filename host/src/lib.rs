@@ -5,6 +5,7 @@
 //! - [`scene`]: TOML files that describe a run; a crate of its own.
 //! - [`world`]: a scene, built once: the bodies of the physics, what devices hold of them, where devices stand.
 //! - [`engine`]: the work of the host loop. It joins physics and tick.
+//! - [`snapshot`]: where the bodies are after a step, for all who show or store them.
 //! - [`run`]: runs a scene from beginning to end, under virtual or real time.
 //! - [`solve`]: solves a scene without devices for equilibrium or motion.
 //! - [`live`]: a run as viewers see it.
@@ -17,6 +18,7 @@ pub mod log;
 pub mod machine;
 pub mod record;
 pub mod run;
+pub mod snapshot;
 pub mod solve;
 pub mod stage;
 pub mod table;

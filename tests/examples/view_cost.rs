@@ -13,13 +13,13 @@ use host::engine::Engine;
 use host::engine::build::{BuildOptions, bodies};
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
-use host::live::slot::{Watchers, slot};
 use host::record::Distribution;
 use host::run::summary::RunSummary;
 use host::run::view::ViewOptions;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
 use host::scene::spec::MeshSource;
+use host::snapshot::{Subscriber, Watchers};
 use host::world::World;
 use rt_core::TickRecord;
 use rustix::process::{Pid, Signal, kill_process};
@@ -175,7 +175,7 @@ fn steps(quick: bool, random: &mut Random) -> Result<(), Box<dyn Error>> {
         .map(|body| body.body().vertex_count())
         .sum();
     let watchers = Watchers::default();
-    let (mut writer, mut reader) = slot(&engine, watchers.clone());
+    let (mut subscriber, mut reader) = Subscriber::watched(&engine, watchers.clone());
     let watch = WallStopwatch::start();
     let mut record = TickRecord::empty();
     let mut block = |watched: bool| {
@@ -193,11 +193,11 @@ fn steps(quick: bool, random: &mut Random) -> Result<(), Box<dyn Error>> {
             engine.step(due, &watch, &mut |_, model| {
                 black_box(model);
             });
-            writer.after_step(due.time_ns, 0, &engine);
+            subscriber.after_step(Instant::now(), due.time_ns, 0, &engine);
             time += start.elapsed();
             steps += 1;
-            if let Some(moment) = reader.newest() {
-                reader.give_back(moment);
+            if let Some(snapshot) = reader.newest() {
+                reader.give_back(snapshot);
             }
         }
         time.as_secs_f64() / f64::from(steps)

@@ -1,10 +1,13 @@
 //! Builds the bodies of the host's loop from the bodies of a scene.
 
-use super::body::{HostBody, HostBodyParts};
-use super::path::HandlePath;
+use super::body::HostBody;
+use super::hands::Hands;
 use super::plan::{BodyPlan, in_words};
 use super::projected::Projected;
+use super::publisher::{Publisher, Publishing};
 use super::recipe::Recipe;
+use super::stats::Tally;
+use super::stepping::Stepping;
 use super::tears::BodyTears;
 use super::virtual_coupling::VirtualCoupling;
 use crate::scene::spec::Scene;
@@ -85,43 +88,37 @@ fn body(
     if let Some(tears) = &tears {
         solver.begin_tears(&body, &tears.tearing);
     }
-    let devices: Vec<u8> = grasps(scene, spec)
-        .iter()
-        .map(|grasp| grasp.device as u8)
-        .collect();
-    let paths = world.bodies[index]
-        .handles
-        .iter()
-        .zip(&devices)
-        .map(|(handle, device)| {
-            HandlePath::new(
-                usize::from(*device),
-                scene.host.smoothing,
-                Pose::at(handle.origin),
-            )
-        })
-        .collect();
-    Ok(HostBody::new(HostBodyParts {
-        name: plan.name,
-        solved: format!(
-            "{} ({})",
-            in_words(plan.choice.solver, scene.host.tolerance),
-            plan.choice.why
-        ),
+    let grasps = grasps(scene, spec);
+    let devices: Vec<u8> = grasps.iter().map(|grasp| grasp.device as u8).collect();
+    let places = world.bodies[index].handles.iter();
+    let places = places.map(|handle| Pose::at(handle.origin));
+    let hands = devices.iter().copied().zip(places);
+    let hands = Hands::new(hands, scene.host.smoothing, plan.step);
+    let publishing = Publishing {
+        period: plan.period,
+        horizon: plan.horizon,
+        energy: plan.publishes_energy,
+        projected,
+        coupling: plan.links.map(VirtualCoupling::new),
+        renderable: plan.renderable,
+    };
+    let publisher = Publisher::new(&body, &devices, publishing);
+    let stepping = Stepping {
         body,
         solver,
         recipe,
-        smoothing: scene.host.smoothing,
-        paths,
-        devices,
-        projected,
-        step: plan.step,
-        period: plan.period,
-        horizon: plan.horizon,
-        response: plan.response,
-        publishes_energy: plan.publishes_energy,
-        coupling: plan.links.map(VirtualCoupling::new),
-        renderable: plan.renderable,
         tears,
-    }))
+        step: plan.step,
+        response: plan.response,
+        sound: true,
+        tally: Tally::default(),
+    };
+    let solver = in_words(plan.choice.solver, scene.host.tolerance);
+    let solved = format!("{solver} ({})", plan.choice.why);
+    Ok(HostBody::new(
+        (plan.name, solved),
+        hands,
+        stepping,
+        publisher,
+    ))
 }

@@ -26,7 +26,8 @@ impl Group {
 
     /// Wakes the bodies that sleep. Called before they are constrained.
     pub(super) fn wake(&self, bodies: &mut [HostBody]) {
-        self.members(bodies).for_each(HostBody::wake);
+        self.members(bodies)
+            .for_each(|body| body.stepping.solver.wake());
     }
 
     /// Solves the bodies together. If a stage of one of them has failed, none is solved, and each keeps its state.
@@ -34,15 +35,17 @@ impl Group {
         let start = watch.now_ns();
         for (number, &member) in self.bodies.iter().enumerate() {
             if let Some(body) = bodies.get(member) {
-                self.joints.begin(number, body.body(), body.step());
+                let stepping = &body.stepping;
+                self.joints.begin(number, &stepping.body, stepping.step);
             }
         }
-        let lent: Option<Vec<Equation<'_, f64>>> =
-            self.members(bodies).map(HostBody::equation).collect();
+        let lent = self.members(bodies).map(|body| body.stepping.equation());
+        let lent: Option<Vec<Equation<'_, f64>>> = lent.collect();
         if let Some(lent) = lent {
             solve(lent, &*self.joints, || false);
         }
         let time = watch.now_ns().saturating_sub(start);
-        self.members(bodies).for_each(|body| body.solved_in(time));
+        self.members(bodies)
+            .for_each(|body| body.stepping.solved_in(time));
     }
 }

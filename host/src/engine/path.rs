@@ -12,7 +12,7 @@ use rt_core::{Pose, TickRecord, Twist, Vec3};
 
 /// A handle's smoothed pose and twist, advanced by one tick record at a time.
 #[derive(Clone, Debug)]
-pub struct HandlePath {
+pub(super) struct HandlePath {
     device: usize,
     /// Decay rate of the filter's memory (1/s).
     rate: f64,
@@ -25,7 +25,7 @@ pub struct HandlePath {
 
 impl HandlePath {
     /// Follows device number `device` with a cut-off in Hz, starting at rest at `start`.
-    pub fn new(device: usize, cutoff: f64, start: Pose) -> Self {
+    pub(super) fn new(device: usize, cutoff: f64, start: Pose) -> Self {
         let rate = 2.0 * core::f64::consts::PI * cutoff;
         Self {
             device,
@@ -38,7 +38,7 @@ impl HandlePath {
     }
 
     /// Follows device number `device` from its first record on. Until then the path rests at `start`.
-    pub fn joining(device: usize, cutoff: f64, start: Pose) -> Self {
+    pub(super) fn joining(device: usize, cutoff: f64, start: Pose) -> Self {
         Self {
             joins: true,
             ..Self::new(device, cutoff, start)
@@ -46,7 +46,7 @@ impl HandlePath {
     }
 
     /// Takes the next record. Records may be missing in between: the filter uses the time from record to record.
-    pub fn follow(&mut self, record: &TickRecord) {
+    pub(super) fn follow(&mut self, record: &TickRecord) {
         let Some((target, _)) = record.proxies.get(self.device) else {
             return;
         };
@@ -80,18 +80,13 @@ impl HandlePath {
     }
 
     /// Time of the newest record taken (ns); none before the first.
-    pub fn time_ns(&self) -> Option<u64> {
+    pub(super) fn time_ns(&self) -> Option<u64> {
         self.time_ns
-    }
-
-    /// The smoothed pose at the newest record.
-    pub fn pose(&self) -> &Pose {
-        &self.pose
     }
 
     /// The pose at `time_ns`, extrapolated at the path's velocity. For a time before the newest record this is the
     /// pose at that record.
-    pub fn pose_at(&self, time_ns: u64) -> Pose {
+    pub(super) fn pose_at(&self, time_ns: u64) -> Pose {
         let dt = self.time_ns.map_or(0, |last| time_ns.saturating_sub(last)) as f64 * 1e-9;
         let mut pose = self.pose;
         if dt > 0.0 {
@@ -105,12 +100,12 @@ impl HandlePath {
     }
 
     /// The filter's velocity (m/s).
-    pub fn velocity(&self) -> &Vec3 {
+    pub(super) fn velocity(&self) -> &Vec3 {
         &self.twist.linear
     }
 
     /// The filter's angular velocity (rad/s).
-    pub fn turning(&self) -> &Vec3 {
+    pub(super) fn turning(&self) -> &Vec3 {
         &self.twist.angular
     }
 }
@@ -136,8 +131,8 @@ mod tests {
         }
         // 2 s are 377 time constants: the transient is gone, and only rounding is left.
         let expected = 0.05e-3 * 1999.0;
-        assert!((path.pose().position.x - expected).abs() < 1e-12);
-        assert!((path.velocity().x - 0.05).abs() < 1e-10);
+        assert!((path.pose.position.x - expected).abs() < 1e-12);
+        assert!((path.twist.linear.x - 0.05).abs() < 1e-10);
     }
 
     #[test]
@@ -151,9 +146,9 @@ mod tests {
             let x = 5e-6 * tick as f64;
             path.follow(&record(tick, (x / step).round() * step));
             if tick > 200 {
-                largest = largest.max((path.pose().position.x - last).abs());
+                largest = largest.max((path.pose.position.x - last).abs());
             }
-            last = path.pose().position.x;
+            last = path.pose.position.x;
         }
         // alpha = 1 - exp(-4 pi 30 / 1000) = 0.314 of a count, and the motion itself.
         assert!(largest < 0.5 * step, "{largest}");

@@ -61,7 +61,7 @@ impl<'a> Rehearsal<'a> {
         self.step(due);
         let mut found = Vec::new();
         for (number, body) in self.engine.bodies().iter().enumerate() {
-            let directions = body.stiff_directions();
+            let directions = body.publisher().stiff_directions();
             let each = directions.iter();
             found.extend(each.map(|direction| StiffSummary::new(self.scene, number, direction)));
         }

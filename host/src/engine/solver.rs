@@ -201,6 +201,11 @@ impl Solver {
     /// Counts the time (ns) of the solution of the lent equation. Returns whether there is one.
     pub(super) fn solved_in(&mut self, time: u64) -> bool {
         self.elapsed.0 += time;
+        self.is_solved()
+    }
+
+    /// Whether the present step has been solved.
+    pub(super) fn is_solved(&self) -> bool {
         self.stepper.is_solved()
     }
 

@@ -38,7 +38,7 @@ const SOFTEST: f64 = 50.0;
 const SLACK: f64 = 1e-6;
 
 /// Computes the energy that the models of one body claim.
-pub struct Stored {
+pub(super) struct Stored {
     clipper: Clipper,
     stiffness: Square,
     scale: Vec<f64>,
@@ -64,7 +64,7 @@ struct PieceTotals {
 
 impl Stored {
     /// For a body whose handles are at `origins` (m).
-    pub fn new(origins: Vec<Vec3>) -> Self {
+    pub(super) fn new(origins: Vec<Vec3>) -> Self {
         let size = 6 * origins.len().min(MAX_HANDLES);
         Self {
             clipper: Clipper::new(size),
@@ -164,7 +164,7 @@ impl Stored {
 
     /// Keeps the stiffness of `model`, which models publish from now on. A turn causes displacements at the lever arm
     /// `length` (m).
-    pub fn keep(&mut self, model: &LocalModel, length: f64) {
+    pub(super) fn keep(&mut self, model: &LocalModel, length: f64) {
         // `clone_from` would allocate: the derived method makes a new matrix.
         for j in 0..self.stiffness.size() {
             for i in 0..self.stiffness.size() {
@@ -179,7 +179,7 @@ impl Stored {
 
     /// Writes into `model` the energy that hands could recover from `body`, and the energy that the body has
     /// released. The elastic energy of the body is `elastic` (J).
-    pub fn publish(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
+    pub(super) fn publish(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
         let tangent = self.tangent(model, None);
         let own = elastic + self.potential(body, model);
         let constant = self.constant.get_or_insert(tangent - own);
@@ -193,7 +193,7 @@ impl Stored {
 
     /// Completes the tear limit of `model`, where it has one, by `a = 1 / (q . K^-1 q)` with the slopes `q` of its
     /// handles ([`rt_core::TearLimit`]).
-    pub fn publish_tear_area(&mut self, model: &mut LocalModel) {
+    pub(super) fn publish_tear_area(&mut self, model: &mut LocalModel) {
         if !model.head.tear_limit.is_some() {
             return;
         }
@@ -209,7 +209,7 @@ impl Stored {
 
     /// Adjusts `c` to a change of the body's material: the elastic energy falls from `before` to `after` (J) at the
     /// same shape.
-    pub(super) fn exchange(&mut self, body: &Body, before: f64, after: f64, model: &LocalModel) {
+    pub(super) fn exchange(&mut self, body: &Body, [before, after]: [f64; 2], model: &LocalModel) {
         if let Some(constant) = self.constant {
             let potential = self.potential(body, model);
             let own = before + potential + constant;

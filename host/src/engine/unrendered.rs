@@ -90,7 +90,7 @@ impl DampedSummary {
     /// The damping of each of a scene's `bodies` that its devices have rendered least of so far.
     pub fn all(scene: &Scene, bodies: &[HostBody]) -> Vec<Self> {
         let found = bodies.iter().enumerate().filter_map(|(number, body)| {
-            let least = body.least_damped()?;
+            let least = body.publisher().least_damped()?;
             Some(Self::new(scene, number, &least))
         });
         found.collect()

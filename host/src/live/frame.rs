@@ -3,6 +3,7 @@
 
 use super::Range;
 use crate::record::Distribution;
+use crate::snapshot::HostCounts;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -112,7 +113,7 @@ pub struct Frame {
     /// The bodies at the last tick.
     pub bodies: Vec<BodyState>,
     /// The host; `None` where nothing is known, as in a log.
-    pub host: Option<HostState>,
+    pub host: Option<HostCounts>,
     /// The events since the frame before, in order.
     pub events: Vec<Event>,
     /// Events that are left out because there were too many.
@@ -298,30 +299,6 @@ pub struct Vertices {
     /// false. In the binary part.
     #[serde(skip)]
     pub stress: Vec<f32>,
-}
-
-/// The host.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct HostState {
-    /// Steps done.
-    pub steps: u64,
-    /// Steps left out because the host was late.
-    pub skipped: u64,
-    /// Steps a second over the last second of the run's own time (Hz).
-    pub step_rate: f64,
-    /// Local models published.
-    pub publications: u64,
-    /// Background refactorizations.
-    pub factors: u64,
-    /// Steps or publications that failed.
-    pub faults: u64,
-    /// Time of the stages in the last step, over all bodies (s): solve, condense. `None` for a stage that the
-    /// step did not have.
-    pub stages: [Option<f64>; 2],
-    /// Median time of the stages since the start (s).
-    pub medians: [f64; 2],
-    /// Iterations of the solver in the last step, the largest of all bodies.
-    pub iterations: u64,
 }
 
 /// The kind of an event.

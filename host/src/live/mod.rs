@@ -5,21 +5,17 @@
 //! is lost. The same type describes a moment of a log that is played back. [`message`] is the encoding, which is the
 //! same from the run to the viewer, over a Unix socket, and from the viewer to a page in a browser, over a WebSocket.
 
-pub(crate) mod connectivity;
 pub mod frame;
 pub mod gather;
 pub mod hello;
 pub mod merge;
 pub mod message;
 pub mod range;
-pub(crate) mod rate;
-pub mod slot;
 pub mod socket;
-pub mod torn;
 
 pub use frame::{
     Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
-    Hello, HostState, LogMessage, Playback, Source, Totals, Vertices,
+    Hello, LogMessage, Playback, Source, Totals, Vertices,
 };
 pub use message::{Message, MessageError};
 pub use range::Range;

@@ -1,28 +1,25 @@
 //! Frames of a run: the deformed bodies as files for ParaView, at a rate of the run's own time.
 //!
-//! After a step, the host copies positions and velocities into one of a few buffers; a thread of its own computes
-//! stresses and writes the files. Under the real clock the host never waits: it leaves out a frame that finds no free
-//! buffer, and the summary reports how many. Under virtual time the host waits, and every frame is there.
+//! A thread takes the [snapshots](crate::snapshot) of the steps, computes stresses and writes the files. Under the real
+//! clock the host never waits: it leaves out a frame that finds no free buffer, and the summary reports how many. Under
+//! virtual time the host waits, and every frame is there.
 
 use super::Clock;
 use super::RunError;
 use super::parts::Parts;
 use crate::atomic_file::AtomicFileError;
-use crate::engine::body::HostBody;
-use crate::engine::tears;
-use crate::live::torn::vertex_room;
+use crate::engine::{Engine, tears};
 use crate::run::panics;
 use crate::scene::Scene;
+use crate::snapshot::{Contents, Missing, Policy, Reader, Schedule, Snapshot, Subscriber, When};
 use crate::solve::frames::FrameFolder;
 use crate::solve::{Frame, snapshot};
 use crate::world::{Built, World};
-use physics::topology::Edit;
 use physics::{BodyError, TearingError, Vec3};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 /// Frames that may wait for the writer.
 const WAITING: usize = 8;
@@ -81,146 +78,6 @@ impl FrameRateError {
     }
 }
 
-/// The state of all bodies at one time.
-#[derive(Default)]
-struct Moment {
-    number: usize,
-    time_ns: u64,
-    /// By body.
-    bodies: Vec<BodyMoment>,
-}
-
-/// The state of one body at one time.
-#[derive(Default)]
-struct BodyMoment {
-    /// Positions (m).
-    positions: Vec<Vec3>,
-    /// Velocities (m/s).
-    velocities: Vec<Vec3>,
-    /// The edits by which the body has torn since the frame before.
-    edits: Vec<Edit>,
-}
-
-impl Moment {
-    /// A moment with room for `bodies`.
-    fn with_room(bodies: &[HostBody]) -> Self {
-        let bodies = bodies.iter().map(|body| {
-            let room = vertex_room(body.body());
-            BodyMoment {
-                positions: Vec::with_capacity(room),
-                velocities: Vec::with_capacity(room),
-                // Every edit adds a vertex.
-                edits: Vec::with_capacity(room - body.body().vertex_count()),
-            }
-        });
-        Self {
-            bodies: bodies.collect(),
-            ..Self::default()
-        }
-    }
-}
-
-/// Frames that are missing, by reason.
-#[derive(Default)]
-pub(super) struct Missing {
-    /// The writer had not written the frames before.
-    pub(super) unwritten: AtomicU64,
-    /// The host made no step in their time.
-    pub(super) skipped: AtomicU64,
-}
-
-impl Missing {
-    /// Counts a frame that found no free buffer.
-    pub(super) fn count_unwritten(&self) {
-        // Relaxed: the counts are read after the host's thread has ended.
-        self.unwritten.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-/// The times at which frames are due.
-pub(super) struct Schedule {
-    /// Frames a second (Hz).
-    rate: f64,
-    /// Number of the next frame.
-    next: usize,
-}
-
-impl Schedule {
-    /// Frames at `rate` (Hz), the first at time zero.
-    pub(super) fn new(rate: f64) -> Self {
-        Self { rate, next: 0 }
-    }
-
-    /// Time of a frame (ns), computed as the pacer computes the times of the steps.
-    fn time_ns(&self, number: usize) -> u64 {
-        (number as f64 * 1e9 / self.rate) as u64
-    }
-
-    /// The number of the frame that is due after a step at `time_ns`, if one is. Frames for which the host made no step
-    /// are counted as missing.
-    pub(super) fn due(&mut self, time_ns: u64, missing: &Missing) -> Option<usize> {
-        if time_ns < self.time_ns(self.next) {
-            return None;
-        }
-        // Relaxed: the counts are read after the host's thread has ended.
-        while self.time_ns(self.next + 1) <= time_ns {
-            self.next += 1;
-            missing.skipped.fetch_add(1, Ordering::Relaxed);
-        }
-        let number = self.next;
-        self.next += 1;
-        Some(number)
-    }
-}
-
-/// The host's end: takes a frame after a step.
-pub struct FrameTap {
-    schedule: Schedule,
-    /// By body: the number of edits in the frames so far.
-    edits: Vec<usize>,
-    filled: SyncSender<Moment>,
-    free: Receiver<Moment>,
-    /// Whether the host waits for a free buffer.
-    waits: bool,
-    missing: Arc<Missing>,
-}
-
-impl FrameTap {
-    /// Takes a frame if one is due by `time_ns`, the time of the step just done.
-    pub(super) fn after_step(&mut self, time_ns: u64, bodies: &[HostBody]) {
-        let Some(number) = self.schedule.due(time_ns, &self.missing) else {
-            return;
-        };
-        let buffer = if self.waits {
-            self.free.recv().ok()
-        } else {
-            self.free.try_recv().ok()
-        };
-        let Some(mut moment) = buffer else {
-            self.missing.count_unwritten();
-            return;
-        };
-        moment.number = number;
-        moment.time_ns = time_ns;
-        moment.bodies.resize_with(bodies.len(), Default::default);
-        let copies = moment.bodies.iter_mut().zip(&mut self.edits);
-        for ((copy, known), body) in copies.zip(bodies) {
-            copy.positions.clear();
-            copy.positions.extend(body.body().positions());
-            copy.velocities.clear();
-            copy.velocities.extend(body.body().velocities());
-            copy.edits.clear();
-            let journal = body.tears().map(|tears| tears.tearing().journal());
-            let newer = journal.and_then(|journal| journal.get(*known..));
-            let newer = newer.unwrap_or_default();
-            copy.edits.extend(newer);
-            *known += newer.len();
-        }
-        // There are as many places as buffers, so that this never waits. It fails after the writer has failed.
-        let _ = self.filled.try_send(moment);
-    }
-}
-
 /// The thread that writes frames.
 pub(super) struct FrameWriter {
     thread: JoinHandle<Written>,
@@ -246,7 +103,7 @@ enum FrameError {
 }
 
 impl FrameWriter {
-    /// Locks the folder, begins the thread and takes the first frame, that of `bodies` before the run.
+    /// Locks the folder, begins the thread and takes the first frame, that of `engine` before the run.
     ///
     /// # Errors
     /// A rate that is not allowed, a folder that cannot be written, or no thread.
@@ -254,8 +111,8 @@ impl FrameWriter {
         world: &World<'_>,
         options: &FrameOptions,
         clock: Clock,
-        bodies: &[HostBody],
-    ) -> Result<(FrameTap, Self), RunError> {
+        engine: &Engine,
+    ) -> Result<(Subscriber, Self), RunError> {
         let scene = &world.loaded.scene;
         options.check(scene)?;
         // The writer has bodies of its own, in whose elements it computes stresses.
@@ -266,12 +123,14 @@ impl FrameWriter {
         let names = scene.bodies.iter().map(|body| body.name.as_str());
         let folder = FrameFolder::create(&options.folder, names)?;
         let list = folder.list_file();
-        let (filled, frames) = sync_channel(WAITING);
-        let (returned, free) = sync_channel(WAITING);
-        for _ in 0..WAITING {
-            // The channel has as many places.
-            let _ = returned.try_send(Moment::with_room(bodies));
-        }
+        let policy = match clock {
+            Clock::Virtual => Policy::Wait,
+            Clock::Real => Policy::Skip,
+        };
+        let when = When::Series(Schedule::new(options.rate));
+        let (mut subscriber, reader) =
+            Subscriber::new(engine, when, Contents::Motion, (policy, WAITING));
+        let missing = Arc::clone(reader.missing());
         let names = scene.bodies.iter().map(|body| body.name.clone());
         let drawn = Drawn {
             rest: built
@@ -285,29 +144,18 @@ impl FrameWriter {
         let thread = std::thread::Builder::new()
             .stack_size(runner::STACK)
             .name("palpate-frames".into())
-            .spawn(move || drawn.write(&frames, &returned))
+            .spawn(move || drawn.write(reader))
             .map_err(RunError::Thread)?;
-        let missing = Arc::<Missing>::default();
-        let mut tap = FrameTap {
-            schedule: Schedule::new(options.rate),
-            edits: vec![0; bodies.len()],
-            filled,
-            free,
-            waits: clock == Clock::Virtual,
-            missing: Arc::clone(&missing),
+        subscriber.after_step(Instant::now(), 0, 0, engine);
+        let writer = Self {
+            thread,
+            missing,
+            list,
         };
-        tap.after_step(0, bodies);
-        Ok((
-            tap,
-            Self {
-                thread,
-                missing,
-                list,
-            },
-        ))
+        Ok((subscriber, writer))
     }
 
-    /// Waits for the last frames, after the tap has ended, and adds to `parts` what went wrong.
+    /// Waits for the last frames, after the subscriber has ended, and adds to `parts` what went wrong.
     pub(super) fn finish(self, parts: &mut Parts) {
         let written = self.thread.join();
         let list = self.list.display();
@@ -329,8 +177,7 @@ impl FrameWriter {
                 return;
             }
         };
-        let [unwritten, skipped] = [&self.missing.unwritten, &self.missing.skipped]
-            .map(|count| count.load(Ordering::Relaxed));
+        let [unwritten, skipped] = self.missing.counts();
         if unwritten + skipped > 0 {
             parts.degradations.push(format!(
                 "{list} has {frames} frames and lacks {}: {unwritten} because the writing took longer than the run, \
@@ -351,25 +198,22 @@ struct Drawn {
 }
 
 impl Drawn {
-    /// Writes frames until the tap ends or a frame cannot be written.
-    fn write(mut self, frames: &Receiver<Moment>, returned: &SyncSender<Moment>) -> Written {
+    /// Writes frames until the subscriber ends or a frame cannot be written.
+    fn write(mut self, mut reader: Reader) -> Written {
         let mut written = Written::default();
-        let mut done = Ok(());
-        while let Ok(moment) = frames.recv() {
-            done = self.write_one(&moment);
-            if done.is_err() {
+        while let Some(snapshot) = reader.wait() {
+            if let Err(failure) = self.write_one(&snapshot) {
+                written.failure = Some(failure);
                 break;
             }
             written.frames += 1;
-            // The tap may have ended.
-            let _ = returned.try_send(moment);
+            reader.give_back(snapshot);
         }
-        written.failure = done.err();
         written
     }
 
-    fn write_one(&mut self, moment: &Moment) -> Result<(), FrameError> {
-        for (index, moved) in moment.bodies.iter().enumerate() {
+    fn write_one(&mut self, taken: &Snapshot) -> Result<(), FrameError> {
+        for (index, moved) in taken.bodies.iter().enumerate() {
             let built = &mut self.built[index];
             for edit in &moved.edits {
                 built.body.edit(edit)?;
@@ -378,8 +222,8 @@ impl Drawn {
             built.body.set_velocities(&moved.velocities)?;
             self.folder.keep(&Frame {
                 body: &self.names[index],
-                number: moment.number,
-                at: moment.time_ns as f64 / 1e9,
+                number: taken.number,
+                at: taken.time_ns as f64 / 1e9,
                 snapshot: snapshot::of_body(built, &self.rest[index], true),
             })?;
         }

@@ -25,8 +25,8 @@ mod samples;
 pub mod session;
 mod slips;
 pub mod slow_host;
+mod subscribers;
 pub mod summary;
-mod taps;
 pub mod tear_force;
 pub mod tears;
 mod tick_outputs;
@@ -60,7 +60,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use summary::RunSummary;
-use tears::TearTap;
+use tears::TearSender;
 use view::{Session, ViewOptions};
 
 pub use crate::record::Clock;
@@ -252,18 +252,18 @@ pub fn run_watched(
     let frames = options
         .frames
         .as_ref()
-        .map(|frames| FrameWriter::begin(world, frames, options.clock, prepared.engine.bodies()));
-    let writer = frames.transpose()?.map(|(tap, writer)| {
-        prepared.taps.frames = Some(tap);
+        .map(|frames| FrameWriter::begin(world, frames, options.clock, &prepared.engine));
+    let writer = frames.transpose()?.map(|(subscriber, writer)| {
+        prepared.subscribers.snapshots.push(subscriber);
         writer
     });
     let log_frames = options.log_frames.filter(|_| log.is_some());
     let log_frames = match log_frames {
         Some(rate) => {
             log_frames::check_rate(rate, &loaded.scene)?;
-            let bodies = prepared.engine.bodies();
-            let (tap, frames) = log_frames::begin(world, rate, options.clock, bodies);
-            prepared.taps.log_frames = Some(tap);
+            let engine = &prepared.engine;
+            let (subscriber, frames) = log_frames::begin(world, rate, options.clock, engine);
+            prepared.subscribers.snapshots.push(subscriber);
             Some(frames)
         }
         None => None,
@@ -274,8 +274,9 @@ pub fn run_watched(
         bodies().map(Body::vertex_count).sum(),
     );
     let logged = Arc::default();
-    prepared.taps.tears = TearTap::new(prepared.engine.bodies());
-    let tears = prepared.taps.tears.as_mut();
+    let tears = &mut prepared.subscribers.tears;
+    *tears = TearSender::new(prepared.engine.bodies());
+    let tears = tears.as_mut();
     let devices = &prepared.tick.devices;
     let log = log.map(|log| (log, header(loaded, options, seed, devices), log_frames));
     let mut observers = observers(loaded, options, others, (log, tears), &logged)?;
@@ -283,11 +284,13 @@ pub fn run_watched(
         None => None,
         Some((view, listener)) => {
             let engine = &prepared.engine;
-            let (session, host, observer) =
+            let (session, host, (subscriber, observer)) =
                 Session::begin(view, listener, world, options, seed, engine)?;
-            let tears = prepared.taps.tears.as_mut().map(TearTap::listen);
-            let observer = observer.with_tears(tears.unwrap_or_default());
-            prepared.taps.view = Some(host);
+            prepared.subscribers.snapshots.push(subscriber);
+            let tears = prepared.subscribers.tears.as_mut();
+            let tears = tears.map(TearSender::listen).unwrap_or_default();
+            let observer = observer.with_tears(tears);
+            prepared.view = Some(host);
             observers = observers.with(observer);
             Some(session)
         }
@@ -375,7 +378,7 @@ fn observers(
     loaded: &LoadedScene,
     options: &RunOptions,
     others: Observers,
-    (log, mut tears): (Option<LogParts>, Option<&mut TearTap>),
+    (log, mut tears): (Option<LogParts>, Option<&mut TearSender>),
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;

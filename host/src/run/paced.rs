@@ -7,7 +7,7 @@
 use super::late::LateLink;
 use super::prepare::{HostSide, Prepared};
 use super::slow_host::SlowWatch;
-use super::taps::Taps;
+use super::subscribers::Subscribers;
 use crate::engine::Engine;
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
@@ -86,7 +86,7 @@ impl HostLink for LateLink {
 /// A host that is busy from the start of a publishing step until the arrival of its model.
 pub struct Paced<L> {
     engine: Failing,
-    taps: Taps,
+    subscribers: Subscribers,
     pacer: Pacer,
     slow: SlowWatch,
     link: L,
@@ -103,7 +103,7 @@ impl<L: HostLink> Paced<L> {
         let bodies = prepared.engine.bodies().len();
         let host = Self {
             engine: Failing::new(prepared.engine, prepared.faults),
-            taps: prepared.taps,
+            subscribers: prepared.subscribers,
             pacer: prepared.pacer,
             slow: prepared.slow,
             link: wrap(LateLink::new(prepared.host, bodies)),
@@ -171,7 +171,8 @@ impl<L: HostLink> Host for Paced<L> {
         });
         self.slow.look(self.engine.stats());
         let skipped = self.pacer.skipped();
-        (self.taps).after_step(due.time_ns, skipped, self.engine.engine());
+        let engine = self.engine.engine();
+        (self.subscribers).after_step(due.time_ns, skipped, engine);
         if due.publishes {
             self.free_at = arrival_ns;
         }

@@ -160,11 +160,8 @@ pub(super) fn under_virtual_time(
     progress: &mut dyn FnMut(u64),
 ) -> Parts {
     let planned = prepared.timing.ticks;
-    let mut pace = prepared
-        .taps
-        .view
-        .as_ref()
-        .and_then(|view| Pace::new(view.pace));
+    let view = prepared.view.as_ref();
+    let mut pace = view.and_then(|view| Pace::new(view.pace));
     let mut sink = |record: LogRecord<'_>| {
         let time_ns = match &record {
             LogRecord::Tick(telemetry) => Some(telemetry.time_ns),

@@ -2,7 +2,8 @@
 
 use super::devices;
 use super::slow_host::{SlowWatch, StepTime};
-use super::taps::Taps;
+use super::subscribers::Subscribers;
+use super::view::HostView;
 use crate::engine::build::BuildOptions;
 use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
@@ -90,8 +91,10 @@ pub struct Prepared {
     pub engine: Engine,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
-    /// What copies the state of the bodies after a step.
-    pub taps: Taps,
+    /// Who is told of each step.
+    pub subscribers: Subscribers,
+    /// How the run is watched, if it is.
+    pub view: Option<HostView>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
     /// Judges whether a step takes longer than the scene allows.
@@ -163,7 +166,8 @@ impl Prepared {
             log,
             engine,
             faults: Faults::new(options.faults.clone()),
-            taps: Taps::default(),
+            subscribers: Subscribers::default(),
+            view: None,
             pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
             slow,
             timing: Timing {

@@ -7,7 +7,7 @@
 use super::observer::Observers;
 use super::prepare::{HostSide, Prepared};
 use super::slow_host::SlowWatch;
-use super::taps::Taps;
+use super::subscribers::Subscribers;
 use super::{RunError, host_panicked, panics};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
@@ -59,7 +59,8 @@ pub(super) fn run(
         log,
         engine,
         faults,
-        taps,
+        subscribers,
+        view,
         pacer,
         slow,
         timing,
@@ -76,11 +77,11 @@ pub(super) fn run(
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
     let thread = spawn(config, controller, devices, end, stop)?;
 
-    if let Some(view) = &taps.view {
+    if let Some(view) = &view {
         // Set once, here.
         let _ = view.tick_time.set(thread.tick_time());
     }
-    let log_period = if taps.view.is_some() {
+    let log_period = if view.is_some() {
         VIEW_PERIOD
     } else {
         LOG_PERIOD
@@ -95,7 +96,7 @@ pub(super) fn run(
             engine,
             pacer,
             slow,
-            taps,
+            subscribers,
             period_ns: timing.period_ns,
         };
         // The counts before a panic belong to the summary.
@@ -152,7 +153,7 @@ struct Hosting {
     engine: Failing,
     pacer: Pacer,
     slow: SlowWatch,
-    taps: Taps,
+    subscribers: Subscribers,
     /// The tick's period (ns).
     period_ns: u64,
 }
@@ -165,7 +166,7 @@ impl Hosting {
             engine,
             pacer,
             slow,
-            taps,
+            subscribers,
             period_ns,
         } = self;
         let mut records = Records::new(*period_ns);
@@ -192,7 +193,7 @@ impl Hosting {
                 let _ = end.publish(body, model);
             });
             slow.look(engine.stats());
-            taps.after_step(due.time_ns, pacer.skipped(), engine.engine());
+            subscribers.after_step(due.time_ns, pacer.skipped(), engine.engine());
         }
     }
 

@@ -372,7 +372,7 @@ fn host_summary(
 fn stiff(scene: &Scene, host: &HostSide) -> Vec<StiffSummary> {
     let bodies = host.engine.bodies().iter().enumerate();
     let found = bodies.filter_map(|(number, body)| {
-        let stiffest = body.stiffest()?;
+        let stiffest = body.publisher().stiffest()?;
         Some(StiffSummary::new(scene, number, &stiffest))
     });
     found.collect()

@@ -2,7 +2,7 @@
 //! plateau. The summary of a run and a sweep use the same code, so that their numbers are equal.
 
 use super::prepare::Prepared;
-use super::tears::{TearEvents, TearTap};
+use super::tears::{TearEvents, TearSender};
 use crate::scene::Scene;
 use crate::world::grasps;
 use rt_core::Telemetry;
@@ -172,12 +172,12 @@ impl TearForces {
     /// Watches over the bodies of `scene`, whose session is prepared.
     pub fn listening(scene: &Scene, prepared: &mut Prepared) -> Self {
         let bodies = prepared.engine.bodies();
-        let tap = &mut prepared.taps.tears;
-        if tap.is_none() {
-            *tap = TearTap::new(bodies);
+        let sender = &mut prepared.subscribers.tears;
+        if sender.is_none() {
+            *sender = TearSender::new(bodies);
         }
         Self {
-            events: tap.as_mut().map(TearTap::listen).unwrap_or_default(),
+            events: sender.as_mut().map(TearSender::listen).unwrap_or_default(),
             ..Self::new(scene)
         }
     }

@@ -11,7 +11,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// The host's end.
 #[derive(Default)]
-pub struct TearTap {
+pub struct TearSender {
     /// By body: the number of edits that have been passed on; `None` for a body that does not tear.
     known: Vec<Option<usize>>,
     /// By body: the number of pieces at the start.
@@ -22,8 +22,8 @@ pub struct TearTap {
     room: usize,
 }
 
-impl TearTap {
-    /// A tap for the sheets among `bodies` that tear; `None` where nothing tears.
+impl TearSender {
+    /// A sender for the sheets among `bodies` that tear; `None` if nothing tears.
     pub(super) fn new(bodies: &[HostBody]) -> Option<Self> {
         let mut room = 0;
         let known: Vec<_> = bodies

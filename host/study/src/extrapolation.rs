@@ -11,15 +11,12 @@
 mod tables;
 
 use crate::StudyError;
-use host::engine::body::{fill_blocks, reference_of};
-use host::engine::stored::Stored;
+use host::engine::publisher::{Elastic, Publisher, Publishing, reference_of};
 use host::scene::{LoadedScene, Scene};
 use host::world::{World, condense};
 use physics::{Budget, Condenser, HandlePose};
 use rt_core::coupling::{Coupling, CouplingConfig, Passed};
-use rt_core::{
-    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench,
-};
+use rt_core::{HandleReference, MAX_DEVICES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench};
 use serde::Serialize;
 use sim::minimum_jerk;
 
@@ -230,13 +227,21 @@ fn race(
         absolute_tolerance: 1e-10,
         max_iterations: 10_000,
     })?;
-    // One condenser for each rate, because the drift of a model needs the previous model.
+    // One condenser and one publisher for each rate, because the drift and the energy of a model need the model before.
     let condensers: Result<Vec<_>, _> = rates.iter().map(|_| Condenser::new(&sheet)).collect();
     let mut condensers = condensers?;
-    // The cap needs the energy that each rate's models claim.
-    let origins = || handles.iter().map(|handle| handle.origin).collect();
-    let mut stored: Vec<Stored> = rates.iter().map(|_| Stored::new(origins())).collect();
-    let weights = sheet.handle_weights();
+    let devices: Vec<u8> = (0..handles.len() as u8).collect();
+    let publisher = |rate: &f64| {
+        let publishing = Publishing {
+            period: 1.0 / rate,
+            horizon: 1.0,
+            // The cap needs the energy that the models claim.
+            energy: true,
+            ..Publishing::default()
+        };
+        Publisher::new(&sheet, &devices, publishing)
+    };
+    let mut publishers: Vec<_> = rates.iter().map(publisher).collect();
     let steps = (duration / STEP).round() as u64;
     let mut published = vec![0_u64; rates.len()];
     let mut race = Race {
@@ -254,17 +259,12 @@ fn race(
         let targets: Vec<_> = handles.iter().enumerate().map(target).collect();
         sheet.step(STEP, &targets)?;
 
-        let mut model = LocalModel::empty();
-        model.head.sequence = step;
-        model.head.time_ns = step * 1_000_000;
-        model.head.handle_count = handles.len().min(MAX_HANDLES) as u8;
-        for (i, reference) in model.handles.iter_mut().take(handles.len()).enumerate() {
-            if let Some(report) = sheet.handle_report(i) {
-                *reference = reference_of(i as u8, report);
-                reference.weight = weights.get(i).copied().unwrap_or_default();
-            }
-        }
-        let hands: Vec<(Pose, Twist)> = model.handles().map(|h| (h.pose, h.twist)).collect();
+        let time_ns = step * 1_000_000;
+        let reports = (0..).map_while(|device| Some((device, sheet.handle_report(device.into())?)));
+        let truth: Vec<HandleReference> = reports
+            .map(|(device, report)| reference_of(device, report))
+            .collect();
+        let hands: Vec<(Pose, Twist)> = truth.iter().map(|h| (h.pose, h.twist)).collect();
 
         for (index, rate) in rates.iter().enumerate() {
             // A publication is due at the first step at or after each multiple of the period.
@@ -277,19 +277,19 @@ fn race(
             race.worst_clip = race.worst_clip.max(condensed.stiffness_clip.fraction);
             let row = (0..handles.len()).map(|j| condensed.stiffness[(0, 6 * j)]);
             race.rigid_stiffness[index] = row.sum::<f64>().abs();
-            fill_blocks(&mut model, condensed);
-            model.head.period = 1.0 / rate;
-            stored[index].keep(&model, condensed.length);
-            stored[index].publish(&sheet, sheet.elastic_energy(), &mut model);
+            let publisher = &mut publishers[index];
+            publisher.take(condensed);
+            let elastic = Elastic::Whole(sheet.elastic_energy());
+            let model = publisher.publish(&sheet, elastic, time_ns);
             for rival in rivals.iter_mut().filter(|rival| rival.rate == index) {
                 // The coupling accepts any sound model. A refusal would appear as a growing error.
-                let _ = rival.coupling.accept(&model);
+                let _ = rival.coupling.accept(model);
             }
         }
 
         let measured = t > SETTLE;
         for rival in rivals.iter_mut() {
-            let wrenches = rival.coupling.tick(model.head.time_ns, &hands);
+            let wrenches = rival.coupling.tick(time_ns, &hands);
             // Nothing limits the devices here: they hold what the scheme renders. The account needs to know.
             let mut held = [Wrench::zero(); MAX_DEVICES];
             for (held, (wrench, _)) in held.iter_mut().zip(wrenches.iter().zip(handles)) {
@@ -297,7 +297,7 @@ fn race(
             }
             rival.coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
             if measured {
-                for (wrench, reference) in wrenches.iter().zip(model.handles()) {
+                for (wrench, reference) in wrenches.iter().zip(&truth) {
                     let error = (wrench.force - reference.wrench.force).norm();
                     rival.squares += error * error;
                     rival.worst = rival.worst.max(error);
@@ -306,7 +306,7 @@ fn race(
         }
         if measured {
             race.samples += handles.len() as f64;
-            let forces = model.handles().map(|h| h.wrench.force.norm());
+            let forces = truth.iter().map(|h| h.wrench.force.norm());
             race.peak = forces.fold(race.peak, f64::max);
         }
         progress(step as f64 / steps as f64);

@@ -20,6 +20,7 @@ mod log_frames;
 mod log_on_disk;
 mod mounting;
 mod observers;
+mod publisher;
 mod replay;
 mod replay_devices;
 mod replay_fields;

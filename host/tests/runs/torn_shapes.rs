@@ -1,7 +1,6 @@
 //! A sheet that tears is shown and stored as it is: in frames for ParaView, in the frames of a log, and to viewers.
 
 use host::live::EventKind;
-use host::live::slot::{Watchers, slot};
 use host::log::Log;
 use host::log::index::LogIndex;
 use host::run::frames::FrameOptions;
@@ -11,6 +10,7 @@ use host::run::session::Session;
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use host::snapshot::{Subscriber, Watchers};
 use host::world::World;
 use physics::Vec3;
 use std::collections::BTreeMap;
@@ -154,7 +154,7 @@ fn a_viewer_gets_the_newest_surface_with_the_newest_positions() -> Outcome {
     )?;
     let watchers = Watchers::default();
     watchers.set(1);
-    let (mut writer, mut reader) = slot(&setup.engine, watchers);
+    let (mut subscriber, mut reader) = Subscriber::watched(&setup.engine, watchers);
     let (mut now, mut steps) = (Instant::now(), 0);
     let (mut known, mut seen) = (None, 0);
     let mut faults = Vec::new();
@@ -167,27 +167,27 @@ fn a_viewer_gets_the_newest_surface_with_the_newest_positions() -> Outcome {
         steps = engine.stats().steps;
         // A copy is due after each step.
         now += Duration::from_millis(20);
-        writer.after_step_at(now, 0, 0, engine);
+        subscriber.after_step(now, 0, 0, engine);
         if !steps.is_multiple_of(7) {
             continue;
         }
-        let Some(moment) = reader.newest() else {
-            faults.push(format!("step {steps}: no moment"));
+        let Some(snapshot) = reader.newest() else {
+            faults.push(format!("step {steps}: no snapshot"));
             continue;
         };
-        let body = &moment.bodies[0];
+        let body = &snapshot.bodies[0];
         if let Some(surface) = body.torn.fresh() {
             seen += 1;
             known = Some((surface.epoch, surface.vertices));
-            if surface.rest.len() != body.positions.len() {
+            if surface.rest.len() != 3 * body.positions.len() {
                 faults.push(format!("step {steps}: positions at rest"));
             }
         }
-        let vertices = (body.positions.len() / 3) as u32;
+        let vertices = body.positions.len() as u32;
         if known.is_some_and(|known| known != (body.epoch, vertices)) {
             faults.push(format!("step {steps}: {known:?} {}", body.epoch));
         }
-        reader.give_back(moment);
+        reader.give_back(snapshot);
     }
     assert_eq!(faults, Vec::<String>::new());
     assert!(seen > 2, "{seen} surfaces");

@@ -4,10 +4,11 @@ use crate::feed::{Command, Feed, FeedError};
 use host::live::frame::{FoldedBody, FoldedHand, PROTOCOL};
 use host::live::{
     Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
-    Hello, HostState, Message, Range, Totals, Vertices,
+    Hello, Message, Range, Totals, Vertices,
 };
 use host::record::Distribution;
 use host::record::Surface;
+use host::snapshot::HostCounts;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
@@ -257,14 +258,14 @@ fn frame(number: u64, edge: u32) -> Frame {
             }),
             ..BodyState::default()
         }],
-        host: Some(HostState {
+        host: Some(HostCounts {
             steps: 4 * number,
             step_rate: 250.0,
             publications: 2 * number,
             stages: [Some(8e-5), Some(2e-4)],
             medians: [8e-5, 2e-4],
             iterations: 3,
-            ..HostState::default()
+            ..HostCounts::default()
         }),
         events,
         ..Frame::default()

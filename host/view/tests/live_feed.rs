@@ -1,11 +1,11 @@
 //! The feed from a run: what it gives, what it keeps, and why it ends.
 
-use host::live::slot::Watchers;
 use host::live::socket::{Listener, Server, Update};
 use host::live::{
     BodyState, Folded, Frame, Hello, Message, MessageError, Vertices, frame::PROTOCOL,
 };
 use host::record::Surface;
+use host::snapshot::Watchers;
 use std::error::Error;
 use std::io::Write;
 use std::os::unix::net::UnixListener;

@@ -4,16 +4,13 @@
 //! velocities, the paths of the hands that stay, the sequence of models and the energy that hands can recover continue
 //! without a jump. Models name the new handles from the next publication on, in a new epoch.
 
-use super::{HostBody, Joining};
+use super::HostBody;
 use crate::engine::background::Background;
-use crate::engine::change::{ChangeError, Edit, Hand, Made, Rebuild};
-use crate::engine::path::HandlePath;
+use crate::engine::change::{ChangeError, Edit, Made, Rebuild};
+use crate::engine::hands::{Joining, Regrip};
 use crate::engine::stats::StepFault;
-use crate::engine::stiff::SeriesSprings;
-use crate::engine::stored::Stored;
-use crate::engine::virtual_coupling::{Link, VirtualCoupling};
-use physics::{Body, HandlePose};
-use rt_core::{HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Pose, Vec3};
+use physics::HandlePose;
+use rt_core::{MAX_DEVICES, Pose};
 
 impl HostBody {
     /// Whether a change is under way.
@@ -30,7 +27,7 @@ impl HostBody {
             return Err(ChangeError::UnderWay);
         }
         // The copy on which the change is made would miss the edits of the tears.
-        if self.tears.is_some() {
+        if self.stepping.tears.is_some() {
             return Err(ChangeError::Tears);
         }
         let mut joining = Vec::new();
@@ -40,23 +37,19 @@ impl HostBody {
                 if usize::from(device) >= MAX_DEVICES {
                     return Err(ChangeError::NoDevice { device });
                 }
-                if self.coupling.is_some() && grip.link.is_none() {
+                if self.publisher.is_coupled() && grip.link.is_none() {
                     return Err(ChangeError::NoLink { device });
                 }
                 let start = Pose::at(grip.spec.origin);
-                joining.push(Joining {
-                    device,
-                    link: grip.link,
-                    path: HandlePath::joining(usize::from(device), self.smoothing, start),
-                });
+                joining.push(self.hands.join(device, grip.link, start));
             }
         }
-        let (recipe, step) = (self.recipe, self.step);
+        let (recipe, step) = (self.stepping.recipe, self.stepping.step);
         let background = self
             .background
             .get_or_insert_with(|| Background::new(recipe.is_real(), step));
-        let copy = self.body.clone();
-        background.begin(Box::new(Rebuild::new(recipe, self.response, copy, edits)));
+        let (response, copy) = (self.stepping.response, self.stepping.body.clone());
+        background.begin(Box::new(Rebuild::new(recipe, response, copy, edits)));
         self.joining = Some(joining);
         Ok(())
     }
@@ -100,12 +93,17 @@ impl HostBody {
             mut body,
             map,
             replaced,
-            hands,
+            hands: made_hands,
             solver,
         } = made;
-        body.continue_from(&self.body, &map)?;
-        let now_ns = self.time_ns.unwrap_or(0);
-        for (handle, join) in joined(&hands, joining) {
+        let stepping = &mut self.stepping;
+        body.continue_from(&stepping.body, &map)?;
+        let hands = Regrip {
+            hands: &made_hands,
+            joining,
+        };
+        let now_ns = self.hands.time_ns.unwrap_or(0);
+        for (handle, join) in hands.joined() {
             if join.path.time_ns().is_some() {
                 let pose = join.path.pose_at(now_ns);
                 body.hold_at(
@@ -117,100 +115,22 @@ impl HostBody {
                 )?;
             }
         }
-
-        let model = self.renamed(&hands, joining);
-        if let Some(stored) = &mut self.stored {
-            let origins = origins(stored, &hands, &body);
-            // The elements of a copy store the same energy, and a sum over all of them takes as long as a step.
-            let before = self.solver.elastic_energy();
-            let after = if replaced {
-                body.elastic_energy()
-            } else {
-                before
-            };
-            *stored = stored.rebuilt(
-                (&self.body, before, &self.model),
-                (&body, after, &model),
-                origins,
-            );
-        }
-        self.model = model;
-        self.devices = each(&hands, joining, &self.devices, |join| join.device);
-        self.springs = SeriesSprings::of(&self.devices, &self.renderable);
-        if let Some(coupling) = &mut self.coupling {
-            let links: Vec<Option<Link>> = coupling.links().iter().copied().map(Some).collect();
-            let links = each(&hands, joining, &links, |join| join.link);
-            *coupling = VirtualCoupling::new(links.into_iter().flatten().collect());
-        }
-        self.paths = each(&hands, joining, &self.paths, |join| join.path.clone());
+        // The elements of a copy store the same energy, and a sum over all of them takes as long as a step.
+        let before = stepping.solver.elastic_energy();
+        let after = if replaced {
+            body.elastic_energy()
+        } else {
+            before
+        };
+        let old = (&stepping.body, before);
+        self.publisher.regrip(hands, old, (&body, after));
+        self.hands.regrip(hands);
         Ok(Made {
-            body: core::mem::replace(&mut self.body, body),
-            solver: core::mem::replace(&mut self.solver, solver),
+            body: core::mem::replace(&mut stepping.body, body),
+            solver: core::mem::replace(&mut stepping.solver, solver),
             map,
             replaced,
-            hands,
+            hands: made_hands,
         })
     }
-
-    /// The model with the handles of `hands`, in a new epoch. The next publication fills in the rest. A handle that
-    /// joins bears no weight: the hand took hold of it wherever it was.
-    fn renamed(&self, hands: &[Hand], joining: &[Joining]) -> LocalModel {
-        let mut model = self.model;
-        model.head.epoch = model.head.epoch.saturating_add(1);
-        let handles = each(hands, joining, &self.model.handles, |join| {
-            HandleReference {
-                device: join.device,
-                ..HandleReference::zero()
-            }
-        });
-        model.head.handle_count = handles.len().min(MAX_HANDLES) as u8;
-        for (mine, handle) in model.handles.iter_mut().zip(handles) {
-            *mine = handle;
-        }
-        model
-    }
-}
-
-/// For each hand after a change, its entry in `kept` or the entry that `join` makes.
-fn each<V: Clone>(
-    hands: &[Hand],
-    joining: &[Joining],
-    kept: &[V],
-    join: impl Fn(&Joining) -> V,
-) -> Vec<V> {
-    let entry = |hand: &Hand| match *hand {
-        Hand::Kept(old) => kept.get(old).cloned(),
-        Hand::Joined(number) => joining.get(number).map(&join),
-    };
-    hands.iter().filter_map(entry).collect()
-}
-
-/// The handles that join, each with its hand.
-fn joined<'a>(
-    hands: &'a [Hand],
-    joining: &'a [Joining],
-) -> impl Iterator<Item = (usize, &'a Joining)> {
-    let numbered = hands.iter().enumerate();
-    numbered.filter_map(|(handle, hand)| match *hand {
-        Hand::Joined(number) => joining.get(number).map(|join| (handle, join)),
-        Hand::Kept(_) => None,
-    })
-}
-
-/// For each handle of `body`, the position from which the potential of its weight counts (m).
-fn origins(stored: &Stored, hands: &[Hand], body: &Body) -> Vec<Vec3> {
-    let numbered = hands.iter().enumerate();
-    numbered
-        .map(|(handle, hand)| {
-            let kept = match *hand {
-                Hand::Kept(old) => stored.origin(old),
-                Hand::Joined(_) => None,
-            };
-            let held = || {
-                body.handle_report(handle)
-                    .map(|report| report.pose.position)
-            };
-            kept.or_else(held).unwrap_or_default()
-        })
-        .collect()
 }

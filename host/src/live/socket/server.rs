@@ -2,11 +2,11 @@
 
 use super::super::frame::{Frame, Hello, Vertices};
 use super::super::message::Message;
-use super::super::slot::Watchers;
 use super::station::{Station, encode};
 use super::viewer::{Pumped, Viewer};
 use super::{Listener, SocketError};
 use crate::record::Surface;
+use crate::snapshot::Watchers;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{SendFlags, send};
 use std::io::Read;

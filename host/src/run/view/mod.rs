@@ -1,18 +1,18 @@
-//! A run that viewers watch: joins the host's slot, the observer and the thread of the viewers.
+//! A run that viewers watch: joins the host's snapshots, the observer and the thread of the viewers.
 
 mod observer;
 
 use crate::engine::Engine;
 use crate::live::gather::Gatherer;
-use crate::live::slot::{Moment, SlotWriter, Watchers, slot};
 use crate::live::socket::{Listener, Server, Update};
 use crate::live::{Hello, Source};
 use crate::record::Surface;
 use crate::run::prepare::HostSide;
 use crate::run::summary::RunSummary;
 use crate::run::{RunError, RunOptions, facts};
+use crate::snapshot::{Snapshot, Subscriber, Watchers};
 use crate::world::World;
-use observer::{Frames, Rest, TickTime, ViewObserver};
+use observer::{Frames, Rest, TickTime, ViewObserver, vertices};
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -29,8 +29,6 @@ pub struct ViewOptions {
 
 /// The part of a watched run that goes with its host.
 pub struct HostView {
-    /// Takes the positions after each step.
-    pub(crate) slot: SlotWriter,
     /// Receives the reader of the computing times of the ticks when the tick's thread starts.
     pub(crate) tick_time: TickTime,
     /// As [`ViewOptions::pace`].
@@ -55,7 +53,7 @@ impl Session {
         options: &RunOptions,
         seed: u64,
         engine: &Engine,
-    ) -> Result<(Self, HostView, ViewObserver), RunError> {
+    ) -> Result<(Self, HostView, (Subscriber, ViewObserver)), RunError> {
         let mut hello = Hello::new(Source::Run, world, facts(world.loaded, options, seed));
         hello.run = identity();
         hello.duration = options.duration.unwrap_or(hello.duration);
@@ -67,8 +65,9 @@ impl Session {
             surface.epoch = body.body().epoch() as u32;
         }
         let watchers = Watchers::default();
-        let (writer, reader) = slot(engine, watchers.clone());
-        let vertices = Moment::of(engine, 0, 0).vertices().collect();
+        let (subscriber, reader) = Subscriber::watched(engine, watchers.clone());
+        let epochs: Vec<_> = surfaces.iter().map(|surface| surface.epoch).collect();
+        let vertices = vertices(&Snapshot::since(&epochs, engine, 0, 0)).collect();
         let tick_time = TickTime::default();
         let gatherer = Gatherer::new(world.loaded, options.clock);
         let frames = Frames::new(gatherer, surfaces.clone());
@@ -78,11 +77,10 @@ impl Session {
         let theirs = (Arc::clone(&tick_time), Arc::clone(&rest));
         let observer = ViewObserver::new(watchers, frames, reader, sender, theirs);
         let host = HostView {
-            slot: writer,
             tick_time,
             pace: view.pace,
         };
-        Ok((Self { server, rest }, host, observer))
+        Ok((Self { server, rest }, host, (subscriber, observer)))
     }
 
     /// Sends the last frame, with the totals of `summary` and the state of `host`, and the summary. `host` is absent if its
@@ -95,11 +93,11 @@ impl Session {
             .take();
         // Without the observer, whose thread panicked, there is no last frame.
         let last = rest.map(|mut frames| {
-            let moment = host.map(|host| {
+            let snapshot = host.map(|host| {
                 let (time_ns, skipped) = (host.pacer.last_ns(), host.pacer.skipped());
-                Moment::of(&host.engine, time_ns, skipped).since(&frames.epochs(), &host.engine)
+                Snapshot::since(&frames.epochs(), &host.engine, time_ns, skipped)
             });
-            let (surfaces, mut frame) = frames.last(moment.as_ref());
+            let (surfaces, mut frame) = frames.last(snapshot.as_ref());
             take_totals(&mut frame, summary);
             Update::Frame(surfaces, Box::new(frame))
         });

@@ -1,19 +1,17 @@
 //! The observer of a run that makes frames, on the thread of the log.
 //!
 //! It takes every tick, so the totals and the least and greatest values are those of all ticks, watched or not. While a
-//! viewer is connected, it makes up to sixty frames a second of the wall clock, adds the newest positions of the slot, and
+//! viewer is connected, it makes up to sixty frames a second of the wall clock, adds the newest positions of the host, and
 //! gives the frames to the thread of the viewers without waiting.
 
-use crate::live::connectivity::after_change;
-use crate::live::frame::{Frame, HostState, LogMessage};
+use crate::live::frame::{Frame, LogMessage, Vertices};
 use crate::live::gather::Gatherer;
 use crate::live::merge::MAX_LOG;
-use crate::live::rate::Rate;
-use crate::live::slot::{Moment, SlotReader, Watchers};
 use crate::live::socket::{Update, UpdateSender};
 use crate::record::{Kind, ModelRow, Surface, TickRow, message};
 use crate::run::observer::{Observed, Observer};
 use crate::run::tears::TearEvents;
+use crate::snapshot::{HostCounts, Rate, Reader, Snapshot, Watchers, after_change};
 use runner::LatencyReader;
 use runner::link::LogRecord;
 use std::collections::VecDeque;
@@ -33,7 +31,7 @@ pub(crate) struct ViewObserver {
     log: LogTail,
     /// What tears.
     tears: TearEvents,
-    slot: SlotReader,
+    snapshots: Reader,
     sender: UpdateSender,
     /// What the thread of the viewers has not taken.
     waiting: Option<(Vec<Surface>, Box<Frame>)>,
@@ -55,7 +53,7 @@ impl ViewObserver {
     pub(super) fn new(
         watchers: Watchers,
         frames: Frames,
-        slot: SlotReader,
+        snapshots: Reader,
         sender: UpdateSender,
         (tick_time, rest): (TickTime, Rest),
     ) -> Self {
@@ -66,7 +64,7 @@ impl ViewObserver {
             frames,
             log: LogTail::default(),
             tears: TearEvents::default(),
-            slot,
+            snapshots,
             sender,
             waiting: None,
             owed: Vec::new(),
@@ -81,12 +79,12 @@ impl ViewObserver {
     }
 
     fn send(&mut self) {
-        let moment = self.slot.newest();
-        let (newer, mut frame) = self.frames.make(moment.as_deref());
+        let snapshot = self.snapshots.newest();
+        let (newer, mut frame) = self.frames.make(snapshot.as_deref());
         let mut surfaces = std::mem::take(&mut self.owed);
         add_newer(&mut surfaces, newer);
-        if let Some(moment) = moment {
-            self.slot.give_back(moment);
+        if let Some(snapshot) = snapshot {
+            self.snapshots.give_back(snapshot);
         }
         (frame.log, frame.more_log) = self.log.take();
         let (surfaces, frame) = match self.waiting.take() {
@@ -166,7 +164,7 @@ pub(super) struct Frames {
     gatherer: Gatherer,
     /// By body: the surface of the present topology epoch.
     surfaces: Vec<Surface>,
-    host: HostState,
+    host: HostCounts,
     steps: StepRate,
     /// A frame that the thread of the viewers did not take.
     unsent: Option<(Vec<Surface>, Frame)>,
@@ -180,7 +178,7 @@ impl Frames {
         Self {
             gatherer,
             surfaces,
-            host: HostState::default(),
+            host: HostCounts::default(),
             steps: StepRate::default(),
             unsent: None,
             owed: Vec::new(),
@@ -197,14 +195,14 @@ impl Frames {
         let _ = self.gatherer.frame();
     }
 
-    /// The frame of the ticks since the last frame, with the vertices of `moment` if there is one, and the surfaces of
+    /// The frame of the ticks since the last frame, with the vertices of `snapshot` if there is one, and the surfaces of
     /// bodies that begin a topology epoch.
-    fn make(&mut self, moment: Option<&Moment>) -> (Vec<Surface>, Frame) {
+    fn make(&mut self, snapshot: Option<&Snapshot>) -> (Vec<Surface>, Frame) {
         let mut frame = self.gatherer.frame();
         let mut changed = Vec::new();
-        if let Some(moment) = moment {
-            self.host = moment.host.clone();
-            for (known, body) in self.surfaces.iter_mut().zip(&moment.bodies) {
+        if let Some(snapshot) = snapshot {
+            self.host = snapshot.host.clone();
+            for (known, body) in self.surfaces.iter_mut().zip(&snapshot.bodies) {
                 *known = match (body.torn.fresh(), &body.changed) {
                     (Some(torn), _) => torn.clone(),
                     (None, Some(now)) => after_change(known, body.epoch, now),
@@ -212,7 +210,7 @@ impl Frames {
                 };
                 changed.push(known.clone());
             }
-            for (body, vertices) in frame.bodies.iter_mut().zip(moment.vertices()) {
+            for (body, vertices) in frame.bodies.iter_mut().zip(vertices(snapshot)) {
                 body.vertices = Some(vertices);
             }
         }
@@ -222,7 +220,7 @@ impl Frames {
     }
 
     /// The last frame of the run, after the last step of `host`.
-    pub(super) fn last(&mut self, host: Option<&Moment>) -> (Vec<Surface>, Frame) {
+    pub(super) fn last(&mut self, host: Option<&Snapshot>) -> (Vec<Surface>, Frame) {
         let (changed, mut frame) = self.make(host);
         let mut surfaces = std::mem::take(&mut self.owed);
         if let Some((unsent, before)) = self.unsent.take() {
@@ -233,6 +231,19 @@ impl Frames {
         frame.last = true;
         (surfaces, frame)
     }
+}
+
+/// The vertices of each body, as a frame has them.
+pub(super) fn vertices(snapshot: &Snapshot) -> impl Iterator<Item = Vertices> {
+    snapshot.bodies.iter().map(|body| Vertices {
+        step: snapshot.step,
+        time_ns: snapshot.time_ns,
+        epoch: body.epoch,
+        count: body.positions.len() as u32,
+        stressed: false,
+        positions: body.rounded().collect(),
+        stress: Vec::new(),
+    })
 }
 
 /// The rate of the host's steps over the last second of the run's own time.

@@ -11,9 +11,9 @@
 //! corrects of the proxies' places comes in evenly within the same time: a jump of a micrometre would be an impact.
 
 use crate::StudyError;
-use host::engine::body::{fill_blocks, reference_of};
 use host::engine::plan::renderable;
 use host::engine::projected::Projected;
+use host::engine::publisher::{fill_blocks, reference_of};
 use host::engine::stiff::{Renderable, SeriesSprings};
 use host::world::World;
 use nalgebra::UnitQuaternion;

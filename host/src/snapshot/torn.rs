@@ -72,9 +72,3 @@ impl TornSurface {
         }
     }
 }
-
-/// The numbers of vertices that `body` may have: those that it has, and those that tears may add.
-pub fn vertex_room(body: &Body) -> usize {
-    let surface = body.surface();
-    surface.map_or(body.vertex_count(), |surface| surface.limits().vertices)
-}

@@ -1,0 +1,342 @@
+//! Publishes local models of a body: what its devices render.
+//!
+//! A publisher stands beside a body of the physics and keeps what outlasts one model: the sequence, the topology epoch, the
+//! account of the energy that hands can recover, and the springs between devices and body. Whoever steps and condenses the
+//! body gives the publisher the result: the engine, a study, or another host.
+
+use super::damped::{Damped, DampedDirection};
+use super::hands::Regrip;
+use super::parting::Parting;
+use super::projected::Projected;
+use super::stiff::{Renderable, SeriesSprings, StiffDirection};
+use super::stored::Stored;
+use super::virtual_coupling::{Link, VirtualCoupling};
+use physics::linear::dense::Square;
+use physics::{Body, Condensed, HandlePose, HandleReport, PieceSums};
+use rt_core::{
+    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TearLimit, Twist, Vec6, Wrench,
+};
+
+/// Time for which a model places the handles behind springs, as a multiple of its horizon. The stiffness of a model holds the
+/// inertia of the body for its horizon. The wrench of a younger model holds the inertia of the last change of a handle's
+/// velocity, which is larger: handles that such a wrench places swing from model to model. Over longer times than
+/// [`LONGEST_PLACED`] (s) inertia is small beside stiffness, and a body that is not linear would be placed by the past.
+const PLACES: f64 = 2.0;
+const LONGEST_PLACED: f64 = 0.015;
+
+/// How the models of a body are published.
+#[derive(Default)]
+pub struct Publishing {
+    /// Publication period (s).
+    pub period: f64,
+    /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
+    /// model.
+    pub horizon: f64,
+    /// Whether models say how much energy they store.
+    pub energy: bool,
+    /// What devices of one or two degrees of freedom render; by default, all devices move along all axes.
+    pub projected: Projected,
+    /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
+    pub coupling: Option<VirtualCoupling>,
+    /// What each device can render; empty if the devices render the body's local model whatever its stiffness.
+    pub renderable: Vec<Renderable>,
+}
+
+/// The elastic energy of a body (J).
+#[derive(Clone, Copy, Debug)]
+pub enum Elastic<'a> {
+    /// Of the whole body.
+    Whole(f64),
+    /// Among the sums over each group of handles, of a body that has come apart.
+    Pieces(&'a [PieceSums]),
+}
+
+/// Publishes the local models of one body.
+pub struct Publisher {
+    /// The model of the body itself.
+    model: LocalModel,
+    projected: Projected,
+    stored: Option<Stored>,
+    coupling: Option<VirtualCoupling>,
+    renderable: Vec<Renderable>,
+    /// Springs in series with the directions that the devices cannot render.
+    springs: Option<SeriesSprings>,
+    /// The model by which the springs place the handles, for [`PLACES`] of its horizon at most.
+    placing: LocalModel,
+    /// The part of the damping that the devices render.
+    damped: Damped,
+}
+
+impl Publisher {
+    /// A publisher that has published no model of `body`, whose handles the `devices` hold, in the body's order.
+    pub fn new(body: &Body, devices: &[u8], publishing: Publishing) -> Self {
+        let mut model = LocalModel::empty();
+        model.head.period = publishing.period;
+        model.head.handle_count = devices.len().min(MAX_HANDLES) as u8;
+        model.head.horizon = publishing.horizon;
+        let origins = (0..devices.len()).filter_map(|handle| {
+            let report = body.handle_report(handle);
+            report.map(|report| report.pose.position)
+        });
+        let stored = publishing.energy.then(|| Stored::new(origins.collect()));
+        let handles = model.handles.iter_mut().zip(devices);
+        for ((reference, device), weight) in handles.zip(body.handle_weights()) {
+            reference.device = *device;
+            reference.weight = weight;
+            publishing.projected.weight(reference);
+        }
+        Self {
+            placing: model,
+            model,
+            stored,
+            springs: SeriesSprings::of(devices, &publishing.renderable),
+            projected: publishing.projected,
+            coupling: publishing.coupling,
+            renderable: publishing.renderable,
+            damped: Damped::default(),
+        }
+    }
+
+    /// The model that the devices render, as it was published last.
+    pub fn model(&self) -> &LocalModel {
+        let coupled = self.coupling.as_ref().map(VirtualCoupling::model);
+        let softened = || self.springs.as_ref().and_then(SeriesSprings::model);
+        coupled.or_else(softened).unwrap_or(&self.model)
+    }
+
+    /// Whether a model of the body at `time_ns` can be published. The tick would refuse a second model of the same time. No
+    /// hand feels a body that has no handle: when the last hand lets go, its force fades with the age of the last model.
+    pub fn is_due(&self, time_ns: u64) -> bool {
+        let published = self.model.head.sequence > 0 && time_ns == self.model.head.time_ns;
+        !published && self.model.head.handle_count > 0
+    }
+
+    /// Takes the stiffness, the damping and the drift of the models from now on.
+    pub fn take(&mut self, condensed: &Condensed) {
+        fill_blocks(&mut self.model, condensed);
+        self.projected.blocks(&mut self.model);
+        if let Some(stored) = &mut self.stored {
+            stored.keep(&self.model, condensed.length);
+        }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.set_length(condensed.length);
+        }
+    }
+
+    /// Says in the models from now on how far the handles can move before a tear goes on. `find` gives the limit, and calls
+    /// its argument with the handle, the motion and the slope of each motion.
+    pub fn limit(
+        &mut self,
+        find: impl FnOnce(&mut dyn FnMut(usize, usize, f64)) -> Option<physics::TearLimit>,
+    ) {
+        let handles = &mut self.model.handles;
+        for handle in handles.iter_mut() {
+            handle.tear_slope = Vec6::zeros();
+        }
+        let limit = find(&mut |handle, motion, slope| {
+            if let Some(handle) = handles.get_mut(handle) {
+                handle.tear_slope[motion] = slope;
+            }
+        });
+        self.model.head.tear_limit = limit.map_or(TearLimit::none(), |limit| TearLimit {
+            root: limit.root,
+            critical: limit.critical,
+            area: 0.0,
+        });
+    }
+
+    /// Publishes a model of `body`, which has the energy `elastic`, at `time_ns`.
+    pub fn publish(&mut self, body: &Body, elastic: Elastic<'_>, time_ns: u64) -> &LocalModel {
+        let elapsed = time_ns.saturating_sub(self.model.head.time_ns) as f64 * 1e-9;
+        self.model.head.sequence += 1;
+        self.model.head.time_ns = time_ns;
+        let count = usize::from(self.model.head.handle_count);
+        for (i, reference) in self.model.handles[..count].iter_mut().enumerate() {
+            if let Some(report) = body.handle_report(i) {
+                *reference = HandleReference {
+                    piece: reference.piece,
+                    weight: reference.weight,
+                    drift: reference.drift,
+                    tear_slope: reference.tear_slope,
+                    ..reference_of(reference.device, report)
+                };
+                self.projected.wrench(reference);
+            }
+        }
+        if let Some(stored) = &mut self.stored {
+            match elastic {
+                Elastic::Whole(elastic) => stored.publish(body, elastic, &mut self.model),
+                Elastic::Pieces(sums) => stored.publish_pieces(body, sums, &mut self.model),
+            }
+            stored.publish_tear_area(&mut self.model);
+        }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.through(&self.model);
+        }
+        if let Some(springs) = &mut self.springs {
+            let acted = springs.model().is_some();
+            springs.through(&self.model, elapsed);
+            let age = time_ns.saturating_sub(self.placing.head.time_ns) as f64 * 1e-9;
+            if !acted || age >= (PLACES * self.model.head.horizon).min(LONGEST_PLACED) {
+                self.placing.copy_used_from(&self.model);
+            }
+        }
+        let springs = self.springs.as_ref().and_then(SeriesSprings::model);
+        let felt = springs.unwrap_or(&self.model);
+        self.damped.see(felt, &self.renderable);
+        self.model()
+    }
+
+    /// Makes the `targets` of the handles, the poses of the devices at `time_ns`, the poses of the proxies if springs lie
+    /// between the devices and the body.
+    pub fn place(&self, targets: &mut [HandlePose], time_ns: u64) {
+        if let Some(springs) = &self.springs {
+            springs.aim(targets, &self.placing, self.placing.ahead(time_ns));
+        }
+    }
+
+    /// The device of each handle, in the body's order.
+    pub fn devices(&self) -> impl Iterator<Item = u8> {
+        self.model.handles().map(|handle| handle.device)
+    }
+
+    /// Whether models say how much energy they store.
+    pub fn has_energy(&self) -> bool {
+        self.stored.is_some()
+    }
+
+    /// Whether devices touch the body through a virtual coupling.
+    pub(super) fn is_coupled(&self) -> bool {
+        self.coupling.is_some()
+    }
+
+    /// Begins a topology epoch.
+    pub fn begin_epoch(&mut self) {
+        self.model.head.epoch = self.model.head.epoch.saturating_add(1);
+    }
+
+    /// The stiffest direction so far that the devices could not render.
+    pub fn stiffest(&self) -> Option<StiffDirection> {
+        self.springs.as_ref().and_then(SeriesSprings::stiffest)
+    }
+
+    /// The handle and the direction of whose damping the devices have rendered the least part so far; `None` if they
+    /// rendered the whole.
+    pub fn least_damped(&self) -> Option<DampedDirection> {
+        self.damped.least()
+    }
+
+    /// The directions of the last model that the devices cannot render, stiffest first.
+    pub fn stiff_directions(&self) -> Vec<StiffDirection> {
+        let springs = self.springs.iter();
+        springs.flat_map(SeriesSprings::directions).collect()
+    }
+
+    /// Goes on with the body `after` in the place of `before`, at the same shape and with the same handles.
+    pub(super) fn exchange(&mut self, before: &Body, after: &Body) {
+        if let Some(stored) = &mut self.stored {
+            let energies = [before, after].map(Body::elastic_energy);
+            stored.exchange(before, energies, &self.model);
+        }
+    }
+
+    /// Parts the account of energy with the groups of the handles; `from` is the old group of each new group. The elastic
+    /// energy of the whole body is `elastic` (J).
+    pub(super) fn part(
+        &mut self,
+        parting: &mut Parting,
+        from: [u8; MAX_HANDLES],
+        body: &Body,
+        elastic: f64,
+    ) {
+        let model = &mut self.model;
+        // The energies of the old groups are those of the latest sums, which the last publication took.
+        let (sums, before) = parting.latest();
+        if let Some(stored) = &self.stored {
+            stored.energies(body, elastic, sums, model, before);
+        }
+        parting.sum(body);
+        parting.name(body, model);
+        let (sums, before) = parting.latest();
+        if let Some(stored) = &mut self.stored {
+            stored.part(before, &from[..sums.len()], body, sums, model);
+        }
+        for reference in &mut model.handles[..usize::from(model.head.handle_count)] {
+            self.projected.weight(reference);
+        }
+    }
+
+    /// Goes on with other handles, in a new epoch. `before` and `after` are the body with its elastic energy (J) on either
+    /// side of the change. The next publication fills in the rest. A handle that joins bears no weight: the hand took hold of
+    /// it wherever it was.
+    pub(super) fn regrip(&mut self, regrip: Regrip<'_>, before: (&Body, f64), after: (&Body, f64)) {
+        let mut model = self.model;
+        model.head.epoch = model.head.epoch.saturating_add(1);
+        let handles = regrip.each(&self.model.handles, |join| HandleReference {
+            device: join.device,
+            ..HandleReference::zero()
+        });
+        model.head.handle_count = handles.len().min(MAX_HANDLES) as u8;
+        for (mine, handle) in model.handles.iter_mut().zip(handles) {
+            *mine = handle;
+        }
+        if let Some(stored) = &mut self.stored {
+            let held = |handle| {
+                let report = after.0.handle_report(handle);
+                report.map(|report| report.pose.position)
+            };
+            let origins = regrip.numbered().map(|(handle, kept)| {
+                let kept = kept.and_then(|old| stored.origin(old));
+                kept.or_else(|| held(handle)).unwrap_or_default()
+            });
+            let origins = origins.collect();
+            let (old, new) = (
+                (before.0, before.1, &self.model),
+                (after.0, after.1, &model),
+            );
+            *stored = stored.rebuilt(old, new, origins);
+        }
+        self.model = model;
+        let devices: Vec<u8> = self.devices().collect();
+        self.springs = SeriesSprings::of(&devices, &self.renderable);
+        if let Some(coupling) = &mut self.coupling {
+            let links: Vec<Option<Link>> = coupling.links().iter().copied().map(Some).collect();
+            let links = regrip.each(&links, |join| join.link);
+            *coupling = VirtualCoupling::new(links.into_iter().flatten().collect());
+        }
+    }
+}
+
+/// Copies condensed stiffness, damping and drift into a local model.
+pub fn fill_blocks(model: &mut LocalModel, condensed: &Condensed) {
+    let handles = usize::from(model.head.handle_count);
+    for i in 0..handles {
+        for j in 0..handles {
+            let block = |matrix: &Square| Mat6::from_fn(|r, c| matrix[(6 * i + r, 6 * j + c)]);
+            model.stiffness[i][j] = block(&condensed.stiffness);
+            model.damping[i][j] = block(&condensed.damping);
+        }
+        let drift = Vec6::from_column_slice(&condensed.drift[6 * i..6 * i + 6]);
+        model.handles[i].drift = Wrench::from_stacked(&drift);
+    }
+}
+
+/// A handle's reference in a local model, from the last step's report on that handle.
+pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
+    HandleReference {
+        device,
+        pose: Pose {
+            position: report.pose.position,
+            rotation: report.pose.rotation,
+        },
+        twist: Twist {
+            linear: report.linear_velocity,
+            angular: report.angular_velocity,
+        },
+        wrench: Wrench {
+            force: report.wrench_on_hand.force,
+            moment: report.wrench_on_hand.moment,
+        },
+        ..HandleReference::zero()
+    }
+}
