@@ -14,9 +14,6 @@ pub mod driver;
 pub mod geometry;
 pub mod packet;
 
-/// USB vendor and product of the Falcon.
-pub const NUMBERS: (u16, u16) = crate::found::known::FALCON.numbers;
-
 pub use boot::{BootError, Firmware, FirmwareError, Tries};
 pub use connect::{FalconDriver, MOST_FORCE};
 pub use driver::{Counts, Falcon, FalconError, Settings};

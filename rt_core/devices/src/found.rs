@@ -4,10 +4,10 @@
 //! the file of the device (of a serial line, its rights alone), so nothing is sent to any device. The root of the file system is an argument, so that a test
 //! can make a tree of its own.
 //!
-//! - [`listed`]: the kernel's lists. `known`: the numbers of the devices that are known by name.
+//! - [`listed`]: the kernel's lists. [`known`]: the numbers of the devices that are known by name.
 //! - [`which`]: which one of several devices of a kind a connection names.
 
-pub(crate) mod known;
+pub mod known;
 pub mod listed;
 pub mod which;
 

@@ -7,6 +7,7 @@
 use devices::conformance::Suite;
 use devices::falcon::{Falcon, FalconDriver, Firmware as Image};
 use devices::found::Which;
+use devices::found::known::FALCON;
 use devices::ftdi::{Buffer, Chip as FtdiChip, Control, Ftdi};
 use devices::transport::Hidraw;
 use devices::usbfs::{Selector, UsbDevice};
@@ -474,7 +475,7 @@ fn a_falcon_boots_homes_and_has_force() {
 fn selector() -> Selector {
     Selector {
         kind: "falcon",
-        numbers: falcon::NUMBERS,
+        numbers: FALCON.numbers,
         which: Which::Only,
     }
 }

@@ -2,14 +2,15 @@
 
 /// The numbers of a device, and its name for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Known {
+pub struct Known {
     /// Vendor and product.
-    pub(crate) numbers: (u16, u16),
-    pub(crate) name: &'static str,
+    pub numbers: (u16, u16),
+    /// Its name.
+    pub name: &'static str,
 }
 
 /// The Novint Falcon, whose vendor is that of its chip (FTDI).
-pub(crate) const FALCON: Known = Known {
+pub const FALCON: Known = Known {
     numbers: (0x0403, 0xcb48),
     name: "Novint Falcon",
 };
@@ -19,13 +20,13 @@ const MBED: Known = Known {
     name: "WoodenHaptics (mbed)",
 };
 /// WoodenHaptics with reports of the long form.
-pub(crate) const TEENSY: Known = Known {
+pub const TEENSY: Known = Known {
     numbers: (0x16c0, 0x0486),
     name: "WoodenHaptics (Teensy)",
 };
 
 /// The board of WoodenHaptics with these numbers.
-pub(crate) fn board(numbers: (u16, u16)) -> Option<Known> {
+pub fn board(numbers: (u16, u16)) -> Option<Known> {
     [MBED, TEENSY]
         .into_iter()
         .find(|one| one.numbers == numbers)

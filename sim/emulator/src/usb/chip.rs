@@ -13,7 +13,7 @@ use super::ftdi::{Answer, answer};
 use super::functionfs::{EVENT, Event, HostRequest, Interface, texts};
 use super::gadget::{Function, Gadget, GadgetError, Numbers};
 use crate::Served;
-use devices::falcon::NUMBERS;
+use devices::found::known::FALCON;
 use devices::ftdi::PACKET;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, openat};
@@ -65,8 +65,8 @@ impl Chip {
     /// [`GadgetError`], which says what is missing and how to get it.
     pub fn create(serial: &str) -> Result<Self, GadgetError> {
         let numbers = Numbers {
-            vid: NUMBERS.0,
-            pid: NUMBERS.1,
+            vid: FALCON.numbers.0,
+            pid: FALCON.numbers.1,
             release: RELEASE,
             manufacturer: "palpate".into(),
             product: "Palpate's emulated Falcon".into(),
