@@ -6,7 +6,7 @@
 
 use super::Clock;
 use super::RunError;
-use super::parts::Parts;
+use super::observer::Observed;
 use crate::atomic_file::AtomicFileError;
 use crate::engine::{Engine, tears};
 use crate::run::panics;
@@ -155,16 +155,16 @@ impl FrameWriter {
         Ok((subscriber, writer))
     }
 
-    /// Waits for the last frames, after the subscriber has ended, and adds to `parts` what went wrong.
-    pub(super) fn finish(self, parts: &mut Parts) {
+    /// Waits for the last frames, after the subscriber has ended, and adds to `observed` what went wrong.
+    pub(super) fn finish(self, observed: &mut Observed) {
         let written = self.thread.join();
         let list = self.list.display();
         let frames = match written {
             Ok(Written { frames, failure }) => {
                 if let Some(failure) = failure {
                     let what = format!("the frames ended early: {failure}");
-                    parts.failures.push(what);
-                    parts.unwritten.push(self.list.clone());
+                    observed.failures.push(what);
+                    observed.unwritten.push(self.list.clone());
                     // The other frames are missing for this reason, not for want of time.
                     return;
                 }
@@ -173,13 +173,13 @@ impl FrameWriter {
             Err(panic) => {
                 let panic = panics::text(&*panic);
                 let what = format!("the thread of the frames panicked: {panic}");
-                parts.failures.push(what);
+                observed.failures.push(what);
                 return;
             }
         };
         let [unwritten, skipped] = self.missing.counts();
         if unwritten + skipped > 0 {
-            parts.degradations.push(format!(
+            observed.degradations.push(format!(
                 "{list} has {frames} frames and lacks {}: {unwritten} because the writing took longer than the run, \
                  {skipped} because the host left out steps",
                 unwritten + skipped

@@ -3,12 +3,11 @@
 //! The picture is the one that papers on latency draw: on logarithmic axes, the fraction of ticks that were later (took
 //! longer) than a time. A rare long delay, which a histogram with linear axes hides, stands at the right end.
 
-use super::parts::Parts;
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::plot::{Role, Series, line_chart_svg, write_picture};
 use crate::scene::Scene;
 use crate::table::quoted;
-use runner::latency::LatencyHistogram;
+use runner::latency::{Latencies, LatencyHistogram};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -16,8 +15,11 @@ use std::path::Path;
 ///
 /// # Errors
 /// The file cannot be written.
-pub(super) fn write(path: &Path, scene: &Scene, parts: &Parts) -> Result<(), AtomicFileError> {
-    let latencies = &parts.tick.latencies;
+pub(super) fn write(
+    path: &Path,
+    scene: &Scene,
+    latencies: &Latencies,
+) -> Result<(), AtomicFileError> {
     let mut all = vec![
         ("lateness".to_owned(), &latencies.lateness),
         ("tick time".to_owned(), &latencies.tick_time),

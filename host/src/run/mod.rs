@@ -3,6 +3,7 @@
 mod collect;
 mod csv;
 mod devices;
+pub mod ended;
 pub mod frames;
 mod hand;
 mod held_back;
@@ -16,7 +17,6 @@ pub mod observer;
 mod pace;
 pub mod paced;
 pub mod panics;
-mod parts;
 pub mod prepare;
 mod real_clock;
 pub mod replay;
@@ -31,6 +31,7 @@ pub mod tear_force;
 pub mod tears;
 mod tick_outputs;
 pub mod view;
+mod virtual_clock;
 mod withheld;
 
 use crate::atomic_file::{AtomicFileError, write_json};
@@ -44,11 +45,11 @@ use crate::stage::Stage;
 use crate::world::{World, scheme};
 use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
+use ended::Ended;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
 use log_frames::LogFrames;
 use log_observer::LogObserver;
 use observer::Observers;
-use parts::Parts;
 use physics::{Body, FactorCode};
 use prepare::{Options, Prepared};
 use runner::RunnerConfig;
@@ -308,27 +309,29 @@ pub fn run_watched(
             slow,
         });
     };
-    let mut parts = match options.clock {
-        Clock::Virtual => {
-            parts::under_virtual_time(prepared, &options.stop, observers, &mut progress)
-        }
+    let mut ended = match options.clock {
+        Clock::Virtual => virtual_clock::run(prepared, &options.stop, observers, &mut progress),
         Clock::Real => {
-            parts::under_the_real_clock(prepared, options, &reserved, observers, &mut progress)?
+            let runner = RunnerConfig {
+                core: reserved.core(),
+                ..options.runner
+            };
+            real_clock::run(prepared, runner, &options.stop, observers, &mut progress)?
         }
     };
     if let Some(writer) = writer {
-        writer.finish(&mut parts);
+        writer.finish(&mut ended.observed);
     }
-    parts.degradations.extend(told);
-    parts.judge(loaded, options.log.is_some());
-    let mut summary = report::summarize(world, options, seed, size, &parts);
-    summary.unwritten.append(&mut parts.unwritten);
+    ended.observed.degradations.extend(told);
+    ended.judge(loaded, options.log.is_some());
+    let mut summary = report::summarize(world, options, seed, size, &ended);
+    summary.unwritten.append(&mut ended.observed.unwritten);
     let slow = found.get().copied();
     let warning = slow.map(|slow| slow_warning(loaded, options, slow));
     summary.warnings.extend(warning);
-    write_files(loaded, options, &parts, &mut summary);
+    write_files(loaded, options, &ended, &mut summary);
     if let Some(session) = session {
-        session.finish(parts.host.as_ref(), &summary);
+        session.finish(&ended.host, &summary);
     }
     Ok(summary)
 }
@@ -411,7 +414,7 @@ fn observers(
 fn write_files(
     loaded: &LoadedScene,
     options: &RunOptions,
-    parts: &Parts,
+    ended: &Ended,
     summary: &mut RunSummary,
 ) {
     let note = |summary: &mut RunSummary, path: &Path, written: Result<(), AtomicFileError>| {
@@ -421,12 +424,12 @@ fn write_files(
         }
     };
     if let Some(path) = &options.plot {
-        let data = report::plot_data(loaded, &parts.collected, options.part);
+        let data = report::plot_data(loaded, &ended.observed.collected, options.part);
         let svg = plot::force_and_position_svg(&data);
         note(summary, path, plot::write_picture(path, &svg));
     }
     if let Some(path) = &options.histogram {
-        let written = histogram::write(path, &loaded.scene, parts);
+        let written = histogram::write(path, &loaded.scene, &ended.tick.latencies);
         note(summary, path, written);
     }
     // Last, so that the file holds the failures before it.
@@ -486,9 +489,4 @@ fn instructions(code: FactorCode) -> String {
         }
     }
     path
-}
-
-/// The failure of a run whose host panicked; `panic` is the text of the panic.
-fn host_panicked(panic: &str) -> String {
-    format!("the host panicked, and the tick continued without the host: {panic}")
 }

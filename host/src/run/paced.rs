@@ -4,8 +4,9 @@
 //! and its model arrives after the scene's latency. Until then the host is busy. A run of a scene and the runs of the
 //! stress studies have this host; a study gives it a link that loses messages, or wraps it in changes of the body.
 
+use super::ended::HostSide;
 use super::late::LateLink;
-use super::prepare::{HostSide, Prepared};
+use super::prepare::Prepared;
 use super::slow_host::SlowWatch;
 use super::subscribers::Subscribers;
 use crate::engine::Engine;

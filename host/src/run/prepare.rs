@@ -105,16 +105,6 @@ pub struct Prepared {
     pub told: Vec<String>,
 }
 
-/// The host's side of a run.
-pub struct HostSide {
-    /// The physics.
-    pub engine: Engine,
-    /// The due times of the host's steps.
-    pub pacer: Pacer,
-    /// The host's end of the link.
-    pub end: HostEnd,
-}
-
 impl Prepared {
     /// Prepares a session of a world.
     ///

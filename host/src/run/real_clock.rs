@@ -4,17 +4,20 @@
 //! log's thread empties its ring fifty times a second, and sixty times where viewers can watch the run. If the host panics, the tick continues: its force fades, and
 //! the summary reports the panic.
 
-use super::observer::Observers;
-use super::prepare::{HostSide, Prepared};
+use super::ended::{Ended, HostSide};
+use super::observer::{Observed, Observers};
+use super::prepare::Prepared;
 use super::slow_host::SlowWatch;
 use super::subscribers::Subscribers;
-use super::{RunError, host_panicked, panics};
+use super::{RunError, panics};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::records::Records;
 use crate::engine::stats::WallStopwatch;
 use runner::link::{HostEnd, LogEnd};
-use runner::{RunnerConfig, Stop, TickReport, spawn};
+use runner::{RunnerConfig, Stop, spawn};
+use std::any::Any;
+use std::io;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -28,31 +31,19 @@ const WATCH_PERIOD: Duration = Duration::from_millis(50);
 /// Longest time that the host sleeps before it checks whether the run is over.
 const HOST_PAUSE: Duration = Duration::from_millis(20);
 
-/// The results of a run under the real clock.
-pub(super) struct RealRun {
-    /// The tick's report.
-    pub(super) report: TickReport,
-    /// The host's side; where the host panicked, as the panic left it. `None` if its thread was lost.
-    pub(super) host: Option<HostSide>,
-    /// The run's observers; `None` if the log's thread panicked.
-    pub(super) observers: Option<Observers>,
-    /// The failures that ended a part of the run early.
-    pub(super) failures: Vec<String>,
-}
-
 /// Runs what is prepared for its whole length, or until `stop` is requested. The log's thread gives each of `observers` every
 /// tick's telemetry in order, and each model before the ticks that used it. From time to time `progress` is given the
 /// number of ticks done.
 ///
 /// # Errors
-/// [`RunError`] where the loop cannot start or its thread panicked.
+/// [`RunError`] if the loop cannot start, or if its thread panicked.
 pub(super) fn run(
     prepared: Prepared,
     config: RunnerConfig,
-    stop: Arc<Stop>,
+    stop: &Arc<Stop>,
     observers: Observers,
     progress: &mut dyn FnMut(u64),
-) -> Result<RealRun, RunError> {
+) -> Result<Ended, RunError> {
     let Prepared {
         tick,
         host,
@@ -75,7 +66,7 @@ pub(super) fn run(
     // run on the tick's core.
     progress(0);
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
-    let thread = spawn(config, controller, devices, end, stop)?;
+    let thread = spawn(config, controller, devices, end, Arc::clone(stop))?;
 
     if let Some(view) = &view {
         // Set once, here.
@@ -114,25 +105,26 @@ pub(super) fn run(
     }
     let report = thread.join();
     over.request();
-    let mut failures = Vec::new();
-    let observers = match log.join() {
-        Ok(observers) => Some(observers),
-        Err(panic) => {
-            let panic = panics::text(&*panic);
-            failures.push(format!("the thread of the log panicked: {panic}"));
-            None
-        }
-    };
-    let (host, panicked) = match host.join() {
-        Ok((side, panicked)) => (Some(side), panicked),
-        Err(panic) => (None, Some(panics::text(&*panic))),
-    };
-    failures.extend(panicked.as_deref().map(host_panicked));
-    Ok(RealRun {
-        report: report?,
+    let observed = log.join().map_or_else(
+        |panic| Observed {
+            failures: vec![format!(
+                "the thread of the log panicked: {}",
+                panics::text(&*panic)
+            )],
+            ..Observed::default()
+        },
+        Observers::finish,
+    );
+    let lost =
+        |panic: Box<dyn Any + Send>| RunError::Thread(io::Error::other(panics::text(&*panic)));
+    let (host, panicked) = host.join().map_err(lost)?;
+    let tick = report?;
+    Ok(Ended {
+        stopped: tick.ticks < timing.ticks && stop.is_requested(),
+        tick,
         host,
-        observers,
-        failures,
+        panicked,
+        observed,
     })
 }
 

@@ -1,15 +1,13 @@
 //! From a finished run to its summary and its plot.
 
 use super::collect::Collected;
-use super::parts::{Parts, TickSide};
-use super::prepare::HostSide;
+use super::ended::{Ended, HostSide};
 use super::summary::{
     DeviceSummary, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary, HostSummary,
-    RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
+    PlaceSummary, RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
 };
 use super::{Clock, RunOptions, held_back, instructions, slow_host};
 use crate::engine::plan::publishes_energy;
-use crate::engine::stats::EngineStats;
 use crate::engine::unrendered::{DampedSummary, StiffSummary};
 use crate::machine::Machine;
 use crate::plot::{DeviceSeries, Part, PlotData};
@@ -20,6 +18,7 @@ use firmware_proto::report::fault;
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
 use rt_core::safety::{SafetyState, Trip};
+use runner::TickReport;
 use runner::latency::{DeviceTimes, LatencyHistogram};
 
 /// `size`: elements and vertices of all bodies.
@@ -28,13 +27,13 @@ pub(super) fn summarize(
     options: &RunOptions,
     seed: u64,
     size: (usize, usize),
-    parts: &Parts,
+    ended: &Ended,
 ) -> RunSummary {
     let loaded = world.loaded;
     let scene = &loaded.scene;
-    let side = &parts.tick;
+    let side = &ended.tick;
     let couplings: Vec<_> = side.controller.coupling_counters().collect();
-    let elapsed = (side.ticks + side.missed) as f64 / scene.realtime.rate;
+    let elapsed = (side.ticks + side.missed_deadlines) as f64 / scene.realtime.rate;
     RunSummary {
         schema: SCHEMA,
         scene: scene.name.clone(),
@@ -42,41 +41,46 @@ pub(super) fn summarize(
         machine: Machine::here(
             options.commit,
             instructions(options.instructions),
-            parts.tick.place.and_then(|place| place.core),
+            side.core,
         ),
         scheme: scheme(scene).name(),
         seed,
         warnings: world.warnings.iter().map(ToString::to_string).collect(),
-        tick: tick(scene, options.clock, parts, &couplings),
-        host: host_summary(scene, parts, elapsed, size),
-        devices: devices(loaded, parts),
-        held_back: held_back(scene, parts),
+        tick: tick(scene, options.clock, ended, &couplings),
+        host: host_summary(scene, ended, elapsed, size),
+        devices: devices(loaded, ended),
+        held_back: held_back(scene, ended),
         energy: energy(scene, side.controller.energy()),
-        tears: tears(parts),
-        dropped: dropped(parts),
-        events: events(options, parts),
+        tears: tears(ended),
+        dropped: dropped(ended),
+        events: events(options, ended),
         refusals: refusals(scene, &couplings),
-        degradations: degradations(scene, options.clock, parts),
+        degradations: degradations(scene, options.clock, ended),
         failures: device_faults(scene, side)
-            .chain(parts.failures.iter().cloned())
+            .chain(ended.observed.failures.iter().cloned())
             .collect(),
         unwritten: Vec::new(),
     }
 }
 
-fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounters]) -> TickSummary {
-    let side = &parts.tick;
+fn tick(scene: &Scene, clock: Clock, ended: &Ended, couplings: &[CouplingCounters]) -> TickSummary {
+    let side = &ended.tick;
     let measured =
         |h: &LatencyHistogram| (clock == Clock::Real).then(|| Distribution::from(h.summary()));
     TickSummary {
         rate: scene.realtime.rate,
         count: side.ticks,
-        missed_deadlines: side.missed,
+        missed_deadlines: side.missed_deadlines,
         longest_miss: side.longest_miss,
         slots: side.slots,
-        records: parts.collected.records,
-        stopped: side.stopped,
-        place: side.place,
+        records: ended.observed.collected.records,
+        stopped: ended.stopped,
+        place: (clock == Clock::Real).then_some(PlaceSummary {
+            core: side.core,
+            isolated: side.isolated,
+            priority: side.priority,
+            kept_awake: side.kept_awake,
+        }),
         lateness: measured(&side.latencies.lateness),
         duration: measured(&side.latencies.tick_time),
         model_age: side
@@ -85,7 +89,7 @@ fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounter
             .iter()
             .map(|h| h.summary().into())
             .collect(),
-        locked_bytes: side.locked_bytes,
+        locked_bytes: side.locked_bytes as u64,
         allocator_calls: side.allocator_calls,
         refused_models: couplings
             .iter()
@@ -95,9 +99,9 @@ fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounter
     }
 }
 
-fn devices(loaded: &LoadedScene, parts: &Parts) -> Vec<DeviceSummary> {
+fn devices(loaded: &LoadedScene, ended: &Ended) -> Vec<DeviceSummary> {
     let scene = &loaded.scene;
-    let side = &parts.tick;
+    let side = &ended.tick;
     // Only the real clock measures the devices.
     let measured = |index: usize, pick: fn(&DeviceTimes) -> &LatencyHistogram| {
         let times = side.latencies.devices.get(index);
@@ -108,7 +112,7 @@ fn devices(loaded: &LoadedScene, parts: &Parts) -> Vec<DeviceSummary> {
         .devices
         .iter()
         .zip(&side.devices)
-        .zip(&parts.collected.totals);
+        .zip(&ended.observed.collected.totals);
     devices
         .zip(side.controller.safety_counters())
         .zip(side.controller.first_trips())
@@ -127,7 +131,7 @@ fn devices(loaded: &LoadedScene, parts: &Parts) -> Vec<DeviceSummary> {
                 not_a_number_ticks: safety.not_a_number,
                 slewed_ticks: safety.slewed,
                 missed_reads: safety.missed_reads,
-                states_rate: parts.collected.states_rate(index),
+                states_rate: ended.observed.collected.states_rate(index),
                 profile_rate: f64::from(loaded.models[index].rate_hz),
                 refused_wrenches: device.refused_wrenches(),
                 too_fast: safety.too_fast,
@@ -151,7 +155,7 @@ fn devices(loaded: &LoadedScene, parts: &Parts) -> Vec<DeviceSummary> {
 }
 
 /// The first fault that each device reported, in words.
-fn device_faults(scene: &Scene, side: &TickSide) -> impl Iterator<Item = String> {
+fn device_faults(scene: &Scene, side: &TickReport) -> impl Iterator<Item = String> {
     let devices = scene.devices.iter();
     let reported = devices.zip(side.controller.first_device_faults());
     reported.filter_map(|(device, fault)| {
@@ -167,12 +171,8 @@ fn device_faults(scene: &Scene, side: &TickSide) -> impl Iterator<Item = String>
     })
 }
 
-fn held_back(scene: &Scene, parts: &Parts) -> Vec<HeldBackSummary> {
-    let TickSide {
-        controller,
-        devices,
-        ..
-    } = &parts.tick;
+fn held_back(scene: &Scene, ended: &Ended) -> Vec<HeldBackSummary> {
+    let (controller, devices) = (&ended.tick.controller, &ended.tick.devices);
     let capabilities: Vec<_> = devices.iter().map(|device| device.capabilities()).collect();
     held_back::summaries(
         scene,
@@ -183,7 +183,7 @@ fn held_back(scene: &Scene, parts: &Parts) -> Vec<HeldBackSummary> {
 }
 
 /// The faults and orders on purpose and what the observers saw, by the time at which they began.
-fn events(options: &RunOptions, parts: &Parts) -> Vec<EventSummary> {
+fn events(options: &RunOptions, ended: &Ended) -> Vec<EventSummary> {
     let injected = options.faults.iter().map(|fault| EventSummary {
         from: fault.at,
         to: fault.at + fault.duration,
@@ -194,36 +194,39 @@ fn events(options: &RunOptions, parts: &Parts) -> Vec<EventSummary> {
         to: order.at,
         description: format!("order on purpose: {}", order.order.name()),
     });
-    let met = parts.collected.spans.iter().map(|span| EventSummary {
-        from: span.from,
-        to: span.to,
-        description: span.description.clone(),
-    });
+    let met = ended
+        .observed
+        .collected
+        .spans
+        .iter()
+        .map(|span| EventSummary {
+            from: span.from,
+            to: span.to,
+            description: span.description.clone(),
+        });
     let mut all: Vec<_> = injected.chain(ordered).chain(met).collect();
     all.sort_by(|a, b| a.from.total_cmp(&b.from));
     all
 }
 
-fn dropped(parts: &Parts) -> DroppedSummary {
-    let side = &parts.tick;
-    let host = parts.host.as_ref();
+fn dropped(ended: &Ended) -> DroppedSummary {
+    let side = &ended.tick;
+    let end = &ended.host.end;
     DroppedSummary {
-        tick_records: side.counters.refused_records,
-        telemetry: side.counters.refused_telemetry,
-        models: host.map_or(0, |host| host.end.refused_models()),
-        logged_models: host.map_or(0, |host| host.end.refused_copies()),
-        superseded_models: side.counters.superseded_models,
+        tick_records: side.link.refused_records,
+        telemetry: side.link.refused_telemetry,
+        models: end.refused_models(),
+        logged_models: end.refused_copies(),
+        superseded_models: side.link.superseded_models,
         wrenches: side.refused_wrenches,
     }
 }
 
 /// The tears of the bodies that can tear.
-fn tears(parts: &Parts) -> Vec<TearSummary> {
-    let Some(host) = &parts.host else {
-        return Vec::new();
-    };
+fn tears(ended: &Ended) -> Vec<TearSummary> {
+    let host = &ended.host;
     let stats = host.engine.stats();
-    let forces = &parts.collected.tear_forces;
+    let forces = &ended.observed.collected.tear_forces;
     let bodies = host.engine.bodies().iter().enumerate();
     let torn = bodies.filter_map(|(index, body)| {
         let tears = body.tears()?;
@@ -290,10 +293,13 @@ fn unit(state: SafetyState) -> &'static str {
 }
 
 /// What the system did not grant, and what that or a slow host left out.
-fn degradations(scene: &Scene, clock: Clock, parts: &Parts) -> Vec<String> {
-    let mut found = parts.degradations.clone();
-    if let Some(host) = parts.host.as_ref().filter(|_| clock == Clock::Real) {
-        let (stats, skipped) = (host.engine.stats(), host.pacer.skipped());
+fn degradations(scene: &Scene, clock: Clock, ended: &Ended) -> Vec<String> {
+    let refused = ended.tick.degradations.iter().map(ToString::to_string);
+    let mut found: Vec<_> = refused
+        .chain(ended.observed.degradations.iter().cloned())
+        .collect();
+    if clock == Clock::Real {
+        let (stats, skipped) = (ended.host.engine.stats(), ended.host.pacer.skipped());
         found.extend(slow_host::skipped(
             scene,
             stats,
@@ -324,17 +330,14 @@ fn refusals(scene: &Scene, couplings: &[CouplingCounters]) -> Vec<String> {
 
 fn host_summary(
     scene: &Scene,
-    parts: &Parts,
+    ended: &Ended,
     elapsed: f64,
     (elements, vertices): (usize, usize),
 ) -> HostSummary {
-    let fresh = EngineStats::new();
-    let (stats, skipped_steps) = match &parts.host {
-        Some(host) => (host.engine.stats(), host.pacer.skipped()),
-        None => (&fresh, 0),
-    };
+    let host = &ended.host;
+    let (stats, skipped_steps) = (host.engine.stats(), host.pacer.skipped());
     let iterations = stats.iterations.summary();
-    let bodies = parts.host.iter().flat_map(|host| host.engine.bodies());
+    let bodies = host.engine.bodies().iter();
     let solvers = bodies
         .map(|body| format!("{}: {}", body.name(), body.solved()))
         .collect();
@@ -355,16 +358,8 @@ fn host_summary(
         clipped: stats.clipped,
         worst_clip: stats.worst_clip,
         faults: stats.faults,
-        stiff: parts
-            .host
-            .iter()
-            .flat_map(|host| stiff(scene, host))
-            .collect(),
-        damped: parts
-            .host
-            .iter()
-            .flat_map(|host| DampedSummary::all(scene, host.engine.bodies()))
-            .collect(),
+        stiff: stiff(scene, host),
+        damped: DampedSummary::all(scene, host.engine.bodies()),
     }
 }
 

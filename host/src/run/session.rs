@@ -4,10 +4,12 @@
 //! is [`Paced`]. Its stopwatch, which measures the time of a stage, reads the processor time of its thread. The readings
 //! never enter the state: two sessions give the same bytes under any load, alone or side by side.
 
+use super::ended::Ended;
 use super::late::LateLink;
+use super::observer::Observed;
 use super::paced::{Host, Paced};
 use super::panics;
-use super::prepare::{HostSide, Options, Prepared};
+use super::prepare::{Options, Prepared};
 use crate::engine::Engine;
 use crate::scene::SceneError;
 use crate::world::World;
@@ -47,16 +49,6 @@ pub struct Session<H = Paced<LateLink>> {
     panicked: Option<String>,
 }
 
-/// A session after its end.
-pub struct Ended {
-    /// The tick with its devices.
-    pub tick: TickLoop,
-    /// The host's side; if the host panicked, as the panic left it.
-    pub host: HostSide,
-    /// The message of the panic, if there was one.
-    pub panicked: Option<String>,
-}
-
 impl Session {
     /// A session before its first tick.
     ///
@@ -94,9 +86,11 @@ impl Session {
     pub fn end(mut self) -> Ended {
         self.tick.release(self.ticks * self.period_ns);
         Ended {
-            tick: self.tick,
+            tick: self.tick.into(),
             host: self.host.into_side(),
             panicked: self.panicked,
+            stopped: self.ticks < self.of,
+            observed: Observed::default(),
         }
     }
 }

@@ -1,9 +1,11 @@
-//! Sessions side by side.
+//! Sessions side by side, and after a panic of the host.
 
+use host::engine::faults::{FaultKind, HostFault};
 use host::run::prepare::Options;
 use host::run::session::Session;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
+use rt_core::coupling::HostState;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::Path;
@@ -62,5 +64,45 @@ fn sessions_side_by_side_give_the_bytes_of_sessions_alone() -> Result<(), Box<dy
         let found = found.map_err(|_| "a session panicked")??;
         assert!(found == alone[expected], "session {expected}");
     }
+    Ok(())
+}
+
+/// After a panic of the host the ticks go on, and the force fades to the safe hold.
+#[test]
+fn a_session_goes_on_after_a_panic_of_its_host() -> Result<(), Box<dyn Error>> {
+    let mut loaded = scene("press.toml", 1)?;
+    loaded.scene.realtime.age_limit = Some(0.1);
+    let mut options = Options::new(1.5, 7);
+    options.faults = vec![HostFault {
+        kind: FaultKind::Panic,
+        at: 0.9,
+        duration: 0.0,
+    }];
+    let mut session = Session::new(&World::new(&loaded)?, &options)?;
+    let mut seen: Vec<HostState> = Vec::new();
+    let mut held = 0;
+    while let Some(telemetry) = session.tick() {
+        let state = telemetry.bodies[0].state;
+        if seen.last() != Some(&state) {
+            seen.push(state);
+        }
+        let panicked = session.panicked().is_some();
+        assert_eq!(session.engine().is_none(), panicked);
+        assert_eq!(panicked, session.ticks() > 900);
+        held += u64::from(state == HostState::Held);
+    }
+    let expected = [
+        HostState::Waiting,
+        HostState::Live,
+        HostState::Fading,
+        HostState::Held,
+    ];
+    assert_eq!(seen, expected);
+    let ended = session.end();
+    assert_eq!(ended.tick.ticks, 1500);
+    assert!(ended.panicked.is_some() && !ended.stopped);
+    // The host keeps what it did before the panic.
+    assert!(ended.host.engine.stats().steps >= 80);
+    assert!(held > 200, "{held} ticks of the hold");
     Ok(())
 }

@@ -143,6 +143,31 @@ pub struct TickReport {
     pub allocator_calls: Option<u64>,
 }
 
+/// A run of virtual time: no deadline was missed, and nothing was asked of the system.
+impl From<TickLoop> for TickReport {
+    fn from(done: TickLoop) -> Self {
+        Self {
+            link: done.end.counters(),
+            devices: done.devices,
+            controller: done.controller,
+            latencies: done.latencies,
+            ticks: done.ticks,
+            missed_deadlines: 0,
+            longest_miss: 0,
+            slots: done.ticks,
+            refused_wrenches: done.refused_wrenches,
+            degradations: Vec::new(),
+            core: None,
+            isolated: false,
+            priority: None,
+            locked_bytes: 0,
+            kept_awake: false,
+            forbidden_call: None,
+            allocator_calls: None,
+        }
+    }
+}
+
 impl fmt::Debug for TickReport {
     /// The devices are left out, because they need not implement `Debug`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

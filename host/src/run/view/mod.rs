@@ -7,7 +7,7 @@ use crate::live::gather::Gatherer;
 use crate::live::socket::{Listener, Server, Update};
 use crate::live::{Hello, Source};
 use crate::record::Surface;
-use crate::run::prepare::HostSide;
+use crate::run::ended::HostSide;
 use crate::run::summary::RunSummary;
 use crate::run::{RunError, RunOptions, facts};
 use crate::snapshot::{Snapshot, Subscriber, Watchers};
@@ -83,9 +83,8 @@ impl Session {
         Ok((Self { server, rest }, host, (subscriber, observer)))
     }
 
-    /// Sends the last frame, with the totals of `summary` and the state of `host`, and the summary. `host` is absent if its
-    /// thread was lost.
-    pub(crate) fn finish(self, host: Option<&HostSide>, summary: &RunSummary) {
+    /// Sends the last frame, with the totals of `summary` and the state of `host`, and the summary.
+    pub(crate) fn finish(self, host: &HostSide, summary: &RunSummary) {
         let rest = self
             .rest
             .lock()
@@ -93,11 +92,9 @@ impl Session {
             .take();
         // Without the observer, whose thread panicked, there is no last frame.
         let last = rest.map(|mut frames| {
-            let snapshot = host.map(|host| {
-                let (time_ns, skipped) = (host.pacer.last_ns(), host.pacer.skipped());
-                Snapshot::since(&frames.epochs(), &host.engine, time_ns, skipped)
-            });
-            let (surfaces, mut frame) = frames.last(snapshot.as_ref());
+            let (time_ns, skipped) = (host.pacer.last_ns(), host.pacer.skipped());
+            let snapshot = Snapshot::since(&frames.epochs(), &host.engine, time_ns, skipped);
+            let (surfaces, mut frame) = frames.last(Some(&snapshot));
             take_totals(&mut frame, summary);
             Update::Frame(surfaces, Box::new(frame))
         });

@@ -11,7 +11,7 @@ use physics::{Body, Vec3};
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{HeldBack, Telemetry, Withheld};
-use runner::TickLoop;
+use runner::{TickLoop, TickReport};
 
 /// A run, tick by tick.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -134,7 +134,7 @@ impl Recorder {
     }
 
     /// The whole record, with the counts of the tick at the end, and the force at the tears of each body.
-    pub(super) fn finish(mut self, tick: &TickLoop) -> (Record, Vec<Option<TearForce>>) {
+    pub(super) fn finish(mut self, tick: &TickReport) -> (Record, Vec<Option<TearForce>>) {
         let devices = self.record.devices.iter_mut();
         for (device, found) in devices.zip(tick.controller.held_back_by_devices()) {
             device.held_back = found.limited;

@@ -66,17 +66,10 @@ pub(super) fn body(
         };
         return (Err(panic), held);
     }
-    let done = *tick_loop;
     let report = Box::new(TickReport {
-        link: done.end.counters(),
-        devices: done.devices,
-        controller: done.controller,
-        latencies: done.latencies,
-        ticks: done.ticks,
         missed_deadlines: pace.missed(),
         longest_miss: pace.longest_miss(),
         slots: pace.slots(),
-        refused_wrenches: done.refused_wrenches,
         degradations: setup.degradations,
         core: setup.core,
         isolated: setup.isolated,
@@ -85,6 +78,7 @@ pub(super) fn body(
         kept_awake: setup.kept_awake,
         forbidden_call,
         allocator_calls,
+        ..TickReport::from(*tick_loop)
     });
     (Ok(report), held)
 }

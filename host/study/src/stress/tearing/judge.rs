@@ -2,7 +2,7 @@
 
 use host::engine::Engine;
 use host::engine::body::HostBody;
-use host::run::session::Ended;
+use host::run::ended::Ended;
 use physics::TearReport;
 use physics::tear::Sheet;
 use physics::tear::strength::{Symmetric, cannot_start, highest, stresses};
