@@ -1,7 +1,7 @@
 //! The response to a forbidden system call of the tick's thread.
 //!
 //! The kernel skips the call and sends the thread SIGSYS instead (`seccomp.rs`). The handler notes the call in
-//! the thread's own memory and answers EPERM. For the few calls in [`MADE_ALL_THE_SAME`], the handler makes the call
+//! the thread's own memory and answers EPERM. For the few calls in `MADE_ALL_THE_SAME`, the handler makes the call
 //! with a mark that the filter knows. The handler does nothing else: a handler must not allocate or lock either.
 //!
 //! The module is unsafe, because it reads and answers the call in the registers that the kernel saved.

@@ -1,7 +1,7 @@
 //! The equation of a step, lent to a solver of several bodies that are joined together (`joined`).
 //!
 //! After `constrain` a body has its equation `A u = f`, with the start of the iterations in `u` and the residual there.
-//! [`Equation::solved`] stands for `solve`. The forces of the joints are forces from outside: their work over the step is
+//! `Equation::solved` stands for `solve`. The forces of the joints are forces from outside: their work over the step is
 //! counted as that of hands is.
 
 use super::stages::{Stage, Underway};
@@ -13,7 +13,8 @@ use crate::error::StepError;
 use crate::lanes::{Node, to_node};
 use crate::motion::constraint::by_node;
 
-/// The equation of a step. Without [`solved`](Self::solved), the step is discarded and has to begin again.
+/// The equation of a step. If [`joined::solve`](crate::motion::joined::solve) does not solve the equation, the step is
+/// discarded and has to begin again.
 #[derive(Debug)]
 pub struct Equation<'a, T> {
     stepper: &'a mut Stepper<T>,

@@ -105,7 +105,7 @@ impl<T: Precision> Stepper<T> {
     }
 
     /// Lends the refresher if a new factor would pay. The caller runs [`work`](Refresher::work) on any thread and then
-    /// [gives the refresher back](Self::give_back). With [`StepperOptions::refresh`] off, no step replaces an aged
+    /// [gives the refresher back](Self::give_back). With [`StepperOptions::refresh`](super::StepperOptions::refresh) off, no step replaces an aged
     /// factor.
     #[inline(never)]
     pub fn lend(&mut self) -> Option<Box<Refresher<T>>> {
