@@ -56,6 +56,7 @@ pub mod body;
 #[doc(hidden)]
 pub mod compiled;
 pub mod condense;
+pub mod contact;
 pub mod cost;
 pub mod element;
 pub mod error;

@@ -1,19 +1,11 @@
 //! The surface of a body: what a person sees of its mesh.
 //!
-//! A sheet shows all its triangles, a thread all its bars, and a solid the faces that belong to one tetrahedron. The
-//! corners of such a face run counterclockwise seen from outside. A quadratic face has a vertex at the middle of each edge
-//! and is divided into four triangles, so the surface bends with the face.
+//! A sheet shows all its triangles, a thread all its bars, and a solid its boundary.
 
 use super::field::{Record, Visitor, definition, fields, record};
 use super::kind::Kind;
-use physics::mesh::tet::MIDSIDE_ENDS;
-use physics::mesh::{Cells, Mesh};
+use physics::mesh::Mesh;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-
-/// The corners of the four faces of a tetrahedron, counterclockwise seen from outside. The volume
-/// `(x1 - x0) x (x2 - x0) . (x3 - x0)` of a tetrahedron is positive.
-const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 
 /// The connectivity of a body as a person sees it: sent before the first frame of each topology epoch.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -46,7 +38,7 @@ impl Surface {
         let (triangles, lines) = match mesh {
             Mesh::Thread(mesh) => (Vec::new(), mesh.lines.as_flattened().to_vec()),
             Mesh::Sheet(mesh) => (mesh.triangles.as_flattened().to_vec(), Vec::new()),
-            Mesh::Solid(mesh) => (boundary(&mesh.cells), Vec::new()),
+            Mesh::Solid(mesh) => (mesh.boundary().into_flattened(), Vec::new()),
         };
         let positions = mesh.positions();
         Self {
@@ -100,54 +92,6 @@ impl Surface {
             && self.lines.len().is_multiple_of(2);
         (whole && inside(&self.triangles) && inside(&self.lines)).then_some(())
     }
-}
-
-/// The triangles of the boundary, three vertices each, in the order of the cells.
-fn boundary(cells: &Cells) -> Vec<u32> {
-    let mut shared: BTreeMap<[u32; 3], u8> = BTreeMap::new();
-    for cell in cells.vertices() {
-        for face in faces(cell) {
-            let count = shared.entry(sorted(face)).or_insert(0);
-            *count = count.saturating_add(1);
-        }
-    }
-    let mut triangles = Vec::new();
-    for cell in cells.vertices() {
-        for (face, corners) in faces(cell).zip(FACES) {
-            if shared.get(&sorted(face)) != Some(&1) {
-                continue;
-            }
-            match middles(cell, corners) {
-                None => triangles.extend(face),
-                Some([ab, bc, ca]) => {
-                    let [a, b, c] = face;
-                    triangles.extend([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]);
-                }
-            }
-        }
-    }
-    triangles
-}
-
-/// The vertices at the corners of the four faces of a cell.
-fn faces(cell: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
-    FACES.into_iter().map(|face| face.map(|k| cell[k]))
-}
-
-fn sorted(mut face: [u32; 3]) -> [u32; 3] {
-    face.sort_unstable();
-    face
-}
-
-/// The vertices at the middles of the edges of a face; `None` for a linear cell.
-fn middles(cell: &[u32], [a, b, c]: [usize; 3]) -> Option<[u32; 3]> {
-    let middle = |ends: [usize; 2]| {
-        let edge = MIDSIDE_ENDS
-            .iter()
-            .position(|edge| edge.iter().all(|end| ends.contains(end)))?;
-        cell.get(4 + edge).copied()
-    };
-    Some([middle([a, b])?, middle([b, c])?, middle([c, a])?])
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@
 use crate::Vec3;
 
 pub mod adjacency;
+mod boundary;
 pub mod check;
 pub mod check_hanging;
 mod check_named;

@@ -1,0 +1,28 @@
+//! Contact: which parts of the surfaces of bodies and obstacles may touch.
+//!
+//! - [`surface`]: the surfaces, in one numbering. [`pair`]: vertices against triangles, edges against edges; `distance`.
+//! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
+//! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
+//! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
+//!   `drift`).
+//!
+//! Vertex-triangle and edge-edge pairs: Provot, "Collision and self-collision handling in cloth model dedicated to design
+//! garments" (1997). Lists that are kept while objects move little: Mirtich's "Timewarp" (2000) and Verlet's lists of
+//! neighbours (1967); the clusters with a measure of their deformation: chapter 4 of the thesis that this project follows.
+
+pub mod aabb;
+pub mod certificate;
+pub mod crossing;
+pub mod distance;
+mod drift;
+pub mod hierarchy;
+pub mod lists;
+pub mod pair;
+pub mod rigid;
+mod search;
+pub mod surface;
+
+pub use hierarchy::Hierarchy;
+pub use lists::{Counts, Lists};
+pub use pair::{Foot, Pair};
+pub use surface::{Part, Skin, Surfaces};

@@ -1,0 +1,90 @@
+//! Pairs that may touch: a vertex and a triangle, or two edges; their distance and its feet.
+
+use super::distance::{edge_edge, point_triangle};
+use super::surface::Surfaces;
+use crate::Vec3;
+
+/// Two things that may touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Pair {
+    /// A vertex and a triangle, by their numbers.
+    VertexTriangle(u32, u32),
+    /// Two edges, by their numbers.
+    EdgeEdge(u32, u32),
+}
+
+/// The shortest connection of a pair: `J u = sum w_i u_i` is the displacement of the first foot against the second one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Foot {
+    /// The vertices: those of the first thing, then those of the second one.
+    pub vertices: [u32; 4],
+    /// Their weights. Those of the first thing sum to one, those of the second one to minus one.
+    pub weights: [f64; 4],
+    /// From the second foot to the first one (m).
+    pub apart: Vec3,
+}
+
+impl Foot {
+    /// The difference of the feet for vectors `of` vertices.
+    pub fn difference(&self, of: impl Fn(u32) -> Vec3) -> Vec3 {
+        let parts = self.vertices.into_iter().zip(self.weights);
+        parts.map(|(vertex, weight)| of(vertex) * weight).sum()
+    }
+}
+
+impl Pair {
+    /// The vertices of both things.
+    pub fn vertices(self, surfaces: &Surfaces) -> [u32; 4] {
+        match self {
+            Self::VertexTriangle(vertex, triangle) => {
+                let [a, b, c] = surfaces.triangles[triangle as usize];
+                [vertex, a, b, c]
+            }
+            Self::EdgeEdge(one, other) => {
+                let ([a, b], [c, d]) =
+                    (surfaces.edges[one as usize], surfaces.edges[other as usize]);
+                [a, b, c, d]
+            }
+        }
+    }
+
+    /// Number of vertices of the first thing.
+    pub fn split(self) -> usize {
+        match self {
+            Self::VertexTriangle(..) => 1,
+            Self::EdgeEdge(..) => 2,
+        }
+    }
+
+    /// Whether the two things share a vertex. Such a pair never touches.
+    pub fn is_joined(self, surfaces: &Surfaces) -> bool {
+        let vertices = self.vertices(surfaces);
+        let (first, second) = vertices.split_at(self.split());
+        first.iter().any(|vertex| second.contains(vertex))
+    }
+
+    /// The shortest connection at the positions `x` (m).
+    pub fn foot(self, surfaces: &Surfaces, x: &[Vec3]) -> Foot {
+        let vertices = self.vertices(surfaces);
+        let [a, b, c, d] = vertices.map(|vertex| &x[vertex as usize]);
+        match self {
+            Self::VertexTriangle(..) => {
+                let on = point_triangle(a, [b, c, d]);
+                let [u, v, w] = on.weights;
+                Foot {
+                    vertices,
+                    weights: [1.0, -u, -v, -w],
+                    apart: on.apart,
+                }
+            }
+            Self::EdgeEdge(..) => {
+                let on = edge_edge([a, b], [c, d]);
+                Foot {
+                    vertices,
+                    weights: [1.0 - on.s, on.s, on.t - 1.0, -on.t],
+                    apart: on.apart,
+                }
+            }
+        }
+    }
+}

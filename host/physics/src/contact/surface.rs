@@ -1,0 +1,106 @@
+//! The surfaces that may touch, in one numbering: triangles and edges over vertices, by part.
+//!
+//! A **part** is the surface of one body or of one obstacle. A sheet has its triangles, with half its thickness as
+//! radius; a solid has the triangles of its boundary, with a radius of zero or of a stated skin; a thread has its lines.
+//! An edge without a triangle is a segment of a thread. The distance at which two parts touch is the sum of their radii.
+
+use crate::mesh::{Adjacency, Mesh, MeshError};
+use core::ops::Range;
+
+/// A part of the surfaces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Its vertices.
+    pub vertices: Range<u32>,
+    /// Its triangles.
+    pub triangles: Range<u32>,
+    /// Its edges.
+    pub edges: Range<u32>,
+    /// The distance between its surface and its vertices, edges and triangles (m): half the thickness of a sheet.
+    pub radius: f64,
+    /// Whether it may touch itself.
+    pub touches_itself: bool,
+    /// Whether it is an obstacle. Two obstacles do not touch each other.
+    pub is_obstacle: bool,
+}
+
+/// The surfaces that may touch.
+#[derive(Clone, Debug, Default)]
+pub struct Surfaces {
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Vertices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Vertices of each edge, ascending.
+    pub edges: Vec<[u32; 2]>,
+    /// The parts, in the order in which they were added.
+    pub parts: Vec<Part>,
+}
+
+/// How a part takes part in contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Skin {
+    /// See [`Part::radius`] (m).
+    pub radius: f64,
+    /// See [`Part::touches_itself`].
+    pub touches_itself: bool,
+    /// See [`Part::is_obstacle`].
+    pub is_obstacle: bool,
+}
+
+impl Surfaces {
+    /// Adds the surface of a mesh. Its vertices are all vertices of the mesh in their order, so that a solid's vertices
+    /// inside have a number, but no triangle. Returns the number of the part.
+    ///
+    /// # Errors
+    /// [`MeshError`] if triangles share an edge in a way that no surface does.
+    pub fn add(&mut self, mesh: &Mesh, skin: Skin) -> Result<usize, MeshError> {
+        let (vertices, triangles) = match mesh {
+            Mesh::Thread(mesh) => {
+                let edges = mesh.lines.iter().map(|[a, b]| [*a.min(b), *a.max(b)]);
+                return Ok(self.push(mesh.positions.len(), &[], edges, skin));
+            }
+            Mesh::Sheet(mesh) => (mesh.positions.len(), mesh.triangles.clone()),
+            Mesh::Solid(mesh) => (mesh.positions.len(), mesh.boundary()),
+        };
+        let adjacency = Adjacency::new(&triangles)?;
+        let interior = adjacency.interior.iter().map(|edge| edge.vertices);
+        let border = adjacency.boundary.iter().map(|edge| edge.vertices);
+        Ok(self.push(vertices, &triangles, interior.chain(border), skin))
+    }
+
+    fn push(
+        &mut self,
+        vertices: usize,
+        triangles: &[[u32; 3]],
+        edges: impl Iterator<Item = [u32; 2]>,
+        skin: Skin,
+    ) -> usize {
+        let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
+        let first = count(self.vertices);
+        let (triangle, edge) = (count(self.triangles.len()), count(self.edges.len()));
+        let moved = triangles.iter().map(|corners| corners.map(|v| v + first));
+        self.triangles.extend(moved);
+        self.edges.extend(edges.map(|ends| ends.map(|v| v + first)));
+        self.vertices += vertices;
+        self.parts.push(Part {
+            vertices: first..count(self.vertices),
+            triangles: triangle..count(self.triangles.len()),
+            edges: edge..count(self.edges.len()),
+            radius: skin.radius,
+            touches_itself: skin.touches_itself,
+            is_obstacle: skin.is_obstacle,
+        });
+        self.parts.len() - 1
+    }
+
+    /// Whether two parts may touch each other.
+    pub fn may_touch(&self, one: usize, other: usize) -> bool {
+        let (first, second) = (&self.parts[one], &self.parts[other]);
+        if one == other {
+            first.touches_itself
+        } else {
+            !(first.is_obstacle && second.is_obstacle)
+        }
+    }
+}

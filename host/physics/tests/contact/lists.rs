@@ -1,0 +1,136 @@
+//! Kept lists miss no pair, and cost what the motion costs.
+
+use super::motions::{self, Scene};
+use physics::Vec3;
+use physics::contact::{Counts, Lists, Pair, Surfaces};
+use std::collections::BTreeSet;
+
+/// What each cluster may move in a step (m), beside the radii.
+const REACH: f64 = 0.25e-3;
+/// Time of a step (s).
+const STEP: f64 = 4e-3;
+
+/// All pairs that may touch and are nearer than their radii and the reach, without boxes.
+fn all_near(surfaces: &Surfaces, x: &[Vec3]) -> BTreeSet<Pair> {
+    let part = |vertex: u32| {
+        let parts = &surfaces.parts;
+        parts
+            .iter()
+            .position(|part| part.vertices.contains(&vertex))
+            .unwrap()
+    };
+    let count = |number: usize| u32::try_from(number).unwrap();
+    let (triangles, edges) = (count(surfaces.triangles.len()), count(surfaces.edges.len()));
+    let mut pairs = Vec::new();
+    for triangle in 0..triangles {
+        let vertices = 0..count(surfaces.vertices);
+        pairs.extend(vertices.map(|vertex| Pair::VertexTriangle(vertex, triangle)));
+    }
+    for edge in 0..edges {
+        pairs.extend((edge + 1..edges).map(|other| Pair::EdgeEdge(edge, other)));
+    }
+    let near = pairs.into_iter().filter(|pair| {
+        let vertices = pair.vertices(surfaces);
+        let (one, other) = (part(vertices[0]), part(vertices[3]));
+        if !surfaces.may_touch(one, other) || pair.is_joined(surfaces) {
+            return false;
+        }
+        let need = surfaces.parts[one].radius + surfaces.parts[other].radius + 2.0 * REACH;
+        pair.foot(surfaces, x).apart.norm() <= need
+    });
+    near.collect()
+}
+
+/// The pairs that lists give, with edges in ascending order.
+fn listed(lists: &Lists, surfaces: &Surfaces, x: &[Vec3]) -> BTreeSet<Pair> {
+    let mut found = BTreeSet::new();
+    lists.each(surfaces, x, &mut |pair| {
+        let pair = match pair {
+            Pair::EdgeEdge(a, b) => Pair::EdgeEdge(a.min(b), a.max(b)),
+            pair @ Pair::VertexTriangle(..) => pair,
+        };
+        assert!(found.insert(pair), "{pair:?} is listed twice");
+    });
+    found
+}
+
+/// Runs a scene for `steps`. Returns the work of all steps.
+fn run(scene: &Scene, steps: u32, mut see: impl FnMut(&Lists, &[Vec3])) -> Vec<Counts> {
+    let mut lists = Lists::new(&scene.surfaces, &(scene.at)(0.0));
+    let each = (0..steps).map(|step| {
+        let x = (scene.at)(f64::from(step) * STEP);
+        lists.follow(&scene.surfaces, &x, |_, _| REACH);
+        see(&lists, &x);
+        lists.counts()
+    });
+    each.collect()
+}
+
+#[test]
+fn no_pair_is_missed() {
+    for scene in motions::all(9) {
+        let mut near = 0;
+        run(&scene, 24, |lists, x| {
+            let (needed, found) = (
+                all_near(&scene.surfaces, x),
+                listed(lists, &scene.surfaces, x),
+            );
+            let missed: Vec<_> = needed.difference(&found).collect();
+            assert!(missed.is_empty(), "{}: {missed:?}", scene.name);
+            near += needed.len();
+        });
+        // A scene in which nothing is near shows nothing.
+        assert!(near > 40, "{}: {near}", scene.name);
+    }
+}
+
+#[test]
+fn a_rigid_motion_costs_no_search() {
+    let scene = &motions::all(20)[0];
+    let counts = run(scene, 100, |_, _| {});
+    assert!(counts[0].searched > 0);
+    assert!(counts[1..].iter().all(|counts| counts.searched == 0));
+}
+#[test]
+fn print_costs() {
+    for scene in motions::all(29) {
+        let counts = run(&scene, 24, |_, _| {});
+        let n = counts.len() - 1;
+        let sum = |of: fn(&Counts) -> usize| counts[1..].iter().map(of).sum::<usize>() / n;
+        println!(
+            "{}: triangles {} near {} fitted {} searched {} most {} relisted {} checked {}",
+            scene.name,
+            scene.surfaces.triangles.len(),
+            sum(|c| c.near),
+            sum(|c| c.fitted),
+            sum(|c| c.searched),
+            counts[1..].iter().map(|c| c.searched).max().unwrap(),
+            sum(|c| c.relisted),
+            sum(|c| c.checked)
+        );
+        let x = (scene.at)(0.0);
+        let mut lists = Lists::new(&scene.surfaces, &x);
+        let clock = std::time::Instant::now();
+        let mut worst = 0.0_f64;
+        for step in 0..24 {
+            let x = (scene.at)(f64::from(step) * STEP);
+            let start = std::time::Instant::now();
+            lists.follow(&scene.surfaces, &x, |_, _| REACH);
+            let mut n = 0;
+            lists.each(&scene.surfaces, &x, &mut |pair| {
+                n += usize::from(pair.foot(&scene.surfaces, &x).apart.norm() < 1e-3);
+            });
+            let t = start.elapsed().as_secs_f64();
+            if step > 0 {
+                worst = worst.max(t);
+            } else {
+                println!("  first {:.3} ms", 1e3 * t);
+            }
+        }
+        println!(
+            "  mean {:.3} ms worst {:.3} ms",
+            clock.elapsed().as_secs_f64() * 1e3 / 24.0,
+            worst * 1e3
+        );
+    }
+}
