@@ -2,6 +2,8 @@
 //!
 //! - [`surface`]: the surfaces, in one numbering. [`pair`]: vertices against triangles, edges against edges; `distance`.
 //! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
+//! - [`row`]: the law of a contact.
+//! - [`shape`]: shapes of obstacles with an exact distance.
 //! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
 //! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
 //!   `drift`).
@@ -19,7 +21,9 @@ pub mod hierarchy;
 pub mod lists;
 pub mod pair;
 pub mod rigid;
+pub mod row;
 mod search;
+pub mod shape;
 pub mod surface;
 
 pub use hierarchy::Hierarchy;
