@@ -22,6 +22,7 @@ macro_rules! put_part {
 
 pub mod accuracy;
 pub mod adversary;
+mod chance;
 pub mod compare;
 pub mod elsewhere;
 mod error;

@@ -6,7 +6,6 @@
 //! the rendered force is the force of the body. [`scene`] compares the schemes on a scene under hands, rates and faults.
 //! [`tearing`] tears random sheets. [`seeds`] compares results of several seeds.
 
-pub(crate) mod chance;
 pub mod connections;
 pub mod devices;
 pub mod faults;

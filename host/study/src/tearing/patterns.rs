@@ -5,7 +5,7 @@
 
 use super::delaunay::triangulate;
 use crate::StudyError;
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use physics::Vec3;
 use physics::mesh::{Group, TriMesh, generate};
 

@@ -6,8 +6,8 @@
 //! the end of each sound stretch the controller has recovered: every device and body is in its normal state. A panic is
 //! caught and recorded.
 
-use super::chance::Chance;
 use super::devices::{self, StudyDevice};
+use crate::chance::Chance;
 use crate::stress::study::quantities;
 use crate::stress::{self, Done, Quantity, Verdict};
 use host::record::energy_sums;

@@ -14,7 +14,6 @@ pub mod summary;
 mod table;
 pub mod verdict;
 
-use super::chance::Chance;
 use super::scene::draw::{Draw as HostDraw, Span};
 use super::scene::measure::{HOLD, Outcome, Stillness, Trace};
 use super::scene::trial::Trial;
@@ -22,6 +21,7 @@ use super::scene::written::Written;
 use super::scene::{reference, run};
 use super::specimen::{Cause, Draw};
 use crate::StudyError;
+use crate::chance::Chance;
 use host::run::simulated_hand;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};

@@ -3,7 +3,7 @@
 //! Rates and kinds of trouble follow the number of the cell in turn, so that every range of cells contains the same
 //! fraction of each. The rest is drawn.
 
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use serde::{Deserialize, Serialize};
 use sim::Arm;
 

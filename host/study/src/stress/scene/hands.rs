@@ -6,7 +6,7 @@
 //! forces are in the axes of the devices.
 
 use super::draw::{ARRIVED, BEGIN, Draw, Task as Drawn};
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use host::scene::LoadedScene;
 use physics::Vec3;
 use physics::linear::dense::Square;

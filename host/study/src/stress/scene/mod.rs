@@ -31,9 +31,9 @@ pub mod verdict;
 pub mod worlds;
 pub mod written;
 
-use super::chance::Chance;
 use super::specimen::Draw as Specimen;
 use crate::StudyError;
+use crate::chance::Chance;
 use draw::{Choice, Draw};
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;

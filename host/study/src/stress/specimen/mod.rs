@@ -18,10 +18,10 @@ mod hands;
 mod reach;
 mod shape;
 
-use super::chance::Chance;
 use super::scene::draw::{ARRIVED, BEGIN, Span};
 use super::scene::rendered::Rendered;
 use crate::StudyError;
+use crate::chance::Chance;
 use hands::Moves;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
