@@ -27,7 +27,7 @@ impl Clutch {
         Self::default()
     }
 
-    /// The clutch before the first tick: open where the force of `limiter` has yet to come in. The proxy then waits
+    /// The clutch before the first tick: open if the force of `limiter` has yet to come in. The proxy then waits
     /// until the device is engaged, wherever the hand holds the device.
     pub fn before(limiter: &Limiter) -> Self {
         Self {

@@ -423,7 +423,7 @@ impl Controller {
         }
     }
 
-    /// Ends the tick, just before its commands leave, `took_ns` after the tick woke. Where the loop stood still within the
+    /// Ends the tick, just before its commands leave, `took_ns` after the tick woke. If the loop stood still within the
     /// tick, every device whose watchdog may have let go gets zero in place of its command, and the force returns along a
     /// ramp.
     pub fn end(
@@ -499,7 +499,7 @@ type Forces = [[Wrench; MAX_DEVICES]; MAX_BODIES];
 /// The fractions of the force and of the moment asked for that are left in the command.
 fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
     if asked == command {
-        // Also where the forces of several bodies cancel.
+        // Also if the forces of several bodies cancel.
         return [1.0, 1.0];
     }
     let fraction = |asked: f64, left: f64| {
@@ -541,7 +541,7 @@ pub enum Stage {
 }
 
 /// As [`cycle`], and calls `watch` after each stage. After [`Stage::Computed`], `watch` returns the time since the tick
-/// woke (ns), or zero where no clock runs.
+/// woke (ns), or zero if no clock runs.
 pub fn cycle_watched<D: Device + ?Sized>(
     controller: &mut Controller,
     devices: &mut [impl DerefMut<Target = D>],

@@ -5,7 +5,7 @@
 //! and damping pass linearly to those of the new model. The blend takes half a publication period (as in the multirate
 //! study), or half the time since the last model if that is longer, and at least two ticks. A model that arrives during
 //! a blend starts from the blended model. The force of a hand that the new model no longer names fades to zero
-//! (`coupling/leaving.rs`). Where a body parts into pieces, its energies part (`coupling/parting.rs`).
+//! (`coupling/leaving.rs`). If a body parts into pieces, its energies part (`coupling/parting.rs`).
 //!
 //! **Energy.** Under every scheme, the work of the hands is accounted for ([`crate::passivity`]). Under `capped`, the
 //! wrench is limited by that account. Under `classic`, hands that got more energy than they supplied are damped.
@@ -288,7 +288,7 @@ impl Coupling {
         self.tick_slipped(now_ns, devices, devices)
     }
 
-    /// As [`Self::tick`], where the `hands` would lead their proxies to other poses than those of `devices`: proxies have
+    /// As [`Self::tick`], if the `hands` would lead their proxies to other poses than those of `devices`: proxies have
     /// slipped.
     pub(crate) fn tick_slipped(
         &mut self,
@@ -485,7 +485,7 @@ impl Coupling {
                 .zip(before.iter().zip(weights.iter()))
                 .find(|(old, _)| old.device == handle.device);
             let force = old.map_or(Wrench::zero(), |(_, (wrench, _))| *wrench);
-            // The former weight; that of the new model where a hand joins.
+            // The former weight; that of the new model if a hand joins.
             handle.weight = old.map_or(handle.weight, |(_, (_, weight))| *weight);
             let drift = handle.drift.stacked() * ahead;
             let wrench = Wrench::from_stacked(&(force.stacked() + fall - drift));
@@ -522,7 +522,7 @@ impl Coupling {
         ticks.max(left)
     }
 
-    /// Notes the force that the cap and the fade of an old model hold back, where `trust` is the fraction of
+    /// Notes the force that the cap and the fade of an old model hold back, if `trust` is the fraction of
     /// `wrenches` that is rendered. The force that grows before the first fade is the start of a run.
     fn note_held_back(&mut self, now_ns: u64, trust: f64, wrenches: &[Wrench; MAX_HANDLES]) {
         let Withheld { force, of } = self.passivity.withheld();

@@ -125,7 +125,7 @@ pub struct Capabilities {
     pub actuated: Freedom,
     /// Largest force (N).
     pub max_force: f64,
-    /// Largest moment (N m); zero where the device actuates no rotation.
+    /// Largest moment (N m); zero if the device actuates no rotation.
     pub max_moment: f64,
     /// Radius of the largest ball about the device's origin that lies inside the workspace (m).
     pub workspace_radius: f64,
@@ -199,14 +199,14 @@ pub trait Device {
     /// Reads the newest state of the device. `now_ns` is the nominal time of the tick.
     ///
     /// # Errors
-    /// [`DeviceError`] where no report is new or none can be trusted. The loop then keeps the last state and counts the
+    /// [`DeviceError`] if no report is new or none can be trusted. The loop then keeps the last state and counts the
     /// error.
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError>;
 
     /// Commands a wrench on the hand (N, N m, device axes). The device holds the wrench until the next command.
     ///
     /// # Errors
-    /// [`DeviceError`] where the device cannot take the command.
+    /// [`DeviceError`] if the device cannot take the command.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError>;
 
     /// The quantities that only a simulation knows; `None` for a real or recorded device. A wrapper returns the probe
@@ -215,13 +215,13 @@ pub trait Device {
         None
     }
 
-    /// The time from the reading of the encoders to the force that answers it, in the device's own clock (ns), where the
-    /// last read showed it. `None` where it showed none, or where the device does not tell.
+    /// The time from the reading of the encoders to the force that answers it, in the device's own clock (ns), if the
+    /// last read showed it. `None` if it showed none, or if the device does not tell.
     fn motion_to_force_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Number of commanded wrenches that the device itself refused so far. `None` where the device does not tell.
+    /// Number of commanded wrenches that the device itself refused so far. `None` if the device does not tell.
     fn refused_wrenches(&self) -> Option<u64> {
         None
     }

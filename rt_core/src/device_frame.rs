@@ -108,7 +108,7 @@ impl DeviceFrame {
     }
 
     /// The inverse of [`Self::to_device`]: the wrench on the proxy (world axes) that a device's wrench (its own axes)
-    /// renders. Zero where a scale is zero.
+    /// renders. Zero if a scale is zero.
     pub fn on_proxy(&self, wrench: &Wrench) -> Wrench {
         let back = |scale: f64| if scale == 0.0 { 0.0 } else { 1.0 / scale };
         Wrench {

@@ -1,6 +1,6 @@
 //! Engagement: whether a device may render force at all.
 //!
-//! A device starts **disarmed** where its configuration asks for that. An order of the operator, or a button of the
+//! A device starts **disarmed** if its configuration asks for that. An order of the operator, or a button of the
 //! device, arms it. A device with a **dead-man button** renders force only while the hand holds the button. An
 //! **emergency stop**, by an order or by a button of any device, stops every device at once, and each has to be armed
 //! again. The last stage ([`crate::safety`]) lets the force fade or return accordingly.

@@ -11,7 +11,7 @@ const WARM: f64 = 0.5;
 /// The heat that the motors of a device bear.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatConfig {
-    /// The force that the device may render for ever (N); infinite where nothing limits the heat.
+    /// The force that the device may render for ever (N); infinite if nothing limits the heat.
     pub continuous_force: f64,
     /// Time constant of the motors' cooling (s).
     pub time: f64,

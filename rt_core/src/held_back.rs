@@ -69,7 +69,7 @@ impl HeldBack {
         }
     }
 
-    /// Mean of the held-back force over the ticks in which it was held back (N); zero where there were none.
+    /// Mean of the held-back force over the ticks in which it was held back (N); zero if there were none.
     pub fn mean(&self) -> f64 {
         if self.ticks == 0 {
             0.0

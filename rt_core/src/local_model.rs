@@ -47,18 +47,18 @@ pub struct HandleReference {
     pub twist: Twist,
     /// Wrench on the hand at the reference state, without the inertia of the handle itself.
     pub wrench: Wrench,
-    /// Outward normal of a contact that can push the hand but not pull it; zero where the hand holds the handle
+    /// Outward normal of a contact that can push the hand but not pull it; zero if the hand holds the handle
     /// permanently.
     pub contact: Vec3,
     /// The body's weight on the handle (N): the part of the wrench's force that stays the same wherever the handle
-    /// goes. The weight is a potential, so it gives back the work that lifting took. Zero is always safe. Where the
+    /// goes. The weight is a potential, so it gives back the work that lifting took. Zero is always safe. If the
     /// weight differs from that of the model before, the tick blends the two.
     pub weight: Vec3,
     /// The part of the wrench's rate that the stiffness does not predict (N/s, N m/s): `w0' + K v0`. Zero is always
     /// safe.
     pub drift: Wrench,
     /// Slope of `sqrt(G)` of the nearest tip by the displacement of the handle (sqrt(J/m2) per m, then per rad):
-    /// [`TearLimit`]. Unused where the model has no limit.
+    /// [`TearLimit`]. Unused if the model has no limit.
     pub tear_slope: Vec6,
 }
 
@@ -298,7 +298,7 @@ impl LocalModel {
         PublishedModel::check(self)
     }
 
-    /// The fraction of each handle's own damping that is rendered where each device renders at most `most` (N s/m,
+    /// The fraction of each handle's own damping that is rendered if each device renders at most `most` (N s/m,
     /// N m s/rad): of displacements, and of turns.
     pub fn rendered_damping(&self, most: impl Fn(u8) -> [f64; 2]) -> [[f64; 2]; MAX_HANDLES] {
         let mut fractions = [[1.0; 2]; MAX_HANDLES];

@@ -10,7 +10,7 @@
 //!
 //! **Weight** is a potential, and so no concern of the cap: it gives back exactly the work that lifting took. `F_s`,
 //! `V` and `H` leave the weight out, and the account keeps it apart. A device may render only a fraction `s` of a weight
-//! `g`: the host is late, or the force of the device fades or comes in. A hand that moves meanwhile is spared the work `R = -(1 - s) g . D`. Where the
+//! `g`: the host is late, or the force of the device fades or comes in. A hand that moves meanwhile is spared the work `R = -(1 - s) g . D`. If the
 //! weight itself changes by `dg` at the place `p`, its potential changes by `R = -dg . (p - p_0)`. The sum of these
 //! works is signed: a hand that goes up and comes back down to the same height without the weight owes nothing. As long as
 //! the sum is positive, the hands have been spared that work, and the cap has that much less to spend. A hand that rests
@@ -60,9 +60,9 @@ pub struct Port {
     pub most_turning_damping: f64,
     /// Newtons at the hand per newton in the scene, beside the factor that the motion scale implies.
     pub force_scale: f64,
-    /// Position change of one encoder count (m); zero where the device has no counts.
+    /// Position change of one encoder count (m); zero if the device has no counts.
     pub count: f64,
-    /// Fastest change of the device's force (N/s); infinite where there is no slew limit. A force that cannot fall at
+    /// Fastest change of the device's force (N/s); infinite if there is no slew limit. A force that cannot fall at
     /// once continues to do work. The cap keeps credit back for that work.
     pub max_slew: f64,
 }
@@ -122,7 +122,7 @@ impl PassivityConfig {
 pub struct EnergyAccount {
     /// Net work of the hands on the body. Below zero, the body has given more energy than it got.
     pub supplied: f64,
-    /// The part of `supplied` that lifted the body's weight; below zero where the weight was lowered.
+    /// The part of `supplied` that lifted the body's weight; below zero if the weight was lowered.
     pub raised: f64,
     /// The minimum over time of `supplied - raised + credited`: minus the net energy that came out at the hands. The
     /// port of the hands lies behind the dissipation of their devices.
@@ -154,7 +154,7 @@ pub struct Withheld {
 pub(crate) struct Balance {
     /// Energy that the springs could spend in the last tick (J).
     pub(crate) budget: f64,
-    /// Energy that the piece stores beyond the energy whose force the cap leaves whole (J); zero where the force is whole.
+    /// Energy that the piece stores beyond the energy whose force the cap leaves whole (J); zero if the force is whole.
     pub(crate) unpaid: f64,
 }
 
@@ -442,7 +442,7 @@ fn note_edges(edges: &mut [Edge; 3], translation: &Vec3, force: &Vec3, credited:
     }
 }
 
-/// Whether a device can have moved so far in a tick; false where the step is not a number. An impossible step is a
+/// Whether a device can have moved so far in a tick; false if the step is not a number. An impossible step is a
 /// faulty reading, and no work was done on it. One faulty reading would leave a debt that no hand could ever repay.
 fn possible(step: &Vec6, period: f64) -> bool {
     let [linear, angular] = [LARGEST_SPEED, LARGEST_ANGULAR_RATE].map(|speed| speed * period);

@@ -354,7 +354,7 @@ impl Limiter {
         self.engaged = engaged;
     }
 
-    /// Begins the tick at `clock_ns`, the time at which the tick woke, before its reading is looked at. Where the loop
+    /// Begins the tick at `clock_ns`, the time at which the tick woke, before its reading is looked at. If the loop
     /// stood still, the device counts as away up to this tick, which commands no force.
     pub fn begin(&mut self, clock_ns: u64) {
         let last_ns = self.commanded_ns.unwrap_or(clock_ns);

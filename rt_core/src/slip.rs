@@ -41,7 +41,7 @@ pub(crate) enum Asked {
 }
 
 impl Asked {
-    /// What two bodies ask of one proxy. A proxy goes back only where no body objects.
+    /// What two bodies ask of one proxy. A proxy goes back only if no body objects.
     pub(crate) fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Away(a), Self::Away(b)) => Self::Away(a + b),

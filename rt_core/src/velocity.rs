@@ -110,7 +110,7 @@ impl VelocityEstimator {
     }
 
     /// The estimator for an encoder with counts of `step` (m), read every `period` (s): a best fit over four
-    /// milliseconds, or over [`LONGEST`] ticks where these are shorter. According to `palpate bench velocity`, no other
+    /// milliseconds, or over [`LONGEST`] ticks if these are shorter. According to `palpate bench velocity`, no other
     /// method of the same delay has a smaller error.
     pub fn for_encoder(period: f64, step: f64) -> Self {
         let window = libm::round(Self::SPAN / period).clamp(1.0, LONGEST as f64) as usize;

@@ -156,7 +156,7 @@ proptest! {
     fn a_packed_model_keeps_every_bit(model in model(number()), other in model(number())) {
         let (handles, blocks) = parts(&model);
         let packed = PackedModel::new(model.head, &handles, &blocks).expect("its own parts");
-        // The copy goes over another model, whose parts are left where the new model has none.
+        // The copy goes over another model, whose parts are left if the new model has none.
         let mut copy = other;
         copy.copy_used_from(&packed);
         prop_assert_eq!(bits(&copy), bits(&model));

@@ -1,5 +1,5 @@
 //! The energy account and the cap: the hands never get back more than they supplied, however stiff the wall, late the
-//! device or wrong the models; and where nothing is wrong, the cap withholds nothing. Then the classic controller,
+//! device or wrong the models; and if nothing is wrong, the cap withholds nothing. Then the classic controller,
 //! which takes back the energy that came out.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]

@@ -264,7 +264,7 @@ fn other_pieces_in_the_same_epoch_are_refused() {
     // The number of a piece is below the number of handles.
     (model.head.epoch, model.handles[1].piece) = (1, 2);
     assert_eq!(coupling.accept(&model), Err(ModelFault::Handles));
-    // The energies of pieces are numbers, but only where there are pieces.
+    // The energies of pieces are numbers, but only if there are pieces.
     model.handles[1].piece = 1;
     model.head.pieces[1].stored = f64::NAN;
     assert_eq!(coupling.accept(&model), Err(ModelFault::NotFinite));

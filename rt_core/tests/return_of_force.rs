@@ -514,7 +514,7 @@ fn a_device_that_lets_go_loses_its_force_alone_and_its_proxy_waits() {
             reported,
             [(cause == Cause::Fault).then_some((601, 1)), None]
         );
-        // The force comes back as after an engagement where there was a fault, and else as after a loss.
+        // The force comes back as after an engagement if there was a fault, and else as after a loss.
         let (_, telemetry) = run.tick(Cause::Nothing, 0, 0);
         let returns = [SafetyState::Recovering, SafetyState::Engaging][fault as usize];
         assert_eq!(telemetry.devices[0].safety, returns);

@@ -162,7 +162,7 @@ fn at(x: f64, y: f64, z: f64) -> Option<Pose> {
     Some(Pose::at(Vec3::new(x, y, z)))
 }
 
-/// A body of springs from the handle of each of `devices` to the ground, at rest where the hands are at the origin.
+/// A body of springs from the handle of each of `devices` to the ground, at rest if the hands are at the origin.
 fn grounded(devices: &[u8]) -> LocalModel {
     let mut model = LocalModel::empty();
     model.head.period = 10.0 * PERIOD;

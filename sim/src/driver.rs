@@ -11,7 +11,7 @@ use rt_core::Vec3;
 /// The hand, the wire and the start of a simulated device.
 #[derive(Clone, Debug)]
 pub struct Held {
-    /// The hand that holds the device; the device is free where there is none.
+    /// The hand that holds the device; the device is free if there is none.
     pub hand: Option<Hand>,
     /// Whether the states and wrenches of the device pass through the reports of the firmware protocol.
     pub wired: bool,

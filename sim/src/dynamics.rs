@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! (2 M / h + b + b_a + h k_a / 2) u + f = 2 M v / h + F + k_a (a - x + da / 2) + b_a da / h = r
-//! u = 0, f = r          where |r| <= f_c      (the handle does not move)
+//! u = 0, f = r          if |r| <= f_c      (the handle does not move)
 //! f = f_c r / |r|       elsewhere             (u has the direction of r)
 //! ```
 //!
@@ -17,7 +17,7 @@
 //! Stick and slip are events, and a step is split at an event ([`friction`]). A handle that would reverse within a step
 //! comes to rest first, at the time that the step's own equation gives. A handle at rest stays exactly where it is
 //! until the pull on it reaches the largest force that friction can hold. The motion is therefore of second order with
-//! friction, too. A direction that turns within a step without passing through rest is followed in pieces. Where
+//! friction, too. A direction that turns within a step without passing through rest is followed in pieces. If
 //! friction ends the motion, the remaining kinetic energy is lost to friction.
 
 mod friction;

@@ -23,10 +23,10 @@ pub use woodenhaptics::WoodenHaptics;
 
 /// The device's end of a connection. Times are of one clock and do not go back; an earlier time counts as the latest.
 pub trait Emulator {
-    /// Takes bytes from the host, one report where the connection has reports. Any bytes may come.
+    /// Takes bytes from the host, one report if the connection has reports. Any bytes may come.
     fn receive(&mut self, bytes: &[u8], now_ns: u64);
 
-    /// Fills the start of `report` with the next bytes for the host, and returns their number; `None` where there are no
+    /// Fills the start of `report` with the next bytes for the host, and returns their number; `None` if there are no
     /// bytes to send at that time. To be called until it returns `None`.
     fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize>;
 }

@@ -9,7 +9,7 @@
 /// Sources and sinks of the energy since the start (J). Works and losses are sums over all steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MechanicalEnergy {
-    /// Work of the motors on device and hand, at the motors' port. Negative where the hand does work on the motors.
+    /// Work of the motors on device and hand, at the motors' port. Negative if the hand does work on the motors.
     pub motor_work: f64,
     /// Work of the muscles, which move the aim against the arm's spring and damper.
     pub hand_work: f64,
@@ -55,7 +55,7 @@ impl MechanicalEnergy {
 
     /// Work that the device did on the hand so far (J), at the port between the two. It is the work of the motors,
     /// minus the losses to the mechanism's damping and friction, minus the gain of the mechanism's own mass. Negative
-    /// where the hand worked on the device.
+    /// if the hand worked on the device.
     pub fn on_hand(&self) -> f64 {
         self.motor_work - self.damping_loss - self.friction_loss - self.device_kinetic
             + self.device_initial

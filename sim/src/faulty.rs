@@ -39,7 +39,7 @@ pub struct Faulty {
 const NO_DEVICE: i32 = 19;
 
 impl Faulty {
-    /// Wraps `device` with faults. Where two faults overlap, the first in the list acts.
+    /// Wraps `device` with faults. If two faults overlap, the first in the list acts.
     pub fn new(device: AnyDevice, faults: Vec<(Range<u64>, Fault)>) -> Self {
         Self {
             device,

@@ -132,7 +132,7 @@ fn condition(state: &DeviceState) -> Condition {
     }
 }
 
-/// The wrench in a report to a device; zero where the report does not enable the wrench.
+/// The wrench in a report to a device; zero if the report does not enable the wrench.
 ///
 /// # Errors
 /// The [`ReportError`] for which the bytes are not a valid report of a wrench.

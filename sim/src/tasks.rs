@@ -172,7 +172,7 @@ impl Task {
     /// The displacement over time of this task with `seed`.
     ///
     /// # Errors
-    /// [`TaskError`] where a number is out of its range, or where no hand could follow.
+    /// [`TaskError`] if a number is out of its range, or if no hand could follow.
     pub fn trajectory(&self, seed: u64) -> Result<Trajectory, TaskError> {
         self.check()?;
         let mut vary = Variation {
@@ -366,7 +366,7 @@ impl Variation {
 
     /// A direction at right angles to `along`.
     fn side(&mut self, along: &Vec3) -> Vec3 {
-        // Starts from the axis most nearly at right angles to `along`; turns by a random angle where the task varies.
+        // Starts from the axis most nearly at right angles to `along`; turns by a random angle if the task varies.
         let axis = Vec3::ith(along.iamin(), 1.0);
         let first = along.cross(&axis).normalize();
         if self.fraction <= 0.0 {

@@ -52,7 +52,7 @@ impl Tremor {
     /// fade-in. For a relaxed hand it is about 0.05 to 0.2 mm.
     ///
     /// # Errors
-    /// [`TremorError`] where the amplitude is negative or not finite.
+    /// [`TremorError`] if the amplitude is negative or not finite.
     pub fn new(rms: f64, seed: u64) -> Result<Self, TremorError> {
         if !(rms.is_finite() && rms >= 0.0) {
             return Err(TremorError::Amplitude { found: rms });

@@ -420,7 +420,7 @@ fn an_answer_to_an_earlier_host_is_not_taken_for_a_later_one() {
     }
 }
 
-/// The upload faults, with the step and the problem of the error where no upload succeeds.
+/// The upload faults, with the step and the problem of the error if no upload succeeds.
 fn upload_faults() -> Vec<(UploadFault, Step, Problem)> {
     let sent = |at: usize| image()[at];
     let mut faults = vec![

@@ -21,7 +21,7 @@
 
 typedef struct {
     volatile uint32_t counts[AXES]; /* signed; a counter starts anywhere, and wraps */
-    volatile uint32_t marks[AXES];  /* counts at the marks, valid where the bit in marked is set */
+    volatile uint32_t marks[AXES];  /* counts at the marks, valid if the bit in marked is set */
     volatile uint32_t marked;       /* bit k: the mark of axis k has passed */
     volatile uint32_t switches;
     volatile uint32_t forces[AXES]; /* uN, signed */

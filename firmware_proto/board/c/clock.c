@@ -50,7 +50,7 @@ void clock_sleep_until(int (*work)(void)) {
         if (asleep) {
             uint32_t from = SYSTICK[2];
             __asm volatile("dsb\n wfi" ::: "memory");
-            /* The counter counts down, and starts over after zero, where the next tick begins. */
+            /* The counter counts down, and starts over after zero, if the next tick begins. */
             int ticked = (PENDING & TICK_PENDING) != 0;
             uint32_t to = SYSTICK[2];
             clock_slept += (ticked || to > from ? from + CYCLES : from) - to;

@@ -66,7 +66,7 @@
 //!
 //! | offset | bytes | field                                                     |
 //! |-------:|------:|-----------------------------------------------------------|
-//! |     24 |    32 | counts of encoders 0 to 7, `i32`; zero where none is      |
+//! |     24 |    32 | counts of encoders 0 to 7, `i32`; zero if none is      |
 //! |     56 |     1 | number of encoders, 1 to 8                                |
 //! |     57 |     5 | reserved, zero                                            |
 //!
@@ -97,7 +97,7 @@
 //! |      8 |     2 | kinematics, `u16`, see [`kinematics`]                     |
 //! |     10 |     1 | number of parameters, 0 to 12                             |
 //! |     11 |     1 | reserved, zero                                            |
-//! |     12 |    48 | parameters 0 to 11, `i32`, 0.1 µm or 0.1 µrad; zero where none is |
+//! |     12 |    48 | parameters 0 to 11, `i32`, 0.1 µm or 0.1 µrad; zero if none is |
 //! |     60 |     2 | reserved, zero                                            |
 //!
 //! [`JointReport`], device to host, one for each encoder, follows the geometry:
@@ -107,7 +107,7 @@
 //! |      8 |     1 | encoder, 0 to 7                                           |
 //! |      9 |     1 | quantity: 0 an angle (rad), 1 a length (m)                |
 //! |     10 |     2 | reserved, zero                                            |
-//! |     12 |     8 | counts per rad or m, `i64`, 0.000001; negative where the count falls as the quantity grows |
+//! |     12 |     8 | counts per rad or m, `i64`, 0.000001; negative if the count falls as the quantity grows |
 //! |     20 |     4 | angle or length at count zero, `i32`, 0.1 µrad or 0.1 µm  |
 //! |     24 |    38 | reserved, zero                                            |
 //!

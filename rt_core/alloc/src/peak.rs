@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Peak {
 }
 
 /// The most bytes that the process holds at once during `body`, beyond those that it held before, and the result of
-/// `body`. The number is zero, too, where [`Peak`] is not the allocator of the program. The count covers all threads: a
+/// `body`. The number is zero, too, if [`Peak`] is not the allocator of the program. The count covers all threads: a
 /// binary that calls this function has one test.
 pub fn peak<R>(body: impl FnOnce() -> R) -> (usize, R) {
     let before = NOW.load(Ordering::Relaxed);

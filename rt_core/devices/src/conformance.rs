@@ -4,7 +4,7 @@
 //! violates:
 //!
 //! 1. The capabilities are constant, finite and consistent.
-//! 2. A state is valid: it is finite, its rotation has unit length, its rotation is the identity where none is sensed,
+//! 2. A state is valid: it is finite, its rotation has unit length, its rotation is the identity if none is sensed,
 //!    and its position and velocity are zero along axes that are not sensed.
 //! 3. The clock of the device never decreases.
 //! 4. Any time is accepted: the same time twice, a time far ahead, an earlier time.
@@ -64,7 +64,7 @@ impl<'a> Suite<'a> {
     /// Runs devices of `make`, each a new one, through the suite.
     ///
     /// # Panics
-    /// Where a device violates a property. The message has the property and the values found.
+    /// If a device violates a property. The message has the property and the values found.
     pub fn check<D: Device + ?Sized, B: DerefMut<Target = D>>(&self, mut make: impl FnMut() -> B) {
         self.steady_ticks(&mut *make());
         self.odd_times(&mut *make());

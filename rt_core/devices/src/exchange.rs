@@ -77,7 +77,7 @@ pub enum MotionSource {
     /// brings the force (ns, clock of the program). The encoders are read a transfer after the first request, and the
     /// force acts a transfer after the second.
     Thread,
-    /// The device, in its own clock (ns), where the last exchange showed the time.
+    /// The device, in its own clock (ns), if the last exchange showed the time.
     Device(Option<u64>),
 }
 

@@ -33,7 +33,7 @@ pub struct Found {
     pub name: String,
     /// Numbers of the USB device; `None` for a device on another bus.
     pub numbers: Option<(u16, u16)>,
-    /// Serial number; empty where the device states none.
+    /// Serial number; empty if the device states none.
     pub serial: String,
     /// The port of USB (`1-2.3`), which stays when the device is plugged in again; empty for a device on another bus.
     pub port: String,
@@ -41,7 +41,7 @@ pub struct Found {
     pub file: PathBuf,
     /// Whether the device is also a keyboard, a mouse or a joystick. Such a device is hardly a haptic one.
     pub input: bool,
-    /// Why the device cannot be opened; `None` where it can.
+    /// Why the device cannot be opened; `None` if it can.
     pub trouble: Option<Trouble>,
     /// Whether the device is behind a hub, which it shares with other devices.
     pub behind_hub: bool,
@@ -81,7 +81,7 @@ impl fmt::Display for Trouble {
     }
 }
 
-/// What to do where this account may not open a device: the udev rule that begins with `begin`. systemd gives the
+/// What to do if this account may not open a device: the udev rule that begins with `begin`. systemd gives the
 /// person at the seat the devices with the tag `uaccess` in `73-seat-late.rules`, so the rule must come before.
 pub(crate) fn udev_rule(begin: &str) -> String {
     format!(
@@ -90,7 +90,7 @@ pub(crate) fn udev_rule(begin: &str) -> String {
     )
 }
 
-/// The beginning of a udev rule for the hidraw devices with these numbers; with names of numbers where they are unknown.
+/// The beginning of a udev rule for the hidraw devices with these numbers; with names of numbers if they are unknown.
 pub(crate) fn hidraw_rule(numbers: Option<(u16, u16)>) -> String {
     match numbers {
         Some((vid, pid)) => format!(

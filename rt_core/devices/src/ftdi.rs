@@ -103,7 +103,7 @@ impl Control {
         }
     }
 
-    /// The request in a setup, as the chip reads it; `None` where it is none of these.
+    /// The request in a setup, as the chip reads it; `None` if it is none of these.
     pub fn from_setup(setup: Setup) -> Option<Self> {
         let [low, high] = setup.value.to_le_bytes();
         let line = |bit: u8| (high & bit != 0).then_some(low & bit != 0);
@@ -148,7 +148,7 @@ pub trait Usb: Send {
     /// The error number of the system.
     fn request(&mut self, setup: Setup) -> Result<(), i32>;
 
-    /// Waits at most for `wait` for one packet, and returns its length; zero where none came.
+    /// Waits at most for `wait` for one packet, and returns its length; zero if none came.
     ///
     /// # Errors
     /// The error number of the system.

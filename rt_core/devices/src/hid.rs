@@ -6,9 +6,9 @@
 //!   for the device, for up to five seconds.
 //!
 //! The driver greets the device with a hello when it opens it, and, in place of wrenches, until the device has answered;
-//! so also where the device was restarted. Each wrench names the newest state that the driver has read ([`firmware_proto::host`]).
+//! so also if the device was restarted. Each wrench names the newest state that the driver has read ([`firmware_proto::host`]).
 //!
-//! The answer says what the device can do. Where that is not what the profile says, the device is refused when it is
+//! The answer says what the device can do. If that is not what the profile says, the device is refused when it is
 //! opened ([`stated`](crate::stated)). A device whose answer comes later, or which comes back as another, is lost: it gets
 //! no wrench before its answer agrees.
 //!
@@ -82,13 +82,13 @@ pub enum HidError {
     },
 }
 
-/// Fills a buffer with the next report that waits. Returns the length of the report, zero where no report waits, or the
+/// Fills a buffer with the next report that waits. Returns the length of the report, zero if no report waits, or the
 /// error number of the system. Never waits.
 pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
 /// Writes a command, or returns the error number of the system. May block.
 pub type WriteReport = dyn FnMut(&Command) -> Result<(), i32> + Send;
 
-/// What helps where a device cannot be opened: `rule` is the beginning of its udev rule.
+/// What helps if a device cannot be opened: `rule` is the beginning of its udev rule.
 pub(crate) fn advice(error: &std::io::Error, rule: &str) -> String {
     match error.kind() {
         std::io::ErrorKind::ResourceBusy => "Another run has it open; end that run".to_owned(),
@@ -135,7 +135,7 @@ fn ends(selector: &HidSelector) -> Result<Ends, HidError> {
     Ok((Box::new(read), Box::new(write)))
 }
 
-/// Greets a device, and waits for its answer, for a second at most. Returns what it states; `None` where it did not answer.
+/// Greets a device, and waits for its answer, for a second at most. Returns what it states; `None` if it did not answer.
 fn answer(
     (read, write): &mut Ends,
     profile: &Capabilities,
@@ -219,10 +219,10 @@ impl HidDevice {
 
     /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
     /// block, and is called once, with the first hello, before this function returns. Either function returns the error
-    /// number of the system where the device is disconnected. The device is asked for its own watchdog.
+    /// number of the system if the device is disconnected. The device is asked for its own watchdog.
     ///
     /// # Errors
-    /// The error of the system, where it gave no thread for writing.
+    /// The error of the system, if it gave no thread for writing.
     pub fn over(
         read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
         write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
@@ -250,7 +250,7 @@ impl HidDevice {
         Self::start(first, Box::new(open), capabilities, 0, None)
     }
 
-    /// Starts the thread of a device that is open, and which has stated this model where it has been greeted before.
+    /// Starts the thread of a device that is open, and which has stated this model if it has been greeted before.
     fn start(
         (read, mut write): Ends,
         open: Open<Command, Box<ReadReport>>,
@@ -260,7 +260,7 @@ impl HidDevice {
     ) -> std::io::Result<Self> {
         let session = session();
         let mut reports = Reports::new(session, watchdog_us);
-        // Where this write fails, the tick greets the device again, and reports the failure.
+        // If this write fails, the tick greets the device again, and reports the failure.
         let _ = write(&numbered(&reports.greet()));
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {

@@ -70,10 +70,10 @@ pub struct Identified {
     pub damping: Estimate,
     /// Coulomb friction (N): the mean over the axes.
     pub friction: Estimate,
-    /// Smallest change of a position coordinate (m): one encoder count, where the device moves in counts along the axes.
+    /// Smallest change of a position coordinate (m): one encoder count, if the device moves in counts along the axes.
     pub position_step: f64,
     /// Periods from the write of a force to its start on the handle, with any delay of the readings: 0 for a device
-    /// without delay, which the reading after the write already shows. `None` where the record does not tell; delays
+    /// without delay, which the reading after the write already shows. `None` if the record does not tell; delays
     /// above 5 are not tried.
     pub delay_periods: Option<f64>,
     /// Period of the ticks (s).

@@ -34,12 +34,12 @@ pub struct DeviceModel {
     pub driver_damping: f64,
     /// Usual rate of the device (Hz).
     pub rate_hz: u32,
-    /// Time from the command of a wrench to its rendering by the device (s), as measured; zero where it is unknown.
+    /// Time from the command of a wrench to its rendering by the device (s), as measured; zero if it is unknown.
     pub output_delay: f64,
-    /// The axes along which the handle moves, on a device of one or two degrees of freedom; `None` where the handle moves
+    /// The axes along which the handle moves, on a device of one or two degrees of freedom; `None` if the handle moves
     /// along all three.
     pub axes: Option<Axes>,
-    /// The rotation of the handle, where the device senses and actuates it.
+    /// The rotation of the handle, if the device senses and actuates it.
     pub rotation: Option<RotationModel>,
 }
 

@@ -239,7 +239,7 @@ fn finite(vector: &Vec3) -> [f64; 3] {
     if whole { (*vector).into() } else { [0.0; 3] }
 }
 
-/// The state that a plug-in filled in; `None` where it is no state.
+/// The state that a plug-in filled in; `None` if it is no state.
 pub fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
     let mut pose = Pose::at(sensed.part(&Vec3::from(state.position)));
     let mut twist = Twist {
@@ -276,7 +276,7 @@ fn rendering(number: u32) -> Rendering {
     }
 }
 
-/// The capabilities that a plug-in states; `None` where no device has them.
+/// The capabilities that a plug-in states; `None` if no device has them.
 pub fn capabilities(found: &abi::Capabilities) -> Option<Capabilities> {
     let (sensed, actuated) = (freedom(found.sensed)?, freedom(found.actuated)?);
     let positive = |x: f64| x.is_finite() && x > 0.0;
@@ -331,7 +331,7 @@ mod tests {
         }
     }
 
-    /// Numbers above zero, and a largest moment exactly where a rotation is actuated.
+    /// Numbers above zero, and a largest moment exactly if a rotation is actuated.
     #[test]
     fn capabilities_are_those_of_a_device() {
         let arm = abi::Capabilities {

@@ -30,7 +30,7 @@ use std::path::Path;
 pub struct Connection {
     /// The name of the driver.
     pub driver: String,
-    /// The address, which only the driver reads; empty where there is none.
+    /// The address, which only the driver reads; empty if there is none.
     pub address: String,
 }
 
@@ -69,7 +69,7 @@ pub enum Kind {
 pub struct Identity {
     /// The name of its model.
     pub name: String,
-    /// The version of its firmware; `None` where the device states none.
+    /// The version of its firmware; `None` if the device states none.
     pub firmware: Option<String>,
 }
 
@@ -86,7 +86,7 @@ impl Notes {
         self.told.borrow_mut().push(note);
     }
 
-    /// What the device says that it is; `None` where it says nothing.
+    /// What the device says that it is; `None` if it says nothing.
     pub fn identity(&self) -> Option<Identity> {
         self.identity.borrow().clone()
     }
@@ -104,12 +104,12 @@ pub struct Request<'a> {
     pub index: usize,
     /// The model of the device.
     pub model: &'a DeviceModel,
-    /// The name of the device in its profile, which a device that states a name must not contradict; empty where the
+    /// The name of the device in its profile, which a device that states a name must not contradict; empty if the
     /// caller knows none.
     pub name: &'a str,
     /// Period of the tick (s).
     pub period: f64,
-    /// The address of the device, which only the driver reads; empty where the scene gives none.
+    /// The address of the device, which only the driver reads; empty if the scene gives none.
     pub address: &'a str,
     /// The firmware that the scene names for the device.
     pub firmware: Option<&'a Path>,
@@ -125,13 +125,13 @@ pub trait Driver {
     /// The kind of its devices.
     fn kind(&self) -> Kind;
 
-    /// The protocol of its devices, where they are devices of one kind. A device's profile must then name this protocol.
+    /// The protocol of its devices, if they are devices of one kind. A device's profile must then name this protocol.
     fn protocol(&self) -> Option<&'static str> {
         None
     }
 
     /// What an address names, as far as it can be known before anything is opened: the file of a device, a place in the
-    /// network. Two addresses that have a name in common reach one device, whatever their drivers. Empty where any number
+    /// network. Two addresses that have a name in common reach one device, whatever their drivers. Empty if any number
     /// of devices may have the address.
     fn reaches(&self, address: &str) -> Vec<String>;
 
@@ -290,7 +290,7 @@ impl Registry {
     }
 }
 
-/// What a path names, for [`Driver::reaches`]: the file to which it leads, or itself where it leads nowhere.
+/// What a path names, for [`Driver::reaches`]: the file to which it leads, or itself if it leads nowhere.
 pub(crate) fn file_of(path: &Path) -> String {
     let leads_to = std::fs::canonicalize(path);
     leads_to
@@ -334,7 +334,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Holds what a device states against its profile (see [`Stated::agree`]). Tells the person where the name is unknown
+    /// Holds what a device states against its profile (see [`Stated::agree`]). Tells the person if the name is unknown
     /// or the device is the weaker one, and returns the limits that hold.
     ///
     /// # Errors

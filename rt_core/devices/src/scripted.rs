@@ -44,7 +44,7 @@ where
     }
 }
 
-/// The capabilities of a small desktop device: 8 N within 0.1 m, counts of 10 um, and 1 N m where it has six degrees of
+/// The capabilities of a small desktop device: 8 N within 0.1 m, counts of 10 um, and 1 N m if it has six degrees of
 /// freedom.
 pub fn small(freedom: Freedom) -> Capabilities {
     Capabilities {

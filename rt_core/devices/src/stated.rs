@@ -45,9 +45,9 @@ impl Name {
         Self(name)
     }
 
-    /// Holds the name of the device against the name in its profile (empty where the caller knows none). Where both are
+    /// Holds the name of the device against the name in its profile (empty if the caller knows none). If both are
     /// names of built-in devices, they must be those of the same device. A device of one's own may have any name: the
-    /// result then is a note for the person, where the names differ.
+    /// result then is a note for the person, if the names differ.
     ///
     /// # Errors
     /// [`Mismatch::Name`].
@@ -133,7 +133,7 @@ pub struct Stated {
     pub max_force: f64,
     /// The largest moment (N m).
     pub max_moment: f64,
-    /// The radius of the workspace (m); zero where the device states none.
+    /// The radius of the workspace (m); zero if the device states none.
     pub workspace_radius: f64,
 }
 
@@ -205,7 +205,7 @@ impl Stated {
                 profile: expected,
             });
         }
-        // Both are the same but for rounding where they are equal; then the profile's own number holds.
+        // Both are the same but for rounding if they are equal; then the profile's own number holds.
         let lower = |device: f64, profile: f64| {
             if device + 1.0 / UNITS > profile {
                 profile

@@ -20,11 +20,11 @@ use std::time::Duration;
 /// Longest time that a write waits for room. A device that takes no bytes for so long is stuck.
 const WRITE: Duration = Duration::from_millis(100);
 
-/// A connection to a device. Errors are error numbers of the system (`ENODEV` where the device is gone), because the
+/// A connection to a device. Errors are error numbers of the system (`ENODEV` if the device is gone), because the
 /// hot path formats and allocates nothing.
 pub trait Transport: Send {
     /// Waits for bytes from the device, at most for `wait`, and fills `buffer` from its start. Returns the number of
-    /// bytes; zero where none came in time. HID gives one report a call and cuts a longer report off. A stream gives
+    /// bytes; zero if none came in time. HID gives one report a call and cuts a longer report off. A stream gives
     /// the bytes that are there, which may be a part of a packet, or several packets.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ fn lock(file: &impl AsFd) -> std::io::Result<()> {
     }
 }
 
-/// The number of bytes of a read that does not wait; zero where nothing waits.
+/// The number of bytes of a read that does not wait; zero if nothing waits.
 fn now(result: Result<usize, Errno>) -> Result<usize, i32> {
     match result {
         Ok(count) => Ok(count),

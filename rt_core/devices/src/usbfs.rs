@@ -97,7 +97,7 @@ pub enum UsbError {
 }
 
 impl UsbError {
-    /// The error number of the system; that of a missing device (ENODEV) where there is none.
+    /// The error number of the system; that of a missing device (ENODEV) if there is none.
     pub fn number(&self) -> i32 {
         match self {
             Self::Open { source, .. } | Self::Claim { source, .. } => {

@@ -19,7 +19,7 @@ use rt_core::{
 
 pub use firmware_proto::host::DeviceClock;
 
-/// The state in a report, in SI units. Where the device senses no rotation (`sensed`), the report's orientation and
+/// The state in a report, in SI units. If the device senses no rotation (`sensed`), the report's orientation and
 /// angular velocity are ignored; so are positions and velocities along axes that the device does not sense.
 pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> DeviceState {
     let si = report.to_si();

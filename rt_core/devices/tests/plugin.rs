@@ -10,7 +10,7 @@ use std::process::Command;
 
 const FOLDER: &str = env!("CARGO_TARGET_TMPDIR");
 
-/// Builds a C source; `None` where the machine has no C compiler. Each test has a file of its own.
+/// Builds a C source; `None` if the machine has no C compiler. Each test has a file of its own.
 fn build(test: &str, source: &Path) -> Option<PathBuf> {
     let library = Path::new(FOLDER).join(format!("{test}.so"));
     let built = Command::new("cc")
@@ -64,7 +64,7 @@ fn made(test: &str, [loaded, open, exchange]: [&str; 3]) -> Option<PathBuf> {
 struct palpate_device {{ int unused; }};
 static struct palpate_device one;
 static int exchanges;
-static char mark[512]; /* a file that is made when the device is closed, where `open` names one */
+static char mark[512]; /* a file that is made when the device is closed, if `open` names one */
 static void nap(void) {{ struct timespec ms = {{0, 1000000}}; nanosleep(&ms, NULL); }}
 static void hang(void) {{ for (;;) nap(); }}
 static int opened(const char *address, palpate_device **device, palpate_capabilities *states, char *message, size_t length) {{
@@ -167,7 +167,7 @@ fn the_example_moves_under_its_force() {
         return;
     };
     let mut device = opened(&library, "");
-    // The spring of 50 N/m holds 1 N at 20 mm. Where the machine is busy, the thread commands zero now and then, for an
+    // The spring of 50 N/m holds 1 N at 20 mm. If the machine is busy, the thread commands zero now and then, for an
     // exchange of 1 ms: the mass of 0.1 kg then gets 10 mm/s, and swings by half a millimetre.
     until(&mut device, &push(), |result| {
         result.is_ok_and(|state| {

@@ -127,7 +127,7 @@ fn isolated_too(isolated: &[usize]) -> String {
 /// The cores of a machine. Each list ascends.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cores {
-    /// The online cores; empty where the system does not tell.
+    /// The online cores; empty if the system does not tell.
     pub online: Vec<usize>,
     /// The online cores that the kernel isolates.
     pub isolated: Vec<usize>,
@@ -159,7 +159,7 @@ impl Cores {
     /// Checks a choice before the system is asked for a core.
     ///
     /// # Errors
-    /// [`NoSuchCore`] for a number that is not among the online cores. Where the system does not list its cores, any
+    /// [`NoSuchCore`] for a number that is not among the online cores. If the system does not list its cores, any
     /// number passes, and pinning will report an error.
     pub fn check(&self, choice: CoreChoice) -> Result<(), NoSuchCore> {
         match choice {
@@ -174,8 +174,8 @@ impl Cores {
         }
     }
 
-    /// The cores to try for the tick, best first, where `allowed` (ascending) is the process's mask. The last core of
-    /// the mask is a candidate only where the mask has another core for the rest of the process.
+    /// The cores to try for the tick, best first, if `allowed` (ascending) is the process's mask. The last core of
+    /// the mask is a candidate only if the mask has another core for the rest of the process.
     pub fn candidates(&self, choice: CoreChoice, allowed: &[usize]) -> Vec<usize> {
         let last = match allowed {
             [_, .., last] => Some(*last),

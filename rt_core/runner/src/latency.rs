@@ -39,7 +39,7 @@ pub struct LatencyHistogram {
     sum: u64,
 }
 
-/// The summary of a histogram. Times in ns; all zero where no value was recorded.
+/// The summary of a histogram. Times in ns; all zero if no value was recorded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Number of values, including those beyond the bound.
@@ -111,7 +111,7 @@ impl LatencyHistogram {
     }
 
     /// The value at or below which a fraction `quantile` (from zero to one) of all values lies (ns). If that value lies
-    /// beyond the bound, the largest value. Zero where no value was recorded.
+    /// beyond the bound, the largest value. Zero if no value was recorded.
     pub(crate) fn value_at(&self, quantile: f64) -> u64 {
         let count = self.count();
         if count == 0 {
@@ -180,7 +180,7 @@ pub struct DeviceTimes {
     pub read: LatencyHistogram,
     /// Duration of each write (ns). A device with a thread of its own only hands its wrench over.
     pub write: LatencyHistogram,
-    /// Time from the reading of the encoders to the force that answers it (ns), in the clock of the device. Empty where
+    /// Time from the reading of the encoders to the force that answers it (ns), in the clock of the device. Empty if
     /// the device does not tell.
     pub motion_to_force: LatencyHistogram,
 }

@@ -10,7 +10,7 @@
 //!   ([`memory`], [`ring`]); its histograms have fixed bounds ([`latency`]).
 //! - A resource that the system refuses (a core, a priority, locked memory) is **named with its cost**, and the run
 //!   continues ([`schedule`], [`degradation`]), unless the user requires the resource.
-//! - The tick takes an isolated core where there is one ([`cores`]). The other threads of the process **keep off** that
+//! - The tick takes an isolated core if there is one ([`cores`]). The other threads of the process **keep off** that
 //!   core ([`reserve`]).
 //! - The loop makes few, named **system calls**; the kernel can trap any other call ([`seccomp`]).
 //! - [`tick_loop::TickLoop`] is one tick with its rings and histograms, without clock or thread. Virtual time runs

@@ -1,7 +1,7 @@
 //! Memory that the tick can touch without a wait.
 //!
 //! A page that was never touched, or that was swapped out, costs a tick between a microsecond and many milliseconds.
-//! Before the first tick, the loop's own memory is therefore touched and, where the system allows, locked: the thread's
+//! Before the first tick, the loop's own memory is therefore touched and, if the system allows, locked: the thread's
 //! stack, the loop's state (controller and devices) and the rings. Code and the pages of the shared allocator are not
 //! locked; the loop does not allocate.
 //!
@@ -77,7 +77,7 @@ impl LockedMemory {
     /// locked; freeing it earlier is harmless.
     ///
     /// # Errors
-    /// [`LockError`] where the system refuses. Ranges that were locked before stay locked.
+    /// [`LockError`] if the system refuses. Ranges that were locked before stay locked.
     #[allow(unsafe_code)]
     pub fn lock(&mut self, range: MemoryRange) -> Result<(), LockError> {
         if range.bytes == 0 {
@@ -104,7 +104,7 @@ impl LockedMemory {
     /// loop.
     ///
     /// # Errors
-    /// [`LockError`] where the system refuses.
+    /// [`LockError`] if the system refuses.
     pub(crate) fn lock_stack(&mut self) -> Result<(), LockError> {
         with_stack_ahead(|stack| self.lock(stack))
     }
@@ -146,7 +146,7 @@ fn with_stack_ahead<R>(see: impl FnOnce(MemoryRange) -> R) -> R {
     see(MemoryRange::of(&stack))
 }
 
-/// Why the system refused `wanted` bytes, where a process may lock `limit` bytes in all, or any number (`None`).
+/// Why the system refused `wanted` bytes, if a process may lock `limit` bytes in all, or any number (`None`).
 fn reason(wanted: usize, errno: rustix::io::Errno, limit: Option<u64>) -> LockError {
     match (errno, limit) {
         // The limit is exhausted, or the process may not lock at all.

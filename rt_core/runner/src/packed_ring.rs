@@ -171,7 +171,7 @@ impl<T: Copy> PartWriter<T> {
 }
 
 impl<H: Head> PackedReader<H> {
-    /// Calls `see` with the newest publication, then frees all that wait. Does nothing where none waits. The time does not
+    /// Calls `see` with the newest publication, then frees all that wait. Does nothing if none waits. The time does not
     /// depend on their number. Publications that never arrived, and those before the newest, are counted.
     pub fn take_newest(&mut self, see: impl FnOnce(&Packed<'_, H>)) {
         let waiting = self.heads.slots();
@@ -229,7 +229,7 @@ impl<H: Head> PackedReader<H> {
     }
 }
 
-/// The last `count` parts of a ring, which lie one after another; fewer where there are not as many.
+/// The last `count` parts of a ring, which lie one after another; fewer if there are not as many.
 fn last<'a, T>((first, second): (&'a [T], &'a [T]), count: usize) -> &'a [T] {
     let piece = if second.is_empty() { first } else { second };
     let before = piece.len().saturating_sub(count);

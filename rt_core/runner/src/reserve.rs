@@ -44,7 +44,7 @@ impl Reserved {
         })
     }
 
-    /// The core to pin the tick to, or the original choice where no core could be chosen.
+    /// The core to pin the tick to, or the original choice if no core could be chosen.
     pub fn core(&self) -> CoreChoice {
         self.core
     }

@@ -74,7 +74,7 @@ pub(crate) fn drain_up_to<T>(
 }
 
 /// Calls `see` with the newest record of a ring and the number of records that waited, then frees all of them; `None`
-/// where none waits. The time does not depend on the number of records.
+/// if none waits. The time does not depend on the number of records.
 pub fn take_newest<T: Copy, R>(
     ring: &mut Consumer<T>,
     see: impl FnOnce(&T, u64) -> R,

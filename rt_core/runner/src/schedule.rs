@@ -27,10 +27,10 @@ pub const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
 const MOST_CORES: usize = 1024;
 
 /// Pins the calling thread to the best core of `choice` that the system gives (on `machine`). Returns the core, or
-/// `None` where no pinning was asked for. If the system refuses every core, the thread keeps its cores.
+/// `None` if no pinning was asked for. If the system refuses every core, the thread keeps its cores.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread does not run on that core alone, or where the process's other threads have no
+/// A [`Degradation`] if the thread does not run on that core alone, or if the process's other threads have no
 /// other core.
 pub fn pin(choice: CoreChoice, machine: &Cores) -> Result<Option<usize>, Degradation> {
     if choice == CoreChoice::Anywhere {
@@ -90,7 +90,7 @@ pub(crate) fn sharpen_timers() {
 /// reports.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread does not get the priority.
+/// A [`Degradation`] if the thread does not get the priority.
 pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let asked = ThreadPriorityValue::try_from(priority)
@@ -160,7 +160,7 @@ fn remedy(priority: u8, may: bool, group: &Group) -> String {
 struct Group {
     /// Its path below the root group.
     name: String,
-    /// Its realtime time (us), where the kernel gives one out.
+    /// Its realtime time (us), if the kernel gives one out.
     runtime: Option<String>,
 }
 
@@ -204,7 +204,7 @@ impl KeepAwake {
     /// Asks for a wake-up latency of zero, at `path` ([`WAKE_LATENCY`], or a file in its place).
     ///
     /// # Errors
-    /// A [`Degradation`] where the system does not allow or does not know the request.
+    /// A [`Degradation`] if the system does not allow or does not know the request.
     pub fn hold(path: &Path) -> Result<Self, Degradation> {
         let ask = || {
             let mut request = OpenOptions::new().write(true).open(path)?;

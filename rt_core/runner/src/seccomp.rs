@@ -66,7 +66,7 @@ fn rules(policy: CallPolicy) -> Result<Rules, seccompiler::BackendError> {
         let each = calls.iter().map(|call| (*call, Vec::new()));
         each.collect::<Rules>()
     };
-    // Inside a tick. The clock is a system call only where it cannot be read without the kernel.
+    // Inside a tick. The clock is a system call only if it cannot be read without the kernel.
     rules.extend(any(&[libc::SYS_clock_gettime]));
     if policy == CallPolicy::Hid {
         rules.extend(any(&[libc::SYS_read, libc::SYS_ppoll]));

@@ -26,7 +26,7 @@ pub struct RunnerConfig {
     pub keep_awake: bool,
     /// The file in which the latency is requested: [`WAKE_LATENCY`], or a file that replaces it in tests.
     pub wake_latency: &'static str,
-    /// Whether to refuse to start where the system does not grant one of the items above.
+    /// Whether to refuse to start if the system does not grant one of the items above.
     pub require_grants: bool,
     /// The system calls that the thread may make; any other call ends the loop. `None`: the calls are not watched.
     pub calls: Option<CallPolicy>,

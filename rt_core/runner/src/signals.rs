@@ -46,7 +46,7 @@ pub fn ignore(signal: c_int) -> io::Result<()> {
 pub fn is_ignored(signal: c_int) -> bool {
     let mut action = std::mem::MaybeUninit::<libc::sigaction>::zeroed();
     // SAFETY: without a new action the call only writes the present one, for which there is room. Zero is a valid value of
-    // every field, so the action is valid also where the call fails.
+    // every field, so the action is valid also if the call fails.
     let action = unsafe {
         libc::sigaction(signal, std::ptr::null(), action.as_mut_ptr());
         action.assume_init()

@@ -138,7 +138,7 @@ pub struct TickReport {
     pub kept_awake: bool,
     /// The system call that ended the run, if one did.
     pub forbidden_call: Option<ForbiddenCall>,
-    /// Number of allocations, reallocations and frees in the ticks. `None` where [`alloc_count::calls::Counting`] is not
+    /// Number of allocations, reallocations and frees in the ticks. `None` if [`alloc_count::calls::Counting`] is not
     /// the allocator of the program.
     pub allocator_calls: Option<u64>,
 }
@@ -203,7 +203,7 @@ pub struct TickThread {
 /// before the first deadline. `stop` ends the loop from outside.
 ///
 /// # Errors
-/// [`SpawnError`] where the loop cannot run. [`TickThread::degradations`] lists what the system did not grant to a loop
+/// [`SpawnError`] if the loop cannot run. [`TickThread::degradations`] lists what the system did not grant to a loop
 /// that runs.
 pub fn spawn(
     config: RunnerConfig,
@@ -291,7 +291,7 @@ impl TickThread {
     /// Waits for the end of the loop. Does not ask the loop to end.
     ///
     /// # Errors
-    /// [`TickPanic`] where the loop ended by a panic, for example of a device.
+    /// [`TickPanic`] if the loop ended by a panic, for example of a device.
     pub fn join(mut self) -> Result<TickReport, TickPanic> {
         let ended = self.handle.take().map(JoinHandle::join);
         match ended {

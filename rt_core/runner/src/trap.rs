@@ -156,7 +156,7 @@ mod handler {
     use std::mem::MaybeUninit;
     use std::ptr::null_mut;
 
-    /// Installs the handler for SIGSYS in the process, where nothing else uses that signal. May be repeated.
+    /// Installs the handler for SIGSYS in the process, if nothing else uses that signal. May be repeated.
     pub(crate) fn install() -> Result<(), FilterError> {
         // SAFETY: zero is a valid value of every field: no flags, an empty mask.
         let mut action = unsafe { MaybeUninit::<libc::sigaction>::zeroed().assume_init() };
@@ -180,7 +180,7 @@ mod handler {
         answer(context, result(number, arguments));
     }
 
-    /// The kernel's answer to the call: minus an error number where the call failed.
+    /// The kernel's answer to the call: minus an error number if the call failed.
     fn result(number: i64, arguments: [i64; 6]) -> i64 {
         const REFUSED: i64 = -(libc::EPERM as i64);
         let [a, b, c, d, e, _] = arguments;

@@ -1,6 +1,6 @@
 //! A strict loop: a forbidden call ends the loop in order and without force.
 //!
-//! The tests are skipped with a visible line where the kernel takes no filter of system calls.
+//! The tests are skipped with a visible line if the kernel takes no filter of system calls.
 
 mod common;
 
@@ -36,7 +36,7 @@ fn strict() -> RunnerConfig {
 /// The end of a run, and the calls that its device received.
 type Ended = (Result<TickReport, TickPanic>, Arc<Mutex<Seen>>);
 
-/// A run over one device; `None` where this system cannot watch system calls. In every case, the last wrench
+/// A run over one device; `None` if this system cannot watch system calls. In every case, the last wrench
 /// is zero.
 fn run(trick: Trick) -> Option<Ended> {
     run_with(CallPolicy::Simulated, trick)

@@ -15,7 +15,7 @@ use crate::local_model::{Lead, LocalModel, PieceEnergy};
 use crate::passivity::Division;
 
 impl LocalModel {
-    /// The piece of `newer` to which a piece of this model went, by the hands that both models name; `None` where no
+    /// The piece of `newer` to which a piece of this model went, by the hands that both models name; `None` if no
     /// hand of the piece is left.
     pub(super) fn successor_of(&self, piece: u8, newer: &Self) -> Option<u8> {
         if self.piece_count() == 1 && newer.piece_count() == 1 {
@@ -44,7 +44,7 @@ impl Coupling {
         self.to.piece_count() > 1
     }
 
-    /// Prepares the energies of the pending model. Where its pieces differ from those in use, this returns how the
+    /// Prepares the energies of the pending model. If its pieces differ from those in use, this returns how the
     /// pieces part. Call it before the hands that leave get their handles.
     pub(super) fn prepare_pieces(&mut self) {
         if self.pending.piece_count() == 1 {
@@ -52,7 +52,7 @@ impl Coupling {
         }
     }
 
-    /// How the pieces in use part into those of the pending model; `None` where the pieces stay.
+    /// How the pieces in use part into those of the pending model; `None` if the pieces stay.
     pub(super) fn division(&self) -> Option<Division> {
         let (to, pending) = (&self.to, &self.pending);
         let torn = to.piece_count() > 1 || pending.piece_count() > 1;

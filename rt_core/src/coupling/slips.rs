@@ -1,6 +1,6 @@
 //! The slips of the proxies that hold a body ([`crate::slip`]): when the body asks for them, and along which motion.
 //!
-//! Where the cap reduces the force of a piece, the proxies on it yield to the forces `F_i` of the springs. With the
+//! If the cap reduces the force of a piece, the proxies on it yield to the forces `F_i` of the springs. With the
 //! stiffness `K` between the handles, the energy `V` and the part `V_p` of it that the hands have paid for, each tick moves
 //! the proxies by
 //!
@@ -10,7 +10,7 @@
 //!
 //! where `W` weighs rotations against translations. The first term lets the missing energy decay within 0.1 s. The second is
 //! the steepest descent to the pose without force, for a body that stores energy which its proxies cannot take out. The
-//! slip `o_i` goes back where that releases energy, or where the hands have paid for the energy that it takes:
+//! slip `o_i` goes back if that releases energy, or if the hands have paid for the energy that it takes:
 //!
 //! ```text
 //! D_i = -o_i T / 0.5 s     if  sum(F_i . D_i) >= 0  or  V - sum(F_i . D_i) <= 0.8 H
@@ -156,7 +156,7 @@ impl Coupling {
         }
     }
 
-    /// Asks the slips of the proxies on a piece to go back, or to stay where the hands have not paid for the energy that
+    /// Asks the slips of the proxies on a piece to go back, or to stay if the hands have not paid for the energy that
     /// this takes. The piece stores `stored` (J), and its springs may spend `budget` (J).
     fn go_back(
         &mut self,

@@ -1,13 +1,13 @@
 //! The tear limit: how far a model may be extrapolated before a tear goes on.
 //!
-//! A tear goes on where the energy release rate `G` of its tip reaches the toughness `G_c` (A. A. Griffith, "The
+//! A tear goes on if the energy release rate `G` of its tip reaches the toughness `G_c` (A. A. Griffith, "The
 //! phenomena of rupture and flow in solids", 1921). From there on the force no longer grows with the stiffness of the
 //! model: the body gives way. A stiff model that the tick extrapolates beyond this point overestimates the force, and the
 //! next model takes the excess back. The hand would feel a saw at the publication rate.
 //!
 //! The host therefore publishes, for the tip nearest to its start, `s = sqrt(G)` at the reference, the slope `q` of `s`
 //! by the displacements of the handles, and `s_c = sqrt(G_c)`. `G` is quadratic in the displacements, so `s` is linear
-//! in them where one load governs. The excess of a displacement `d` is `x = (s + q . d - s_c)+`. Where the reference is
+//! in them if one load governs. The excess of a displacement `d` is `x = (s + q . d - s_c)+`. If the reference is
 //! beyond the limit already (a running tear), it is `x = (q . d)+`: the force at the reference is the body's own, and
 //! only a further opening counts.
 //!
@@ -36,7 +36,7 @@ use crate::geometry::Vec6;
 pub struct TearLimit {
     /// `s = sqrt(G)` at the reference (sqrt(J/m2)).
     pub root: f64,
-    /// `s_c = sqrt(G_c)` (sqrt(J/m2)). Zero where the model has no limit.
+    /// `s_c = sqrt(G_c)` (sqrt(J/m2)). Zero if the model has no limit.
     pub critical: f64,
     /// `a = 1 / (q . K^-1 q)` (m2), over the stiffness between all handles. A smaller value leaves a part of the
     /// stiffness along the slope. Zero is always safe.
@@ -91,7 +91,7 @@ impl LocalModel {
             .fold(0.0, |sum, along| sum + along)
     }
 
-    /// What the limit adds, where the displacements or the displacements with the `lead` of each handle are beyond it;
+    /// What the limit adds, if the displacements or the displacements with the `lead` of each handle are beyond it;
     /// `None` elsewhere, and without a limit. No `lead` at all stands for zeros.
     pub(super) fn beyond_limit(
         &self,
@@ -108,7 +108,7 @@ impl LocalModel {
         (excess > 0.0 || further > 0.0).then(|| Beyond {
             spring: limit.area * excess,
             lead: limit.area * (further - excess),
-            // Where there is an excess, `q . d` is positive and no smaller.
+            // If there is an excess, `q . d` is positive and no smaller.
             work: if excess > 0.0 {
                 0.5 * limit.area * excess * (excess / along)
             } else {

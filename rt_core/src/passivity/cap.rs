@@ -14,9 +14,9 @@
 //! H <- H - (H - R+ - (2 V + E))+ T / 0.5 s              E: the allowance, 0.4 mJ
 //! G  = (H - R+)+                                        what this tick may spend
 //! F_s <- F_s min(1, G / (beta V))                       the force is reduced; beta = 0.3, more for late devices
-//! F_d <- F_d - c v                                      where V > G; c takes out the missing energy
-//! F_s <- F_s G / p                                      where p = |F_s| D > G: the certificate
-//! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        where that is less: dampers may go into debt by E
+//! F_d <- F_d - c v                                      if V > G; c takes out the missing energy
+//! F_s <- F_s G / p                                      if p = |F_s| D > G: the certificate
+//! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        if that is less: dampers may go into debt by E
 //! ```
 //!
 //! Here `D` bounds the motion of a hand in a tick, in any direction: the longest of its last steps, with a memory that
@@ -43,7 +43,7 @@
 //! **Counts.** The position that an encoder shows steps by a whole count when the hand reaches the edge of the count,
 //! and steps back when the hand leaves by the same edge. No work is done between, but `w . D`, with the force before
 //! each step, says that a spring gave `K D^2`. A hand that trembles on a stiff wall would thus empty the account, and
-//! the wall would become soft. Where a count comes after a rest, the account therefore takes the mean of the spring's
+//! the wall would become soft. If a count comes after a rest, the account therefore takes the mean of the spring's
 //! force before and after the count. A hand can gain up to `K D^2 / 2` a count by that. Friction that is not relied on
 //! covers this gain up to `K = 2 (1 - eta) f_c / D`. The module [`super::edge`] treats the energy of dampers and late
 //! models at the same count.
@@ -66,7 +66,7 @@ const CREEP: f64 = 1e-3;
 const TURNING_CREEP: f64 = 0.02;
 
 /// Fraction of the energy claimed by a model below which the force is reduced. A device that is late by a tick renders
-/// the force of another tick, while the hand speeds up: the backed fraction doubles, up to one. Where a slew limit
+/// the force of another tick, while the hand speeds up: the backed fraction doubles, up to one. If a slew limit
 /// bounds the fall of a force, the whole energy must be backed.
 const BACKED: f64 = 0.3;
 
@@ -117,7 +117,7 @@ impl Passivity {
     }
 
     /// Caps the wrenches on the handles of one piece, by the account of that `piece`. Returns what is withheld, or
-    /// `None` where the wrenches stay whole.
+    /// `None` if the wrenches stay whole.
     pub(super) fn cap_piece(
         &mut self,
         piece: &mut PieceAccount,
@@ -273,7 +273,7 @@ impl Passivity {
     }
 }
 
-/// Scales the elastic wrenches by `elastic_share` and the viscous ones by `viscous_share`. Returns the withheld force; `None` where
+/// Scales the elastic wrenches by `elastic_share` and the viscous ones by `viscous_share`. Returns the withheld force; `None` if
 /// both stay whole.
 fn withhold(
     [elastic_share, viscous_share]: [f64; 2],
@@ -316,7 +316,7 @@ fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
     linear * reach + angular * turn
 }
 
-/// Adds damping that takes out the energy `missing` (J) within a tick, where the velocity of a hand is clear. The
+/// Adds damping that takes out the energy `missing` (J) within a tick, if the velocity of a hand is clear. The
 /// damping is proportional to what each device can render, by a fraction within the bounds. Returns that fraction.
 pub(super) fn damp<'a>(
     missing: f64,

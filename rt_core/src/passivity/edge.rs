@@ -8,7 +8,7 @@
 //! The mechanism's Coulomb friction `f_c` dissipated `2 f_c a` on the same path; let `f` be the part of `f_c` that has
 //! not been credited already. The true loss is then at most `(w_1 - w_2 - 2 f)+ a`, and it is safe to charge this loss
 //! with `D` for `a`. When the pair of counts is closed, the account gets the rest back. A closed pair never gains.
-//! Where counts came along another axis meanwhile, one slanting path may serve both axes. Each axis then relies on the
+//! If counts came along another axis meanwhile, one slanting path may serve both axes. Each axis then relies on the
 //! friction divided by the square root of three.
 
 /// Fraction of the friction on a slanting path that each of three axes may rely on: the inverse square root of three.
@@ -17,7 +17,7 @@ const SLANTING: f64 = 0.577_350_269_189_625_8;
 /// The last count along an axis, and its entries in the account.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Edge {
-    /// The count (m), signed; zero where no count waits to be closed.
+    /// The count (m), signed; zero if no count waits to be closed.
     by: f64,
     /// Gain of the account by the work of the held force (J).
     gained: f64,
@@ -57,7 +57,7 @@ impl Edge {
         self.slanting = true;
     }
 
-    /// Takes the `correction` (J) that the account has got for this tick's step. Returns the further gain (J) where the
+    /// Takes the `correction` (J) that the account has got for this tick's step. Returns the further gain (J) if the
     /// step closes the pair. `friction` (N) is the mechanism's; a `fraction` of it is credited.
     pub(super) fn settle(&mut self, correction: f64, friction: f64, fraction: f64) -> f64 {
         self.corrected += correction;

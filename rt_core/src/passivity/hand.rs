@@ -95,7 +95,7 @@ pub(crate) struct Hand {
     pub(super) rest_count: Vec3,
     /// Number of ticks in which the translation of this tick was made: more than one for a count after a rest.
     pub(crate) pace: f64,
-    /// One along each axis, or zero where the last step was a single count back: such a count tells nothing of a
+    /// One along each axis, or zero if the last step was a single count back: such a count tells nothing of a
     /// velocity.
     pub(crate) onward: Vec3,
     /// The last count along each axis.

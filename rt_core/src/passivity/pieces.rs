@@ -5,7 +5,7 @@
 //! Each piece therefore has its own credit, and the cap treats each piece as it treats a body.
 //!
 //! **Division.** Pieces only divide. When a piece parts, its credit parts in proportion to the energy that each new
-//! piece stores, as the host publishes it; in equal parts where none stores any. A part keeps no more credit than the
+//! piece stores, as the host publishes it; in equal parts if none stores any. A part keeps no more credit than the
 //! energy that the rendered model stores in it at this time, and the allowance: the hands have supplied the rest, too,
 //! but the tear has taken it. Without this bound the hands of a piece could get back energy that was lost, as long as
 //! the cap has not forgotten it. The work that weights have spared belongs to a hand and follows the hand. The hands of
@@ -64,7 +64,7 @@ impl PieceAccount {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Division {
     /// By former piece, the fraction of its energy that goes to each new piece. The fractions of a former piece add up
-    /// to one, or to zero where nothing is left of it.
+    /// to one, or to zero if nothing is left of it.
     fractions: [[f64; MAX_HANDLES]; MAX_HANDLES],
     /// Whether each new piece comes from a former one.
     continues: [bool; MAX_HANDLES],
@@ -137,7 +137,7 @@ impl Division {
         divided
     }
 
-    /// The new piece with the largest part of a former piece; zero where there is none.
+    /// The new piece with the largest part of a former piece; zero if there is none.
     fn heir(&self, piece: usize) -> usize {
         let row = self.fractions.get(piece).into_iter().flatten();
         let (mut heir, mut most) = (0, 0.0);

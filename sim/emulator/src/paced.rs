@@ -110,7 +110,7 @@ impl<T: Transport> Paced<T> {
         }
     }
 
-    /// Passes the next report on, where the line is free.
+    /// Passes the next report on, if the line is free.
     fn pass(&mut self) {
         if self.passed.is_some() {
             return;

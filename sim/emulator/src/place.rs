@@ -143,7 +143,7 @@ impl Place {
         }
     }
 
-    /// The end of the device, once a host has come; `None` where none has come within `wait`. A HID device needs no host.
+    /// The end of the device, once a host has come; `None` if none has come within `wait`. A HID device needs no host.
     ///
     /// # Errors
     /// The error of the system.

@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 
 /// Time after which a test has failed: so long that no busy machine needs it.
 const PATIENCE: Duration = Duration::from_secs(600);
-/// Number of states after which a test sends a report again, where the first had no effect.
+/// Number of states after which a test sends a report again, if the first had no effect.
 const STATES: u32 = 300;
 /// Longest time between two questions for bytes of a board.
 const PERIOD: Duration = Duration::from_micros(500);
@@ -550,7 +550,7 @@ fn nothing_wrong_is_ever_applied() {
             state.condition.refused.wrapping_sub(refused) < 128,
             "{name}: {state:?}"
         );
-        // No other host takes an active device. Where the watchdog was faster than the hello, try again.
+        // No other host takes an active device. If the watchdog was faster than the hello, try again.
         let start = Instant::now();
         loop {
             let begun = host.push([250_000, 0, 0]).condition.refused;

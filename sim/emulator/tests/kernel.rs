@@ -1,7 +1,7 @@
 //! Emulated devices on USB and on uhid, through the whole kernel: usbcore, usbhid and hidraw, or usbfs.
 //!
 //! The tests need root, and the modules `dummy_hcd`, `libcomposite`, `usb_f_hid`, `usb_f_fs`, `usbhid` and `uhid` of the
-//! kernel. Without them they are skipped, loudly; where the variable `PALPATE_NEEDS_KERNEL` is set, they fail. `tests/vm`
+//! kernel. Without them they are skipped, loudly; if the variable `PALPATE_NEEDS_KERNEL` is set, they fail. `tests/vm`
 //! boots a machine that has all. They run in real time, and end by events.
 
 use devices::conformance::Suite;
@@ -50,14 +50,14 @@ fn machine() -> MutexGuard<'static, ()> {
     MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The value, or `None` with a loud line where the machine cannot make it.
+/// The value, or `None` with a loud line if the machine cannot make it.
 fn made<T, E: std::fmt::Display>(result: Result<T, E>) -> Option<T> {
     match result {
         Ok(value) => Some(value),
         Err(error) => {
             let needed = std::env::var_os("PALPATE_NEEDS_KERNEL").is_some();
             assert!(!needed, "{error}");
-            // Not by the test's own output, which is hidden where the test passes.
+            // Not by the test's own output, which is hidden if the test passes.
             let _ = writeln!(
                 std::io::stderr(),
                 "\n!! SKIPPED: devices behind the kernel: {error}"
@@ -113,7 +113,7 @@ impl<E: Send + 'static> Server<E> {
         let stop = Arc::new(AtomicBool::new(false));
         let (shared, end) = (Arc::clone(&emulator), Arc::clone(&stop));
         let thread = std::thread::spawn(move || {
-            // Where it is allowed: the emulated hardware waits for no other program.
+            // If it is allowed: the emulated hardware waits for no other program.
             let _ = runner::schedule::realtime(40);
             let mut served = Served::default();
             serve(&shared, &end, &mut served);

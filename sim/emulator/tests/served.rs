@@ -80,7 +80,7 @@ struct Server<E> {
 }
 
 impl<E: Emulator + Send + 'static> Server<E> {
-    /// Serves `emulator`. Where the bytes of the host have no framing of their own, they come in packets of `length`.
+    /// Serves `emulator`. If the bytes of the host have no framing of their own, they come in packets of `length`.
     fn start(mut place: Place, emulator: E, length: Option<usize>) -> Self {
         let connection = place.connection();
         let shared = Arc::new(Shared {

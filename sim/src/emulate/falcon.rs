@@ -179,7 +179,7 @@ pub struct Falcon {
 }
 
 impl Falcon {
-    /// A Falcon without firmware, whose mechanism and hand are `device`, and whose firmware is `image`. Where the
+    /// A Falcon without firmware, whose mechanism and hand are `device`, and whose firmware is `image`. If the
     /// device starts out of reach of the mechanism, its encoders stay at zero until it is in reach.
     pub fn new(device: SimDevice, image: &[u8], settings: Settings) -> Self {
         let mut falcon = Self {

@@ -142,7 +142,7 @@ impl Firmware {
         self.protocol.counters()
     }
 
-    /// Longest time from the last wrench of a host to the moment at which the watchdog let go (ns); zero where it never
+    /// Longest time from the last wrench of a host to the moment at which the watchdog let go (ns); zero if it never
     /// did.
     pub fn let_go_ns(&self) -> u64 {
         self.let_go_ns

@@ -1,7 +1,7 @@
 //! An emulated Falcon in the hand of an operator who homes it.
 //!
 //! A Falcon has no state and no force before its axes have passed their references: a person pulls the grip out and pushes
-//! it in once. The operator of this module does so soon after a host has asked for homing, and again where the device has
+//! it in once. The operator of this module does so soon after a host has asked for homing, and again if the device has
 //! lost its references.
 
 use super::Emulator;
@@ -65,7 +65,7 @@ impl Operated {
         self.falcon.control(setup, now_ns)
     }
 
-    /// Lets the operator look at the device, and home it where it asks for homing.
+    /// Lets the operator look at the device, and home it if it asks for homing.
     fn attend(&mut self) {
         let now = self.falcon.device().moved_s();
         let homed = self.falcon.homed() == [true; 3];

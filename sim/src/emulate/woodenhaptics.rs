@@ -48,7 +48,7 @@ impl WoodenHaptics {
     /// A device that is switched on now, in the pose of `device`: the counters are zero there.
     ///
     /// # Errors
-    /// [`GeometryError`] where a parameter is out of its range.
+    /// [`GeometryError`] if a parameter is out of its range.
     pub fn new(device: SimDevice, geometry: &Geometry, form: Form) -> Result<Self, GeometryError> {
         let mut new = Self {
             device,
@@ -140,7 +140,7 @@ impl WoodenHaptics {
         self.offsets = self.counts.map(i64::wrapping_neg);
     }
 
-    /// The angles of the joints at the true position (rad); `None` where the links do not reach it.
+    /// The angles of the joints at the true position (rad); `None` if the links do not reach it.
     fn angles(&self) -> Option<[f64; 3]> {
         self.kinematics.inverse(&self.device.position())
     }
@@ -342,7 +342,7 @@ mod tests {
         device.run(last + CUT_NS);
         assert!(!device.is_powered());
         assert_eq!(device.device().force(), Vec3::zeros());
-        // Where the next call is late, the cut is at its time all the same.
+        // If the next call is late, the cut is at its time all the same.
         let work = device.device().energy().motor_work;
         late.run(last + CUT_NS + 50 * MS);
         let moved = late.device().energy().motor_work - work;

@@ -31,7 +31,7 @@ impl Driver {
     /// Opens the device behind `link` for a loop of `period` (s). It brings a Falcon its firmware.
     ///
     /// # Panics
-    /// Where the device does not answer, which none does without a fault.
+    /// If the device does not answer, which none does without a fault.
     pub fn open(protocol: Protocol, model: &DeviceModel, period: f64, link: &Link) -> Self {
         let let_go = let_go_after(period);
         // The watchdog that the driver asks of a device is as long.
@@ -51,7 +51,7 @@ impl Driver {
         match protocol {
             Protocol::Reports => {
                 let mut reports = Reports::new(SESSION, watchdog_us);
-                // Where this write fails, the tick greets the device again.
+                // If this write fails, the tick greets the device again.
                 let _ = link.clone().write(&reports.greet());
                 Driver::Reports(Box::new(Hid {
                     reports,
@@ -114,7 +114,7 @@ impl Driver {
         }
     }
 
-    /// Number of wrenches that the device refused; `None` where it does not tell.
+    /// Number of wrenches that the device refused; `None` if it does not tell.
     pub fn refused_wrenches(&self) -> Option<u64> {
         match self {
             Self::Exchanged(thread) => thread.end.refused_wrenches(),

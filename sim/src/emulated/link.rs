@@ -356,7 +356,7 @@ impl World {
         };
         for packet in passed {
             for _ in 0..copies {
-                // The kernel drops the newest where nobody reads. A stream has room for as many here.
+                // The kernel drops the newest if nobody reads. A stream has room for as many here.
                 if self.arrived.len() < QUEUE {
                     self.arrived.push_back(packet.clone());
                 }
@@ -432,7 +432,7 @@ impl Link {
         self.world().seen.clone()
     }
 
-    /// The operator presses the button for calibration, where the device has such a button.
+    /// The operator presses the button for calibration, if the device has such a button.
     pub fn press(&self) {
         if let Emulated::WoodenHaptics(device) = &mut self.world().emulated {
             device.press_calibration();
@@ -456,7 +456,7 @@ impl Link {
         Ok(self.clone())
     }
 
-    /// The next report that has come; zero where none waits.
+    /// The next report that has come; zero if none waits.
     pub(crate) fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
         let mut world = self.world();
         let now_ns = world.now_ns;

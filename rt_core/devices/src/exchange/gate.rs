@@ -39,7 +39,7 @@ impl Gate {
         command
     }
 
-    /// Begins an exchange without a wrench of the tick. Returns the wrench to command, which is zero. Where there was no
+    /// Begins an exchange without a wrench of the tick. Returns the wrench to command, which is zero. If there was no
     /// force before, nothing was let go.
     pub(super) fn let_go(&mut self) -> Wrench {
         self.number = self.number.wrapping_add(1);
@@ -79,9 +79,9 @@ mod tests {
     /// What happens between a tick and the thread of its device.
     #[derive(Clone, Copy, Debug)]
     enum Step {
-        /// The tick reads the newest state and hands a wrench over: no force where the state says that the device let go.
+        /// The tick reads the newest state and hands a wrench over: no force if the state says that the device let go.
         Tick,
-        /// The thread exchanges the newest wrench, or lets go where there is none.
+        /// The thread exchanges the newest wrench, or lets go if there is none.
         Exchange {
             device_lets_go: bool,
             lost_answer: bool,

@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::{JoinHandle, park_timeout};
 use std::time::Duration;
 
-/// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
+/// Priority of the thread under SCHED_FIFO, if allowed: above ordinary threads, below the tick. A refusal is not
 /// reported here, because the tick requests a higher priority and reports its own refusal.
 const PRIORITY: u8 = 45;
 

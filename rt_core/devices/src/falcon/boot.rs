@@ -104,7 +104,7 @@ impl Firmware {
     /// Reads the image in a file.
     ///
     /// # Errors
-    /// [`FirmwareError`] where the file is missing, empty or too large. The error says how to get the file.
+    /// [`FirmwareError`] if the file is missing, empty or too large. The error says how to get the file.
     pub fn load(path: &Path) -> Result<Self, FirmwareError> {
         let failed = |source| FirmwareError::Unreadable {
             path: path.to_owned(),
@@ -127,7 +127,7 @@ impl Firmware {
     /// An image in memory, with the name of the file that it came from.
     ///
     /// # Errors
-    /// [`FirmwareError::Size`] where it is empty or too large.
+    /// [`FirmwareError::Size`] if it is empty or too large.
     pub fn new(path: &Path, image: Vec<u8>) -> Result<Self, FirmwareError> {
         let path = path.to_owned();
         if image.is_empty() || image.len() > LARGEST {
@@ -244,7 +244,7 @@ impl BootError {
         }
     }
 
-    /// The error number of the system, where there is one.
+    /// The error number of the system, if there is one.
     pub fn number(&self) -> Option<i32> {
         match self.problem {
             Problem::System(number) => Some(number),
@@ -296,10 +296,10 @@ pub fn packet_mode<T: Ftdi + ?Sized>(link: &mut T) -> Result<(), i32> {
 }
 
 /// Brings the device to run its firmware, and the line to its packets. Firmware that already runs is kept. Returns the
-/// number of uploads, zero where the firmware ran already.
+/// number of uploads, zero if the firmware ran already.
 ///
 /// # Errors
-/// [`BootError`] where the last upload failed, or where the device is gone.
+/// [`BootError`] if the last upload failed, or if the device is gone.
 pub fn boot<T: Ftdi + ?Sized>(
     link: &mut T,
     firmware: &Firmware,

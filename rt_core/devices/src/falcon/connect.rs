@@ -21,11 +21,11 @@ pub const MOST_FORCE: f64 = 5.0;
 /// The Novint Falcon. The scene names the firmware file, which the driver uploads. There is no force before the operator
 /// has homed the device: pull the grip out and push it in once.
 ///
-/// Addresses: none, where one Falcon is connected; its serial number; or `@PORT`, its port of USB.
+/// Addresses: none, if one Falcon is connected; its serial number; or `@PORT`, its port of USB.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FalconDriver;
 
-/// The Falcon that an address names; `None` where the address has no form of one.
+/// The Falcon that an address names; `None` if the address has no form of one.
 fn selector(address: &str) -> Option<Selector> {
     let which = Which::parse(address);
     let is_port = matches!(which, Which::Port(_));

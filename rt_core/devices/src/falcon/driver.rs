@@ -6,7 +6,7 @@
 //!
 //! **Homing.** The counters of the encoders are relative to the references of the axes, which the device finds while a
 //! person moves the grip once out and in. Until all three axes are homed, there is no state and no torque. The lights
-//! show it: red while an axis is not homed, green where the device is ready, blue while a force acts.
+//! show it: red while an axis is not homed, green if the device is ready, blue while a force acts.
 //!
 //! **Axes.** Positions are relative to [`CENTRE`], in the axes of libnifalcon: x to the right, y up, z towards the
 //! user.
@@ -76,7 +76,7 @@ pub enum FalconError {
 }
 
 impl FalconError {
-    /// The error number of the system; that of a silent device where there is none.
+    /// The error number of the system; that of a silent device if there is none.
     fn number(&self) -> i32 {
         match self {
             Self::Open(number) => *number,
@@ -275,7 +275,7 @@ impl<T: Ftdi> Falcon<T> {
         if position.norm() > FARTHEST {
             return Err(out_of_reach);
         }
-        // Where the mechanism is singular, the state is good, and there is no torque.
+        // If the mechanism is singular, the state is good, and there is no torque.
         self.jacobian = Jacobian::at(&place, &angles);
         let velocity = self.velocity(&position);
         self.last = Some((self.written_ns, position));
@@ -326,7 +326,7 @@ fn failed(number: i32) -> DeviceError {
 }
 
 /// Waits for an answer, at most for `wait`, and discards those that come before `soonest_ns`. Returns the newest that has
-/// come, or why it cannot be used, `None` where none came in time; and the number of reads with discarded answers.
+/// come, or why it cannot be used, `None` if none came in time; and the number of reads with discarded answers.
 fn read<T: Ftdi>(
     link: &mut T,
     framer: &mut Framer,
@@ -404,7 +404,7 @@ impl<T: Ftdi> Exchange for Falcon<T> {
     }
 
     /// Opens the device again and brings it to run its firmware, with at most one upload, because the caller repeats
-    /// the call. A call may take ten seconds. Where it fails, [`trouble`](Falcon::trouble) has the reason.
+    /// the call. A call may take ten seconds. If it fails, [`trouble`](Falcon::trouble) has the reason.
     fn reopen(&mut self) -> Result<(), DeviceError> {
         let result = self.begin(1);
         self.trouble = result.err();

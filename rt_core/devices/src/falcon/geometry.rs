@@ -90,7 +90,7 @@ pub const WORKSPACE: f64 = 0.05;
 /// is 0.08 mm in the middle. The makers' 0.04 mm is the way for one count of one arm.
 pub const STEP: f64 = 0.103e-3;
 
-/// The angle of an arm (rad) at an encoder count. It grows where the grip moves towards the user.
+/// The angle of an arm (rad) at an encoder count. It grows if the grip moves towards the user.
 pub fn angle_of(count: i16) -> f64 {
     ZERO + COUNT * f64::from(count)
 }
@@ -160,7 +160,7 @@ fn shin(position: &Vec3, knee: &Vec3, turn: (f64, f64)) -> Option<(Vec3, f64)> {
     Some((from_leg(&normal, turn), size - SHIN))
 }
 
-/// The vectors `m_i` with `n_i . m_j = 1` for `i = j` and 0 otherwise, for unit vectors `n_i`; `None` where they are
+/// The vectors `m_i` with `n_i . m_j = 1` for `i = j` and 0 otherwise, for unit vectors `n_i`; `None` if they are
 /// almost in one plane.
 fn reciprocal([a, b, c]: &[Vec3; 3]) -> Option<[Vec3; 3]> {
     let volume = a.dot(&b.cross(c));
@@ -188,7 +188,7 @@ fn three_spheres([a, b, c]: &[Vec3; 3], radius: f64) -> Option<Vec3> {
     point.iter().all(|x| x.is_finite()).then_some(point)
 }
 
-/// The position of the grip (m, axes of the mechanism) at the angles of the three arms (rad); `None` where the legs
+/// The position of the grip (m, axes of the mechanism) at the angles of the three arms (rad); `None` if the legs
 /// cannot meet. The position errs by less than 1 nm inside the workspace. Outside,
 /// it may be one that the end stops of a real device forbid.
 ///
@@ -243,7 +243,7 @@ pub struct Jacobian {
 
 impl Jacobian {
     /// The Jacobian at `position` (m, axes of the mechanism) with the arms at `angles` (rad), which belong to each
-    /// other by [`forward`] or [`inverse`]. `None` where an arm and its shin are in line, or the shins in one plane.
+    /// other by [`forward`] or [`inverse`]. `None` if an arm and its shin are in line, or the shins in one plane.
     pub fn at(position: &Vec3, angles: &[f64; 3]) -> Option<Self> {
         let mut normals = [Vec3::zeros(); 3];
         let mut levers = [0.0; 3];
@@ -290,7 +290,7 @@ impl Jacobian {
     }
 }
 
-/// The counts that command the torques of the arms (N m). Where one is beyond [`TORQUE_LIMIT`], all are reduced by the
+/// The counts that command the torques of the arms (N m). If one is beyond [`TORQUE_LIMIT`], all are reduced by the
 /// same factor, so that the force keeps its direction. Torques of which one is not finite become zero.
 pub fn torque_counts(torques: &[f64; 3]) -> [i16; 3] {
     if !torques.iter().all(|torque| torque.is_finite()) {

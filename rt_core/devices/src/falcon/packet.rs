@@ -54,7 +54,7 @@ pub struct Command {
 /// A packet from the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// Counts of the three encoders. They are relative to the reference only where the axis is homed.
+    /// Counts of the three encoders. They are relative to the reference only if the axis is homed.
     pub encoders: [i16; 3],
     /// The four buttons of the grip, lowest bit first.
     pub buttons: u8,
@@ -144,7 +144,7 @@ impl Command {
     /// The command in a packet, as the device reads it.
     ///
     /// # Errors
-    /// [`LetterError`] where a byte is no letter of the alphabet.
+    /// [`LetterError`] if a byte is no letter of the alphabet.
     pub fn decode(packet: &[u8; LENGTH]) -> Result<Self, LetterError> {
         let (torques, status) = decode(packet)?;
         let on = |bit: u8| status & bit != 0;
@@ -171,7 +171,7 @@ impl Report {
     /// The report in a packet. A fourth bit above those of the axes is ignored; its use is unknown.
     ///
     /// # Errors
-    /// [`LetterError`] where a byte is no letter of the alphabet.
+    /// [`LetterError`] if a byte is no letter of the alphabet.
     pub fn decode(packet: &[u8; LENGTH]) -> Result<Self, LetterError> {
         let (encoders, status) = decode(packet)?;
         Ok(Self {

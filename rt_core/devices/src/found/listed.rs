@@ -13,12 +13,12 @@ pub struct Listed {
     pub numbers: (u16, u16),
     /// Whether the device is on USB.
     pub on_usb: bool,
-    /// Serial number; empty where the device states none.
+    /// Serial number; empty if the device states none.
     pub serial: String,
     /// The port of USB (`1-2.3`); empty for a device on another bus. The port is that of the socket, so it stays when the
     /// device is plugged in again.
     pub port: String,
-    /// The interface of the USB device (`1-2.3:1.0`); empty where the device was not listed by its interface.
+    /// The interface of the USB device (`1-2.3:1.0`); empty if the device was not listed by its interface.
     pub interface: String,
     /// The file of the device.
     pub file: PathBuf,
@@ -166,7 +166,7 @@ pub struct HidFacts {
 }
 
 impl HidFacts {
-    /// The facts in a text; `None` where it does not name a vendor and a product.
+    /// The facts in a text; `None` if it does not name a vendor and a product.
     pub fn parse(text: &str) -> Option<Self> {
         let fact = |key: &str| {
             let lines = text.lines().filter_map(|line| line.split_once('='));
@@ -205,7 +205,7 @@ fn behind_hub(place: &str) -> bool {
         .is_some_and(|ports| ports.contains('.'))
 }
 
-/// The names and paths in a folder, sorted; none where the folder does not exist.
+/// The names and paths in a folder, sorted; none if the folder does not exist.
 pub(super) fn entries(folder: &Path) -> Vec<(String, PathBuf)> {
     let Ok(each) = fs::read_dir(folder) else {
         return Vec::new();

@@ -75,7 +75,7 @@ fn is_port(text: &str) -> bool {
 pub struct Alike<'a> {
     /// The connection of any device of the kind, such as `hid:1209:c0de`.
     pub kind: &'a str,
-    /// The driver that takes the path of a device as its address; `None` where it takes none.
+    /// The driver that takes the path of a device as its address; `None` if it takes none.
     pub by_path: Option<&'a str>,
     /// The devices.
     pub devices: Vec<Listed>,
@@ -144,7 +144,7 @@ impl Alike<'_> {
     }
 }
 
-/// Why the serial numbers of some devices do not tell them apart, in words; empty where they do.
+/// Why the serial numbers of some devices do not tell them apart, in words; empty if they do.
 fn not_told_apart(devices: &[&Listed]) -> String {
     let serials: Vec<_> = devices.iter().map(|one| one.serial.as_str()).collect();
     let mut each = serials.clone();
@@ -184,7 +184,7 @@ pub enum FindError {
         called: String,
         /// Number of such devices.
         count: usize,
-        /// Why their serial numbers do not tell them apart; empty where they do.
+        /// Why their serial numbers do not tell them apart; empty if they do.
         why: String,
         /// Connections that name one device each.
         ways: String,

@@ -5,7 +5,7 @@
 //!
 //! **What the device renders** ([`Rendering`]) is the worst that the states of a tick say, so that a short pause of a fast
 //! device is not missed. A device without a wrench in force has let go, but for the start: it has a watchdog from the
-//! first wrench of a session to take one. A fault is told even where the device has lost its reference. The state then
+//! first wrench of a session to take one. A fault is told even if the device has lost its reference. The state then
 //! has the last pose that is known, because no force may follow from it.
 
 use crate::wire::{corrupt, rendering_of, si_of, state_of};
@@ -101,7 +101,7 @@ impl Reports {
     /// buffer and returns the length of the report, or zero for none.
     ///
     /// # Errors
-    /// That of `next`, where it comes before a state; otherwise why no state came.
+    /// That of `next`, if it comes before a state; otherwise why no state came.
     ///
     /// The position of a device that has not found its reference cannot be trusted: the states of such a device count
     /// as missing, unless they tell of a fault.
@@ -547,7 +547,7 @@ mod tests {
         assert_eq!(rendering(&mut reports, &both), Rendering::Fault(3));
     }
 
-    /// A fault is told even where the device has lost its reference. No force may follow from the pose, which is the last
+    /// A fault is told even if the device has lost its reference. No force may follow from the pose, which is the last
     /// that is known.
     #[test]
     fn a_fault_is_told_without_a_reference() {

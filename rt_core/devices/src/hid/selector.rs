@@ -93,7 +93,7 @@ impl HidSelector {
         }
     }
 
-    /// What the selector names, see [`Driver::reaches`](crate::Driver::reaches): the file of the device, where it is
+    /// What the selector names, see [`Driver::reaches`](crate::Driver::reaches): the file of the device, if it is
     /// connected.
     pub(crate) fn reaches(&self) -> String {
         match (self.find(Path::new("/")), self) {

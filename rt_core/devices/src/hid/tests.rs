@@ -203,7 +203,7 @@ fn a_device_that_is_not_that_of_its_profile_gets_no_force() {
             error.to_string().contains("another device's profile"),
             "{error}"
         );
-        // It is lost where it answers later.
+        // It is lost if it answers later.
         let (mut device, _) = open(&socket);
         let mut now_ns = 0;
         until(&mut device, &mut now_ns, |_, device| {

@@ -10,7 +10,7 @@
 //! It is linear in 1/m, b/m, f/m and g/m, and contains no derivative of the counted positions: the integral-equation
 //! method of continuous-time identification (Whitfield and Messali, Int. J. Control 1987), a relative of Shinbrot's
 //! modulating functions (1957; Preisig and Rippin 1993). `x0` and `v0` are free in each swing. The error of a counted
-//! position is nearly white where the handle moves, so ordinary least squares is close to the best estimate. The held
+//! position is nearly white if the handle moves, so ordinary least squares is close to the best estimate. The held
 //! force is a staircase, so `IIF` is exact. Swings leave out the reversals, so the time of a reversal and sticking do
 //! not matter. A spring term `-(k/m) IIx` in a second fit tells whether a hand holds the handle.
 //!
@@ -23,7 +23,7 @@ use nalgebra::{SMatrix, SVector};
 /// One tick of a record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
-    /// Position along the axis, from the start (m); not a number where no reading arrived.
+    /// Position along the axis, from the start (m); not a number if no reading arrived.
     pub(super) offset: f64,
     /// The force that was written in this tick (N).
     pub(super) force: f64,
@@ -271,7 +271,7 @@ fn total(sums: &[Sums]) -> Sums {
     sums.iter().fold(Sums::ZERO, |all, one| all.plus(one, 1.0))
 }
 
-/// The smallest change between two readings (m); infinite where nothing changed.
+/// The smallest change between two readings (m); infinite if nothing changed.
 fn smallest_change(samples: &[Sample]) -> f64 {
     let changes = samples
         .windows(2)

@@ -9,7 +9,7 @@
 //!
 //! `k` and `c` follow from the limits alone, because the mass is unknown: half of the largest force at the largest
 //! distance, and three fifths of the largest force at the largest speed. `A` grows from a tenth of the largest distance until
-//! position or speed comes near its limit, and shrinks at once where one comes nearer. Near the limits of position
+//! position or speed comes near its limit, and shrinks at once if one comes nearer. Near the limits of position
 //! and speed the sines fade out as well, and near that of position a stiffer spring pushes back. The force is known in
 //! every tick, so none of these changes disturbs the fit.
 #![cfg_attr(
@@ -105,7 +105,7 @@ impl Guide {
     /// where the first reading finds it.
     ///
     /// # Errors
-    /// [`IdentifyError::Senseless`] where a number that the motion needs is not finite or not above zero.
+    /// [`IdentifyError::Senseless`] if a number that the motion needs is not finite or not above zero.
     pub fn new(device: &Capabilities, period: f64) -> Result<Self, IdentifyError> {
         for (field, found) in [
             ("largest force", device.max_force),
@@ -327,7 +327,7 @@ impl Guide {
         }
     }
 
-    /// Goes on to the next free axis; the motion ends where none is left.
+    /// Goes on to the next free axis; the motion ends if none is left.
     fn skip_fixed_axes(&mut self) {
         while self.free.get(self.axis) == Some(&false) {
             self.axis += 1;

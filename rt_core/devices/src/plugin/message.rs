@@ -89,7 +89,7 @@ pub(super) fn encode_wrench(wrench: &Wrench) -> [u8; WRENCH] {
     bytes
 }
 
-/// The wrench in a message; `None` where it is none.
+/// The wrench in a message; `None` if it is none.
 pub(super) fn decode_wrench(bytes: &[u8]) -> Option<Wrench> {
     let mut reader = Reader(bytes);
     Some(Wrench {
@@ -115,7 +115,7 @@ pub(super) fn encode_answer(code: i32, state: &State) -> Vec<u8> {
     bytes
 }
 
-/// The answer in a message; `None` where it is none.
+/// The answer in a message; `None` if it is none.
 pub(super) fn decode_answer(bytes: &[u8]) -> Option<(i32, State)> {
     let mut reader = Reader(bytes);
     let code = i32::from_le_bytes(reader.next()?);

@@ -31,7 +31,7 @@ pub const EXCHANGE: Duration = Duration::from_secs(1);
 const CLOSE: Duration = Duration::from_secs(1);
 /// Time between two looks whether a process has ended.
 const LOOK: Duration = Duration::from_millis(1);
-/// Priority under SCHED_FIFO, where allowed: that of the thread that waits for the process.
+/// Priority under SCHED_FIFO, if allowed: that of the thread that waits for the process.
 const PRIORITY: u8 = 45;
 /// First argument of the program that serves a plug-in. The file of the plug-in and the address of its device follow.
 const SERVE: &str = "serve-plug-in";
@@ -39,7 +39,7 @@ const SERVE: &str = "serve-plug-in";
 const ENDED: i32 = 19;
 const SILENT: i32 = 110;
 
-/// The process of a plug-in whose device is open. Dropping it closes the device, and ends the process where that takes
+/// The process of a plug-in whose device is open. Dropping it closes the device, and ends the process if that takes
 /// longer than a second.
 #[derive(Debug)]
 pub(super) struct Process {
@@ -175,7 +175,7 @@ impl Ending {
     }
 }
 
-/// Serves a plug-in, where this process was started for that: `Some` with the code of the process at its end. A program
+/// Serves a plug-in, if this process was started for that: `Some` with the code of the process at its end. A program
 /// with the driver [`Plugins`](super::Plugins) calls this function first.
 pub fn served() -> Option<ExitCode> {
     let mut arguments = std::env::args_os().skip(1);
@@ -187,8 +187,8 @@ pub fn served() -> Option<ExitCode> {
     Some(served.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS))
 }
 
-/// Ends this process a second after its socket has ended, where a plug-in that hangs keeps it from ending by itself. Nobody
-/// else is left to do so where the run was killed.
+/// Ends this process a second after its socket has ended, if a plug-in that hangs keeps it from ending by itself. Nobody
+/// else is left to do so if the run was killed.
 fn end_with(socket: OwnedFd) {
     let wait = move || {
         // Nothing but the end of the socket is waited for.

@@ -64,7 +64,7 @@ impl<T: Transport> Serial<T> {
     /// asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]).
     ///
     /// # Errors
-    /// [`GreetingError`] where the connection fails, or where the device does not answer, speaks another version of the
+    /// [`GreetingError`] if the connection fails, or if the device does not answer, speaks another version of the
     /// protocol, or is not the device of the profile.
     pub fn open(
         profile: Capabilities,
@@ -140,7 +140,7 @@ impl<T: Transport> Serial<T> {
         }
     }
 
-    /// Whether the device has answered. An error where it is not the device of the profile, or not the one of before.
+    /// Whether the device has answered. An error if it is not the device of the profile, or not the one of before.
     fn agree(&mut self) -> Result<bool, GreetingError> {
         let Some(report) = self.reports.host().capabilities() else {
             return Ok(false);
@@ -179,7 +179,7 @@ impl<T: Transport> Serial<T> {
             .unwrap_or(WAIT_NS)
     }
 
-    /// Reads what has come, and waits where that is no state. Returns the newest state.
+    /// Reads what has come, and waits if that is no state. Returns the newest state.
     fn newest(&mut self) -> Result<DeviceState, DeviceError> {
         let wait_ns = self.period_ns().min(WAIT_NS);
         let transport = self.transport.as_mut();
@@ -228,7 +228,7 @@ impl<T: Transport> Exchange for Serial<T> {
 
     fn release(&mut self) {
         let report = packet(&self.reports.release());
-        // The device lets go by itself where the report does not reach it.
+        // The device lets go by itself if the report does not reach it.
         let _ = self.write(&report);
     }
 

@@ -1,6 +1,6 @@
 //! Packets of one length over a stream of bytes.
 //!
-//! HID keeps reports apart, and a stream does not. Where a device whose packets all have the same length is reached
+//! HID keeps reports apart, and a stream does not. If a device whose packets all have the same length is reached
 //! through a stream that loses nothing (an emulator over TCP or a pty), every packet begins where the last ended.
 
 use super::Transport;

@@ -30,7 +30,7 @@ impl Stream {
     /// A pty ignores the speed. No other program can open the line while it is open.
     ///
     /// # Errors
-    /// The error of the system: also where `path` is no terminal, or another program has the line.
+    /// The error of the system: also if `path` is no terminal, or another program has the line.
     pub fn tty(path: &Path, baud: u32) -> io::Result<Self> {
         use rustix::fs::OFlags;
         let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits() as i32;
@@ -147,7 +147,7 @@ mod tests {
         all
     }
 
-    /// Every byte, both ways; nothing where nothing was sent; an error where the other end is gone.
+    /// Every byte, both ways; nothing if nothing was sent; an error if the other end is gone.
     fn passes_bytes(mut near: Stream, mut far: Stream) {
         let every: Vec<u8> = (0..=255).collect();
         for (from, to) in [(true, false), (false, true)] {

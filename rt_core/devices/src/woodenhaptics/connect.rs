@@ -14,7 +14,7 @@ use rt_core::Vec3;
 use runner::AnyDevice;
 use std::path::Path;
 
-/// Error number where no device is connected (ENODEV).
+/// Error number if no device is connected (ENODEV).
 const NO_DEVICE: i32 = 19;
 /// Speed of a serial line, which a pty ignores (bits a second).
 const BAUD: u32 = 115_200;
@@ -27,7 +27,7 @@ const ADDRESSES: &str = "woodenhaptics, where one such device is connected; wood
 /// WoodenHaptics over HID, or an emulated one over a stream. The operator calibrates the device: hold the handle at the
 /// origin of the device and press the button for calibration. There is no force before.
 ///
-/// Addresses: none, where one device is connected; its serial number; `@PORT`, its port of USB; `/dev/hidrawN` or a link that
+/// Addresses: none, if one device is connected; its serial number; `@PORT`, its port of USB; `/dev/hidrawN` or a link that
 /// leads there; `tty:PATH` and `tcp:HOST:PORT` for an emulator, whose reports have 14 bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WoodenHapticsDriver;

@@ -39,7 +39,7 @@ pub struct Counters {
     angle_per_count: [f64; 3],
     /// Arrivals of the last report and of the one before it (ns).
     arrivals: [u64; 2],
-    /// The last report, where it was refused.
+    /// The last report, if it was refused.
     refused: Option<Refused>,
 }
 
@@ -53,7 +53,7 @@ struct Refused {
 
 impl Counters {
     /// Counters that were set to `counts`, at the report that arrived at `now_ns` (ns). One count turns a joint by
-    /// `angle_per_count` (rad, above zero). `None` where a joint is further than `most` (rad) from `counts`, so that the
+    /// `angle_per_count` (rad, above zero). `None` if a joint is further than `most` (rad) from `counts`, so that the
     /// report does not confirm them.
     pub fn set_to(
         counts: [i64; 3],

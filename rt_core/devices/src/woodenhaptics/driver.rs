@@ -42,7 +42,7 @@ pub struct Setup {
     /// Length of the reports.
     pub form: Form,
     /// The position of the handle (m, device axes) at which the operator presses the button for calibration; `None`
-    /// where the button has no effect.
+    /// if the button has no effect.
     pub home: Option<Vec3>,
 }
 
@@ -160,7 +160,7 @@ impl<T: Transport> WoodenHaptics<T> {
     /// Opens a device by `open`, which [`Exchange::reopen`] calls again. `clock` gives the time of each exchange.
     ///
     /// # Errors
-    /// [`OpenError`] where a parameter is out of its range, or where `open` fails.
+    /// [`OpenError`] if a parameter is out of its range, or if `open` fails.
     pub fn open(
         setup: &Setup,
         mut open: impl FnMut() -> Result<T, i32> + Send + 'static,
@@ -210,7 +210,7 @@ impl<T: Transport> WoodenHaptics<T> {
     /// zero meanwhile. Takes two to six exchanges.
     ///
     /// # Errors
-    /// [`CalibrationError`] where the links do not reach the position, or no report confirms the counters.
+    /// [`CalibrationError`] if the links do not reach the position, or no report confirms the counters.
     pub fn calibrate(&mut self, position: &Vec3) -> Result<(), CalibrationError> {
         let counts =
             counts_at(&self.kinematics, position).ok_or(CalibrationError::OutOfReach(*position))?;
@@ -411,7 +411,7 @@ impl<T: Transport> Exchange for WoodenHaptics<T> {
     }
 
     fn release(&mut self) {
-        // The device cuts its motors by itself where the report does not reach it.
+        // The device cuts its motors by itself if the report does not reach it.
         let _ = self.send(&CurrentReport::default());
     }
 
@@ -452,7 +452,7 @@ impl<T: Transport> WoodenHaptics<T> {
     }
 }
 
-/// The counters at `position` (m, device axes), rounded; `None` where the links do not reach it.
+/// The counters at `position` (m, device axes), rounded; `None` if the links do not reach it.
 fn counts_at(kinematics: &Kinematics, position: &Vec3) -> Option<[i64; 3]> {
     let angles = kinematics.inverse(position)?;
     let counts = kinematics.counts(angles);

@@ -75,7 +75,7 @@ impl EncoderReport {
     /// Reads a report.
     ///
     /// # Errors
-    /// [`LengthError`] where the length is not that of `form`.
+    /// [`LengthError`] if the length is not that of `form`.
     pub fn decode(bytes: &[u8], form: Form) -> Result<Self, LengthError> {
         let [a, b, c, d, e, f, info] = words(bytes, form)?;
         Ok(Self {
@@ -121,7 +121,7 @@ impl CurrentReport {
     /// Reads a report.
     ///
     /// # Errors
-    /// [`LengthError`] where the length is not that of `form`.
+    /// [`LengthError`] if the length is not that of `form`.
     pub fn decode(bytes: &[u8], form: Form) -> Result<Self, LengthError> {
         let [a, b, c, command, x, y, z] = words(bytes, form)?;
         Ok(Self {

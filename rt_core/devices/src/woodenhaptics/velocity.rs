@@ -8,7 +8,7 @@
 use rt_core::Vec3;
 use rt_core::velocity::VelocityEstimator;
 
-/// Number of intervals into which a window is divided: the time of a position is kept where it is at least such an
+/// Number of intervals into which a window is divided: the time of a position is kept if it is at least such an
 /// interval after the last. At 4 kHz that is each position.
 const PARTS: usize = 16;
 /// Rounding of a time in whole nanoseconds (s).
@@ -27,7 +27,7 @@ const ROUNDING: f64 = 0.5e-9;
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slope {
-    /// Positions (m) with their times (ns), the newest first. They span a window where there are so many.
+    /// Positions (m) with their times (ns), the newest first. They span a window if there are so many.
     samples: [Option<(u64, Vec3)>; PARTS + 1],
     /// Time of the last position (ns).
     last_ns: Option<u64>,
@@ -36,7 +36,7 @@ pub struct Slope {
 
 impl Slope {
     /// Takes the position (m) at `time_ns`; returns the velocity (m/s): the slope from the newest position that is a
-    /// window old, or from the oldest where none is. The distance counts as that of a whole window then. A time that is
+    /// window old, or from the oldest if none is. The distance counts as that of a whole window then. A time that is
     /// not later than the last one changes nothing.
     pub fn update(&mut self, time_ns: u64, position: &Vec3) -> Vec3 {
         if self.last_ns.is_some_and(|last_ns| time_ns <= last_ns) {

@@ -4,7 +4,7 @@
 //! takes the bytes of the host. The third sends the packets of the chip, each when the emulator has it, and waits until the
 //! host takes it. Both wait inside their system calls: Linux's asynchronous calls end in a worker of ordinary priority.
 //!
-//! A packet that waits for its host is in the buffer of the chip. Where the host empties the buffer, the packet is dropped:
+//! A packet that waits for its host is in the buffer of the chip. If the host empties the buffer, the packet is dropped:
 //! a signal (SIGUSR1, which this module takes for itself) ends the system call of the sending thread.
 //!
 //! The kernel chooses the addresses of the endpoints. The controller `dummy_hcd` gives the addresses of the real chip.
@@ -74,7 +74,7 @@ impl Chip {
             full_speed: true,
         };
         let gadget = Gadget::new(&numbers, Function::Program, &[])?;
-        // A mount without a place: it ends with its last file, also where the process is killed.
+        // A mount without a place: it ends with its last file, also if the process is killed.
         let mount = mount(gadget.name()).map_err(failed(&gadget, "mounting FunctionFS for"))?;
         let open = |name: &str| {
             let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -105,7 +105,7 @@ impl Chip {
     /// starts at zero.
     ///
     /// # Errors
-    /// [`GadgetError`] where the system gives no thread, or the control pipe ends. `served` has the counts so far in any
+    /// [`GadgetError`] if the system gives no thread, or the control pipe ends. `served` has the counts so far in any
     /// case.
     pub fn serve(
         self,
@@ -199,7 +199,7 @@ impl Work<'_> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The device, which stays usable where another thread has panicked.
+    /// The device, which stays usable if another thread has panicked.
     fn device(&self) -> MutexGuard<'_, Operated> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -377,7 +377,7 @@ fn remove(gadget: &Path) {
     let _ = fs::remove_dir(gadget);
 }
 
-/// The names in a folder; none where it cannot be read.
+/// The names in a folder; none if it cannot be read.
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten();
     entries

@@ -377,7 +377,7 @@ fn a_lost_device_is_opened_again_and_begins_anew() {
     );
 }
 
-/// The system gives a device that comes back its old name only where nobody has the old file open.
+/// The system gives a device that comes back its old name only if nobody has the old file open.
 #[test]
 fn a_lost_device_is_closed_before_it_is_looked_for() {
     let (end, alive) = (Link::default(), Arc::new(Mutex::new(Vec::new())));
@@ -395,7 +395,7 @@ fn a_lost_device_is_closed_before_it_is_looked_for() {
     assert!(driver.reopen().is_err());
     end.end(|end| end.gone = None);
     assert_eq!(driver.reopen(), Ok(()));
-    // Also where nobody noticed the loss.
+    // Also if nobody noticed the loss.
     assert_eq!(driver.reopen(), Ok(()));
     assert_eq!(*alive.lock().unwrap(), [0; 4]);
 }
