@@ -1,11 +1,11 @@
 //! The coupling: from the newest local model of a body to a wrench on each hand that never jumps.
 //!
-//! **Change of model.** The old model is re-expressed at the reference of the new one. Its reference wrench is chosen
-//! such that at the present poses and velocities its wrench equals the wrench rendered before. Then wrench, stiffness
-//! and damping pass linearly to those of the new model. The blend takes half a publication period (as in the multirate
-//! study), or half the time since the last model if that is longer, and at least two ticks. A model that arrives during
-//! a blend starts from the blended model. The force of a hand that the new model no longer names fades to zero
-//! (`coupling/leaving.rs`). If a body parts into pieces, its energies part (`coupling/parting.rs`).
+//! **Change of model.** The old model is re-expressed at the reference of the new one. The reference wrench of the old
+//! model is chosen such that the model's wrench at the present poses and velocities equals the wrench rendered before.
+//! Wrench, stiffness and damping then pass linearly to those of the new model. The blend takes half a publication
+//! period (as in the multirate study), or half the time since the last model if that is longer, and at least two ticks.
+//! A model that arrives during a blend starts from the blended model. The force of a hand that the new model no longer
+//! names fades to zero (`coupling/leaving.rs`). If a body parts into pieces, its energies part (`coupling/parting.rs`).
 //!
 //! **Energy.** Under every scheme, the work of the hands is accounted for ([`crate::passivity`]). Under `capped`, the
 //! wrench is limited by that account. Under `classic`, hands that got more energy than they supplied are damped.
@@ -391,7 +391,7 @@ impl Coupling {
         self.counters
     }
 
-    /// Whether a time lies farther ahead of the last tick than a model may lie behind it.
+    /// Whether a time is farther ahead of the last tick than the age that a model may have.
     fn is_to_come(&self, time_ns: u64) -> bool {
         self.ticked_ns.is_some_and(|ticked| {
             let ahead = time_ns.saturating_sub(ticked) as f64 * 1e-9;
@@ -440,9 +440,9 @@ impl Coupling {
         count_one(&mut self.counters.accepted);
     }
 
-    /// Energy of the model as rendered so far (J), which the change of model must preserve. `None` for other schemes
-    /// than `capped`, and before the first model: then the energy that the body stores is its own, though its force is
-    /// yet to come.
+    /// Energy of the model as rendered so far (J). The change of model must preserve this energy. `None` for other
+    /// schemes than `capped`. `None` before the first model, too: the energy that the body stores then is its own,
+    /// although its force is yet to come.
     fn stored_before(&self, devices: &[(Pose, Twist)]) -> Option<f64> {
         let has_energy = self.config.scheme == Scheme::Capped && self.to.head.handle_count > 0;
         let (still, at_rest) = ([Lead::none(); MAX_HANDLES], [Vec6::zeros(); MAX_HANDLES]);
@@ -522,8 +522,8 @@ impl Coupling {
         ticks.max(left)
     }
 
-    /// Notes the force that the cap and the fade of an old model hold back, if `trust` is the fraction of
-    /// `wrenches` that is rendered. The force that grows before the first fade is the start of a run.
+    /// Notes the force that the cap and the fade of an old model hold back. `trust` is the fraction of `wrenches` that
+    /// is rendered. The force that grows before the first fade belongs to the start of a run, and does not count.
     fn note_held_back(&mut self, now_ns: u64, trust: f64, wrenches: &[Wrench; MAX_HANDLES]) {
         let Withheld { force, of } = self.passivity.withheld();
         if force > 0.0 {

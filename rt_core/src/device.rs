@@ -18,12 +18,12 @@ pub struct DeviceState {
     pub buttons: u32,
     /// Time of the device's own clock (ns). The driver extends the device's wrapping counter.
     pub device_time_ns: u64,
-    /// What the device says of the wrenches that it is commanded.
+    /// What the device says about the wrenches that it is commanded.
     pub rendering: Rendering,
 }
 
-/// What a device says of the wrenches that it is commanded. The tick commands no force to a device that renders none,
-/// so the force returns along a ramp ([`crate::safety`]).
+/// What a device says about the wrenches that it is commanded. The tick commands no force to a device that renders
+/// none, so the force returns along a ramp ([`crate::safety`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rendering {
     /// The device renders the wrenches, or its protocol does not tell.
@@ -215,13 +215,13 @@ pub trait Device {
         None
     }
 
-    /// The time from the reading of the encoders to the force that answers it, in the device's own clock (ns), if the
-    /// last read showed it. `None` if it showed none, or if the device does not tell.
+    /// The time from the reading of the encoders to the force that answers this reading, in the device's own clock
+    /// (ns). `None` if the last read showed no such time, or if the device does not report one.
     fn motion_to_force_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Number of commanded wrenches that the device itself refused so far. `None` if the device does not tell.
+    /// Number of commanded wrenches that the device itself refused so far. `None` if the device does not report it.
     fn refused_wrenches(&self) -> Option<u64> {
         None
     }

@@ -1,14 +1,14 @@
 //! The heat of a device's motors: a limit on the mean square of the force.
 //!
 //! A motor heats with the square of its current, and cools with a time constant. The mean square `q` of the force over
-//! that time follows `dq/dt = (F^2 - q) / T`, so `q <= F_c^2` keeps the motor as cool as the force `F_c` for ever. Up to
-//! half of that heat, the device renders its largest force. Above, the largest force falls linearly and reaches `F_c` at
-//! the whole heat: the limit never makes a force jump, and `q` never passes `F_c^2`.
+//! that time follows `dq/dt = (F^2 - q) / T`, so `q <= F_c^2` keeps the motor as cool as the force `F_c` for ever. Up
+//! to half of that heat, the device renders its largest force. Above half, the largest force falls linearly, and
+//! reaches `F_c` at the whole heat. The limit therefore never makes a force jump, and `q` never passes `F_c^2`.
 
 /// The part of the heat from which the largest force falls.
 const WARM: f64 = 0.5;
 
-/// The heat that the motors of a device bear.
+/// The heat that the motors of a device withstand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatConfig {
     /// The force that the device may render for ever (N); infinite if nothing limits the heat.
@@ -90,7 +90,7 @@ mod tests {
             heat.note(&config, 3.0, period);
             let passed = f64::from(tick) * period / config.time;
             let expected = 3.0 * libm::sqrt(1.0 - libm::exp(-passed));
-            // A step of a tick errs by half of the tick's part of the time constant.
+            // A step of one tick errs by half of the ratio of the tick to the time constant.
             let found = heat.root_mean_square();
             assert!(
                 (found - expected).abs() < 1e-3,

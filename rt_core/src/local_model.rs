@@ -36,10 +36,10 @@ pub use tear_limit::TearLimit;
 /// The reference state of one handle in a [`LocalModel`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleReference {
-    /// Index of the device that holds it.
+    /// Index of the device that holds the handle.
     pub device: u8,
-    /// Number of the piece of the body that it is on; zero in a whole body. The pieces have the numbers from zero on.
-    /// While the topology stays, the number stays.
+    /// Number of the piece of the body to which the handle belongs; zero in a whole body. The numbers of the pieces
+    /// begin at zero. The number stays while the topology stays.
     pub piece: u8,
     /// Pose at the reference state (world axes).
     pub pose: Pose,
@@ -188,8 +188,8 @@ pub enum ModelFault {
     /// A number of the model is not finite, or its period or horizon is not positive.
     NotFinite,
     /// The model names no handles, more handles than a body can have, or a device that does not exist. The same fault
-    /// tells that the handles or their pieces differ from those of the model in use, though the topology did not change,
-    /// and that a number of a piece is not below the number of handles.
+    /// stands for handles or pieces that differ from those of the model in use although the topology did not change,
+    /// and for a number of a piece that is not below the number of handles.
     Handles,
     /// The model is not newer than the one in use, or its topology is older.
     Outdated,
@@ -273,7 +273,7 @@ impl LocalModel {
         response
     }
 
-    /// The extrapolated wrench on each hand, where the drift has acted for `ahead` (s).
+    /// The extrapolated wrench on each hand, after the drift has acted for `ahead` (s).
     pub fn wrenches(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
@@ -298,8 +298,8 @@ impl LocalModel {
         PublishedModel::check(self)
     }
 
-    /// The fraction of each handle's own damping that is rendered if each device renders at most `most` (N s/m,
-    /// N m s/rad): of displacements, and of turns.
+    /// The fraction of each handle's own damping that is rendered, for displacements and for turns, if each device
+    /// renders at most `most` (N s/m, N m s/rad).
     pub fn rendered_damping(&self, most: impl Fn(u8) -> [f64; 2]) -> [[f64; 2]; MAX_HANDLES] {
         let mut fractions = [[1.0; 2]; MAX_HANDLES];
         let n = usize::from(self.head.handle_count);

@@ -1,5 +1,5 @@
-//! The controller over devices of one and two degrees of freedom: commands lie along their axes, and no account takes a
-//! force across them as rendered.
+//! The controller over devices of one and two degrees of freedom. The commands lie along the axes of the device, and no
+//! account takes a force across these axes as rendered.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 

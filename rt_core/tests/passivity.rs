@@ -1,6 +1,6 @@
-//! The energy account and the cap: the hands never get back more than they supplied, however stiff the wall, late the
-//! device or wrong the models; and if nothing is wrong, the cap withholds nothing. Then the classic controller,
-//! which takes back the energy that came out.
+//! The energy account and the cap. The hands never get back more energy than they supplied, even with a stiff wall, a
+//! late device or wrong models. If nothing is wrong, the cap withholds nothing. The last tests are about the classic
+//! controller, which takes back the energy that came out.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -268,7 +268,7 @@ fn the_classic_controller_damps_a_hand_that_only_turns() {
     let damping = 0.01;
     passivity.ports[0].most_turning_damping = damping;
     let mut coupling = Coupling::new(coupling_config(Scheme::Classic, &passivity));
-    // A moment that nobody pays for turns the hand.
+    // A moment turns the hand, and no hand supplies its energy.
     let (pushed, rate) = (0.1, 2.0);
     let mut model = wall(0.0, 1, 1);
     model.handles[0].contact = Vec3::zeros();
@@ -397,7 +397,8 @@ fn pulling() -> LocalModel {
 }
 
 /// Forces along x of a body that pulls two hands. Its own energy is 10 mJ at first. Then the models claim 20 mJ, which no
-/// hand has supplied. Also returns the fraction of that claim that the account covers, and what the cap withholds.
+/// hand has supplied. Also returns the fraction of that claim that the account covers, and the force that the cap
+/// withholds.
 fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64, Withheld) {
     let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
     let mut model = pulling();
@@ -441,7 +442,7 @@ fn the_whole_energy_is_backed_where_any_device_is_slow_or_late() {
         for (force, pull) in forces.into_iter().zip(PULLS) {
             assert!((force - pull * left).abs() < 1e-12, "{slow:?} {force}");
         }
-        // What the cap withholds is told for the hand with the largest force.
+        // The withheld force is that of the hand with the largest force.
         let expected = if whole { 0.0 } else { PULLS[1] };
         assert_eq!(withheld.of, expected);
         assert!((withheld.force - expected * (1.0 - left)).abs() < 1e-12);
@@ -595,7 +596,7 @@ fn springs_spend_no_more_in_a_tick_than_the_credit_however_the_hand_moves_on() {
     ] {
         let ticks = after_a_step([force, moment, 0.0], [far, turn], 60);
         for (tick, (wrench, credit, capped, withheld)) in ticks.into_iter().enumerate() {
-            // What a hand did lately it may do again, in any direction; the memory decays in 20 ms.
+            // A hand may repeat any recent motion, in any direction. The memory decays in 20 ms.
             let fade = (-PERIOD * tick as f64 / 0.02).exp();
             let most = (force * far + moment * turn) * fade;
             let left = (credit / most).min(1.0);

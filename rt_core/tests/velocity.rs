@@ -1,5 +1,5 @@
-//! A damper on an estimated velocity: the damping that [`most_damping`] allows stops a bare device; the tests also tell
-//! how much more damping would.
+//! A damper on an estimated velocity. The damping that [`most_damping`] allows stops a bare device. The tests also show
+//! by which factor a larger damping still does.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -125,7 +125,7 @@ fn counts_leave_less_speed_than_a_single_count_gives_up_to_four_times_the_allowe
                 let left = left_by_counts(count, mass, period, times);
                 assert!(left < 1.0, "{count} {period} {times}: {left}");
             }
-            // Far beyond the stable damping, where windows have become short as well: a limit cycle over many counts.
+            // A damping far beyond the stable one, at which windows are short as well: a limit cycle over many counts.
             let left = left_by_counts(count, mass, period, 40.0);
             assert!(left > 1.0, "{count} {period}: {left}");
         }

@@ -1,5 +1,5 @@
 //! An allocator that counts the calls of each thread.
-// An allocator needs unsafe code. This one only counts and passes the calls on.
+// An allocator needs unsafe code. This allocator only counts, and passes the calls on.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -1,11 +1,12 @@
-//! A body that parts into pieces: the energy of the rendered model and the account part with it, and weights change.
+//! A body that parts into pieces. The energy of the rendered model and the account part with the body, and weights
+//! change.
 //!
 //! The energy of the rendered model parts in the same proportions as the account ([`Division`]), so neither the energy
 //! nor the credit of a hand jumps against the other. A body that was whole and stays whole is not treated here.
 //!
 //! **Weights.** The weight on a handle is found anew when the topology changes. The tick passes from the former weight to
-//! the new one with the blend. A change of weight away from the place where a handle was lifted changes its potential;
-//! the account charges or credits the hand with the difference, as it does for a weight that comes and goes
+//! the new one with the blend. If the handle is away from the place where it was lifted, a change of its weight changes
+//! the potential. The account charges or credits the hand with the difference, as for a weight that comes and goes
 //! ([`crate::passivity`]).
 
 use super::Coupling;

@@ -16,7 +16,7 @@
 //! D_i = -o_i T / 0.5 s     if  sum(F_i . D_i) >= 0  or  V - sum(F_i . D_i) <= 0.8 H
 //! ```
 //!
-//! Slips act while the host is live alone: a force that fades is not that of the body.
+//! Slips act only while the host is live: a force that fades is not that of the body.
 
 use super::{Coupling, HostState};
 use crate::geometry::Vec6;
@@ -45,7 +45,8 @@ pub(super) struct Slips {
 }
 
 impl Slips {
-    /// Whether a body may have to ask for slips, or to end what it asked. A tick without slips pays for this question alone.
+    /// Whether a body may have to ask for slips, or to end an earlier request. A tick without slips pays for this
+    /// question alone.
     #[inline]
     pub(super) fn matter(&self) -> bool {
         self.any || self.asks

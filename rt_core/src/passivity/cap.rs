@@ -1,10 +1,11 @@
-//! The cap: a bound on what a body may give back.
+//! The cap: a bound on the energy that a body may give back.
 //!
 //! No tick may spend more than the hands have supplied (`H`). The body therefore never gives back more energy than it
 //! got, even if the local models are late, wrong or contradictory. The cap is the passivity controller of B. Hannaford
 //! and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), with an upper bound on the energy as
 //! well (a tank, as in M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach", 2011).
-//! Credit that the present spring does not back is gradually forgotten, so it cannot be spent at once much later.
+//! The account gradually forgets credit that the present spring does not back, so this credit cannot be spent at once
+//! much later.
 //!
 //! Let `F_s` and `F_d` be the elastic and the viscous wrench on all handles, and `V` the energy that hands could get
 //! back. Let `R` be the work that the hands were spared by weights that their devices did not render. Each tick does:
@@ -33,20 +34,20 @@
 //! **A force that stays reduced** becomes whole again by a slip of the proxies ([`crate::slip`]): `V` falls to
 //! `0.95 H / beta`, and `H` stays.
 //!
-//! **No jump of a hand at rest.** While no hand moves, `H`, `R` and `V` stay, except where a model changes or a body
-//! releases energy, so the factor `G / (beta V)` stays, too. Hands that move change it by `(1 / beta - 1) w . D / V`. Once a
-//! hand rests after a quick step, `D` decays, and the certificate lets the force back by a factor of at most
-//! `exp(T / 20 ms)` in a tick.
+//! **No jump of a hand at rest.** While no hand moves, `H`, `R` and `V` stay, unless a model changes or a body releases
+//! energy. The factor `G / (beta V)` then stays, too. A motion of the hands changes this factor by `(1 / beta - 1) w .
+//! D / V`. Once a hand rests after a quick step, `D` decays, and the certificate lets the force return by a factor of
+//! at most `exp(T / 20 ms)` in a tick.
 //!
 //! **Pieces.** Each piece of a torn body is capped by its own `H`, `R` and `V` (`passivity/pieces.rs`).
 //!
 //! **Counts.** The position that an encoder shows steps by a whole count when the hand reaches the edge of the count,
-//! and steps back when the hand leaves by the same edge. No work is done between, but `w . D`, with the force before
-//! each step, says that a spring gave `K D^2`. A hand that trembles on a stiff wall would thus empty the account, and
-//! the wall would become soft. If a count comes after a rest, the account therefore takes the mean of the spring's
-//! force before and after the count. A hand can gain up to `K D^2 / 2` a count by that. Friction that is not relied on
-//! covers this gain up to `K = 2 (1 - eta) f_c / D`. The module [`super::edge`] treats the energy of dampers and late
-//! models at the same count.
+//! and steps back when the hand leaves by the same edge. The hand does no work between the two steps. But `w . D`, with
+//! the force before each step, shows that a spring gave `K D^2`. A hand that trembles on a stiff wall would thus empty
+//! the account, and the wall would become soft. If a count comes after a rest, the account therefore takes the mean of
+//! the spring's force before and after the count. A hand can gain up to `K D^2 / 2` a count by this correction. The
+//! friction that the account does not rely on covers this gain up to `K = 2 (1 - eta) f_c / D`. The module
+//! [`super::edge`] treats the energy of dampers and late models at the same count.
 //!
 //! `n` is the number of ticks since the device last moved: a damper dissipates least when the motion was even.
 //!
@@ -62,7 +63,7 @@ use crate::velocity::VelocityEstimator;
 /// direction of the hand.
 const CREEP: f64 = 1e-3;
 
-/// Angular rate (rad/s) below which a hand that only turns is not damped: that speed, 5 cm from the axis.
+/// Angular rate (rad/s) below which a hand that only turns is not damped: the speed [`CREEP`] at 5 cm from the axis.
 const TURNING_CREEP: f64 = 0.02;
 
 /// Fraction of the energy claimed by a model below which the force is reduced. A device that is late by a tick renders
@@ -116,7 +117,7 @@ impl Passivity {
         }
     }
 
-    /// Caps the wrenches on the handles of one piece, by the account of that `piece`. Returns what is withheld, or
+    /// Caps the wrenches on the handles of one piece, by the account of that `piece`. Returns the withheld force, or
     /// `None` if the wrenches stay whole.
     pub(super) fn cap_piece(
         &mut self,
@@ -130,7 +131,7 @@ impl Passivity {
         let (holders, under_way) = self.holders(devices, motions);
         let spared = piece.spared.max(0.0);
         self.forget(piece, spared, stored);
-        // Commands under way will be rendered, whatever this tick decides.
+        // The devices will render the commands that are under way, whatever this tick decides.
         let left = piece.credit - spared - under_way;
         let budget = left.max(0.0);
         let backed = self.backed(&holders);
@@ -181,8 +182,8 @@ impl Passivity {
         (holders, under_way)
     }
 
-    /// Lets credit decay that the `stored` energy (J) does not back. The work that hands were `spared` (J) is no
-    /// credit.
+    /// Lets the credit decay that the `stored` energy (J) does not back. The work that the hands were `spared` (J) does
+    /// not count as credit.
     fn forget(&self, piece: &mut PieceAccount, spared: f64, stored: f64) {
         let backed = 2.0 * stored + self.config.allowance;
         piece.credit -= (piece.credit - spared - backed).max(0.0) * (self.config.period / FORGET);
@@ -249,8 +250,8 @@ impl Passivity {
     }
 
     /// Corrects the account for counts that came after a rest. The hand reached such a count slowly, and leaves it at
-    /// the same place: the force of the springs changes during the count, not after it. A hand can gain less by this
-    /// correction than the friction that is not relied on.
+    /// the same place: the force of the springs changes during the count, not after it. The gain of a hand by this
+    /// correction is less than the friction that the account does not rely on.
     fn settle_counts(&mut self, piece: &mut PieceAccount, holders: &Holders, elastic: &[Vec6]) {
         for (holder, elastic) in holders.iter().zip(elastic) {
             let Some(hand) = self.hands.get_mut(holder.device) else {
@@ -297,7 +298,7 @@ fn withhold(
     (elastic_share < 1.0 || viscous_share < 1.0).then_some(withheld)
 }
 
-/// Takes from a velocity the part that a single count (m) produces. That the hand reached an edge does not tell its
+/// Takes from a velocity the part that a single count (m) produces. An edge that the hand has reached does not tell its
 /// speed, and a trembling hold would buzz under its damper.
 fn without_count(velocity: &mut Vec6, count: f64) {
     let quiet = count / VelocityEstimator::SPAN;
@@ -317,7 +318,7 @@ fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
 }
 
 /// Adds damping that takes out the energy `missing` (J) within a tick, if the velocity of a hand is clear. The
-/// damping is proportional to what each device can render, by a fraction within the bounds. Returns that fraction.
+/// damping is proportional to what each device can render, by a fraction within the bounds. Returns this fraction.
 pub(super) fn damp<'a>(
     missing: f64,
     period: f64,

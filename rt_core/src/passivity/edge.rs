@@ -1,9 +1,9 @@
-//! A hand that trembles on the edge of an encoder count, along one axis.
+//! The account of a hand that trembles on the edge of an encoder count, along one axis.
 //!
-//! The encoder shows a whole count `D` out and, a little later, the same count back. The hand itself has moved by some
-//! `a`, at most `D`, and nobody knows `a`. Let the device hold `w_1` on the path out and `w_2` on the path back. Its
-//! motor has then done the work `(w_1 - w_2) a`, but the account has been charged `(w_1 - w_2) D`. A tremor would empty
-//! the account of a hold that was paid for.
+//! The encoder shows a whole count `D` out and, a little later, the same count back. The hand itself has moved by an
+//! unknown distance `a`, at most `D`. Let the device hold `w_1` on the path out and `w_2` on the path back. Its motor
+//! has then done the work `(w_1 - w_2) a`, but the account has been charged `(w_1 - w_2) D`. A tremor would empty the
+//! account of a hold that was paid for.
 //!
 //! The mechanism's Coulomb friction `f_c` dissipated `2 f_c a` on the same path; let `f` be the part of `f_c` that has
 //! not been credited already. The true loss is then at most `(w_1 - w_2 - 2 f)+ a`, and it is safe to charge this loss
@@ -33,7 +33,7 @@ pub(super) struct Edge {
 
 impl Edge {
     /// Takes a step (m) along the axis, not zero. The account gains `gain` (J) by this step; `credited` tells whether
-    /// friction was credited for it. `count` (m) is the encoder's.
+    /// friction was credited for the step. `count` (m) is the count of the encoder.
     pub(super) fn step(&mut self, by: f64, gain: f64, credited: bool, count: f64) {
         let single = by.abs() < 1.5 * count;
         let credited = f64::from(u8::from(credited));
@@ -58,7 +58,8 @@ impl Edge {
     }
 
     /// Takes the `correction` (J) that the account has got for this tick's step. Returns the further gain (J) if the
-    /// step closes the pair. `friction` (N) is the mechanism's; a `fraction` of it is credited.
+    /// step closes the pair. `friction` (N) is that of the mechanism. The account credits a `fraction` of this
+    /// friction.
     pub(super) fn settle(&mut self, correction: f64, friction: f64, fraction: f64) -> f64 {
         self.corrected += correction;
         if !self.closed {
@@ -84,7 +85,7 @@ mod tests {
     const FRACTION: f64 = 0.4;
 
     /// The whole gain of the account for a count out under `out` (N) and back under `back` (N), with springs corrected
-    /// by `corrections` (J), beside the friction that is credited for the counts that are `credited`.
+    /// by `corrections` (J). The friction of the counts that are `credited` comes on top.
     fn pair(
         out: f64,
         back: f64,
