@@ -4,8 +4,8 @@
 //!
 //! - The loop sleeps to **absolute deadlines**, measures its lateness on waking, and skips and counts the deadlines
 //!   that it missed ([`pace`], [`clock`]).
-//! - The loop **never waits** for another thread. All data pass through wait-free rings ([`mod@link`]), and a thread of
-//!   its own writes to a device that takes reports slowly (`devices::hid`).
+//! - The loop **never waits** for another thread. All data pass through wait-free rings ([`mod@link`]). A device that
+//!   takes reports slowly has its own thread, which writes the reports (`devices::hid`).
 //! - The loop allocates, locks and formats **nothing**. Its memory is touched and locked before the first tick
 //!   ([`memory`], [`ring`]); its histograms have fixed bounds ([`latency`]).
 //! - A resource that the system refuses (a core, a priority, locked memory) is **named with its cost**, and the run

@@ -70,7 +70,7 @@ pub(crate) fn set_up(
 ) -> (Setup, Option<KeepAwake>) {
     let mut setup = Setup::default();
     sharpen_timers();
-    // The first reading of the clock finds out where the clock can be read without the kernel.
+    // The first reading of the clock finds the code that reads the clock without the kernel.
     now_ns();
     let machine = Cores::of_this_machine();
     match pin(config.core, &machine) {

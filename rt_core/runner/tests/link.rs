@@ -132,8 +132,8 @@ fn is_sized(model: &LocalModel) -> bool {
 }
 
 proptest! {
-    /// A ring of three models, and the copies of six for the log, under any order of writing and reading: only the
-    /// number of models that wait decides whether a model finds room, however many handles each has.
+    /// A ring of three models, and the copies of six for the log, under any order of writing and reading: the number of
+    /// waiting models alone decides whether a model finds room, whatever the number of handles of each.
     #[test]
     fn models_of_any_size_pass_whole_and_in_order(
         deeds in proptest::collection::vec((0..4_u8, 0..7_u8), 1..300),
