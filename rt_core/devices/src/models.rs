@@ -62,8 +62,8 @@ pub struct RotationModel {
     pub driver_damping: f64,
 }
 
-/// The devices from which studies draw at random. A device that is added to this list changes what every seed draws, and
-/// so every figure of these studies.
+/// The devices from which studies draw at random. An additional device in this list changes the draws of every seed,
+/// and thus every figure of these studies.
 pub const STUDIED: [&str; 6] = [
     "falcon",
     "touch",
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(DeviceModel::named("tuch"), None);
     }
 
-    /// The account of energy takes no credit for what nobody has measured.
+    /// The account of energy takes no credit for a dissipation that was never measured.
     #[test]
     fn a_dissipation_that_is_estimated_counts_as_none() {
         let model = DeviceModel::named("virtuose6d").unwrap();

@@ -4,7 +4,7 @@
 use rt_core::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Wrench};
 
-/// A device whose calls run two functions. The functions themselves hold any data that an observer also reads.
+/// A device whose calls run two functions. The functions own any data that an observer also reads.
 pub struct Scripted<R, W> {
     capabilities: Capabilities,
     read: R,

@@ -128,7 +128,7 @@ fn refused(library: &Path) -> String {
     open(library, "").map(drop).expect_err("it is refused")
 }
 
-/// Reads until `done` accepts a result. The test ends only when that happens: the thread of the device needs time.
+/// Reads until `done` accepts a result. The test waits without a limit, because the thread of the device needs time.
 fn until(
     device: &mut impl Device,
     wrench: &Wrench,
@@ -209,7 +209,7 @@ fn the_lower_limit_holds_and_is_told() {
     };
     let (found, notes) = held(&weak, "Example");
     assert_eq!((found.max_force, notes), (3.0, vec![]));
-    // A name that nobody knows is told.
+    // An unknown name is reported.
     let (_, notes) = held(&weak, "Novint Falcon");
     assert!(
         notes.len() == 1 && notes[0].contains("\"example\"") && notes[0].contains("Novint Falcon"),
@@ -316,11 +316,11 @@ fn a_plug_in_that_hangs_is_silent_and_holds_up_nobody() {
         matches!(result, Err(DeviceError::Disconnected(110)))
     });
     until(&mut device, &push(), Result::is_ok);
-    // Neither the tick nor the end of the run waits for it.
+    // Neither the tick nor the end of the run waits for the plug-in.
     drop(device);
 }
 
-/// The device of a process that ended is lost, and a new process opens it again. The other device goes on.
+/// The device of a process that ended is lost, and a new process opens it again. The other device continues.
 #[test]
 fn a_plug_in_that_ends_its_process_ends_no_run() {
     let endings = [
@@ -519,7 +519,7 @@ fn a_plug_in_that_cannot_be_opened_says_why() {
     }
 }
 
-/// A motor that nobody switches off keeps its last current.
+/// A motor that is not switched off keeps its last current.
 #[test]
 fn the_end_of_a_run_closes_each_device() {
     let name_the_mark = r#"snprintf(mark, sizeof mark, "%s", address);"#;

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! where `(ox, oy, oz)` is the origin of the device axes. Virtual work relates force and torques: a force `F` at the
-//! handle takes the joint torques `J^T F`, where `J` is the derivative of the position by the angles.
+//! handle needs the joint torques `J^T F`, where `J` is the derivative of the position by the angles.
 
 use rt_core::Vec3;
 

@@ -63,7 +63,7 @@ pub struct CurrentReport {
 impl EncoderReport {
     /// The flag of the button for calibration.
     pub const CALIBRATE: i16 = 1;
-    /// What a long report adds to the counter of encoder d while the button of the handle is pressed.
+    /// The number that a long report adds to the counter of encoder d while the button of the handle is pressed.
     pub const PRESSED: i16 = 10_000;
 
     /// The bytes. A report of a form is the first [`Form::length`] of them.
