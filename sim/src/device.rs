@@ -1,14 +1,14 @@
 //! A simulated haptic device, with the hand that holds it.
 //!
-//! [`SimDevice`] is a [`Device`] like any other. Between two calls it moves under the last command, which it holds as a
-//! real device does. A read returns what its encoders report. The device moves exactly up to the time of the call in
-//! substeps of a fixed length; the last substep is shorter if the length does not divide the time. Times are integer
-//! nanoseconds and do not drift.
+//! [`SimDevice`] is a [`Device`] like any other. Between two calls, the device moves under the last command, which it
+//! holds as a real device does. A read returns the position that its encoders report. The device moves exactly up to
+//! the time of the call in substeps of a fixed length. If the length does not divide the time, the last substep is
+//! shorter. Times are integer nanoseconds and do not drift.
 //!
 //! The model has the moving mass, viscous damping, Coulomb friction, encoder counts, the largest force of the motors,
-//! and the arm of [`crate::hand`]. If the device model has a rotation, the same holds for the rotation of the
-//! handle, with the wrist. The model has no end stops, no motor dynamics, no backlash, no inertia that depends on the
-//! pose or couples translation and rotation, and no gravity (devices compensate gravity).
+//! and the arm of [`crate::hand`]. If the device model has a rotation, the model has the same quantities for the
+//! rotation of the handle, with the wrist. The model has no end stops, no motor dynamics, no backlash, no inertia that
+//! depends on the pose or couples translation and rotation, and no gravity (devices compensate gravity).
 
 use crate::arm::{Arm, Wrist};
 use crate::dynamics::{Dynamics, Turning};
@@ -24,11 +24,11 @@ use rt_core::{
 
 /// Default length of a substep (ns): 20 substeps in a millisecond.
 pub const SUBSTEP_NS: u64 = 50_000;
-/// Longest time for which the device moves in one call (ns). It bounds the work of a call. In a longer gap the device
-/// stands still for the rest of the gap, and the rest is counted.
+/// Longest time for which the device moves in one call (ns). This time bounds the work of a call. In a longer gap, the
+/// device stands still for the rest of the gap, and the rest is counted.
 pub(crate) const LONGEST_MOVE_NS: u64 = 100_000_000;
 
-/// Why a simulated device could not be made.
+/// The reason why a simulated device could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SimError {
     /// A number of the model must be finite and above zero.
@@ -81,8 +81,8 @@ pub enum SimError {
 }
 
 /// A simulated device, held by a hand or free. It has three degrees of freedom, or six if its model has a rotation, or
-/// one or two if its model names axes. Such a device moves along its axes alone, to the last bit: its mechanism bears
-/// the force of the hand across them, without friction, and takes no part of a force across them from a command.
+/// one or two if its model names axes. Such a device moves along its axes alone, to the last bit. Its mechanism carries
+/// the force of the hand across the axes, without friction, and ignores the part of a command across the axes.
 #[derive(Clone, Debug)]
 pub struct SimDevice {
     model: DeviceModel,
@@ -157,7 +157,7 @@ impl SimDevice {
         })
     }
 
-    /// The same device, at rest at `position` (m, device axes). To be called before the first read.
+    /// The same device, at rest at `position` (m, device axes). Call this before the first read.
     ///
     /// # Errors
     /// [`SimError::Start`] if the position is not finite, or not on the axes of the device.
@@ -188,17 +188,17 @@ impl SimDevice {
         Ok(Self { substep_ns, ..self })
     }
 
-    /// Lets the hand follow another trajectory from now on, whose time is that of [`moved_s`](Self::moved_s). The tremor
-    /// goes on. A device in nobody's hand stays free. A trajectory that does not continue the present one pulls the
-    /// device by the arm.
+    /// Lets the hand follow another trajectory from now on, whose time is that of [`moved_s`](Self::moved_s). The
+    /// tremor continues. A free device stays free. A trajectory that does not continue the present one pulls the device
+    /// by the arm.
     pub fn guide(&mut self, trajectory: Trajectory) {
         if let Some(aim) = &mut self.aim {
             aim.guide(trajectory);
         }
     }
 
-    /// Lets the hand stay at its start until [`begin_hand`](Self::begin_hand), from which on its own time runs. While the
-    /// hand waits, [`guide`](Self::guide) moves it and leaves its own trajectory as it is.
+    /// Lets the hand stay at its start until [`begin_hand`](Self::begin_hand) starts the hand's own time. While the
+    /// hand waits, [`guide`](Self::guide) moves it and does not change its own trajectory.
     pub fn hold_hand(&mut self) {
         if let Some(aim) = &mut self.aim {
             aim.wait();

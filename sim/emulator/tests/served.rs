@@ -1,7 +1,7 @@
 //! Emulated devices behind the kernel: a driver opens each by its address, over a pty and over TCP of this machine.
 //!
-//! The tests run in real time and end by events: each passage of bytes is an event, and a test goes on until it has seen
-//! what it waits for. Only a test that fails waits for its time to be over.
+//! The tests run in real time and end by events: each passage of bytes is an event, and a test continues until it has
+//! seen the awaited event. Only a test that fails waits until its time is over.
 
 use devices::conformance::Suite;
 use devices::transport::Packets;
@@ -18,7 +18,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Longest time between two questions for bytes of an emulator.
+/// Longest time between two requests for bytes of an emulator.
 const PERIOD: Duration = Duration::from_micros(500);
 /// Time after which a test has failed.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -209,7 +209,7 @@ fn pushed() -> Firmware {
     Firmware::new(device.expect("a sound model"), "omega3", Framing::Stream)
 }
 
-/// Goes on until a state has the pushed position and the device has the force of the host.
+/// Continues until a state has the pushed position and the device has the force of the host.
 fn works(server: &Server<Firmware>, device: &mut dyn Device) {
     let force = Vec3::new(0.3, -0.2, 0.25);
     let (mut moved, mut felt) = (false, false);

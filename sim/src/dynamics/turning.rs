@@ -24,7 +24,7 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion};
 use rt_core::Vec3;
 
 /// Largest number of iterations for the mean orientation of a step. Each iteration reduces the error by a factor of
-/// about `4 J / (h^2 k)`, some hundred thousand. The iterations end where only rounding changes.
+/// about `4 J / (h^2 k)`, some hundred thousand. The iterations end when only rounding changes.
 const ROUNDS: u32 = 12;
 /// Square of the relative change of the velocity that counts as rounding.
 const SETTLED: f64 = 1e-30;
@@ -89,7 +89,7 @@ impl Turning {
             }
             let mean = self.mean(left, motor);
             let before = self.velocity;
-            // The velocity at the end lies as far beyond the mean as the mean lies beyond the velocity before.
+            // The velocity at the end exceeds the mean by as much as the mean exceeds the velocity before.
             let goes_on = at_rest || before.dot(&(mean.velocity * 2.0 - before)) > 0.0;
             let rest = if self.friction <= 0.0 || goes_on {
                 None

@@ -1,10 +1,10 @@
-//! A WoodenHaptics, emulated: its firmware and its mechanism over a simulated device.
+//! An emulated WoodenHaptics: its firmware and its mechanism over a simulated device.
 //!
 //! The emulator has the kinematics of [`devices::woodenhaptics`]. Its encoders show the joint angles of the true
 //! position, rounded to counts, in 16 bits. Its motors hold currents, and the force on the hand follows from the
-//! currents and the pose by virtual work. It sends one report when it is switched on and one for each report that it
-//! receives; reports that it receives before it could send are drained to the newest. It cuts the motors half a second
-//! after the last report.
+//! currents and the pose by virtual work. The emulator sends one report when it is switched on, and one report for each
+//! report that it receives. If several reports come before it can send, it answers only the newest. It cuts the motors
+//! half a second after the last report.
 //!
 //! The mechanics are those of the simulated device: a point mass without end stops. The motors make the force of their
 //! currents up to the largest force of the device model. A pose that the links do not reach has the angles of the last
@@ -29,7 +29,7 @@ pub struct WoodenHaptics {
     now_ns: u64,
     /// Counts of the joints at the true position, rounded.
     counts: [i64; 3],
-    /// What a counter shows beyond the counts of its joint.
+    /// The difference of each counter from the counts of its joint.
     offsets: [i64; 3],
     /// Counters d, e, f, whose encoders do not turn.
     wrist: [i16; 3],
@@ -81,7 +81,7 @@ impl WoodenHaptics {
         self.actuate();
     }
 
-    /// Presses or releases an emergency stop in the supply of the motors. No report tells.
+    /// Presses or releases an emergency stop in the supply of the motors. No report shows the stop.
     pub fn stop(&mut self, stopped: bool, now_ns: u64) {
         self.run(now_ns);
         self.stopped = stopped;
@@ -108,7 +108,7 @@ impl WoodenHaptics {
         &self.device
     }
 
-    /// The simulated device, for whoever guides its hand.
+    /// The simulated device, for code that guides its hand.
     pub fn device_mut(&mut self) -> &mut SimDevice {
         &mut self.device
     }
@@ -185,8 +185,7 @@ impl WoodenHaptics {
 }
 
 impl Emulator for WoodenHaptics {
-    /// A report of a wrong length or with an unknown command has no effect; the amplifiers do not take it for a sign of
-    /// life.
+    /// A report of a wrong length or with an unknown command has no effect; it does not keep the amplifiers on.
     fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.run(now_ns);
         let Ok(report) = CurrentReport::decode(bytes, self.form) else {
