@@ -2,7 +2,7 @@
 //!
 //! The emulators themselves (`sim::emulate`) are computation: bytes and a time in, bytes out. This crate gives them a
 //! clock and a place: a [`Place`] is a pty, a TCP port, a HID device of the kernel's uhid or a USB gadget, and [`serve()`]
-//! passes bytes between the place and an emulator until a flag stops it. [`usb::Chip`] serves a Falcon, which also
+//! passes bytes between the place and an emulator until it is told to stop. [`usb::Chip`] serves a Falcon, which also
 //! answers requests, as a USB gadget.
 //!
 //! [`Board`] runs real firmware in QEMU, and [`Paced`] makes an emulator of its line.
