@@ -150,7 +150,7 @@ pub enum Event {
         /// See `State`.
         motion_to_force: Option<MotionToForce>,
     },
-    /// What the device can do.
+    /// The capabilities of the device.
     Capabilities(CapabilitiesReport),
     /// The kinematics of the device.
     Geometry(GeometryReport),
@@ -307,7 +307,7 @@ impl Host {
         self.geometry.as_ref()
     }
 
-    /// The encoders of the device, as far as they have come.
+    /// The encoders of the device that have come so far.
     pub fn joints(&self) -> &[Option<JointReport>; ENCODERS] {
         &self.joints
     }

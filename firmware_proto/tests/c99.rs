@@ -277,6 +277,6 @@ fn random_transcripts_are_the_same_in_c99() {
         let count = expected.matches(&format!("\n  {answer}")).count();
         assert!(count >= 5, "{answer}: {count}");
     }
-    // The stream decoder goes on over transcripts in both.
+    // The stream decoder continues over transcripts in both implementations.
     same(&run_c99(program, &expected), &run(&expected));
 }

@@ -551,7 +551,7 @@ pub fn cycle_watched<D: Device + ?Sized>(
     let time = time.into();
     watch(Stage::Begun);
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
-    // Not `enumerate`: as far as the compiler knows, its count could overflow.
+    // Not `enumerate`: the compiler does not know that its count cannot overflow.
     for ((device, reading), index) in devices.iter_mut().zip(&mut readings).zip(0..MAX_DEVICES) {
         *reading = device.read(time.now_ns);
         watch(Stage::Read(index));

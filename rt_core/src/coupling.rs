@@ -49,7 +49,7 @@ pub struct CouplingConfig {
     pub passivity: PassivityConfig,
 }
 
-/// What a device passes of the force asked for, in a tick.
+/// The part of the force asked for that a device passes in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passed {
     /// The fraction of the force that it renders.
@@ -335,7 +335,7 @@ impl Coupling {
     }
 
     /// Takes the wrenches that the devices, by index, were finally commanded to hold for this body (scene axes), and
-    /// what passed of the force asked for.
+    /// the part that passed of the force asked for.
     pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[Passed; MAX_DEVICES]) {
         let mut weights = [[Vec3::zeros(); 2]; MAX_DEVICES];
         let trust = smooth_step(self.trust);
@@ -583,7 +583,7 @@ fn same_handles(a: &LocalModel, b: &LocalModel) -> bool {
     a.head.handle_count == b.head.handle_count && pairs.all(|(a, b)| a.device == b.device)
 }
 
-/// Whether the handles of two models are in the same hands and on the same pieces, as far as both models have handles.
+/// Whether the handles that both models have are in the same hands and on the same pieces.
 fn same_hands_and_pieces(a: &impl PublishedModel, b: &LocalModel) -> bool {
     let mut pairs = a.rows().iter().zip(b.handles());
     pairs.all(|(a, b)| a.device == b.device && a.piece == b.piece)

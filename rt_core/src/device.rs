@@ -18,12 +18,12 @@ pub struct DeviceState {
     pub buttons: u32,
     /// Time of the device's own clock (ns). The driver extends the device's wrapping counter.
     pub device_time_ns: u64,
-    /// What the device says about the wrenches that it is commanded.
+    /// The device's report on the commanded wrenches.
     pub rendering: Rendering,
 }
 
-/// What a device says about the wrenches that it is commanded. The tick commands no force to a device that renders
-/// none, so the force returns along a ramp ([`crate::safety`]).
+/// A device's report on the commanded wrenches. The tick commands no force to a device that renders none, so the force
+/// returns along a ramp ([`crate::safety`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rendering {
     /// The device renders the wrenches, or its protocol does not tell.
@@ -150,7 +150,7 @@ pub struct Probe {
     pub on_hand: f64,
 }
 
-/// Why a report cannot be used, in any protocol.
+/// The reason why a report cannot be used, in any protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Corruption {
     /// The report is too short or too long.
@@ -170,7 +170,7 @@ pub enum Corruption {
     Range,
 }
 
-/// Why a device gave no state or took no wrench.
+/// The reason why a device gave no state or took no wrench.
 ///
 /// The type is `Copy` and holds no text, so the tick may construct it. `Display` is for use outside the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -248,5 +248,5 @@ impl<D: Device + ?Sized> Device for &mut D {
     }
 }
 
-/// A device's reading in one tick: its state, or why there is none.
+/// A device's reading in one tick: its state, or the reason why there is none.
 pub type Reading = Result<DeviceState, DeviceError>;

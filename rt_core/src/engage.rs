@@ -215,8 +215,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a device and an operator do, force needs an order or a press after the last stop, and the dead-man
-        /// button.
+        /// For any actions of a device and an operator, force needs an order or a press after the last stop, and the
+        /// dead-man button.
         #[test]
         fn force_needs_an_order_after_the_last_stop_and_the_dead_man_button(
             states in prop::collection::vec(any::<u32>(), 1..60),

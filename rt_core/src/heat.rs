@@ -121,7 +121,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the scene asks for, the mean square of the force stays below that of the continuous force, and the
+        /// For any force of the scene, the mean square of the force stays below that of the continuous force, and the
         /// largest force changes by less than a hand can feel from one tick to the next.
         #[test]
         fn the_mean_square_stays_below_that_of_the_continuous_force(

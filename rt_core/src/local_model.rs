@@ -182,7 +182,7 @@ fn clip(force: &mut Vec3, normal: &Vec3) -> bool {
     along < 0.0
 }
 
-/// Why a local model cannot be used.
+/// The reason why a local model cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModelFault {
     /// A number of the model is not finite, or its period or horizon is not positive.

@@ -187,7 +187,7 @@ impl EnergyAccount {
     }
 }
 
-/// The energy account of one body's hands, and the cap on what the body may give back.
+/// The energy account of one body's hands, and the cap on the energy that the body may give back.
 ///
 /// A [`crate::coupling::Coupling`] owns the account and passes motions and wrenches to it. The example there shows an
 /// account.

@@ -183,8 +183,8 @@ impl SafetyState {
         }
     }
 
-    /// The cause that holds back the force, and what happens to the force, for people; `None` if nothing does, or if the force
-    /// only comes back.
+    /// The cause that holds back the force, and the effect on the force, in words for people; `None` if no cause does,
+    /// or if the force only comes back.
     pub fn words(self) -> Option<&'static str> {
         Some(match self {
             Self::Normal | Self::Recovering => return None,

@@ -28,7 +28,7 @@ const LEAST_SPEED: f64 = 1e-3;
 /// A smaller slip (m) counts as no slip.
 const NONE: f64 = 1e-9;
 
-/// What a body asks of the slip of one of its proxies, for the next tick.
+/// The request of a body to the slip of one of its proxies, for the next tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Asked {
     /// The body does not hold the proxy, or requests nothing.

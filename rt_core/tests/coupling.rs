@@ -606,7 +606,7 @@ fn the_force_of_a_hand_that_leaves_passes_to_zero_without_a_jump() {
         }
         assert_eq!(coupling.model().handles().count(), 1);
         assert_eq!(coupling.model().piece_count(), 1);
-        // What the force gave to the hand is in the account; the first hand stood still.
+        // The energy that the force gave to the hand is in the account. The first hand stood still.
         let given = supplied - coupling.energy().supplied;
         assert!(
             (given - work).abs() < 1e-12 && work > 0.0,

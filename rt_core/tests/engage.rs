@@ -236,8 +236,8 @@ fn hot_motors_get_the_continuous_force_and_the_state_says_so() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Whatever the buttons and orders do while the hands move, the hands get out no energy: a stop, a release and an
-    /// engagement take energy away or leave it in the body.
+    /// For any buttons and orders while the hands move, the hands gain no energy: a stop, a release and an engagement
+    /// take energy away or leave it in the body.
     #[test]
     fn no_engagement_gives_energy_to_a_hand(
         strokes in prop::collection::vec((-0.03..0.03_f64, 20..200_usize, any::<u32>()), 4..20),

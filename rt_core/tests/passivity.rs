@@ -291,7 +291,7 @@ fn the_classic_controller_damps_a_hand_that_only_turns() {
         held[0] = wrench;
         coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
     }
-    // The missing energy soon exceeds what the device can take out in a tick.
+    // The missing energy soon exceeds the energy that the device can take out in a tick.
     assert!(
         (moment - (pushed - damping * rate)).abs() < 1e-12,
         "{moment}"
@@ -516,7 +516,7 @@ fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
                 coupling.accept(&model).expect("a sound model");
             }
             let wrenches = coupling.tick(tick, &at);
-            // The whole force, with the weight across the motion, falls evenly while the hand goes on.
+            // The whole force, with the weight across the motion, falls evenly while the hand moves on.
             let each = forces.iter().zip(velocities).zip(slews);
             let lingers: f64 = each
                 .map(|((force, v), slew)| {
@@ -730,7 +730,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
         };
         let wrenches = coupling.tick(1, &[(pose, twist); 2]);
         let supplied = coupling.energy().supplied;
-        // The missing energy soon exceeds what both devices can take out in a tick.
+        // The missing energy soon exceeds the energy that both devices can take out in a tick.
         let most = if supplied < -4.0 * speed * speed * PERIOD {
             [1.0, 3.0]
         } else {
@@ -816,7 +816,7 @@ fn a_single_count_back_is_no_velocity() {
     coupling.accept(&model).expect("a sound model");
     // The estimated velocity of counts is late: it may have any sign.
     let speed = 0.01;
-    // The force beside that of the spring, at so many counts of depth.
+    // The force beside that of the spring, at a depth in counts.
     let mut beside = |deep: f64| {
         let twist = Twist {
             linear: Vec3::x() * speed,

@@ -708,7 +708,7 @@ fn each_piece_of_a_torn_body_is_rendered_and_stores_what_it_would_as_a_body_alon
                     for piece in &mut both.head.pieces[..2] {
                         piece.stored = 1.0;
                     }
-                    // The tear goes on at the tip of one of the pieces.
+                    // The tear grows at the tip of one of the pieces.
                     let tip = usize::from(numbers.next() > 0.0);
                     let limit = TearLimit {
                         root: 1.0,
@@ -826,8 +826,8 @@ fn wrong(numbers: &mut Numbers, mut model: LocalModel, by: [Vec3; 2]) -> LocalMo
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Whatever the models claim, the hand on a piece gets no more than it has supplied and the share of its piece, plus
-    /// the allowance by which dampers go into debt.
+    /// For any claims of the models, the hand on a piece gets no more than the energy that it has supplied, the share
+    /// of its piece, and the allowance by which dampers go into debt.
     #[test]
     fn the_hands_of_a_piece_get_no_more_than_they_supplied_and_the_share_of_the_piece(
         seed in 1..u64::MAX, part in 0.0..1.0, swing in 1..60_u64,

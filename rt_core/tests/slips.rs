@@ -338,7 +338,7 @@ fn the_proxy_of_a_device_that_is_away_does_not_slip() {
         let (_, telemetry) = rig.tick(false, &[None]);
         assert_eq!(telemetry.devices[0].pose, away.devices[0].pose);
     }
-    // Back, the slip goes on, and the force becomes true.
+    // After the return, the slip continues, and the force becomes true.
     for _ in 0..1500 {
         rig.tick(false, &[there]);
     }

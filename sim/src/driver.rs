@@ -15,7 +15,7 @@ pub struct Held {
     pub hand: Option<Hand>,
     /// Whether the states and wrenches of the device pass through the reports of the firmware protocol.
     pub wired: bool,
-    /// Where the device and the hand start (m, device axes).
+    /// Position at which the device and the hand start (m, device axes).
     pub start: Vec3,
     /// The protocol that an emulated device speaks.
     pub protocol: Protocol,

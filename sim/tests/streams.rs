@@ -584,7 +584,7 @@ fn a_device_that_another_host_uses_is_refused() {
     for _ in 0..5 {
         let _ = tick(&mut first, &link, &force);
     }
-    // The first host goes on while the second one greets.
+    // The first host continues while the second host greets.
     let other = first;
     let session = link.world(|world| world.device.session());
     let first = Arc::new(Mutex::new(other));

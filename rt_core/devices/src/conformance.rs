@@ -10,7 +10,7 @@
 //! 4. Any time is accepted: the same time twice, a time far ahead, an earlier time.
 //! 5. Any wrench is accepted: a wrench beyond the largest, a wrench with a NaN. The states stay valid, and the motors
 //!    hold no more than their largest wrench, and no force along an axis that is not actuated.
-//! 6. No call inside a tick allocates, as far as the caller's counter can detect ([`Suite::watched`]).
+//! 6. No call inside a tick allocates, according to the caller's counter ([`Suite::watched`]).
 //! 7. The device may be dropped at any time, after a wrench as well as before its first reading.
 //!
 //! An error is a valid result of a call. The suite requires a minimal number of states ([`Suite::states`]).

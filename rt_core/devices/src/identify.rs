@@ -2,7 +2,7 @@
 //!
 //! [`Guide`] moves the free handle along one axis after another and records positions and forces. [`Guide::result`] fits
 //! the mass, damping and friction of [`DeviceModel`](crate::DeviceModel) to the record, with 95 % intervals.
-//! [`Identified::profile`] writes them into a device's file. All of it is computation over readings: the caller owns
+//! [`Identified::profile`] writes them into a device's file. The module only computes over readings: the caller owns
 //! the device and the tick.
 //!
 //! The handle must be free: with a hand on it, the numbers would be those of the device and the arm together. A hand
@@ -82,7 +82,7 @@ pub struct Identified {
     pub axes: Vec<AxisIdentified>,
 }
 
-/// Why a device was not identified. After each of them the force is zero.
+/// The reason why a device was not identified. After each of these errors, the force is zero.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IdentifyError {
     /// The device has no number that the motion needs.

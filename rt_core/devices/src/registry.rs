@@ -64,7 +64,7 @@ pub enum Kind {
     Real,
 }
 
-/// What a device says that it is.
+/// The identity that a device states.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// The name of its model.
@@ -73,7 +73,8 @@ pub struct Identity {
     pub firmware: Option<String>,
 }
 
-/// What a driver tells of a device that it opens, beside errors: one sentence each, and what the device says that it is.
+/// The notes of a driver on a device that it opens, beside errors: one sentence each, and the identity that the device
+/// states.
 #[derive(Debug, Default)]
 pub struct Notes {
     told: RefCell<Vec<String>>,
@@ -86,7 +87,7 @@ impl Notes {
         self.told.borrow_mut().push(note);
     }
 
-    /// What the device says that it is; `None` if it says nothing.
+    /// The identity that the device states; `None` if it states none.
     pub fn identity(&self) -> Option<Identity> {
         self.identity.borrow().clone()
     }
@@ -113,7 +114,7 @@ pub struct Request<'a> {
     pub address: &'a str,
     /// The firmware that the scene names for the device.
     pub firmware: Option<&'a Path>,
-    /// Takes what the driver tells.
+    /// Takes the notes of the driver.
     pub notes: Option<&'a Notes>,
 }
 
@@ -130,15 +131,15 @@ pub trait Driver {
         None
     }
 
-    /// What an address names, as far as it can be known before anything is opened: the file of a device, a place in the
-    /// network. Two addresses that have a name in common reach one device, whatever their drivers. Empty if any number
-    /// of devices may have the address.
+    /// The names of the place to which an address leads, as known before any device is opened: the file of a device, or
+    /// a place in the network. Two addresses that have a name in common reach one device, whatever their drivers. Empty
+    /// if any number of devices may have the address.
     fn reaches(&self, address: &str) -> Vec<String>;
 
     /// Opens a device.
     ///
     /// # Errors
-    /// [`OpenError`], which has the address, or states what the device lacks.
+    /// [`OpenError`], which contains the address, or names what the device lacks.
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError>;
 }
 
@@ -160,7 +161,7 @@ impl dyn Driver + '_ {
     }
 }
 
-/// Why a device could not be opened.
+/// The reason why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// No driver of that name is registered.
@@ -265,7 +266,7 @@ impl Registry {
         found.map(|driver| &**driver)
     }
 
-    /// Whether two connections reach one device, as far as that can be known before anything is opened.
+    /// Whether two connections reach one device, as known before any device is opened.
     pub fn reach_the_same(&self, one: &Connection, other: &Connection) -> bool {
         let reached = |connection: &Connection| {
             let driver = self.driver(&connection.driver);
@@ -290,7 +291,8 @@ impl Registry {
     }
 }
 
-/// What a path names, for [`Driver::reaches`]: the file to which it leads, or itself if it leads nowhere.
+/// The name of a path for [`Driver::reaches`]: the file to which the path leads, or the path itself if it leads
+/// nowhere.
 pub(crate) fn file_of(path: &Path) -> String {
     let leads_to = std::fs::canonicalize(path);
     leads_to
@@ -300,7 +302,7 @@ pub(crate) fn file_of(path: &Path) -> String {
         .into_owned()
 }
 
-/// What a host and a port name, for [`Driver::reaches`]: all addresses of the host, and the text itself.
+/// The names of a host and a port for [`Driver::reaches`]: all addresses of the host, and the text itself.
 pub(crate) fn places_of(address: &str) -> Vec<String> {
     let found = address.to_socket_addrs().into_iter().flatten();
     let each = found.map(|place| {
@@ -334,8 +336,8 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Holds what a device states against its profile (see [`Stated::agree`]). Tells the person if the name is unknown
-    /// or the device is the weaker one, and returns the limits that hold.
+    /// Compares the statements of a device with its profile (see [`Stated::agree`]). Notes for the user whether the
+    /// name is unknown or the device is weaker, and returns the limits that hold.
     ///
     /// # Errors
     /// [`Mismatch`].
@@ -358,7 +360,7 @@ impl<'a> Request<'a> {
         Ok(limits)
     }
 
-    /// Holds the name that a device states against its profile (see [`Stated::name_agrees`]).
+    /// Compares the name that a device states with its profile (see [`Stated::name_agrees`]).
     ///
     /// # Errors
     /// [`Mismatch::Name`].
@@ -372,7 +374,7 @@ impl<'a> Request<'a> {
         Ok(())
     }
 
-    /// Tells the person the version of the firmware that a device states.
+    /// Notes for the user the version of the firmware that a device states.
     pub(crate) fn has_firmware(&self, version: Option<FirmwareVersion>) {
         if let (Some(notes), Some(version)) = (self.notes, version) {
             let FirmwareVersion {

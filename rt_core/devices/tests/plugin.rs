@@ -303,7 +303,7 @@ fn a_plug_in_that_hangs_is_silent_and_holds_up_nobody() {
         return;
     };
     let mut device = opened(&library, "hang");
-    // The ring of wrenches fills, because nobody takes them any more.
+    // The ring of wrenches fills, because no thread takes them any more.
     while device.write(0, &push()) != Err(DeviceError::Busy) {
         let _ = device.read(0);
         std::thread::yield_now();

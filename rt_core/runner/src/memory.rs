@@ -141,7 +141,7 @@ pub(crate) fn touch_stack() {
 )]
 fn with_stack_ahead<R>(see: impl FnOnce(MemoryRange) -> R) -> R {
     let mut stack = [0_u8; STACK_AHEAD];
-    // The compiler must not remove the array because nobody reads it.
+    // No code reads the array, and the compiler must not remove it for that reason.
     black_box(&mut stack);
     see(MemoryRange::of(&stack))
 }

@@ -59,7 +59,7 @@ impl Stop {
     }
 }
 
-/// Why the thread could not be started.
+/// The reason why the thread could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum SpawnError {
     /// The period is zero.

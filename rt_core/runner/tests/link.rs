@@ -257,7 +257,7 @@ fn each_end_sees_that_the_other_is_gone() {
     drop(log);
     drop(host);
     assert!(tick.host_is_gone() && tick.log_is_gone());
-    // Refusals no longer count, since nobody reads.
+    // Refusals no longer count, because there is no reader.
     for k in 0..20 {
         tick.push(&telemetry(k));
     }

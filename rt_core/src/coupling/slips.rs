@@ -34,7 +34,7 @@ const AFFORDED: f64 = 0.8;
 /// The slips of the proxies on one body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slips {
-    /// What the body asks, by device.
+    /// The requests of the body, by device.
     asked: [Asked; MAX_DEVICES],
     /// Whether the body asks anything.
     asks: bool,
@@ -69,7 +69,7 @@ impl Coupling {
         self.slips.asks && self.state == HostState::Live && self.trust >= 1.0
     }
 
-    /// What the body asks of the slip of a device's proxy.
+    /// The request of the body to the slip of a device's proxy.
     pub(crate) fn asked(&self, device: usize) -> Asked {
         let asked = self
             .slips

@@ -55,7 +55,7 @@ impl ModelHead {
         }
     }
 
-    /// The extent of a model of so many handles.
+    /// The extent of a model of `handles` handles.
     pub fn extent_of(handles: usize) -> Extent {
         let pairs = handles.saturating_mul(handles);
         Extent {

@@ -24,12 +24,12 @@
 //! decays. When a hand turns back within a tick, the damper of the previous tick pushes it along. Only the first quick
 //! step is a surprise.
 //!
-//! **The certificate** bounds what a tick may spend. It keeps `H >= -E` for all steps within `D`, whatever `V`, `K` and
-//! `w0` a model claims. The energy that came out is then at most the energy stored at the start, plus `2 E`, plus the
-//! part of the devices' own dissipation that is relied on. `V` decides only how early the force is reduced. A model
-//! that claims too much energy must not soften a hold that was paid for, so the force stays whole until the credit
-//! falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and credit vanish
-//! together with `V`, without a jump.
+//! **The certificate** bounds the energy that a tick may spend. It keeps `H >= -E` for all steps within `D`, for any
+//! `V`, `K` and `w0` that a model claims. The energy that came out is then at most the energy stored at the start, plus
+//! `2 E`, plus the part of the devices' own dissipation that is relied on. `V` decides only how early the force is
+//! reduced. A model that claims too much energy must not soften a hold that was paid for, so the force stays whole
+//! until the credit falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and
+//! credit vanish together with `V`, without a jump.
 //!
 //! **A force that stays reduced** becomes whole again by a slip of the proxies ([`crate::slip`]): `V` falls to
 //! `0.95 H / beta`, and `H` stays.

@@ -194,7 +194,7 @@ impl Passivity {
         for (former, row) in former.iter().zip(&division.fractions) {
             for (part, fraction) in parts.iter_mut().zip(row) {
                 if *fraction > 0.0 {
-                    // The damper that takes out missing energy goes on in each part.
+                    // The damper that takes out missing energy continues in each part.
                     part.damped = part.damped.max(former.damped);
                 }
             }

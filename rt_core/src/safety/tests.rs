@@ -283,7 +283,7 @@ fn the_heat_counts_the_weight_of_the_grip() {
     assert_eq!(pushes::<1>(&mut limiter), [2.0]);
     let forces = pushes::<2000>(&mut limiter);
     assert_eq!(limiter.state(), SafetyState::Hot);
-    // The motors bear 1.5 N: 0.5 N of the grip, and 1 N of the scene.
+    // The motors withstand 1.5 N: 0.5 N for the grip, and 1 N for the scene.
     assert!((forces[1999] - 1.0).abs() < 1e-6, "{}", forces[1999]);
     assert_eq!(limiter.grip_force(), Vec3::new(0.5, 0.0, 0.0));
     // Ticks that were hot, and the first of them.

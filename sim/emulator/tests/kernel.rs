@@ -537,7 +537,7 @@ fn exchanges() {
 
 /// Name of the test that a test runs in a process of its own.
 const KILLED: &str = "a_process_with_gadgets_is_killed";
-/// Tells that test what to make.
+/// Selects what that test makes.
 const MAKES: &str = "PALPATE_MAKES";
 
 #[test]

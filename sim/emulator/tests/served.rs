@@ -31,7 +31,7 @@ struct Inside<E> {
     passed: u64,
 }
 
-/// An emulator that two threads use: its server, and the test that looks at it. Its clock goes on between two hosts.
+/// An emulator that two threads use: its server, and the test that looks at it. Its clock continues between two hosts.
 struct Shared<E> {
     inside: Mutex<Inside<E>>,
     event: Condvar,
@@ -145,8 +145,8 @@ impl<E: Emulator + Send + 'static> Server<E> {
         device.unwrap_or_else(|error| panic!("{connection}: {error}"))
     }
 
-    /// Reads and writes once for each passage of bytes, until `done`. `done` sees the emulator and what was read, and
-    /// gives the next wrench.
+    /// Reads and writes once for each passage of bytes, until `done`. `done` sees the emulator and the result of the
+    /// read, and gives the next wrench.
     fn run(
         &self,
         device: &mut dyn Device,

@@ -114,7 +114,7 @@ impl Driver {
         }
     }
 
-    /// Number of wrenches that the device refused; `None` if it does not tell.
+    /// Number of wrenches that the device refused; `None` if the device does not report it.
     pub fn refused_wrenches(&self) -> Option<u64> {
         match self {
             Self::Exchanged(thread) => thread.end.refused_wrenches(),
@@ -142,7 +142,7 @@ pub struct Thread {
 }
 
 impl Thread {
-    /// Lets the thread work until `to_ns`, or until what it has begun by then is done.
+    /// Lets the thread work until `to_ns`, or until it has finished the work that it has begun by then.
     fn run(&mut self, link: &Link, to_ns: u64) {
         while link.now_ns() < to_ns {
             let newest = self.wrenches.drain(..).next_back();
@@ -209,7 +209,7 @@ impl Hid {
         if self.retry_ns.is_none()
             && let Some(command) = self.reports.command(wrench, now_ns)
         {
-            // A failure is that of a device that is gone, which the next read tells.
+            // A failure means that the device is gone, which the next read reports.
             let _ = link.clone().write(&command);
         }
     }

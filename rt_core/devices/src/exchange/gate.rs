@@ -77,7 +77,7 @@ mod tests {
     use proptest::prelude::*;
     use rt_core::{DeviceError, DeviceState, Vec3};
 
-    /// What happens between a tick and the thread of its device.
+    /// An event between a tick and the thread of its device.
     #[derive(Clone, Copy, Debug)]
     enum Step {
         /// The tick reads the newest state and hands a wrench over: no force if the state says that the device let go.

@@ -172,7 +172,7 @@ pub enum FindError {
     NotFound {
         /// The device that was asked for.
         called: String,
-        /// What was found instead.
+        /// The devices that were found instead.
         found: String,
     },
     /// More than one such device is connected.

@@ -43,7 +43,7 @@ fn model(name: &str) -> Model {
     }
 }
 
-/// A device that is plugged in, and what became of its commands.
+/// A device that is plugged in, and the effect of its commands.
 struct Plugged {
     firmware: Firmware,
     time_us: u32,

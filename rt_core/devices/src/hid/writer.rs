@@ -7,7 +7,7 @@
 //!
 //! The thread also opens a lost device again. The tick first gives its reading end back through a ring, because closing a
 //! file is a system call that the tick does not make. The thread closes both ends of the lost device before it looks for
-//! the device: the kernel gives the name of a file only to a new device when nobody has the old file open. The new
+//! the device: the kernel gives the name of a file to a new device only if no program has the old file open. The new
 //! reading end passes to the tick through another ring.
 
 use rt_core::DeviceError;
@@ -278,7 +278,7 @@ mod tests {
         assert_eq!(seen.recv(), Ok(("back", 4)));
     }
 
-    /// The kernel gives a device that is plugged in again its old name only if nobody has the old file open.
+    /// The kernel gives a device that is plugged in again its old name only if no program has the old file open.
     #[test]
     fn both_ends_of_a_lost_device_are_closed_before_it_is_looked_for() {
         let open_ends = Arc::new(());
