@@ -1,7 +1,7 @@
 //! The heat of a device's motors: a limit on the mean square of the force.
 //!
 //! A motor heats with the square of its current, and cools with a time constant. The mean square `q` of the force over
-//! that time follows `dq/dt = (F^2 - q) / T`, so `q <= F_c^2` keeps the motor as cool as the force `F_c` for ever. Up
+//! that time follows `dq/dt = (F^2 - q) / T`, so `q <= F_c^2` keeps the motor as cool as the continuous force `F_c`. Up
 //! to half of that heat, the device renders its largest force. Above half, the largest force falls linearly, and
 //! reaches `F_c` at the whole heat. The limit therefore never makes a force jump, and `q` never passes `F_c^2`.
 
@@ -11,7 +11,7 @@ const WARM: f64 = 0.5;
 /// The heat that the motors of a device withstand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatConfig {
-    /// The force that the device may render for ever (N); infinite if nothing limits the heat.
+    /// The force that the device may render continuously (N); infinite if the heat has no limit.
     pub continuous_force: f64,
     /// Time constant of the motors' cooling (s).
     pub time: f64,
@@ -32,7 +32,7 @@ impl Default for HeatConfig {
 /// ```
 /// use rt_core::heat::{Heat, HeatConfig};
 ///
-/// // 8 N at most, and 2 N for ever.
+/// // 8 N at most, and 2 N continuously.
 /// let config = HeatConfig { continuous_force: 2.0, time: 10.0 };
 /// let mut heat = Heat::default();
 /// assert_eq!(heat.largest_force(&config, 8.0), 8.0);
@@ -113,7 +113,7 @@ mod tests {
             let found = Heat { mean_square }.largest_force(&config, 8.0);
             assert!((found - largest).abs() < 1e-12, "{heat}: {found}");
         }
-        // A device that may render its largest force for ever never gets hot.
+        // A device that may render its largest force continuously never gets hot.
         let hot = Heat { mean_square: 100.0 };
         for most in [1.0, 2.0] {
             assert_eq!(hot.largest_force(&config, most), most);

@@ -816,7 +816,7 @@ fn a_single_count_back_is_no_velocity() {
     coupling.accept(&model).expect("a sound model");
     // The estimated velocity of counts is late: it may have any sign.
     let speed = 0.01;
-    // The force beside that of the spring, at a depth in counts.
+    // The force beside that of the spring, at a depth of this number of counts.
     let mut beside = |deep: f64| {
         let twist = Twist {
             linear: Vec3::x() * speed,

@@ -248,7 +248,7 @@ impl Run {
         self.proxies = self.places;
     }
 
-    /// One tick, whose forces may rise by no more than the springs rise, and the ramp.
+    /// One tick. Its forces may rise by no more than the rise of the springs and of the ramp together.
     fn step(&mut self, cause: Cause, k: u64, away_ns: u64) -> Result<(), TestCaseError> {
         let (commands, telemetry) = self.tick(cause, k, away_ns);
         let [a, b, ..] = telemetry.devices;

@@ -29,7 +29,7 @@ const RADIUS_UNITS: f64 = 1e7;
 /// Largest ratio between the reach of a device and that of its profile. Makers measure the workspace in many ways.
 const REACH: f64 = 10.0;
 /// A plug-in may state less force than the profile, down to this fraction. A library may state the force that its
-/// device renders for ever, or in its weakest direction. The lower limit then holds.
+/// device renders continuously, or in its weakest direction. The lower limit then holds.
 pub(crate) const LEAST: f64 = 0.5;
 
 /// The name of a device's model, as in a report.

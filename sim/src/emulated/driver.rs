@@ -28,7 +28,7 @@ pub enum Driver {
 }
 
 impl Driver {
-    /// Opens the device behind `link` for a loop of `period` (s). It brings a Falcon its firmware.
+    /// Opens the device behind `link` for a loop of `period` (s). The driver uploads the firmware to a Falcon.
     ///
     /// # Panics
     /// If the device does not answer, which none does without a fault.

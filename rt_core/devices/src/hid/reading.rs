@@ -791,7 +791,7 @@ mod tests {
             let found = reports.newest(Freedom::Three, 3 * MS, read);
             assert_eq!((found, reports.corrupt), (kind, corrupt.into()));
         }
-        // Bytes that are no report are told, unless more is known.
+        // Bytes that are no report are reported, unless more is known.
         let mut newest = reports.begin();
         newest.garbage();
         let length = Err(DeviceError::Corrupt(Corruption::Length));

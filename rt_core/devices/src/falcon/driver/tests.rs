@@ -123,7 +123,7 @@ fn a_long_silence_makes_no_velocity() {
     assert_eq!(back.twist.linear, Vec3::zeros());
 }
 
-/// A wrench without torques is told, once.
+/// A wrench without torques is reported once.
 #[test]
 fn a_wrench_without_torques_is_a_device_that_let_go() {
     let push = Wrench {
