@@ -5,12 +5,13 @@
 //! - **Writing** is the task of a separate thread for each device (`writer`), because the kernel makes a writer wait
 //!   for the device, for up to five seconds.
 //!
-//! The driver greets the device with a hello when it opens it, and, in place of wrenches, until the device has answered;
-//! so also where the device was restarted. Each wrench names the newest state that the driver has read ([`firmware_proto::host`]).
+//! The driver greets the device with a hello when it opens the device. Until the device has answered, hellos replace
+//! wrenches. The driver greets a restarted device in the same way. Each wrench names the newest state that the driver
+//! has read ([`firmware_proto::host`]).
 //!
-//! The answer says what the device can do. Where that is not what the profile says, the device is refused when it is
-//! opened ([`stated`](crate::stated)). A device whose answer comes later, or which comes back as another, is lost: it gets
-//! no wrench before its answer agrees.
+//! The answer states the capabilities of the device. If these disagree with the profile, the driver refuses to open the
+//! device ([`stated`](crate::stated)). A device whose answer comes later, or that comes back as another device, is
+//! lost: it gets no wrench before its answer agrees.
 //!
 //! A device that disappears is opened again by the writing thread as soon as it is back, without a restart of the run.
 //! Its selector finds it again, so a device that was opened by its numbers may come back under another path, and a device
@@ -50,7 +51,7 @@ const GREETING: Duration = Duration::from_secs(1);
 /// Time between two looks for the answer.
 const LOOK: Duration = Duration::from_millis(1);
 
-/// Why a device could not be opened.
+/// The reason why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum HidError {
     /// There is not exactly one such device.
@@ -82,13 +83,13 @@ pub enum HidError {
     },
 }
 
-/// Fills a buffer with the next report that waits. Returns the length of the report, zero where no report waits, or the
+/// Fills a buffer with the next report that waits. Returns the length of the report, zero if no report waits, or the
 /// error number of the system. Never waits.
 pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
 /// Writes a command, or returns the error number of the system. May block.
 pub type WriteReport = dyn FnMut(&Command) -> Result<(), i32> + Send;
 
-/// What helps where a device cannot be opened: `rule` is the beginning of its udev rule.
+/// The remedy if a device cannot be opened. `rule` is the beginning of its udev rule.
 pub(crate) fn advice(error: &std::io::Error, rule: &str) -> String {
     match error.kind() {
         std::io::ErrorKind::ResourceBusy => "Another run has it open; end that run".to_owned(),
@@ -135,7 +136,8 @@ fn ends(selector: &HidSelector) -> Result<Ends, HidError> {
     Ok((Box::new(read), Box::new(write)))
 }
 
-/// Greets a device, and waits for its answer, for a second at most. Returns what it states; `None` where it did not answer.
+/// Greets a device, and waits for its answer, for a second at most. Returns its statements; `None` if the device did
+/// not answer.
 fn answer(
     (read, write): &mut Ends,
     profile: &Capabilities,
@@ -145,7 +147,7 @@ fn answer(
     let start = Instant::now();
     while start.elapsed() < GREETING {
         let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        // What fails here fails again in the ticks, which report it.
+        // A failure here occurs again in the ticks, which report it.
         if let Some(hello) = reports.command(&Wrench::zero(), now_ns) {
             let _ = write(&numbered(&hello));
         }
@@ -219,10 +221,10 @@ impl HidDevice {
 
     /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
     /// block, and is called once, with the first hello, before this function returns. Either function returns the error
-    /// number of the system where the device is disconnected. The device is asked for its own watchdog.
+    /// number of the system if the device is disconnected. The device is asked for its own watchdog.
     ///
     /// # Errors
-    /// The error of the system, where it gave no thread for writing.
+    /// The error of the system, if it gave no thread for writing.
     pub fn over(
         read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
         write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
@@ -250,7 +252,7 @@ impl HidDevice {
         Self::start(first, Box::new(open), capabilities, 0, None)
     }
 
-    /// Starts the thread of a device that is open, and which has stated this model where it has been greeted before.
+    /// Starts the thread of a device that is open, and which has stated this model if it has been greeted before.
     fn start(
         (read, mut write): Ends,
         open: Open<Command, Box<ReadReport>>,
@@ -260,7 +262,7 @@ impl HidDevice {
     ) -> std::io::Result<Self> {
         let session = session();
         let mut reports = Reports::new(session, watchdog_us);
-        // Where this write fails, the tick greets the device again, and reports the failure.
+        // If this write fails, the tick greets the device again, and reports the failure.
         let _ = write(&numbered(&reports.greet()));
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {

@@ -15,7 +15,7 @@
 //!
 //! Neither side ever waits for the other. The writer refuses and counts a record that finds the ring full. The reader
 //! finds the gap in the sequence and counts the gap, too. The capacity of each ring covers a stall (five seconds by
-//! default) at the rate of that ring, and every slot is mapped before use. Where the reader is gone, the writer neither
+//! default) at the rate of that ring, and every slot is mapped before use. If the reader is gone, the writer neither
 //! writes nor counts, because no reader misses the record.
 //!
 //! On the hot path ([`TickEnd`]) there is no allocation, no lock and no waiting. The tick takes the newest model of a
@@ -211,7 +211,7 @@ impl TickEnd {
 pub struct RingFull {
     /// Index of the body.
     pub body: usize,
-    /// Capacity of the ring in models; zero where the link has no such body.
+    /// Capacity of the ring in models; zero if the link has no such body.
     pub capacity: usize,
 }
 
@@ -236,7 +236,7 @@ impl HostEnd {
         })
     }
 
-    /// The newest record that has arrived since the last call; `None` where there is no new record. Older records are
+    /// The newest record that has arrived since the last call; `None` if there is no new record. Older records are
     /// discarded.
     pub fn newest(&mut self) -> Option<TickRecord> {
         let sequence = &mut self.sequence;
@@ -249,7 +249,7 @@ impl HostEnd {
     /// Publishes a local model of a body. The sequence numbers of a body should start at one and increase by one.
     ///
     /// # Errors
-    /// [`RingFull`] where the ring is full (the tick has taken no model for the time of a stall), or where the body has
+    /// [`RingFull`] if the ring is full (the tick has taken no model for the time of a stall), or if the body has
     /// no ring. The refused model is counted.
     pub fn publish(
         &mut self,

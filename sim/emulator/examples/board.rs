@@ -8,9 +8,9 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// Longest time between two questions for bytes of the board.
+/// Longest time between two requests for bytes of the board.
 const PERIOD: Duration = Duration::from_micros(500);
-/// Longest time between two questions for a host.
+/// Longest time between two checks for a host.
 const WAIT: Duration = Duration::from_millis(10);
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut place = Place::tcp(port.map_err(|error| format!("the port: {error}; {usage}"))?)?;
     let mut board = Board::start(Path::new(&image))?;
     let mut device = Paced::new(Stream::tcp(&board.line().to_string())?);
-    // An image that does not run is found here, and not by the host.
+    // This call finds an image that does not run, before a host comes.
     board.truth()?;
     println!("{}", place.connection());
     let stop = AtomicBool::new(false);

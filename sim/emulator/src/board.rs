@@ -1,8 +1,8 @@
 //! Firmware for a microcontroller in QEMU: the images of `firmware_proto/board`.
 //!
-//! QEMU's `mps2-an386` has a Cortex-M4 and UARTs. The first UART is the line to the host, and is found at a TCP
-//! address. The second UART belongs to the simulated mechanism behind the registers of the firmware: a test gives
-//! commands to the mechanism, and asks for its true position and forces.
+//! QEMU's `mps2-an386` has a Cortex-M4 and UARTs. The first UART is the line to the host, at a TCP address. The second
+//! UART belongs to the simulated mechanism behind the registers of the firmware. Through it, a test gives commands to
+//! the mechanism, and asks for its true position and forces.
 //!
 //! QEMU does not keep the time of this machine, and its UART is slow towards the board; see [`crate::paced`].
 
@@ -16,10 +16,10 @@ use std::time::Duration;
 /// QEMU's time for one instruction (ns): 31 million instructions a second, about as many as a Cortex-M4 at 25 MHz.
 pub const INSTRUCTION_NS: u32 = 1 << SHIFT;
 const SHIFT: u32 = 5;
-/// Longest time that a test waits for an answer of the mechanism: so long that no busy machine needs it.
+/// Longest time that a test waits for an answer of the mechanism. Even a busy machine needs less time.
 const ANSWER: Duration = Duration::from_secs(600);
 
-/// Why a board cannot be used.
+/// The reason why a board cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// QEMU could not be started.

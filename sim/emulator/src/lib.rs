@@ -1,4 +1,4 @@
-//! Emulated devices on the transports of the kernel, so that a real driver finds them where it finds a real device.
+//! Emulated devices on the transports of the kernel, so that a real driver finds them as it finds a real device.
 //!
 //! The emulators themselves (`sim::emulate`) are computation: bytes and a time in, bytes out. This crate gives them a
 //! clock and a place: a [`Place`] is a pty, a TCP port, a HID device of the kernel's uhid or a USB gadget, and [`serve()`]

@@ -1,11 +1,11 @@
-//! A device behind a slow line, as an emulated device: wrenches pass no faster than the line carries them.
+//! A device behind a slow line, as an emulated device. Wrenches pass no faster than the line carries them.
 //!
 //! The UART of a board in QEMU takes about 10,000 bytes a second on a machine that emulates a thousand states a second.
-//! The wrenches of a host would wait in the line until each of them is too old. [`Paced`] stands between: it passes a
-//! wrench on when the device has answered the last, and of several wrenches that wait only the newest. A hello is never
-//! left out. States pass unchanged.
+//! The wrenches of a host would wait in the line until each of them is too old. [`Paced`] is between the host and the
+//! line. It passes a wrench on when the device has answered the last one. Of several wrenches that wait, it passes only
+//! the newest. It never leaves out a hello. States pass unchanged.
 //!
-//! A report that the device must refuse does not come through, so a test of wrong reports uses the line itself.
+//! [`Paced`] does not pass a report that the device must refuse, so a test of wrong reports uses the line itself.
 
 use devices::Transport;
 use firmware_proto::report::{HelloReport, Report, WrenchReport, flags};
@@ -16,17 +16,17 @@ use std::time::Duration;
 
 /// Number of states after which a report counts as lost.
 const LOST: u32 = 20;
-/// Largest number of bytes that wait for the host. Later bytes are lost, as on a line that nobody reads.
+/// Largest number of bytes that wait for the host. Later bytes are lost, as on a line without a reader.
 const WAITING: usize = 65_536;
 
 /// A report that was passed on, and has no answer yet.
 #[derive(Clone, Copy, Debug)]
 struct Passed {
-    /// The sequence number of a wrench that is in force once it has come; none for a release.
+    /// The sequence number of a wrench that is in force after its arrival; none for a release.
     wrench: Option<u16>,
-    /// The device's count of refused reports before, once a state has told it.
+    /// The device's count of refused reports before this report, once a state has shown it.
     refused: Option<u8>,
-    /// States since.
+    /// Number of states since the report was passed on.
     states: u32,
 }
 
@@ -58,7 +58,7 @@ impl<T: Transport> Paced<T> {
         }
     }
 
-    /// Forgets what waits in both directions: the host has gone, or a new host comes.
+    /// Drops the bytes that wait in both directions, because the host has gone, or a new host comes.
     pub fn clear(&mut self) {
         self.listen();
         (self.hello, self.wrench) = (None, None);
@@ -84,7 +84,7 @@ impl<T: Transport> Paced<T> {
         self.pass();
     }
 
-    /// A report of the device: is it the answer to the report that was passed on?
+    /// Takes a report of the device, and decides whether it answers the report that was passed on.
     fn heard(&mut self, report: Option<Report>) {
         let condition = match report {
             Some(Report::State(state)) => state.condition,
@@ -110,7 +110,7 @@ impl<T: Transport> Paced<T> {
         }
     }
 
-    /// Passes the next report on, where the line is free.
+    /// Passes the next report on, if the line is free.
     fn pass(&mut self) {
         if self.passed.is_some() {
             return;
@@ -261,7 +261,7 @@ mod tests {
         assert_eq!(paced.turn(&[], &[state(Some(1), 0)]), [on(4)]);
         // A refusal is an answer, too.
         assert_eq!(paced.turn(&[on(5)], &[state(Some(1), 1)]), [on(5)]);
-        // A report that got lost holds the line for some states only.
+        // A lost report blocks the line for some states only.
         let states = [state(None, 1); LOST as usize];
         assert!(paced.turn(&[on(6)], &states[1..]).is_empty());
         assert_eq!(paced.turn(&[], &states[..1]), [on(6)]);
@@ -273,7 +273,7 @@ mod tests {
         let on = |sequence| wrench(sequence, flags::ENABLE);
         assert_eq!(paced.turn(&[on(1), hello(2), on(3)], &[]), [on(1)]);
         assert_eq!(paced.turn(&[], &[state(Some(1), 0)]), [hello(2)]);
-        // States without the answer to the hello let it go on as lost.
+        // After these states without an answer, the hello counts as lost.
         let states = [state(Some(1), 0); LOST as usize];
         assert_eq!(paced.turn(&[], &states), [on(3)]);
         let release = wrench(4, 0);

@@ -1,12 +1,13 @@
 //! Real firmware: the images for a Cortex-M4, in Rust and in C99 (`firmware_proto/board`), in QEMU.
 //!
 //! `tests/firmware` builds the images and names them in the environment; without them the tests skip themselves. Each
-//! test starts QEMU, which passes the UART of the board on to a TCP connection. A second UART belongs to the
-//! simulated mechanism behind the registers, which tells the test its true position and the true forces of the motors.
+//! test starts QEMU, which passes the UART of the board on to a TCP connection. A second UART belongs to the simulated
+//! mechanism behind the registers. Through it, the mechanism reports its true position and the true forces of the
+//! motors to the test.
 //!
 //! QEMU does not keep the time of this machine: the device may run faster or slower. All times here are therefore read
-//! from the clock of the device, and a test goes on until the awaited event has come. Only a test that fails waits for
-//! its time to be over.
+//! from the clock of the device, and a test continues until the awaited event has come. Only a test that fails waits
+//! for its time to be over.
 
 use devices::conformance::Suite;
 use devices::transport::Stream;
@@ -26,11 +27,11 @@ use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Time after which a test has failed: so long that no busy machine needs it.
+/// Time after which a test has failed. Even a busy machine needs less time.
 const PATIENCE: Duration = Duration::from_secs(600);
-/// Number of states after which a test sends a report again, where the first had no effect.
+/// Number of states after which a test sends a report again, if the first had no effect.
 const STATES: u32 = 300;
-/// Longest time between two questions for bytes of a board.
+/// Longest time between two requests for bytes of a board.
 const PERIOD: Duration = Duration::from_micros(500);
 /// The period of the firmware's loop (us): the amplifiers are set so often.
 const TICK_US: u32 = 250;
@@ -550,7 +551,7 @@ fn nothing_wrong_is_ever_applied() {
             state.condition.refused.wrapping_sub(refused) < 128,
             "{name}: {state:?}"
         );
-        // No other host takes an active device. Where the watchdog was faster than the hello, try again.
+        // No other host takes an active device. If the watchdog was faster than the hello, try again.
         let start = Instant::now();
         loop {
             let begun = host.push([250_000, 0, 0]).condition.refused;

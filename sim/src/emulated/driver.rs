@@ -28,10 +28,10 @@ pub enum Driver {
 }
 
 impl Driver {
-    /// Opens the device behind `link` for a loop of `period` (s). It brings a Falcon its firmware.
+    /// Opens the device behind `link` for a loop of `period` (s). The driver uploads the firmware to a Falcon.
     ///
     /// # Panics
-    /// Where the device does not answer, which none does without a fault.
+    /// If the device does not answer, which none does without a fault.
     pub fn open(protocol: Protocol, model: &DeviceModel, period: f64, link: &Link) -> Self {
         let let_go = let_go_after(period);
         // The watchdog that the driver asks of a device is as long.
@@ -51,7 +51,7 @@ impl Driver {
         match protocol {
             Protocol::Reports => {
                 let mut reports = Reports::new(SESSION, watchdog_us);
-                // Where this write fails, the tick greets the device again.
+                // If this write fails, the tick greets the device again.
                 let _ = link.clone().write(&reports.greet());
                 Driver::Reports(Box::new(Hid {
                     reports,
@@ -114,7 +114,7 @@ impl Driver {
         }
     }
 
-    /// Number of wrenches that the device refused; `None` where it does not tell.
+    /// Number of wrenches that the device refused; `None` if the device does not report it.
     pub fn refused_wrenches(&self) -> Option<u64> {
         match self {
             Self::Exchanged(thread) => thread.end.refused_wrenches(),
@@ -142,7 +142,7 @@ pub struct Thread {
 }
 
 impl Thread {
-    /// Lets the thread work until `to_ns`, or until what it has begun by then is done.
+    /// Lets the thread work until `to_ns`, or until it has finished the work that it has begun by then.
     fn run(&mut self, link: &Link, to_ns: u64) {
         while link.now_ns() < to_ns {
             let newest = self.wrenches.drain(..).next_back();
@@ -209,7 +209,7 @@ impl Hid {
         if self.retry_ns.is_none()
             && let Some(command) = self.reports.command(wrench, now_ns)
         {
-            // A failure is that of a device that is gone, which the next read tells.
+            // A failure means that the device is gone, which the next read reports.
             let _ = link.clone().write(&command);
         }
     }

@@ -2,12 +2,12 @@
 //!
 //! A write of a HID report takes as long as the device needs: the kernel waits for the device, for up to five seconds.
 //! The tick pushes its command into a small ring and wakes this thread, which writes the newest command in the ring.
-//! The cost for the tick is a copy and, only where the thread sleeps, one futex wake-up: the single named wake-up that
+//! The cost for the tick is a copy and, only if the thread sleeps, one futex wake-up: the single named wake-up that
 //! a tick may make. The tick never waits.
 //!
 //! The thread also opens a lost device again. The tick first gives its reading end back through a ring, because closing a
 //! file is a system call that the tick does not make. The thread closes both ends of the lost device before it looks for
-//! the device: the kernel gives the name of a file only to a new device when nobody has the old file open. The new
+//! the device: the kernel gives the name of a file to a new device only if no program has the old file open. The new
 //! reading end passes to the tick through another ring.
 
 use rt_core::DeviceError;
@@ -22,7 +22,7 @@ use std::time::Duration;
 /// Number of commands that may wait. A healthy device is never behind by more than one or two.
 const SLOTS: usize = 4;
 
-/// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
+/// Priority of the thread under SCHED_FIFO, if allowed: above ordinary threads, below the tick. A refusal is not
 /// reported here, because the tick requests a higher priority and reports its own refusal.
 const PRIORITY: u8 = 45;
 
@@ -142,8 +142,8 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
     /// Passes a command to the thread. For the hot path.
     ///
     /// # Errors
-    /// [`DeviceError::Busy`] where the ring is full, because the device has not taken the last commands yet; the
-    /// command is dropped. [`DeviceError::Disconnected`] where the previous write failed; the command is sent
+    /// [`DeviceError::Busy`] if the ring is full, because the device has not taken the last commands yet; the
+    /// command is dropped. [`DeviceError::Disconnected`] if the previous write failed; the command is sent
     /// nevertheless.
     pub(super) fn hand_on(&mut self, command: T) -> Result<(), DeviceError> {
         let (Some(ring), Some(thread)) = (&mut self.ring, &self.thread) else {
@@ -278,7 +278,7 @@ mod tests {
         assert_eq!(seen.recv(), Ok(("back", 4)));
     }
 
-    /// The kernel gives a device that is plugged in again its old name only where nobody has the old file open.
+    /// The kernel gives a device that is plugged in again its old name only if no program has the old file open.
     #[test]
     fn both_ends_of_a_lost_device_are_closed_before_it_is_looked_for() {
         let open_ends = Arc::new(());
