@@ -97,7 +97,9 @@ impl Engine {
         Ok(())
     }
 
-    /// Joins `bodies`, by their numbers in ascending order, from the next step on. A body belongs to one group at most.
+    /// Joins `bodies`, by their numbers in ascending order, from the next step on. A body belongs to one group at most. The
+    /// bodies are parted if the mesh of one is replaced and the joints do not follow it ([`Joints::follow`]); this is
+    /// counted as a fault.
     pub fn join(&mut self, bodies: Vec<usize>, joints: Box<dyn Joints>) {
         self.groups.push(Group::new(bodies, joints));
     }
@@ -153,9 +155,18 @@ impl Engine {
         self.stats.steps += 1;
         let stats = &mut self.stats;
         for (index, body) in self.bodies.iter_mut().enumerate() {
-            match body.land() {
+            let (groups, mut is_parted) = (&mut self.groups, false);
+            let landed = body.land(&mut |map| {
+                let before = groups.len();
+                groups.retain_mut(|group| group.follow(index, map));
+                is_parted = groups.len() < before;
+            });
+            match landed {
                 Ok(landed) => stats.changes += u64::from(landed),
                 Err(fault) => stats.fault(index, &fault),
+            }
+            if is_parted {
+                stats.fault(index, &StepFault::Parted);
             }
         }
         let all = 0..self.bodies.len();

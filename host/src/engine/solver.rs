@@ -188,6 +188,11 @@ impl Solver {
         Ok(self.elapsed.count(watch, || stepper.solve(late))?)
     }
 
+    /// Time that is left for the present step (ns); `None` if it has no limit.
+    pub(super) fn left_ns(&self) -> Option<u64> {
+        Some(self.budget_ns?.saturating_sub(self.elapsed.0))
+    }
+
     /// Wakes a body that sleeps.
     pub(super) fn wake(&mut self) {
         self.stepper.wake();

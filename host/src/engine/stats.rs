@@ -60,6 +60,11 @@ pub enum StepFault {
     /// The body refused its state.
     #[error("body: {0}")]
     Body(#[from] BodyError),
+    /// The joints of the body do not follow its new mesh.
+    #[error(
+        "joints: they do not follow the new mesh of the body, which is joined to no other body from now on"
+    )]
+    Parted,
     /// The state of a body that tears is no longer finite. The body stands still from then on.
     #[error("the state is no longer finite; the body stands still from now on")]
     NotFinite,

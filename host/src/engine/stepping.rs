@@ -74,13 +74,12 @@ impl Stepping {
 
     /// Lends the step's equation to a group of joined bodies; `None` if an earlier stage of the step failed.
     pub(super) fn equation(&mut self) -> Option<Equation<'_, f64>> {
-        let is_sound = core::mem::take(&mut self.sound);
-        is_sound.then(|| self.solver.equation()).flatten()
+        self.sound.then(|| self.solver.equation()).flatten()
     }
 
-    /// Notes that a group has solved the lent equation, or could not, in `time` (ns).
+    /// Notes that a group has solved the lent equation in `time` (ns).
     pub(super) fn solved_in(&mut self, time: u64) {
-        self.sound = self.solver.solved_in(time);
+        self.sound &= self.solver.solved_in(time);
     }
 
     /// Solves the step's equation, unless a group has solved it. Does nothing if an earlier stage of the step failed.

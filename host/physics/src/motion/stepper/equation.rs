@@ -79,9 +79,14 @@ fn add<T: Precision>(place: &[u32], node: u32, value: &Vec3, to: &mut [Node<T>])
 }
 
 impl<T: Precision> Equation<'_, T> {
-    /// The norm of the residual (N) at which the body by itself is solved, and the most iterations.
-    pub(crate) fn limits(&self) -> (f64, usize) {
-        (self.step.limits.goal, self.step.limits.max_iterations)
+    /// The norm of the residual (N) at which the body is solved, if joints load it with forces of the norm `load` (N).
+    pub(crate) fn goal(&self, load: f64) -> f64 {
+        self.stepper.options.tolerance * self.step.report.reference.max(load)
+    }
+
+    /// The most iterations.
+    pub(crate) fn most(&self) -> usize {
+        self.step.limits.max_iterations
     }
 
     /// The displacement of a node over the step so far (m). A held node has that of its hand or support.
@@ -136,19 +141,27 @@ impl<T: Precision> Equation<'_, T> {
     }
 
     /// Ends the solve, so that `finish` may follow. `forces` are those of the joints on nodes (N), which the residual
-    /// includes; `residual` is the norm of what is left of it on free axes (N).
-    pub(crate) fn solved(self, forces: &[(u32, Vec3)], iterations: usize, residual: f64) {
-        let Self { stepper, mut step } = self;
+    /// includes, and `load` is their norm (N); `residual` is the norm of the residual on free axes (N).
+    pub(crate) fn solved(
+        &mut self,
+        forces: impl Iterator<Item = (u32, Vec3)>,
+        load: f64,
+        iterations: usize,
+        residual: f64,
+    ) {
+        let converged = residual <= self.goal(load);
+        let Self { stepper, step } = self;
         step.report = StepperReport {
             iterations,
             residual,
-            converged: residual <= step.limits.goal,
+            converged,
+            reference: step.report.reference.max(load),
             ..step.report
         };
-        stepper.joints.extend_from_slice(forces);
+        stepper.joints.extend(forces);
         stepper.pairs.shear(by_node(&stepper.place, &stepper.u));
-        stepper.unfinished = !step.report.converged;
+        stepper.unfinished = !converged;
         step.stage = Stage::Solved;
-        stepper.underway = Some(step);
+        stepper.underway = Some(*step);
     }
 }

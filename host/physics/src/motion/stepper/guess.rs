@@ -40,6 +40,10 @@ const CUT: f64 = 1e-5;
 /// higher differences.
 const AFTER_UNFINISHED: usize = 2;
 
+/// A fit with a larger weight is no trend: a body that had come to rest has begun to move, and the velocities before are
+/// the remainder of its rest.
+const MOST: f64 = 1e3;
+
 /// The largest weight for a sheet that tears. The jumps of a tear would alternate with larger weights from step to step.
 const MOST_TORN: f64 = 1.5;
 
@@ -138,8 +142,8 @@ impl Sums {
                 weights[i] = (wanted[i] - made) / matrix[i][i];
             }
         }
-        // Numbers that are too large to be squared give no fit.
-        if weights.iter().all(|weight| weight.is_finite()) {
+        // Numbers that are too large to be squared give no fit, either.
+        if weights.iter().all(|weight| weight.abs() <= MOST) {
             weights
         } else {
             [0.0; KEPT]
@@ -355,6 +359,16 @@ mod tests {
             let found = sums(&[node], [1.0; KEPT]).weights(KEPT);
             assert_eq!(found, [0.0; KEPT], "{size}");
         }
+    }
+
+    #[test]
+    fn a_jump_from_the_remainder_of_a_rest_is_no_trend() {
+        let mut nodes = nodes();
+        for node in &mut nodes {
+            *node = node.map(|difference| difference.map(|v| 1e-40 * v));
+        }
+        let found = sums(&nodes, [1e40; KEPT]).weights(KEPT);
+        assert_eq!(found, [0.0; KEPT]);
     }
 
     #[test]
