@@ -89,7 +89,7 @@ impl Engine {
     /// on.
     ///
     /// # Errors
-    /// [`BodyError`] where a body is not of the same mesh as the body that it replaces.
+    /// [`BodyError`] if a body is not of the same mesh as the body that it replaces.
     pub fn exchange(&mut self, bodies: Vec<HostBody>) -> Result<(), BodyError> {
         for (body, other) in self.bodies.iter_mut().zip(bodies) {
             body.exchange(other)?;

@@ -55,7 +55,7 @@ impl Parting {
         Some(parting)
     }
 
-    /// Finds the pieces again if `parted`, the number of edits that may have parted the body, has grown. Returns, where
+    /// Finds the pieces again if `parted`, the number of edits that may have parted the body, has grown. Returns, if
     /// the handles have new groups, the old group of each new group.
     pub(super) fn follow(&mut self, body: &Body, parted: u64) -> Option<[u8; MAX_HANDLES]> {
         if parted == self.parted {
@@ -159,7 +159,7 @@ impl Parting {
         (&self.by_group, &mut self.before)
     }
 
-    /// Gives the handles of `model` their groups and, where no support bears a part of the body, the weights of their
+    /// Gives the handles of `model` their groups and, if no support bears a part of the body, the weights of their
     /// groups: those of before, scaled so that they add up to the weight of the group.
     pub(super) fn name(&self, body: &Body, model: &mut LocalModel) {
         let count = usize::from(model.head.handle_count);

@@ -66,9 +66,9 @@ pub(super) struct Solver {
     lent: bool,
     /// Whether the whole factor has been read.
     read: bool,
-    /// Number of parts in which a factor is read ahead; 0 where a step takes a new factor at once.
+    /// Number of parts in which a factor is read ahead; 0 if a step takes a new factor at once.
     parts: usize,
-    /// How the shapes are kept current; `None` where the scheme does not use them.
+    /// How the shapes are kept current; `None` if the scheme does not use them.
     options: Option<ShapeOptions>,
     /// The latest shapes, from which the next condensation starts.
     shapes: Shapes,

@@ -8,7 +8,7 @@ pub const MAX_LOG: usize = 256 << 10;
 
 impl Frame {
     /// Adds the curves, the events and the log's messages of `older`, the frame before, which the viewer did not take.
-    /// Where this frame has no vertices of a body, it takes those of `older`. The frame then counts `older` and the
+    /// If this frame has no vertices of a body, it takes those of `older`. The frame then counts `older` and the
     /// frames that `older` counts as dropped.
     ///
     /// Of the events, the first [`MAX_EVENTS`] are kept, and of the log's messages the first that have at most

@@ -25,7 +25,7 @@ pub struct ModelRow {
     /// Numbers of the blocks, rows first.
     stiffness: Vec<f64>,
     damping: Vec<f64>,
-    /// One where the body is torn or a tear limits the extrapolation, none otherwise.
+    /// One if the body is torn or a tear limits the extrapolation, none otherwise.
     tear: Vec<Torn>,
 }
 

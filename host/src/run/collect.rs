@@ -253,7 +253,7 @@ pub(super) struct Collected {
     pub totals: Vec<DeviceTotals>,
     /// Stretches of time in which a device or a body was not in its normal state, at most a thousand.
     pub spans: Vec<Span>,
-    /// The force at the tears of each body; `None` where nothing tore.
+    /// The force at the tears of each body; `None` if nothing tore.
     pub tear_forces: Vec<Option<TearForce>>,
     /// By device.
     pub states: Vec<States>,

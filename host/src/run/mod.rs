@@ -372,7 +372,7 @@ fn prepare(
     Ok(prepared)
 }
 
-/// What a log is begun with: its file, its header, and the frames of the bodies, where it has them.
+/// What a log is begun with: its file, its header, and the frames of the bodies, if it has them.
 type LogParts = (LogFile, LogHeader, Option<LogFrames>);
 
 /// The observers `others`, the one that collects for summary and plot, and the log. `logged` is the number of ticks in
@@ -469,7 +469,7 @@ pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<
         .collect()
 }
 
-/// The instructions that the linear algebra uses. Two runs of the same program give equal bytes where these are
+/// The instructions that the linear algebra uses. Two runs of the same program give equal bytes if these are
 /// equal.
 fn instructions(code: FactorCode) -> String {
     let mut path = std::env::consts::ARCH.to_owned();

@@ -255,7 +255,7 @@ fn credited(loaded: &LoadedScene, index: usize) -> DeviceModel {
 /// Number of consecutive ticks of `period` (s) for which a device may stay silent before its force is removed.
 pub fn patience(model: &DeviceModel, period: f64) -> u32 {
     let ticks = PATIENCE / (f64::from(model.rate_hz) * period);
-    // Rounding must not add a tick where the device has the rate of the tick.
+    // Rounding must not add a tick if the device has the rate of the tick.
     (ticks - 1e-6).ceil().max(LEAST_PATIENCE) as u32
 }
 

@@ -86,7 +86,7 @@ mod tests {
     use super::*;
     use rt_core::{Telemetry, Vec3};
 
-    /// The slips in a second of ticks, where the proxy has slipped by `length` (m) at each time (s).
+    /// The slips in a second of ticks in which the proxy has slipped by `length` (m) at each time (s).
     fn slips(length: impl Fn(f64) -> f64) -> Vec<Slip> {
         let [mut device, ..] = Telemetry::empty().devices;
         let mut watch = Watch::default();

@@ -121,7 +121,7 @@ impl Watch {
         }
     }
 
-    /// The force of the device that pulled hardest; `None` where nothing tore or no device holds the body.
+    /// The force of the device that pulled hardest; `None` if nothing tore or no device holds the body.
     pub(super) fn finish(&self) -> Option<TearForce> {
         let [from, to] = self.edges?;
         let hardest = (self.pulls.iter()).max_by(|a, b| a.peak.total_cmp(&b.peak))?;

@@ -1,6 +1,6 @@
 //! Drives one body to equilibrium or through time.
 //!
-//! A static solve has two stages where the scene has both weight and something that drives a body: the body settles
+//! A static solve has two stages if the scene has both weight and something that drives a body: the body settles
 //! under its weight while supports stay, then displacements and loads grow. With one of them only, that grows in the load
 //! steps.
 
@@ -259,7 +259,7 @@ impl<'a> Drive<'a> {
         (at, if at < self.ramp { at / self.ramp } else { 1.0 })
     }
 
-    /// After a failed step of a static solve: keeps the state of its last substep that succeeded; `None` where there is
+    /// After a failed step of a static solve: keeps the state of its last substep that succeeded; `None` if there is
     /// no such state.
     pub(super) fn halt(&mut self) -> Option<State> {
         let Method::Static(equilibrium) = &self.method else {

@@ -101,7 +101,7 @@ impl FrameFolder {
     }
 }
 
-/// Locks a folder. There is no lock where the system has none for folders.
+/// Locks a folder. There is no lock if the system has none for folders.
 fn lock(folder: &Path) -> io::Result<Option<File>> {
     let Ok(open) = File::open(folder) else {
         return Ok(None);

@@ -28,7 +28,7 @@ pub struct Frame<'a> {
     pub body: &'a str,
     /// Number of the frame, from 0 at rest.
     pub number: usize,
-    /// Time (s), or fraction of the displacements and loads. Where bodies settle under their weight first, rest is at -1
+    /// Time (s), or fraction of the displacements and loads. If bodies settle under their weight first, rest is at -1
     /// and the settled state is at 0.
     pub at: f64,
     /// Positions, displacement, velocity, stress, material.

@@ -123,7 +123,7 @@ fn largest_von_mises(middle: &[Mat3], faces: Option<&[Vec<Mat3>; 2]>) -> Vec<f64
     }
 }
 
-/// The von Mises stress `sqrt(3/2 s : s)`, where `s` is the deviatoric stress.
+/// The von Mises stress `sqrt(3/2 s : s)`, in which `s` is the deviatoric stress.
 fn equivalent(stress: &Mat3) -> f64 {
     let deviator = stress - Mat3::identity() * (stress.trace() / 3.0);
     (1.5 * deviator.norm_squared()).sqrt()

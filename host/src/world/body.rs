@@ -29,7 +29,7 @@ pub struct Built {
     pub mesh: Mesh,
     /// Young's modulus by element (Pa).
     pub young: Vec<f64>,
-    /// Poisson's ratio by element; empty where the scene gives a thread none.
+    /// Poisson's ratio by element; empty if the scene gives a thread none.
     pub poisson: Vec<f64>,
     /// The body of the physics. Its supports are at rest and its loads act in full.
     pub body: Body,

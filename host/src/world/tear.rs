@@ -41,7 +41,7 @@ pub struct TearSpec {
 /// The tearing of a body, `None` for a body that does not tear.
 ///
 /// # Errors
-/// [`SceneError`], naming the line and the field, where a hand holds a notch, or the material differs within the body.
+/// [`SceneError`], naming the line and the field, if a hand holds a notch, or the material differs within the body.
 pub(super) fn build(
     loaded: &LoadedScene,
     index: usize,

@@ -1,6 +1,6 @@
 //! Where the sockets of runs are.
 //!
-//! Each run has a file `PID.sock` in the folder `palpate` of `$XDG_RUNTIME_DIR`, or in `/tmp/palpate-UID` where the system
+//! Each run has a file `PID.sock` in the folder `palpate` of `$XDG_RUNTIME_DIR`, or in `/tmp/palpate-UID` if the system
 //! gives no such folder. Only the owner can write the folder, and only the owner and the group can enter it.
 
 use super::SocketError;
@@ -58,7 +58,7 @@ pub fn sockets_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
 /// no longer exist.
 ///
 /// # Errors
-/// [`SocketError`] where the folder cannot be made, or is somebody else's.
+/// [`SocketError`] if the folder cannot be made, or is somebody else's.
 pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
     let failed = |source| SocketError::Folder {
         folder: folder.to_owned(),
