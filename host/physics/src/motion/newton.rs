@@ -32,7 +32,7 @@ const ARMIJO: f64 = 1e-4;
 const FINE: f64 = 1e-6;
 /// Fraction of the motion that rounding may leave open: two of its digits must be right.
 const MOST_OPEN: f64 = 0.01;
-/// Mass added to a static matrix, as a fraction of the mean diagonal. It keeps parts without support in place, where
+/// Mass added to a static matrix, as a fraction of the mean diagonal. It keeps parts without support in place, if
 /// the matrix would otherwise be singular. The residual does not contain this mass.
 const STATIC_SHIFT: f64 = 1e-11;
 
