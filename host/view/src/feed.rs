@@ -12,7 +12,7 @@ pub enum Command {
     Play,
     /// A log: stop at the present moment.
     Pause,
-    /// A log: go forward by this number of ticks, or back where it is negative, and pause.
+    /// A log: go forward by this number of ticks, or back if it is negative, and pause.
     Step {
         /// The number of ticks.
         ticks: i64,
@@ -63,7 +63,7 @@ pub trait Feed: Send {
     /// The next message; `None` if none came within `wait`.
     ///
     /// # Errors
-    /// [`FeedError`] where no further message can come. A run that ends gives [`Message::End`] first.
+    /// [`FeedError`] if no further message can come. A run that ends gives [`Message::End`] first.
     fn next(&mut self, wait: Duration) -> Result<Option<Message>, FeedError>;
 
     /// Takes a command. A feed that cannot follow a command ignores it.

@@ -17,7 +17,7 @@ pub struct Moment<'a> {
     pub hello: &'a Hello,
     /// The surfaces so far. Of one body and topology epoch, the last one counts.
     pub surfaces: &'a [Surface],
-    /// The frame, with the vertices of every body: where a frame came without them, those of the frame before.
+    /// The frame, with the vertices of every body: if a frame came without them, those of the frame before.
     pub frame: &'a Frame,
     /// The curves around the moment.
     pub history: &'a History,

@@ -103,7 +103,7 @@ impl Stresses {
     /// The von Mises stress (Pa) at each of the `vertices` of the body of this index.
     ///
     /// # Errors
-    /// [`StressError`] where the body has no stresses.
+    /// [`StressError`] if the body has no stresses.
     pub fn at_vertices(
         &mut self,
         body: usize,

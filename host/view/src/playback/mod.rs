@@ -208,7 +208,7 @@ impl<R: Read + Seek + Send> Player<R> {
     /// A message that was made; `None` if there is none.
     ///
     /// # Errors
-    /// [`FeedError::Log`] where the log cannot be read further.
+    /// [`FeedError::Log`] if the log cannot be read further.
     pub fn take(&mut self) -> Result<Option<Message>, FeedError> {
         if let Some(message) = self.waiting.pop_front() {
             return Ok(Some(message));
