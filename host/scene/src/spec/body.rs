@@ -24,7 +24,7 @@ pub struct Body {
     /// The material of the body.
     #[serde(deserialize_with = "check::table")]
     pub material: Material,
-    /// Parts of another material. Where regions overlap, the last one applies.
+    /// Parts of another material. If regions overlap, the last one applies.
     #[serde(default, rename = "region", deserialize_with = "check::tables")]
     pub regions: Vec<Region>,
     /// Rayleigh damping.

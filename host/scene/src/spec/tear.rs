@@ -63,7 +63,7 @@ impl Tear {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TearLawName {
-    /// A tear grows where it releases `toughness` of energy per area, in the direction of the largest hoop stress.
+    /// A tear grows if it releases `toughness` of energy per area, in the direction of the largest hoop stress.
     #[default]
     Toughness,
     /// A tear grows where the principal stress at a vertex exceeds `strength` (thesis, chapter 4).
