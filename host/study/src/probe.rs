@@ -104,13 +104,13 @@ const SLOW: f64 = 0.9;
 pub struct Known {
     /// Name of the device in its profile.
     pub profile: String,
-    /// The name that the device states; `None` where it states none.
+    /// The name that the device states; `None` if it states none.
     pub name: Option<String>,
-    /// The version of its firmware; `None` where the device states none.
+    /// The version of its firmware; `None` if the device states none.
     pub firmware: Option<String>,
     /// The largest force that holds (N).
     pub max_force: f64,
-    /// The largest moment that holds (N m); zero where the device actuates no rotation.
+    /// The largest moment that holds (N m); zero if the device actuates no rotation.
     pub max_moment: f64,
     /// Radius of the largest ball inside the workspace (m).
     pub workspace_radius: f64,
@@ -147,12 +147,12 @@ pub struct Probed {
     pub longest_silence: u64,
     /// The last error.
     pub last_error: Option<String>,
-    /// Ticks with a state by time, from the first to the last (Hz); zero where there are fewer than two. Of a device that is
+    /// Ticks with a state by time, from the first to the last (Hz); zero if there are fewer than two. Of a device that is
     /// faster than the ticks, a tick reads the newest state only.
     pub rate: f64,
     /// Times between successive states, by the clock of the device.
     pub interval: Option<Interval>,
-    /// The smallest displacement between two successive states (m); `None` where the device did not move.
+    /// The smallest displacement between two successive states (m); `None` if the device did not move.
     pub step: Option<f64>,
     /// Extent of the positions along x, y and z (m).
     pub span: Option<[f64; 3]>,

@@ -9,7 +9,7 @@
 //!
 //! The search ([`Adversary::search`]) has a budget in ticks and goes from coarse to fine. It sweeps frequencies, draws
 //! seeded motions from families ([`Family`]: sinusoids, chirps, cycles of steps, strokes and taps, strokes along the
-//! edges of encoder counts), evolves their parameters, and then evolves the bare samples. Where the force depends on
+//! edges of encoder counts), evolves their parameters, and then evolves the bare samples. If the force depends on
 //! the position alone, dynamic programming ([`best_among`]) finds the best motion directly; the search can start from
 //! that motion.
 //!

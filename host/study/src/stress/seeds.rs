@@ -33,7 +33,7 @@ pub struct Spread {
     pub of: String,
     /// Its name, with its unit.
     pub quantity: String,
-    /// Its value for each seed, in the unit of the quantity; none where the cells do not give it.
+    /// Its value for each seed, in the unit of the quantity; none if the cells do not give it.
     pub values: Vec<Option<f64>>,
     /// Mean of the values, in the unit of the quantity; none without values.
     pub mean: Option<f64>,

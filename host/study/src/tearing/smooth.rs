@@ -64,10 +64,10 @@ pub struct Smooth {
     pub rate: f64,
     /// Stiffness damping (s).
     pub damping: f64,
-    /// The mean of the force of a hand while the tear goes from a tenth to nine tenths of its way (N); missing where the
+    /// The mean of the force of a hand while the tear goes from a tenth to nine tenths of its way (N); missing if the
     /// tear rests.
     pub plateau: Option<f64>,
-    /// The deviation of this force from a smooth curve over the displacement, relative to its mean; missing where the tear
+    /// The deviation of this force from a smooth curve over the displacement, relative to its mean; missing if the tear
     /// rests.
     pub ripple: Option<f64>,
     /// How far the hands have moved apart (m), and the force of a hand (N), step by step.

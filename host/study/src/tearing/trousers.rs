@@ -49,7 +49,7 @@ pub struct Trousers {
     pub thickness: f64,
     /// The force of the formula (N).
     pub exact: f64,
-    /// The mean force of a hand (N), and the deviation of the force from its mean (N); missing where the tear does not come to
+    /// The mean force of a hand (N), and the deviation of the force from its mean (N); missing if the tear does not come to
     /// 60 mm.
     pub force: Option<[f64; 2]>,
     /// How far the tip is to the left of the axis after 60 mm, or at the end (m).

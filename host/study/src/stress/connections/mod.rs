@@ -75,10 +75,10 @@ pub struct Outcome {
     /// Whether a receiver can tell the packets of the fault from sound ones. Nothing is demanded of a fault that no
     /// receiver can detect.
     pub detectable: bool,
-    /// Time from the fault until the device made no force (s). None where commands still reached it, or the fault ended
+    /// Time from the fault until the device made no force (s). None if commands still reached it, or the fault ended
     /// first.
     pub device_force: Option<f64>,
-    /// Time from the fault until the program commanded no force (s). None where states still reached it.
+    /// Time from the fault until the program commanded no force (s). None if states still reached it.
     pub commanded_force: Option<f64>,
     /// Largest growth of the commanded force from one tick to the next, after the fault began, beyond the growth that the
     /// hand's motion explains (N).

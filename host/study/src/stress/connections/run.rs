@@ -43,10 +43,10 @@ const TREMOR: f64 = 1e-4;
 /// What a run showed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Time from the fault until the device made no force (s); `None` where commands still reached it, or where the fault
+    /// Time from the fault until the device made no force (s); `None` if commands still reached it, or if the fault
     /// ended first.
     pub device: Option<f64>,
-    /// Time from the fault until the host commanded no force (s); `None` where states still reached it.
+    /// Time from the fault until the host commanded no force (s); `None` if states still reached it.
     pub host: Option<f64>,
     /// Largest growth of the commanded force from one tick to the next, after the fault began, beyond the growth that the
     /// motion of the hand and the ramps explain (N).

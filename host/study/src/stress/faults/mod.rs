@@ -38,7 +38,7 @@ pub const TICKS: u64 = 100_000;
 /// Length of a stretch of bad input, and of a stretch of sound input (s). A second and a half is longer than the fade,
 /// the recovery and a blend together.
 const STRETCH: [f64; 2] = [0.5, 1.5];
-/// Ticks a second (Hz), where no device states another rate.
+/// Ticks a second (Hz), if no device states another rate.
 const RATE: f64 = 1000.0;
 /// Cells of a whole study (10^8 ticks), and of a quick one.
 pub const CELLS: [u64; 2] = [1000, 10];

@@ -83,8 +83,8 @@ pub struct CellResult {
     /// Local models a second (Hz).
     pub rate: f64,
     /// Change of the force by one count of the encoder (N), at rest or at the end of the runs: by the stiffness that the
-    /// device renders, and by the damping, where the velocity is that count divided by the time over which drivers estimate
-    /// a velocity.
+    /// device renders, and by the damping, at the velocity of that count divided by the time over which drivers
+    /// estimate a velocity.
     pub count: f64,
     /// Stillness of the reference's hold.
     pub reference: Stillness,

@@ -189,7 +189,7 @@ pub struct Hand {
     pub scale: f64,
     /// Where it holds the body, as fractions along and across the part of the body that is its own.
     pub place: [f64; 2],
-    /// Whether it holds the whole edge or end, where its part of the body has one.
+    /// Whether it holds the whole edge or end, if its part of the body has one.
     pub edge: bool,
     /// The direction of its motion, as fractions of its length.
     pub direction: [f64; 3],
