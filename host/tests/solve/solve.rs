@@ -246,7 +246,7 @@ rotation = [1e-3, 0, 0]
     };
     let expected = 0.1406 * 0.4e6 * 0.04_f64.powi(4) / 0.4 * 1e-3;
     let [coarse, fine] = [2, 4].map(|cells| torsion(cells) / expected - 1.0);
-    // The ends are held flat, where Saint-Venant's theory lets them warp: about one width of the ten is stiffer.
+    // The ends are held flat, whereas Saint-Venant's theory lets them warp: about one width of the ten is stiffer.
     assert!(fine > 0.0 && fine < 0.04, "{fine}");
     assert!(coarse > fine, "{coarse}: it converges from above");
 }
