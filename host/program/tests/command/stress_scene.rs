@@ -1,4 +1,4 @@
-//! `palpate stress scene` resumes, and prints one complete world.
+//! `palpate stress scene` resumes, and prints one complete trial.
 
 use std::path::Path;
 use std::process::Command;
@@ -24,10 +24,10 @@ fn the_program_resumes_and_shows_one_world_whole() {
     };
     let two = ["--runs", "2", "--schemes", "linear,capped"];
     let first = palpate(&two, &[("--json", &json)]);
-    let passed = "passive, bounded and true to the body under capped: all 2 worlds\n";
+    let passed = "passive, bounded and true to the body under capped: all 2 trials\n";
     assert!(first.starts_with(passed), "{first}");
     assert!(first.contains("| all | capped | 2 | 100.0 |"), "{first}");
-    // Two worlds have no quantiles.
+    // Two trials have no quantiles.
     let errors = first.lines().filter(|line| line.starts_with("| all |"));
     assert!(errors.clone().all(|line| line.contains("most")), "{first}");
     assert_eq!(errors.count(), 4, "{first}");
@@ -42,7 +42,7 @@ fn the_program_resumes_and_shows_one_world_whole() {
         &["--cell", "1", "--scheme", "linear"],
         &[("--plot", &plot), ("--log", &log)],
     );
-    assert!(shown.starts_with("world 1 of seed 1\n"), "{shown}");
+    assert!(shown.starts_with("trial 1 of seed 1\n"), "{shown}");
     assert!(
         shown.contains("\nlinear: passive, bounded, true to the body"),
         "{shown}"
@@ -92,5 +92,5 @@ fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
         "nothing",
     ];
     let (table, _) = palpate(&[&["stress", "scene"], &two[..]].concat());
-    assert!(table.contains("\ndrawn bodies: 1 worlds"), "{table}");
+    assert!(table.contains("\ndrawn bodies: 1 trials"), "{table}");
 }
