@@ -7,7 +7,7 @@
 
 use host::live::{Frame, Hello, Vertices};
 use host::scene::{Scene, SceneError};
-use host::solve::snapshot::von_mises;
+use host::solve::grid::von_mises;
 use host::world::{Built, World};
 use physics::Vec3;
 use physics::mesh::Mesh;
