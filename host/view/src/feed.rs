@@ -1,10 +1,10 @@
-//! What a viewer shows, wherever it comes from: a run or a log.
+//! The feed of a viewer: the frames of a run or of a log.
 
 use host::live::{Message, MessageError};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// What a person asks of a feed. A page sends these as JSON, such as `{"do":"seek","time_ns":1500000000}`.
+/// A command of a person to a feed. A page sends commands as JSON, such as `{"do":"seek","time_ns":1500000000}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Command {

@@ -82,7 +82,7 @@ impl LiveFeed {
         self.kept.take(message);
     }
 
-    /// What the end of the stream means. A feed that waits goes on without a connection.
+    /// The result of the end of the stream. A feed that waits continues without a connection.
     fn closed(&mut self, error: std::io::Error) -> Result<(), FeedError> {
         self.stream = None;
         match (self.options.wait, self.over) {

@@ -42,7 +42,7 @@ pub struct Player<R> {
     log: LogIndex<R>,
     facts: Facts,
     overview: Overview,
-    /// What a viewer is told first.
+    /// The first message to a viewer.
     hello: Message,
     notes: Vec<String>,
     /// Times of the first and the last tick (ns).

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use view::feed::Feed;
-use view::web::{Moment, Options, serve};
+use view::web::{Draw, Options, serve};
 
 /// Whether the program can be run. A line says so if it cannot.
 pub(crate) fn exists(program: &str) -> bool {
@@ -50,7 +50,7 @@ pub(crate) fn lines(mut script: Command) -> String {
 /// A server until `stop`, and its address.
 pub(crate) fn server(
     feed: Box<dyn Feed>,
-    moment: Arc<Moment>,
+    draw: Arc<Draw>,
     stop: &Arc<AtomicBool>,
 ) -> (JoinHandle<()>, String) {
     let (sender, receiver) = channel();
@@ -60,7 +60,7 @@ pub(crate) fn server(
             // The first line is the address.
             let _ = sender.send(line.to_owned());
         }),
-        moment,
+        draw,
         stop: Arc::clone(stop),
     };
     let thread = std::thread::spawn(move || serve(feed, &options).unwrap());
