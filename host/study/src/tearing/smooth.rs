@@ -1,7 +1,7 @@
 //! Part `smooth`: the force of hands that tear a cloth, whatever the damping and the length of the steps.
 //!
 //! The cloth is that of the scene `tear_cloth`: two hands hold it close beside a notch in its border and move apart. It lies
-//! flat. The force falls slowly as the arms beside the tear grow longer. What remains beside this trend is the ripple that a
+//! flat. The force falls slowly as the arms beside the tear grow longer. The difference from this trend is the ripple that a
 //! hand feels. The mean force is taken between two distances of the hands. Between two lengths of the tear it would depend on
 //! how long the last edges take, at the smallest force; a median would be the force at one place of one edge.
 

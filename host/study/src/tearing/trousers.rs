@@ -30,7 +30,7 @@ const CUT: f64 = 0.06;
 /// Time in which the legs are turned (s), and the speed of each hand afterwards (m/s).
 const TURN: f64 = 0.8;
 const SPEED: f64 = 0.02;
-/// The part of a leg by which its end is nearer to the tip when the leg has been turned: the bend cuts a corner.
+/// The length by which a turn of the leg brings its end nearer to the tip, because the bend cuts a corner.
 const CORNER: f64 = 0.15;
 /// The lengths of the tear (m) between which the force is averaged.
 const FROM: f64 = 0.009;
