@@ -13,7 +13,7 @@ use crate::stress::{self, Done, Quantity, Verdict};
 use host::record::energy_sums;
 use host::run::panics;
 use host::world::port;
-use input::{Clock, Encoder, Hands};
+use input::{Clock, Encoder, Readings};
 use models::Models;
 use rt_core::Reading;
 use rt_core::controller::DeviceConfig;
@@ -148,7 +148,7 @@ fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcom
         count: model.map_or(38e-6, |model| model.position_step),
     };
     let mut clock = Clock::new(chance, (1e9 / kind.rate).round() as u64);
-    let hands = Hands::new(chance, devices, kind);
+    let inputs = Readings::new(chance, devices, kind);
     let mut models = Models::new(chance, devices, kind.rate);
     let mut last = [Wrench::zero(); MAX_DEVICES];
     let mut in_debt = 0;
@@ -162,7 +162,7 @@ fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcom
             // Refused models are counted below.
             let _ = controller.accept(0, &model);
         }
-        let readings: [Reading; MAX_DEVICES] = hands.next(tick, bad);
+        let readings: [Reading; MAX_DEVICES] = inputs.next(tick, bad);
         let (commands, telemetry) = controller.tick(now_ns, &readings);
         outcome.ticks += 1;
         look(&config, &commands, &last, &telemetry, outcome);
@@ -252,7 +252,7 @@ fn config(chance: Chance, scheme: Scheme, model: Option<&DeviceModel>) -> Contro
         passivity.ports = [port; MAX_DEVICES];
     }
     for _ in 0..devices {
-        // The loop serves at least so many devices.
+        // The loop serves at least as many devices.
         let _ = config.devices.push(DeviceConfig {
             frame: DeviceFrame::at(Vec3::zeros()),
             safety: SafetyConfig {
