@@ -1,5 +1,5 @@
-//! The machine on which a program runs, as a paper states it: processor, kernel, clock, and what keeps a core from
-//! answering at once (frequency governor, sleep states).
+//! The machine on which a program runs, as a paper states it: processor, kernel, clock, and the settings that delay a core
+//! (frequency governor, sleep states).
 //!
 //! All facts come from files of the Linux kernel (`Documentation/admin-guide/pm`, `/proc/cpuinfo`) and from
 //! `/etc/os-release`. A fact that the system does not give is absent, never guessed.

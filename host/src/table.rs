@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::fmt::Write as _;
 
-/// The columns of a table: their names, each of which occurs once.
+/// The columns of a table: their names. Each name occurs once.
 #[derive(Clone, Debug, Default)]
 pub struct Columns {
     names: Vec<String>,
@@ -105,7 +105,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Begins the line anew.
+    /// Begins the line again.
     pub fn clear(&mut self) {
         self.text.clear();
     }

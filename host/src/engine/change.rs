@@ -2,7 +2,7 @@
 //!
 //! A change begins a topology epoch, and every epoch needs another solver: another order of elimination, another
 //! factor, other shapes. To make a solver takes many times as long as a step. So a change is worked beside the steps,
-//! on a copy of the body, while the body and its solver go on. When the new solver is ready, the new body continues
+//! on a copy of the body, while the body and its solver continue. When the new solver is ready, the new body continues
 //! the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with the first step after
 //! the work; in virtual time it lands at a fixed step.
 
@@ -143,7 +143,7 @@ pub(super) struct Made {
 /// A change as work beside the steps: edits of a copy of the body, and its new solver.
 pub(super) struct Rebuild {
     recipe: Recipe,
-    /// The time over which models foresee the response of the body (s).
+    /// The time over which models predict the response of the body (s).
     response: f64,
     /// The copy and the edits, until the work begins.
     asked: Option<(Body, Vec<Edit>)>,

@@ -27,7 +27,7 @@ pub struct DampedDirection {
     pub rendered: f64,
 }
 
-/// What devices rendered least of the damping of one body.
+/// The least part of the damping of one body that devices rendered.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Damped {
     least: Option<DampedDirection>,

@@ -1,9 +1,9 @@
-//! The host loop's work: stages in their order, ending in a published local model.
+//! The host step: its stages in their order, up to the publication of a local model.
 //!
 //! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the only module that joins
-//! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a thread drives it;
-//! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
-//! caller passes; nothing in the state depends on this time.
+//! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a
+//! thread drives it; under virtual time the run's only loop does. The time of a stage is measured through the
+//! [`Stopwatch`] that the caller passes; nothing in the state depends on this time.
 //!
 //! Bodies that are joined, by contact or by springs, are solved together ([`Engine::join`]): after `constrain` all bodies
 //! have their equations, and `solve` solves each group as a whole.
@@ -102,7 +102,7 @@ impl Engine {
         self.groups.push(Group::new(bodies, joints));
     }
 
-    /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver go on as they are
+    /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver stay as they are
     /// until the new solver is ready; the change then lands at the start of a step. A change that turns out to be
     /// impossible is counted as a fault, and the body continues as it was.
     ///

@@ -1,6 +1,6 @@
 //! Publishes local models of a body: what its devices render.
 //!
-//! A publisher stands beside a body of the physics and keeps what outlasts one model: the sequence, the topology epoch, the
+//! A publisher belongs to a body of the physics. It keeps the data that outlast one model: the sequence, the topology epoch, the
 //! account of the energy that hands can recover, and the springs between devices and body. Whoever steps and condenses the
 //! body gives the publisher the result: the engine, a study, or another host.
 
@@ -20,7 +20,7 @@ use rt_core::{
 /// Time for which a model places the handles behind springs, as a multiple of its horizon. The stiffness of a model holds the
 /// inertia of the body for its horizon. The wrench of a younger model holds the inertia of the last change of a handle's
 /// velocity, which is larger: handles that such a wrench places swing from model to model. Over longer times than
-/// [`LONGEST_PLACED`] (s) inertia is small beside stiffness, and a body that is not linear would be placed by the past.
+/// [`LONGEST_PLACED`] (s) inertia is small compared with stiffness, and a body that is not linear would be placed by the past.
 const PLACES: f64 = 2.0;
 const LONGEST_PLACED: f64 = 0.015;
 
@@ -34,7 +34,7 @@ pub struct Publishing {
     pub horizon: f64,
     /// Whether models say how much energy they store.
     pub energy: bool,
-    /// What devices of one or two degrees of freedom render; by default, all devices move along all axes.
+    /// The axes along which the devices move; by default, all devices move along all axes.
     pub projected: Projected,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
     pub coupling: Option<VirtualCoupling>,
@@ -123,7 +123,7 @@ impl Publisher {
         }
     }
 
-    /// Says in the models from now on how far the handles can move before a tear goes on. `find` gives the limit, and calls
+    /// Says in the models from now on how far the handles can move before a tear grows. `find` gives the limit, and calls
     /// its argument with the handle, the motion and the slope of each motion.
     pub fn limit(
         &mut self,

@@ -14,7 +14,7 @@ use rt_core::MAX_HANDLES;
 /// has the shapes of the model before, so that the longest steps are shorter.
 const MUCH_WORK: usize = 3;
 /// Time in which an iteration of a sheet that tears counts in virtual time (s): a step of many iterations takes longer than
-/// its length, and the work beside it goes on meanwhile.
+/// its length, and the work beside the steps continues meanwhile.
 const ITERATION: f64 = 0.25e-3;
 /// Most models in turn with the same shapes.
 const MOST_KEPT: usize = 2;
@@ -283,7 +283,7 @@ impl Solver {
         torn
     }
 
-    /// The tip that is nearest to going on, after a condensation. `slope` is called with the handle, the motion and the
+    /// The limit of the tip that is nearest to its next edge, after a condensation. `slope` is called with the handle, the motion and the
     /// slope of each motion.
     pub(super) fn tear_limit(
         &mut self,

@@ -1,4 +1,4 @@
-//! What a viewer is told of a run or of a log. All quantities are in SI units, in the axes of the scene; times in ns
+//! The frames of a run or of a log, as viewers receive them. All quantities are in SI units, in the axes of the scene; times in ns
 //! are integers since the start of the run.
 
 use super::Range;
@@ -14,7 +14,7 @@ pub const PROTOCOL: &str = "palpate.view/1";
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
-    /// A run that goes on.
+    /// A run that is under way.
     #[default]
     Run,
     /// A log that is played back.
@@ -350,7 +350,7 @@ pub struct Playback {
     pub complete: bool,
     /// Whether the log has frames of the bodies.
     pub has_frames: bool,
-    /// What the log lacks, in words for people; empty for a log that has everything.
+    /// The missing parts of the log, in words for people; empty for a log that has everything.
     pub notes: Vec<String>,
     /// All events of the log. Empty if nothing changed since the message before.
     pub events: Vec<Event>,

@@ -60,7 +60,7 @@ pub struct Gatherer {
     sums: Vec<DeviceSum>,
     lateness: LatencyHistogram,
     ages: Vec<LatencyHistogram>,
-    /// Computing time of a tick, if somebody measures it.
+    /// Computing time of a tick, if it is measured.
     tick_time: Option<LatencyReader>,
     watch: Watch,
     /// The tick with the largest lateness: lateness (ns), number, time (ns).

@@ -56,7 +56,7 @@ impl Frame {
     }
 }
 
-/// The number of the first messages that fit beside `taken` bytes.
+/// The number of the first messages that fit in addition to `taken` bytes.
 fn fitting(taken: usize, messages: &[LogMessage]) -> usize {
     let mut bytes = taken;
     let fits = messages.iter().take_while(|message| {

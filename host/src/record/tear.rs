@@ -37,7 +37,7 @@ pub struct TearEvent {
 }
 
 impl TearEvent {
-    /// What a person should hear of, in words; `None` for an edit by which a tear only goes on. `pieces` is the number of
+    /// The event in words for people; `None` for an edit by which a tear only grows. `pieces` is the number of
     /// pieces before.
     pub fn words(&self, pieces: u32) -> Option<String> {
         if self.pieces > pieces {

@@ -44,7 +44,7 @@ pub(super) struct Collector {
     spans: Vec<Span>,
     tears: TearEvents,
     tear_forces: TearForces,
-    /// What a plot shows, if there is one.
+    /// The samples of the plot, if there is one.
     samples: Option<(Samples, Marks)>,
     ticks: u64,
     end: f64,

@@ -93,7 +93,7 @@ pub struct RunOptions {
     pub histogram: Option<PathBuf>,
     /// Frames of the deformed bodies; `None` for a run without frames.
     pub frames: Option<FrameOptions>,
-    /// Lets viewers watch the run; `None` for a run that nobody can watch.
+    /// Lets viewers watch the run; `None` for a run without viewers.
     pub view: Option<ViewOptions>,
     /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
@@ -336,7 +336,7 @@ pub fn run_watched(
     Ok(summary)
 }
 
-/// What to say of a run whose steps take longer than its scene allows.
+/// The note about a run whose steps take longer than its scene allows.
 pub fn slow_warning(loaded: &LoadedScene, options: &RunOptions, slow: StepTime) -> String {
     let duration = options.duration.unwrap_or(loaded.scene.duration);
     slow.warning(
@@ -372,7 +372,7 @@ fn prepare(
     Ok(prepared)
 }
 
-/// What a log is begun with: its file, its header, and the frames of the bodies, if it has them.
+/// The parts from which a log begins: its file, its header, and the frames of the bodies, if it has them.
 type LogParts = (LogFile, LogHeader, Option<LogFrames>);
 
 /// The observers `others`, the one that collects for summary and plot, and the log. `logged` is the number of ticks in

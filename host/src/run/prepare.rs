@@ -1,4 +1,4 @@
-//! What a session of a world needs, before its first tick.
+//! Prepares a session of a world, before its first tick.
 
 use super::devices;
 use super::slow_host::{SlowWatch, StepTime};
@@ -91,7 +91,7 @@ pub struct Prepared {
     pub engine: Engine,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
-    /// Who is told of each step.
+    /// The subscribers to the host steps.
     pub subscribers: Subscribers,
     /// How the run is watched, if it is.
     pub view: Option<HostView>,
@@ -101,7 +101,7 @@ pub struct Prepared {
     pub slow: SlowWatch,
     /// The times of the run.
     pub timing: Timing,
-    /// What the drivers of the devices tell, one sentence each.
+    /// The notes of the drivers, one sentence each.
     pub told: Vec<String>,
 }
 
@@ -170,7 +170,7 @@ impl Prepared {
     }
 }
 
-/// Checks what a run refuses before its first tick, beside the bodies, without opening a real device.
+/// Makes the checks of a run before its first tick, except those of the bodies, without opening a real device.
 ///
 /// # Errors
 /// As [`Prepared::new`].
@@ -376,7 +376,7 @@ fn check_grip(
     Err(loaded.source.error(&field, found, allowed))
 }
 
-/// The force that bears the grip of a device (N, device axes).
+/// The force of the motors that carries the weight of the grip (N, device axes).
 fn grip_force(spec: &spec::Device) -> Vec3 {
     -Vec3::from(spec.grip_weight.unwrap_or_default())
 }

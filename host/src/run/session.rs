@@ -45,7 +45,7 @@ pub struct Session<H = Paced<LateLink>> {
     /// Ticks in the whole session, and those done.
     of: u64,
     ticks: u64,
-    /// The text of a panic of the host. The host then does nothing more, as under the real clock, and the ticks go on.
+    /// The text of a panic of the host. The host then does nothing more, as under the real clock, and the ticks continue.
     panicked: Option<String>,
 }
 

@@ -1,5 +1,5 @@
 //! Detects the slips of a proxy against its hand. A hold that no hand had paid for has become true again at another pose
-//! (`rt_core`, module `slip`), and a person who reads the force against the pose of the hand must know that.
+//! (`rt_core`, module `slip`), and a person who reads the force against the pose of the hand must know of the slip.
 
 use rt_core::record::DeviceTelemetry;
 

@@ -41,7 +41,7 @@ impl StepTime {
         self.took_ns > self.asked_ns
     }
 
-    /// What a step takes and what the scene asks for, in words.
+    /// The time of a step and the time that the scene allows, in words.
     pub fn in_words(&self) -> String {
         let [took, asked] = [self.took_ns, self.asked_ns].map(time);
         format!("a step takes about {took}, and the scene needs a step every {asked}")

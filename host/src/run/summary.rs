@@ -37,7 +37,7 @@ pub struct RunSummary {
     pub host: HostSummary,
     /// The devices, in the scene's order.
     pub devices: Vec<DeviceSummary>,
-    /// Forces that were held below what they would have been, by body or device and cause. A force counts if a hand
+    /// Forces that did not reach the hand whole, by body or device and cause. A force counts if a hand
     /// can notice the difference: more than 0.02 N and more than 1 % of it.
     pub held_back: Vec<HeldBackSummary>,
     /// The energy between the hands and each body.
@@ -168,7 +168,7 @@ pub struct DeviceSummary {
     pub port_work: Option<f64>,
     /// Largest distance from its first position (m).
     pub reach: f64,
-    /// Largest slip of its proxy (m): the displacement against the hand by which a hold that was not paid for became the
+    /// Largest slip of its proxy (m): the displacement against the hand by which a hold that no hand paid for became the
     /// true force of the body.
     pub slip: f64,
     /// Ticks with the force limited.

@@ -115,7 +115,7 @@ pub(super) fn build(
     })
 }
 
-/// What is allowed if a body of this kind has no such thing.
+/// The allowed value of a field that a body of this kind does not have.
 fn none(kind: Kind) -> &'static str {
     match kind {
         Kind::Sheet | Kind::Woven => "no such field, because the mesh is a sheet",
@@ -144,7 +144,7 @@ fn check_kind(
         .error(&format!("{field}.{name}"), found, none(kind)))
 }
 
-/// Whether a body of this kind has what the scene says of it, and nothing more.
+/// Checks that the scene gives exactly the values that a body of this kind has.
 fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneError> {
     let body = &loaded.scene.bodies[index];
     let material = &body.material;

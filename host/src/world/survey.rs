@@ -1,5 +1,5 @@
 //! Warnings about the bodies of a scene that only their meshes show: their sizes, parts that they share, and bodies that
-//! lie in each other.
+//! overlap.
 
 use super::mesh::Notched;
 use super::mount::Mount;

@@ -45,7 +45,7 @@ pub struct BodyPlan {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
-    /// The time over which models foresee the response of the body to its hands (s): the horizon, or the memory of the
+    /// The time over which models predict the response of the body to its hands (s): the horizon, or the memory of the
     /// filter on the paths of the handles if that is longer.
     pub response: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
