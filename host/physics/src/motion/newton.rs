@@ -93,9 +93,9 @@ impl NewtonReport {
 /// Where the guided axes go in a solve.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Guide<'a> {
-    /// By this fraction of their remaining displacement.
+    /// They move by this fraction of their remaining displacement.
     By(f64),
-    /// To these places, by node (m).
+    /// They move to these positions, by node (m).
     To(&'a [Vec3]),
 }
 
