@@ -200,7 +200,7 @@ pub struct Handle {
     pub border: BorderName,
 }
 
-/// What a handle or a support does with the border of a sheet that bends.
+/// The effect of a handle or a support on the border of a sheet that bends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BorderName {

@@ -93,7 +93,7 @@ pub struct Notch {
     /// How many equal cuts there are: a perforation has many.
     #[serde(default = "one", deserialize_with = "check::cuts")]
     pub count: usize,
-    /// From each cut of the row to the next one (m).
+    /// The step from each cut of the row to the next one (m).
     #[serde(default, deserialize_with = "check::optional_finite3")]
     pub step: Option<[f64; 3]>,
 }
