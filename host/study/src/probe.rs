@@ -1,4 +1,4 @@
-//! What the states of a device say about it: their rate, their jitter, and their resolution.
+//! The properties of a device that its states show: rate, jitter, and resolution.
 
 use devices::response::Response;
 use rt_core::{DeviceError, DeviceState, Vec3};
@@ -99,7 +99,7 @@ impl From<Response> for Motion {
 /// A part of its profile's rate below which a device is too slow. Clocks of devices differ by less.
 const SLOW: f64 = 0.9;
 
-/// What is known of a device beside its states.
+/// The facts about a device that its states do not show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Known {
     /// Name of the device in its profile.
@@ -122,14 +122,14 @@ pub struct Known {
     pub patience: u64,
 }
 
-/// What a device's states say about it.
+/// The properties of a device that its states show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probed {
     /// Version of this layout.
     pub schema: &'static str,
     /// The connection of the device.
     pub connect: String,
-    /// What is known of the device beside its states.
+    /// The facts about the device that its states do not show.
     pub device: Known,
     /// Ticks a second in which the device was asked (Hz).
     pub tick_rate: f64,
@@ -208,7 +208,7 @@ impl Probed {
         }
     }
 
-    /// What keeps the device from a run, in words; empty if nothing does.
+    /// The reasons why the device cannot be used in a run, in words; empty if there are none.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         if self.states == 0 {

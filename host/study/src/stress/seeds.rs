@@ -29,7 +29,7 @@ pub struct Seeds {
 /// A quantity over the seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// What it is measured on, such as a scheme.
+    /// The subject of the measurement, such as a scheme.
     pub of: String,
     /// Its name, with its unit.
     pub quantity: String,

@@ -90,7 +90,7 @@ pub struct Outcome {
     pub energy: f64,
     /// Ticks without a state of the device, after the first state.
     pub missed: u64,
-    /// What the run was to show and did not.
+    /// The demands that the run did not meet.
     pub failures: Vec<String>,
 }
 

@@ -1,4 +1,5 @@
-//! Presses, holds, slow rubs and tremors on bodies of every kind: whether the rendered force is the force of the body.
+//! Presses, holds, slow rubs and tremors on bodies of every kind. The study checks that the rendered force is the force of
+//! the body.
 //!
 //! The first cells are the scenes of files ([`CASES`]). The other cells are drawn from their numbers and written as scene
 //! files ([`super::specimen`]). Each cell runs under `capped`, under `linear`, and as the reference of

@@ -32,7 +32,7 @@ use std::collections::BTreeMap;
 /// The result of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellResult {
-    /// What was drawn.
+    /// The draw.
     pub draw: Draw,
     /// Edges that opened.
     pub opened: u64,
@@ -46,7 +46,7 @@ pub struct CellResult {
     pub peak: f64,
     /// Net energy that the hands of the whole sheet, or of one of its pieces, got at most (J).
     pub net_energy: f64,
-    /// What the runs must not do, but did.
+    /// The rules that the runs broke.
     pub failures: Vec<String>,
 }
 
