@@ -75,7 +75,7 @@ impl Engine {
         }
     }
 
-    /// The engine on `count` threads of its own, whose number is that of the bodies' recipes. One thread is the caller's.
+    /// The engine on `count` threads of its own, the number in the recipes of the bodies. One of them is the caller's thread.
     #[must_use]
     pub fn on(self, count: usize) -> Self {
         Self {
@@ -120,7 +120,7 @@ impl Engine {
         }
     }
 
-    /// Takes one tick's record with the poses of the hands. Records must come in order.
+    /// Takes the record of one tick with the poses of the hands. Records come in the order of the ticks.
     pub fn follow(&mut self, record: &TickRecord) {
         for body in &mut self.bodies {
             body.follow(record);

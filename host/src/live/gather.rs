@@ -4,7 +4,7 @@
 //! files. The observer of a run and the playback of a log use the same gatherer, so a run and its log look the same. Its
 //! totals come from the code and the histograms of the summary.
 //!
-//! A gatherer does not know the host and the deformed vertices. Whoever asks for the frame adds them.
+//! A gatherer does not know the host and the deformed vertices. The caller that asks for the frame adds them.
 
 mod bins;
 mod events;

@@ -95,7 +95,7 @@ impl<F: FnMut(&'static str, &'static str, Leaf<'_>)> Visitor for Each<F> {
     }
 }
 
-/// What a message is made of.
+/// A part of a message.
 pub trait Record {
     /// A record without content.
     fn empty() -> Self;

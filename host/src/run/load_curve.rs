@@ -21,7 +21,7 @@ pub(super) struct LoadCurveObserver {
     taken: u64,
 }
 
-/// One device: where its proxy was, and the force of the hand on the body.
+/// One device: the positions of its proxy, and the forces of the hand on the body.
 struct Samples {
     name: String,
     /// Metres of the scene per metre of the device.

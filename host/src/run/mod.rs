@@ -218,7 +218,7 @@ pub fn run(
     run_watched(world, options, Observers::new(), progress)
 }
 
-/// As `run`, with the observers `others` in addition to the summary and the log.
+/// Runs a world as `run` does, with the observers `others` in addition to the summary and the log.
 ///
 /// # Errors
 /// [`RunError`].
@@ -409,7 +409,7 @@ fn observers(
     Ok(observers.with(log))
 }
 
-/// Writes the plot and the summary to the files that `options` names, and adds what cannot be written to the failures
+/// Writes the plot and the summary to the files that `options` names. A file that cannot be written is one of the failures
 /// of the summary.
 fn write_files(
     loaded: &LoadedScene,
@@ -453,7 +453,7 @@ fn header(
     }
 }
 
-/// The facts of a run with `seed` that its log and its viewers are told, by name.
+/// The facts of a run with `seed` for its log and its viewers, by name.
 pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<String, String> {
     let facts = [
         ("scene", loaded.scene.name.clone()),

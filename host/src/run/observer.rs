@@ -32,7 +32,7 @@ pub trait Observer: Send {
     fn finish(self: Box<Self>, observed: &mut Observed);
 }
 
-/// The observers of a run, in the order in which they are given each record.
+/// The observers of a run, in the order in which they receive each record.
 #[derive(Default)]
 pub struct Observers(Vec<Box<dyn Observer>>);
 

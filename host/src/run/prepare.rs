@@ -93,7 +93,7 @@ pub struct Prepared {
     pub faults: Faults,
     /// The subscribers to the host steps.
     pub subscribers: Subscribers,
-    /// How the run is watched, if it is.
+    /// The viewers' access to the run, if there is one.
     pub view: Option<HostView>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
@@ -114,7 +114,7 @@ impl Prepared {
         Self::told(world, options, &mut |_| ())
     }
 
-    /// As `new`. `stage` is given each stage of the preparation when it begins.
+    /// Prepares a session as `new` does. `stage` receives each stage of the preparation when it begins.
     ///
     /// # Errors
     /// As [`new`](Self::new).

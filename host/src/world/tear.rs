@@ -1,4 +1,4 @@
-//! What a scene says about the tearing of a sheet, as the physics needs it: the law, the material, and the tips from
+//! The tearing of a sheet in a scene, in the form that the physics needs: the law, the material, and the tips from
 //! which tears grow.
 
 use super::material::Elements;
