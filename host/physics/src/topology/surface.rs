@@ -20,7 +20,7 @@ pub struct Reserve {
     pub triangles: usize,
 }
 
-/// Where a vertex comes from.
+/// The origin of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Origin {
     /// The surface was made with the vertex.

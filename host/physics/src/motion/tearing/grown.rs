@@ -21,7 +21,7 @@ pub struct Grown {
 }
 
 impl Tearing {
-    /// What each edit of the [journal](Self::journal) did, in the same order.
+    /// The effect of each edit of the [journal](Self::journal), in the same order.
     pub fn grown(&self) -> &[Grown] {
         &self.grown
     }

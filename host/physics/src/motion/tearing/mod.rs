@@ -78,7 +78,7 @@ pub struct TearOptions {
     pub skips: bool,
 }
 
-/// What tore so far.
+/// The tears so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TearReport {
     /// Number of edges that opened.
@@ -133,14 +133,14 @@ pub struct Tearing {
     stress: Vec<Symmetric>,
     /// Whether each vertex is about a tip; empty if no tear can start.
     near: Vec<bool>,
-    /// What drives the tips after the last step.
+    /// The driving forces of the tips after the last step.
     driven: Vec<Driven>,
     /// Room for displaced positions (m).
     displaced: Vec<Vec3>,
     report: TearReport,
     /// All edits so far, in their order.
     journal: Vec<Edit>,
-    /// What each of them did.
+    /// The effect of each of them.
     grown: Vec<Grown>,
 }
 
@@ -237,7 +237,7 @@ impl Tearing {
         }
     }
 
-    /// What tore so far.
+    /// The tears so far.
     pub fn report(&self) -> &TearReport {
         &self.report
     }
