@@ -42,7 +42,7 @@ pub const SCHEMA: &str = "palpate.compare/1";
 /// Largest difference of the ratio of two rates from a whole number, relative.
 const WHOLE: f64 = 1e-9;
 
-/// What is compared.
+/// The options of a comparison.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
     /// The schemes; all of them if there are none.

@@ -91,11 +91,11 @@ pub(crate) trait Service: Send + Sync + 'static {
 /// The times within which a client must act.
 #[derive(Clone, Copy, Debug)]
 struct Times {
-    /// For the head of a request.
+    /// The time for the head of a request.
     request: Duration,
-    /// For taking some bytes.
+    /// The time for taking some bytes.
     taking: Duration,
-    /// For taking what waits when the connection ends.
+    /// The time for taking the waiting bytes when the connection ends.
     parting: Duration,
 }
 

@@ -1,7 +1,7 @@
 //! Faults of the connection between the program and a device, at random times. [`run`] makes one run, and [`expected`]
 //! says what the run must show.
 //!
-//! A cell is one protocol with one kind of fault. A device is emulated in a hand that pushes into a wall; the driver and
+//! A cell is one protocol with one kind of fault. An emulated hand pushes the device into a wall. The driver and
 //! the controller are those of a run. The cells go through all protocols and kinds in turn, each with another random time.
 
 pub mod expected;
