@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 #[test]
-fn the_program_resumes_and_shows_one_world_whole() {
+fn the_program_resumes_and_shows_one_trial_whole() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/stress/sheet.toml");
     let [json, plot, log] = ["cells.jsonl", "cell.svg", "cell.csv"].map(|n| folder.path().join(n));
@@ -56,7 +56,7 @@ fn the_program_resumes_and_shows_one_world_whole() {
 }
 
 #[test]
-fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
+fn without_a_scene_file_each_trial_draws_its_body_and_can_be_written() {
     let folder = tempfile::tempdir().expect("a folder");
     let written = folder.path().join("cell.toml");
     let palpate = |arguments: &[&str]| {
@@ -70,8 +70,8 @@ fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
         (text(output.stdout), text(output.stderr))
     };
     let file = written.to_str().expect("a path");
-    let world = ["stress", "scene", "--trouble", "stalls", "--cell", "1"];
-    let (shown, told) = palpate(&[&world[..], &["--write", file]].concat());
+    let trial = ["stress", "scene", "--trouble", "stalls", "--cell", "1"];
+    let (shown, told) = palpate(&[&trial[..], &["--write", file]].concat());
     assert!(shown.contains("\ncapped: "), "{shown}");
     // The stalls are those of the option that is told.
     assert!(
