@@ -1,10 +1,11 @@
 //! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of thread, sheet and solid
 //! it is ([`read_mesh`]).
 //!
-//! The format follows from how the file begins and, if that says nothing, from the end of the file's name. All formats are held to the same: every number is checked, every count compared with what
-//! follows, memory taken in proportion to the file and never to a number in it. Vertices that no line,
-//! triangle or cell of the mesh uses are dropped; what [`LineMesh::validate`], [`TriMesh::validate`] or
-//! [`TetMesh::validate`] refuses, two vertices at one place, and a vertex on an edge of other vertices, is an error. Tetrahedra whose corners are counted the other way round are turned around.
+//! The beginning of the file tells the format; if it does not, the end of the file's name does. The same rules hold for all
+//! formats. Every number is checked, every count is compared with the data that follow, and memory is taken in proportion to
+//! the file and never to a number in it. Vertices that no line, triangle or cell of the mesh uses are dropped. A mesh that
+//! [`LineMesh::validate`], [`TriMesh::validate`] or [`TetMesh::validate`] refuses is an error, and so are two vertices at one
+//! position and a vertex on an edge of other vertices. Tetrahedra of the opposite orientation are turned around.
 //!
 //! [`LineMesh::validate`]: physics::mesh::LineMesh::validate
 //! [`TetMesh::validate`]: physics::mesh::TetMesh::validate
@@ -40,7 +41,7 @@ pub fn read_mesh(name: &str, bytes: &[u8]) -> Result<Mesh, MeshFileError> {
     read_mesh_as(name, bytes, Choices::default())
 }
 
-/// What a caller chooses for a file.
+/// The choices of a caller for a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Choices {
     /// The distance within which vertices are merged, in the unit of the file's coordinates. Without it, two vertices at one

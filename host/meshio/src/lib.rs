@@ -1,10 +1,9 @@
 //! Mesh files: reads meshes from the bytes of a file, and writes meshes as the text of a file.
 //!
 //! [`read`] and [`read_mesh`] take the bytes of a file in any of the formats [`gmsh`], [`obj`], [`stl`],
-//! [`vtk_legacy`] and [`vtk_xml`]. What they read ends in [`LineMesh::new`](physics::mesh::LineMesh::new),
-//! [`TriMesh::new`](physics::mesh::TriMesh::new) or [`TetMesh::new`](physics::mesh::TetMesh::new), so what holds for one
-//! mesh holds for all. A mesh goes back
-//! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
+//! [`vtk_legacy`] and [`vtk_xml`]. [`LineMesh::new`](physics::mesh::LineMesh::new),
+//! [`TriMesh::new`](physics::mesh::TriMesh::new) or [`TetMesh::new`](physics::mesh::TetMesh::new) makes every mesh, so the same
+//! checks hold for all meshes. [`write_gmsh`], [`write_vtk`] and [`write_vtu`] write a mesh as the text of a file.
 //!
 //! [`read_with_pattern`] reads a sheet whose flat pattern is in the texture coordinates of an OBJ file. Written meshes have no
 //! flat pattern.

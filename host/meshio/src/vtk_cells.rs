@@ -1,4 +1,4 @@
-//! From VTK's cells to lines, triangles or tetrahedra, alike for its legacy and its XML files.
+//! Converts VTK's cells to lines, triangles or tetrahedra, for legacy and XML files alike.
 //!
 //! Source: "VTK File Formats" in the VTK documentation, and `vtkCellType.h` for the numbers of the types.
 

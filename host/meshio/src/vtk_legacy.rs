@@ -4,11 +4,11 @@
 //! 5.1. The reader supports the data sets `POLYDATA` and `UNSTRUCTURED_GRID`. The format has no units: coordinates
 //! are taken as metres.
 //!
-//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; if lines are the cells of highest dimension, they become those of a thread. Points, and lines
-//! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
-//! component becomes a field if its values are finite numbers; its other attributes, `POINT_DATA` and what stands before
-//! both are passed over. The file makes no groups.
+//! Triangles become the triangles of a sheet, and tetrahedra (linear or quadratic) the cells of a solid, if the caller asks
+//! for one. If lines are the cells of highest dimension, they become the lines of a thread. Points, lines in a file with other
+//! cells, and triangles in the file of a solid are skipped. Any other cell is an error, because a mesh without it would have
+//! holes. An entry of `CELL_DATA` with one component, in `SCALARS` or in a `FIELD`, becomes a field if its values are finite
+//! numbers. Other attributes and `POINT_DATA` are skipped. The file makes no groups.
 
 mod attributes;
 mod cursor;

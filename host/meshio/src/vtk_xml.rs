@@ -4,11 +4,11 @@
 //! (`ascii`), in base64 (`binary`) and appended (raw or in base64), uncompressed or compressed by zlib, in both byte
 //! orders. The format has no units: coordinates are taken as metres.
 //!
-//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; if lines are the cells of highest dimension, they become those of a thread. Points, and lines
-//! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
-//! field if its values are finite numbers; others, and what belongs to points and to the file (`PointData`, `FieldData`), are skipped. The
-//! file makes no groups.
+//! Triangles become the triangles of a sheet, and tetrahedra (linear or quadratic) the cells of a solid, if the caller asks
+//! for one. If lines are the cells of highest dimension, they become the lines of a thread. Points, lines in a file with other
+//! cells, and triangles in the file of a solid are skipped. Any other cell is an error, because a mesh without it would have
+//! holes. A named array of `CellData` with one component becomes a field if its values are finite numbers. Other arrays,
+//! `PointData` and `FieldData` are skipped. The file makes no groups.
 //!
 //! A file whose arrays unpack to much more than its own size is refused: see [`MAX_RATIO`].
 

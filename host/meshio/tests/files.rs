@@ -309,7 +309,7 @@ fn wrong_flat_patterns_are_refused_with_their_line() {
             "vt 100 200 7",
             "vt 100 -200",
             "line 16: triangle 1 is mirrored in the flat pattern and lies on triangle 0; unfold the pattern there, \
-             or, if a seam joins the two triangles, move their pieces apart in the pattern"
+             or, if a seam joins the two triangles, move their panels apart in the pattern"
                 .to_owned(),
         ),
     ] {

@@ -2,7 +2,7 @@
 
 mod support;
 
-use meshio::write_vtu::Snapshot;
+use meshio::write_vtu::UnstructuredGrid;
 use meshio::{read, read_mesh, write_gmsh, write_vtk};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
@@ -124,7 +124,7 @@ proptest! {
         prop_assert!(same_bits(&back.cell_fields, &plain.cell_fields));
         prop_assert_eq!(&back, &plain);
 
-        let text = Snapshot::of_solid(&plain).vtu();
+        let text = UnstructuredGrid::of_solid(&plain).vtu();
         let back = expect_solid(read_mesh("x.vtu", text.as_bytes()).unwrap());
         prop_assert!(same_bits(&back.cell_fields, &plain.cell_fields));
         plain.cell_fields = back.cell_fields.clone();
@@ -144,7 +144,7 @@ proptest! {
         let plain = LineMesh { vertex_groups: Vec::new(), line_groups: Vec::new(), ..mesh };
         for (name, text) in [
             ("x.vtk", write_vtk::write(&whole)),
-            ("x.vtu", Snapshot::of_thread(&plain).vtu()),
+            ("x.vtu", UnstructuredGrid::of_thread(&plain).vtu()),
         ] {
             let back = expect_thread(read_mesh(name, text.as_bytes()).unwrap());
             prop_assert!(same_bits(&back.line_fields, &plain.line_fields));
@@ -167,7 +167,7 @@ proptest! {
             TriMesh { vertex_groups: Vec::new(), triangle_groups: Vec::new(), ..mesh };
         for (name, text) in [
             ("x.vtk", write_vtk::write(&whole)),
-            ("x.vtu", Snapshot::of_sheet(&plain).vtu()),
+            ("x.vtu", UnstructuredGrid::of_sheet(&plain).vtu()),
         ] {
             let back = read(name, text.as_bytes()).unwrap();
             prop_assert!(same_bits(&back.triangle_fields, &plain.triangle_fields));

@@ -97,7 +97,7 @@ pub fn open_stream(path: &Path) -> io::Result<fs::File> {
     fs::OpenOptions::new().write(true).open(path)
 }
 
-/// What the name of a temporary file begins and ends with.
+/// The beginning and the end of the name of a temporary file.
 const TEMPORARY: [&str; 2] = [".palpate-", ".tmp"];
 
 /// The temporary files of this program that may be there.

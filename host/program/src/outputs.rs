@@ -8,7 +8,7 @@
 //! Outputs that grow during the work are locked themselves, by the code that writes them (`host::log`, `host::solve`,
 //! `study::stress::jobs`). Of an output that replaces a file at the end, the older file is locked meanwhile; two programs
 //! that make the same new file both succeed, and the later one's file stays. All locks are the system's advisory locks:
-//! they end with the process, in whatever way it ends.
+//! they end with the process, however it ends.
 
 use host::atomic_file::{self, folder_of};
 use host::run::TickOutputs;
@@ -203,7 +203,7 @@ struct Input {
     path: PathBuf,
 }
 
-/// What the command writes at a path.
+/// The kind of output that the command writes at a path.
 enum Kind {
     File(Format),
     /// A folder, and whether the command may write a file of a name there.
@@ -416,7 +416,7 @@ impl Output {
     }
 }
 
-/// What keeps other programs from the outputs. Dropping it releases them.
+/// The locks that keep other programs from the outputs. A drop releases them.
 #[derive(Default)]
 pub(super) struct Held {
     /// The older files that the outputs replace, locked.

@@ -504,7 +504,7 @@ impl Judge<'_> {
         }
     }
 
-    /// A task moves its hand along an axis of the device at least. What leads across the axes is borne by the device.
+    /// A task moves its hand along at least one axis of the device. The mechanism bears the force across the axes.
     fn moves(&self, at: &str, hand: &Hand, model: &DeviceModel) -> Check {
         let Some((axes, direction)) = model.axes.zip(hand.direction) else {
             return Ok(());

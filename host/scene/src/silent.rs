@@ -15,7 +15,7 @@ use sim::DeviceModel;
 /// The warnings about parts of `scene` that have no effect.
 ///
 /// # Errors
-/// [`SceneError::Value`] for waypoints of which no part leads along the axes of the device.
+/// [`SceneError::Value`] for waypoints without a component along the axes of the device.
 pub(super) fn check(
     scene: &Scene,
     source: &Source,

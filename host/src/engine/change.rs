@@ -1,10 +1,10 @@
 //! A change of a body's handles, supports or mesh while the body moves.
 //!
 //! A change begins a topology epoch, and every epoch needs another solver: another order of elimination, another
-//! factor, other shapes. To make a solver takes many times as long as a step. So a change is worked beside the steps,
-//! on a copy of the body, while the body and its solver go on. When the new solver is ready, the new body continues
-//! the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with the first step after
-//! the work; in virtual time it lands at a fixed step.
+//! factor, other shapes. The construction of a solver takes many times as long as a step. A thread therefore makes the
+//! change beside the steps, on a copy of the body, while the body and its solver continue. When the new solver is ready,
+//! the new body continues the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with
+//! the first step after the work; in virtual time it lands at a fixed step.
 
 use super::background::{Lost, Work};
 use super::recipe::Recipe;
@@ -14,7 +14,7 @@ use super::virtual_coupling::Link;
 use physics::{Body, BodyError, BodyMap, HandleSpec};
 use rt_core::{MAX_DEVICES, MAX_HANDLES};
 
-/// A handle that a hand is to hold.
+/// A new handle for a hand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grip {
     /// The vertices and motions of the handle. The handle holds the vertices where they are when the change lands. Its
@@ -133,7 +133,7 @@ pub(super) enum Hand {
 pub(super) struct Made {
     pub(super) body: Body,
     pub(super) map: BodyMap,
-    /// Whether `body` is another body than a copy with other handles and supports.
+    /// Whether an edit replaced the body, so that `body` is no copy with other handles and supports.
     pub(super) replaced: bool,
     /// For each handle of `body`, its hand.
     pub(super) hands: Vec<Hand>,
@@ -143,7 +143,7 @@ pub(super) struct Made {
 /// A change as work beside the steps: edits of a copy of the body, and its new solver.
 pub(super) struct Rebuild {
     recipe: Recipe,
-    /// The time over which models foresee the response of the body (s).
+    /// The time over which models predict the response of the body (s).
     response: f64,
     /// The copy and the edits, until the work begins.
     asked: Option<(Body, Vec<Edit>)>,

@@ -1,4 +1,4 @@
-//! Bodies that are joined: in each step they are solved together, and the other bodies beside them.
+//! Bodies that are joined: each step solves them together, and every other body by itself.
 
 use super::body::HostBody;
 use super::stats::Stopwatch;

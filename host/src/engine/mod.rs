@@ -1,9 +1,9 @@
-//! The host loop's work: stages in their order, ending in a published local model.
+//! The host step: its stages in their order, up to the publication of a local model.
 //!
 //! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the only module that joins
-//! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a thread drives it;
-//! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
-//! caller passes; nothing in the state depends on this time.
+//! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a
+//! thread drives it; under virtual time the run's only loop does. The time of a stage is measured through the
+//! [`Stopwatch`] that the caller passes; nothing in the state depends on this time.
 //!
 //! Bodies that are joined, by contact or by springs, are solved together ([`Engine::join`]): after `constrain` all bodies
 //! have their equations, and `solve` solves each group as a whole.
@@ -75,7 +75,7 @@ impl Engine {
         }
     }
 
-    /// The engine on `count` threads of its own, whose number is that of the bodies' recipes. One thread is the caller's.
+    /// The engine on `count` threads of its own, the number in the recipes of the bodies. One of them is the caller's thread.
     #[must_use]
     pub fn on(self, count: usize) -> Self {
         Self {
@@ -89,7 +89,7 @@ impl Engine {
     /// on.
     ///
     /// # Errors
-    /// [`BodyError`] where a body is not of the same mesh as the body that it replaces.
+    /// [`BodyError`] if a body is not of the same mesh as the body that it replaces.
     pub fn exchange(&mut self, bodies: Vec<HostBody>) -> Result<(), BodyError> {
         for (body, other) in self.bodies.iter_mut().zip(bodies) {
             body.exchange(other)?;
@@ -104,7 +104,7 @@ impl Engine {
         self.groups.push(Group::new(bodies, joints));
     }
 
-    /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver go on as they are
+    /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver stay as they are
     /// until the new solver is ready; the change then lands at the start of a step. A change that turns out to be
     /// impossible is counted as a fault, and the body continues as it was.
     ///
@@ -122,7 +122,7 @@ impl Engine {
         }
     }
 
-    /// Takes one tick's record with the poses of the hands. Records must come in order.
+    /// Takes the record of one tick with the poses of the hands. Records come in the order of the ticks.
     pub fn follow(&mut self, record: &TickRecord) {
         for body in &mut self.bodies {
             body.follow(record);

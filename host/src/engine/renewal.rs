@@ -2,13 +2,14 @@
 //!
 //! A stepper serves a torn sheet with the factor of the sheet before: each vertex that a tear adds costs a few columns
 //! beside the factor. After some vertices a factor of the new topology pays, with its own order of elimination and its
-//! own pattern. This takes many times as long as a step. So it is made beside the steps, on a **mirror**: a copy of the
-//! body that makes the same edits. A tear may go on meanwhile. The new stepper then follows the edits that it missed,
-//! and takes over the motion of the old one ([`Stepper::adopt`]).
+//! own pattern. Such a factor takes many times as long as a step. A thread therefore makes it beside the steps, on a
+//! **mirror**: a copy of the body that makes the same edits. A tear may grow meanwhile. The new stepper then follows the
+//! edits that it missed, and takes over the motion of the old one ([`Stepper::adopt`]).
 //!
 //! Pieces that leave the scene halt when the new stepper takes over, which has no unknowns for them.
 //!
-//! The value goes to and fro with its memory, so that neither its beginning nor its landing allocates.
+//! The mirror and its memory pass to the thread and back, so that neither the beginning nor the landing of a renewal
+//! allocates.
 
 use super::background::{Background, Lost, Work};
 use super::stats::StepFault;

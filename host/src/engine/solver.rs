@@ -14,7 +14,7 @@ use rt_core::MAX_HANDLES;
 /// has the shapes of the model before, so that the longest steps are shorter.
 const MUCH_WORK: usize = 3;
 /// Time in which an iteration of a sheet that tears counts in virtual time (s): a step of many iterations takes longer than
-/// its length, and the work beside it goes on meanwhile.
+/// its length, and the work beside the steps continues meanwhile.
 const ITERATION: f64 = 0.25e-3;
 /// Most models in turn with the same shapes.
 const MOST_KEPT: usize = 2;
@@ -66,9 +66,9 @@ pub(super) struct Solver {
     lent: bool,
     /// Whether the whole factor has been read.
     read: bool,
-    /// Number of parts in which a factor is read ahead; 0 where a step takes a new factor at once.
+    /// Number of parts in which a factor is read ahead; 0 if a step takes a new factor at once.
     parts: usize,
-    /// How the shapes are kept current; `None` where the scheme does not use them.
+    /// How the shapes are kept current; `None` if the scheme does not use them.
     options: Option<ShapeOptions>,
     /// The latest shapes, from which the next condensation starts.
     shapes: Shapes,
@@ -288,7 +288,7 @@ impl Solver {
         torn
     }
 
-    /// The tip that is nearest to going on, after a condensation. `slope` is called with the handle, the motion and the
+    /// The limit of the tip that is nearest to its next edge, after a condensation. `slope` is called with the handle, the motion and the
     /// slope of each motion.
     pub(super) fn tear_limit(
         &mut self,

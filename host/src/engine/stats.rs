@@ -245,7 +245,7 @@ impl StepTimes {
     }
 
     /// The typical time of a step (s), with its share of a publication: the median over whole cycles of publications, so
-    /// that another program that held up a few steps does not count. The mean where there is no whole cycle; zero
+    /// that another program that held up a few steps does not count. The mean if there is no whole cycle; zero
     /// before the second step.
     pub fn typical(&self) -> f64 {
         let mean = |times: &[f64]| times.iter().sum::<f64>() / times.len().max(1) as f64;

@@ -19,7 +19,7 @@ pub(super) struct Stepping {
     pub(super) tears: Option<BodyTears>,
     /// Length of a step (s).
     pub(super) step: f64,
-    /// The time over which models foresee the response of the body (s).
+    /// The time over which models predict the response of the body (s).
     pub(super) response: f64,
     /// Whether nothing has failed in the present step.
     pub(super) sound: bool,
@@ -93,7 +93,7 @@ impl Stepping {
         Ok(())
     }
 
-    /// Takes the step and lets the tears grow, of which `publisher` is told. Returns whether there is a state to publish:
+    /// Takes the step, lets the tears grow, and tells `publisher` of them. Returns whether there is a state to publish:
     /// there is none if an earlier stage of the step failed.
     pub(super) fn finish(
         &mut self,

@@ -19,9 +19,9 @@
 //! ```
 //!
 //! The second form of `K'` corresponds to the energy of body and springs. The form of `B'` corresponds to the power
-//! that body and dampers dissipate as the proxies follow. Both matrices are positive where those of the body are, and
+//! that body and dampers dissipate as the proxies follow. Both matrices are positive if those of the body are, and
 //! the motion of a free body is not damped. With `C = R R`, the matrix to factorize is `M = I + R K R`. It is
-//! symmetric and never near singular, even where the body yields or a motion has no spring (`R = 0`: the proxy
+//! symmetric and never near singular, even if the body yields or a motion has no spring (`R = 0`: the proxy
 //! coincides with the device). `Y = M^-1 R K` gives `S = I - Y^T R`. With the ratio `t` of a spring's damping to its
 //! stiffness, `K' = S K S^T + Y^T Y` and `B' = S B S^T + Y^T t Y`.
 //!
@@ -98,7 +98,7 @@ impl VirtualCoupling {
     }
 
     /// Sets the lever arm `length` (m) at which the springs resist turns. The coupling does not resist the turns of a
-    /// handle where the body does not resist them.
+    /// handle if the body does not resist them.
     pub(crate) fn set_length(&mut self, length: f64) {
         self.length = length;
     }

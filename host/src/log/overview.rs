@@ -1,4 +1,4 @@
-//! The overview of a log: the run in pieces of half a second, its events and its totals. The writer of a log attaches
+//! The overview of a log: the run in intervals of half a second, its events and its totals. The writer of a log attaches
 //! the overview at the end, so that a player shows the whole run without reading the ticks.
 
 use crate::live::gather::{Checkpoint, Gatherer, TickView};
@@ -13,7 +13,7 @@ pub const SCHEMA: &str = "palpate.overview/1";
 const PIECE_NS: u64 = 500_000_000;
 /// Most pieces. A longer run has longer pieces: an hour of half seconds fits.
 const MOST_PIECES: usize = 8192;
-/// Most events beside the worst tick.
+/// Most events in addition to the worst tick.
 pub const MOST_EVENTS: usize = 1000;
 
 /// The overview of a log.
@@ -138,7 +138,7 @@ impl Piece {
     }
 }
 
-/// At most `most` pieces, each of which joins some neighbours of `pieces`.
+/// At most `most` intervals. Each of them joins some neighbours of `pieces`.
 pub fn at_most<'a>(most: usize, pieces: impl ExactSizeIterator<Item = &'a Folded>) -> Vec<Folded> {
     let each = pieces.len().div_ceil(most.max(1)).max(1);
     let mut joined: Vec<Folded> = Vec::new();

@@ -1,4 +1,4 @@
-//! What a session of a world needs, before its first tick.
+//! Prepares a session of a world, before its first tick.
 
 use super::devices;
 use super::slow_host::{SlowWatch, StepTime};
@@ -91,9 +91,9 @@ pub struct Prepared {
     pub engine: Engine,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
-    /// Who is told of each step.
+    /// The subscribers to the host steps.
     pub subscribers: Subscribers,
-    /// How the run is watched, if it is.
+    /// The viewers' access to the run, if there is one.
     pub view: Option<HostView>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
@@ -101,7 +101,7 @@ pub struct Prepared {
     pub slow: SlowWatch,
     /// The times of the run.
     pub timing: Timing,
-    /// What the drivers of the devices tell, one sentence each.
+    /// The notes of the drivers, one sentence each.
     pub told: Vec<String>,
 }
 
@@ -114,7 +114,7 @@ impl Prepared {
         Self::told(world, options, &mut |_| ())
     }
 
-    /// As `new`. `stage` is given each stage of the preparation when it begins.
+    /// Prepares a session as `new` does. `stage` receives each stage of the preparation when it begins.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -170,7 +170,7 @@ impl Prepared {
     }
 }
 
-/// Checks what a run refuses before its first tick, beside the bodies, without opening a real device.
+/// Makes the checks of a run before its first tick, except those of the bodies, without opening a real device.
 ///
 /// # Errors
 /// As [`Prepared::new`].
@@ -255,7 +255,7 @@ fn credited(loaded: &LoadedScene, index: usize) -> DeviceModel {
 /// Number of consecutive ticks of `period` (s) for which a device may stay silent before its force is removed.
 pub fn patience(model: &DeviceModel, period: f64) -> u32 {
     let ticks = PATIENCE / (f64::from(model.rate_hz) * period);
-    // Rounding must not add a tick where the device has the rate of the tick.
+    // Rounding must not add a tick if the device has the rate of the tick.
     (ticks - 1e-6).ceil().max(LEAST_PATIENCE) as u32
 }
 
@@ -376,7 +376,7 @@ fn check_grip(
     Err(loaded.source.error(&field, found, allowed))
 }
 
-/// The force that bears the grip of a device (N, device axes).
+/// The force of the motors that carries the weight of the grip (N, device axes).
 fn grip_force(spec: &spec::Device) -> Vec3 {
     -Vec3::from(spec.grip_weight.unwrap_or_default())
 }

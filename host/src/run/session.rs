@@ -45,7 +45,7 @@ pub struct Session<H = Paced<LateLink>> {
     /// Ticks in the whole session, and those done.
     of: u64,
     ticks: u64,
-    /// The text of a panic of the host. The host then does nothing more, as under the real clock, and the ticks go on.
+    /// The text of a panic of the host. The host then does nothing more, as under the real clock, and the ticks continue.
     panicked: Option<String>,
 }
 
@@ -58,7 +58,7 @@ impl Session {
         Ok(Self::of(Prepared::new(world, options)?))
     }
 
-    /// A session of the parts that have been prepared.
+    /// A session of prepared parts.
     pub fn of(prepared: Prepared) -> Self {
         Self::with(prepared, |link| link, |host| host)
     }
@@ -74,7 +74,7 @@ impl Session {
         self.panicked.is_none().then(|| self.host.engine())
     }
 
-    /// Makes all ticks that are left, gives `sink` their records ([`records`](Self::records)), and ends.
+    /// Makes all remaining ticks, gives `sink` their records ([`records`](Self::records)), and ends.
     pub fn run(mut self, mut sink: impl FnMut(LogRecord<'_>)) -> Ended {
         while self.tick().is_some() {
             self.records(&mut sink);
@@ -120,10 +120,10 @@ impl<H: Host> Session<H> {
         }
     }
 
-    /// As [`tick`](Session::tick), of a host that can fail.
+    /// Makes a tick as [`tick`](Session::tick) does, with a host that can fail.
     ///
     /// # Errors
-    /// That of the host.
+    /// The error of the host.
     pub fn try_tick(&mut self) -> Result<Option<Telemetry>, H::Error> {
         if self.ticks == self.of {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! What the states of a device say about it: their rate, their jitter, and their resolution.
+//! The properties of a device that its states show: rate, jitter, and resolution.
 
 use devices::response::Response;
 use rt_core::{DeviceError, DeviceState, Vec3};
@@ -99,18 +99,18 @@ impl From<Response> for Motion {
 /// A part of its profile's rate below which a device is too slow. Clocks of devices differ by less.
 const SLOW: f64 = 0.9;
 
-/// What is known of a device beside its states.
+/// The facts about a device that its states do not show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Known {
     /// Name of the device in its profile.
     pub profile: String,
-    /// The name that the device states; `None` where it states none.
+    /// The name that the device states; `None` if it states none.
     pub name: Option<String>,
-    /// The version of its firmware; `None` where the device states none.
+    /// The version of its firmware; `None` if the device states none.
     pub firmware: Option<String>,
     /// The largest force that holds (N).
     pub max_force: f64,
-    /// The largest moment that holds (N m); zero where the device actuates no rotation.
+    /// The largest moment that holds (N m); zero if the device actuates no rotation.
     pub max_moment: f64,
     /// Radius of the largest ball inside the workspace (m).
     pub workspace_radius: f64,
@@ -122,14 +122,14 @@ pub struct Known {
     pub patience: u64,
 }
 
-/// What a device's states say about it.
+/// The properties of a device that its states show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probed {
     /// Version of this layout.
     pub schema: &'static str,
     /// The connection of the device.
     pub connect: String,
-    /// What is known of the device beside its states.
+    /// The facts about the device that its states do not show.
     pub device: Known,
     /// Ticks a second in which the device was asked (Hz).
     pub tick_rate: f64,
@@ -147,12 +147,12 @@ pub struct Probed {
     pub longest_silence: u64,
     /// The last error.
     pub last_error: Option<String>,
-    /// Ticks with a state by time, from the first to the last (Hz); zero where there are fewer than two. Of a device that is
+    /// Ticks with a state by time, from the first to the last (Hz); zero if there are fewer than two. Of a device that is
     /// faster than the ticks, a tick reads the newest state only.
     pub rate: f64,
     /// Times between successive states, by the clock of the device.
     pub interval: Option<Interval>,
-    /// The smallest displacement between two successive states (m); `None` where the device did not move.
+    /// The smallest displacement between two successive states (m); `None` if the device did not move.
     pub step: Option<f64>,
     /// Extent of the positions along x, y and z (m).
     pub span: Option<[f64; 3]>,
@@ -208,7 +208,7 @@ impl Probed {
         }
     }
 
-    /// What keeps the device from a run, in words; empty if nothing does.
+    /// The reasons why the device cannot be used in a run, in words; empty if there are none.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         if self.states == 0 {

@@ -1,4 +1,4 @@
-//! From a file's sections to a thread: unused nodes dropped, groups filled.
+//! Builds a thread from the sections of a file: drops unused nodes, fills groups.
 
 use super::assemble::{mesh_of, nodes_of, places};
 use super::elements::of_dimension;

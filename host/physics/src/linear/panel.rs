@@ -58,7 +58,7 @@ pub struct Panels {
 enum Numbers {
     /// In f32.
     Single { values: Vec<Line>, work: Work },
-    /// In 16 bits, in the pieces of a large factor.
+    /// In 16 bits, in the forests of a large factor.
     Packed {
         packed: Packed,
         subtrees: Box<Subtrees>,
@@ -171,16 +171,16 @@ impl Panels {
     /// The panels of `factor`, with its present numbers.
     pub fn new(factor: &Factor) -> Self {
         let ranges = subtrees::cut(factor.supernodes());
-        Self::in_pieces(factor, ranges)
+        Self::in_forests(factor, ranges)
     }
 
-    /// The panels of `factor` in one piece, with numbers in f32 whatever the size of the factor.
+    /// The panels of the whole `factor`, with numbers in f32 whatever the size of the factor.
     pub(crate) fn single(factor: &Factor) -> Self {
-        Self::in_pieces(factor, None)
+        Self::in_forests(factor, None)
     }
 
-    /// The panels of `factor`, in 16 bits and in pieces if there are any.
-    fn in_pieces(factor: &Factor, ranges: Option<Vec<Range<usize>>>) -> Self {
+    /// The panels of `factor`, in 16 bits and in forests if there are any.
+    fn in_forests(factor: &Factor, ranges: Option<Vec<Range<usize>>>) -> Self {
         let supernodes = factor.supernodes().clone();
         let blocks = &supernodes.blocks;
         let lines = match ranges {

@@ -1,7 +1,7 @@
-//! What every mesh of lines is checked for before anything computes with it.
+//! The checks of a mesh of lines, made before any computation uses the mesh.
 //!
-//! As for sheets (see [`check`](super::check)): the checks are those without which the physics divides by zero, reads
-//! out of bounds or gives a vertex no stiffness at all.
+//! They correspond to the checks of a sheet (see [`check`](super::check)). A mesh that fails a check would make the physics
+//! divide by zero, read out of bounds or give a vertex no stiffness.
 
 use super::check::{Location, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
 use super::check_named::{check_fields, check_groups};
@@ -14,7 +14,7 @@ use thiserror::Error;
 /// Vertices and lines are named by their index, from zero.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ThreadError {
-    /// What sheets are checked for as well: coordinates, vertices at one place, groups, fields.
+    /// A check that all meshes have in common: coordinates, vertices at one place, groups, fields.
     #[error(transparent)]
     Common(#[from] MeshError),
     /// There is no line.
@@ -49,7 +49,7 @@ pub enum ThreadError {
         line: u32,
         /// Its length (m).
         found: f64,
-        /// What it must exceed (m).
+        /// The length that it must exceed (m).
         least: f64,
     },
     /// Two lines have the same ends.
@@ -69,7 +69,7 @@ pub enum ThreadError {
 }
 
 impl ThreadError {
-    /// What a person should look at: of several lines or vertices, the last.
+    /// The place of the fault: of several lines or vertices, the last.
     pub fn location(&self) -> Location {
         match *self {
             Self::Common(ref error) => error.location(),

@@ -1,7 +1,7 @@
 //! Line meshes: positions, lines of two vertices each, named groups, and values per line.
 //!
-//! A thread, a suture or a net of threads. Lines may branch and may come in several pieces. How thick a line is, no
-//! vertex says: a cross-section is a value per line, or one of the scene's.
+//! A thread, a suture or a net of threads. Lines may branch and may come in several pieces. The
+//! vertices do not tell the thickness of a line: a cross-section is a value per line, or one value of the scene.
 
 use super::{Bounds, Field, Group};
 use crate::Vec3;

@@ -110,7 +110,7 @@ pub(crate) enum Emulated {
     WoodenHaptics(Box<Operated>),
 }
 
-/// A device of the firmware protocol, whose hand may begin its motion anew with each session.
+/// A device of the firmware protocol. Its hand may begin its motion again with each session.
 pub(crate) struct Sessions {
     device: Firmware,
     moves: bool,
@@ -185,7 +185,7 @@ impl Emulated {
         }
     }
 
-    /// Lets the hand begin its motion when a host commands the device, anew with each host.
+    /// Lets the hand begin its motion when a host commands the device, again with each host.
     fn moving(mut self) -> Self {
         match &mut self {
             Self::Firmware(device) => {

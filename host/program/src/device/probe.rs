@@ -119,7 +119,7 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Moves the device by pulses of force, until the end or until `stop` is requested. `None` where it was.
+/// Moves the device by pulses of force, until the end or until `stop` is requested. `None` if the end came first.
 fn pulses(
     device: &mut dyn Device,
     model: &DeviceModel,

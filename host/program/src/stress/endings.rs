@@ -173,7 +173,7 @@ pub(super) struct Outcome {
     command: String,
     /// How the command was ended.
     way: String,
-    /// Force that the device rendered just before (N). None where the command holds no device that is seen.
+    /// Force that the device rendered just before (N). None if the command holds no device that is seen.
     before: Option<f64>,
     /// Time from the way out until the device rendered no force (s).
     released: Option<f64>,
@@ -181,9 +181,9 @@ pub(super) struct Outcome {
     left: Option<f64>,
     /// Time from the way out until the command had ended (s).
     ended: f64,
-    /// Exit code. None where a signal killed the command.
+    /// Exit code. None if a signal killed the command.
     code: Option<i32>,
-    /// Number of ticks in the log that were replayed. None where the command writes no log.
+    /// Number of ticks in the log that were replayed. None if the command writes no log.
     replayed: Option<u64>,
     /// What the cell was to show and did not.
     failures: Vec<String>,

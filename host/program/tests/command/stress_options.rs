@@ -139,7 +139,7 @@ fn walls_and_faults_are_studied_on_a_device_of_the_users_own() {
 }
 
 #[test]
-fn worlds_of_one_rate_and_trouble_print_warnings_of_their_scene() {
+fn trials_of_one_rate_and_trouble_print_warnings_of_their_scene() {
     let folder = tempfile::tempdir().unwrap();
     write_files(folder.path());
     let worlds = "--schemes linear --rate 90 --trouble stalls,losses --runs 2 --json s.jsonl";

@@ -45,8 +45,8 @@ pub struct BodyPlan {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
-    /// The time over which models foresee the response of the body to its hands (s): the horizon, or the memory of the
-    /// filter on the paths of the handles where that is longer.
+    /// The time over which models predict the response of the body to its hands (s): the horizon, or the memory of the
+    /// filter on the paths of the handles if that is longer.
     pub response: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
     pub links: Option<Vec<Link>>,
@@ -97,7 +97,7 @@ impl BodyPlan {
         // A publication keeps the host busy, so the next comes with the first step after its latency.
         let busy = (host.latency * host.step_rate - 1e-9).ceil() / host.step_rate;
         let period = (1.0 / host.publish_rate).max(busy);
-        // The newest record of a hand is a tick old when a model is made of it. That tick matters where a model serves for a
+        // The newest record of a hand is a tick old when a model is made of it. That tick matters if a model serves for a
         // few ticks; models that serve for long are as good without it, and quieter.
         let tick = 1.0 / scene.realtime.rate;
         let serves = period + host.latency;
@@ -173,7 +173,7 @@ pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
 const CALM: f64 = 0.2;
 
 /// What each device of the scene can render of one body, in the units of the scene: the stiffness `2 f_c / delta`, or
-/// `2 b / T` in ticks of `T` where that is more ([`super::stiff`]), and the damping. The bodies that a device holds share
+/// `2 b / T` in ticks of `T` if that is more ([`super::stiff`]), and the damping. The bodies that a device holds share
 /// them. A device whose friction and damping are not known has no limit of the stiffness.
 pub fn renderable(loaded: &LoadedScene) -> Vec<Renderable> {
     let scene = &loaded.scene;

@@ -12,7 +12,7 @@ const LINK: Link = Link {
 const LENGTH: f64 = 0.05;
 const SIZE: usize = 6 * MAX_HANDLES;
 
-/// A matrix over all handles; zero where there is no handle.
+/// A matrix over all handles; zero if there is no handle.
 type Whole = SMatrix<f64, SIZE, SIZE>;
 type Stacked = SVector<f64, SIZE>;
 
@@ -101,7 +101,7 @@ fn a_spring_before_a_spring_is_both_in_series() {
     near(coupled.stiffness[0][0][(0, 0)], 750.0);
     near(coupled.damping[0][0][(0, 0)], 4.0 * 0.5625 + 20.0 * 0.0625);
     near(coupled.handles[0].wrench.force.x, -1.5);
-    // Where the body does not resist, the proxy coincides with the device.
+    // If the body does not resist, the proxy coincides with the device.
     assert_eq!(coupled.handles[0].wrench.force.y, 0.5);
     assert_eq!(coupled.stiffness[0][0][(1, 1)], 0.0);
     assert_eq!(coupled.damping[0][0][(1, 1)], 0.0);

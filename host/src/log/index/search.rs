@@ -33,7 +33,7 @@ impl<R: Read + Seek> LogIndex<R> {
     /// The tick at a place that this log gave.
     ///
     /// # Errors
-    /// [`IndexError`] where the chunk cannot be read again.
+    /// [`IndexError`] if the chunk cannot be read again.
     pub fn row(&mut self, place: Place) -> Result<Option<TickRow>, IndexError> {
         let chunk = self.chunk(place.chunk)?;
         Ok(chunk.ticks.get(place.row).cloned())

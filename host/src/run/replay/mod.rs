@@ -99,7 +99,7 @@ pub trait Recorded {
     /// Gives `see` the models and the ticks of a part, in order. No tick precedes, by parts, a model that it used.
     ///
     /// # Errors
-    /// [`ReplayError::Log`] where the part cannot be read; the error of `see`.
+    /// [`ReplayError::Log`] if the part cannot be read; the error of `see`.
     fn part(&mut self, number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError>;
 }
 
@@ -187,7 +187,7 @@ impl ReplayReport {
 /// The scene that a log contains.
 ///
 /// # Errors
-/// [`ReplayError`] where this version does not take the scene, or the log is empty.
+/// [`ReplayError`] if this version does not take the scene, or the log is empty.
 pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, ReplayError> {
     // This check comes first: a log whose writer was killed in its first moments has no scene either.
     let mut empty = true;
@@ -211,7 +211,7 @@ pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, Repla
 /// Replays a log on a scene, usually its own ([`scene_of`]). `progress` is given the fraction done.
 ///
 /// # Errors
-/// [`ReplayError`] where the log lacks what a replay needs, or the scene cannot be built.
+/// [`ReplayError`] if the log lacks what a replay needs, or the scene cannot be built.
 pub fn replay(
     log: impl Recorded,
     loaded: &LoadedScene,

@@ -29,11 +29,11 @@ pub struct Seeds {
 /// A quantity over the seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// What it is measured on, such as a scheme.
+    /// The subject of the measurement, such as a scheme.
     pub of: String,
     /// Its name, with its unit.
     pub quantity: String,
-    /// Its value for each seed, in the unit of the quantity; none where the cells do not give it.
+    /// Its value for each seed, in the unit of the quantity; none if the cells do not give it.
     pub values: Vec<Option<f64>>,
     /// Mean of the values, in the unit of the quantity; none without values.
     pub mean: Option<f64>,

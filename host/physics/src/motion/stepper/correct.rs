@@ -1,9 +1,9 @@
 //! Further linearizations of a step whose end differs from the prediction: if elements are inverted, and if hands
 //! move so far in the step that one linearization adds energy.
 //!
-//! **Inverted elements.** A body with inverted elements passes close to saddles of its energy. There the small errors of one linearization
-//! decide where the body comes to rest: in its right shape, or in a balance in which an element stays inverted. The
-//! equation is then linearized again at the step's end and solved for the remaining imbalance. This is Newton's method
+//! **Inverted elements.** A body with inverted elements passes close to saddles of its energy. There the small errors of one
+//! linearization decide where the body comes to rest: in its right shape, or in a balance in which an element stays inverted.
+//! The equation is then linearized again at the step's end and solved for the remaining imbalance. This is Newton's method
 //! for implicit Euler. Elsewhere, and if a hand moves the body, one linearization is enough, and this module costs
 //! nothing.
 //!

@@ -191,7 +191,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`StepError::Stage`] for a stepper without a [factor](Self::prepare), and for one that has not followed all earlier
-    /// edits. The stepper makes itself anew in its next step then.
+    /// edits. The stepper then makes itself again in its next step.
     #[inline(never)]
     pub fn grow(&mut self, body: &Body, done: &Done) -> Result<(), StepError> {
         let fail = |first| {

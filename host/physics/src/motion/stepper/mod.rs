@@ -54,7 +54,7 @@ use crate::team::{self, Alone, Team};
 use factor::{Factor, factors};
 use stages::Underway;
 
-/// The largest number of iterations of a step after which the next step does without what solves have learned.
+/// The next step uses the learned directions only after a step of more iterations than this.
 const EASY: usize = 2;
 
 /// Nodes of a run of vectors, some microseconds of work. A sum over a body has a partial sum for each run.
@@ -96,8 +96,8 @@ pub struct Stepper<T> {
     /// Pairs of vertices that let each other go.
     pairs: Constraints<Cohesion>,
     released: release::Released,
-    /// What the last solves tell the preconditioner: those of the steps, and those of the shapes. Without room for pairs
-    /// nothing is learned.
+    /// The directions that the preconditioner has learned from the last solves: of the steps, and of the shapes. Without
+    /// room for pairs nothing is learned.
     learned: [learned::Learned; 2],
     /// The account of the last step, if it is kept.
     ledger: Option<Box<ledger::Account>>,

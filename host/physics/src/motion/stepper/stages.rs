@@ -2,8 +2,8 @@
 //!
 //! A caller that moves several bodies makes each call for all of them in turn. Connections between bodies act between
 //! two calls. After `constrain` every body has its equation of motion; after `solve` each body has the solution for
-//! itself alone. Bodies that are [joined](crate::motion::joined) are solved together: between the two, each
-//! [lends](Stepper::equation) its equation. For a single body, [`Stepper::step`] makes all four calls.
+//! itself alone. Bodies that are [joined](crate::motion::joined) are solved together: between `constrain` and
+//! `finish` each of them [lends](Stepper::equation) its equation. For a single body, [`Stepper::step`] makes all four calls.
 
 use super::{EASY, Limits, Solved, Stepper, StepperReport, factors};
 use crate::body::Body;

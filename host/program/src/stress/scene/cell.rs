@@ -1,10 +1,10 @@
-//! One world of `palpate stress scene`, or one cell of `palpate stress hold`, in words: what was drawn, and what was measured.
+//! One trial of `palpate stress scene`, or one cell of `palpate stress hold`, in words: what was drawn, and what was measured.
 
 use study::stress::scene::draw::{Draw, Span, Task};
 use study::stress::scene::measure::{Outcome, Stillness, Trace};
 use study::stress::specimen::{self, Cause};
 
-/// Prints what was drawn for the world `cell`.
+/// Prints what was drawn for the trial `cell`.
 pub(super) fn print_draw(cell: u64, seed: u64, draw: &Draw) {
     let task = match draw.task {
         Task::Press => "press, come half back, and press again",
@@ -13,7 +13,7 @@ pub(super) fn print_draw(cell: u64, seed: u64, draw: &Draw) {
         Task::Shake => "press, then shake to and fro",
         Task::Carry => "press, then move together across",
     };
-    outln!("world {cell} of seed {seed}");
+    outln!("trial {cell} of seed {seed}");
     outln!(
         "  host       {:.0} models a second, latency {:.1} ms; trouble: {}",
         draw.rate,

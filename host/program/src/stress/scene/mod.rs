@@ -19,43 +19,43 @@ use study::stress::scene::{SCHEMES, STEP_RATE, Study, Worlds, picture};
 /// Arguments of `palpate stress scene`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SceneArguments {
-    /// Scene file (TOML). Default: every world draws a body of its own
+    /// Scene file (TOML). Default: every trial draws a body of its own
     scene: Option<PathBuf>,
     #[command(flatten)]
     values: Values,
-    /// Number of random worlds. Each world is run under every scheme
+    /// Number of random trials. Each trial is run under every scheme
     #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
     /// Schemes to run. Default: all
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = scheme)]
     schemes: Vec<SchemeName>,
-    /// Publication rates of the host in Hz, which the worlds take in turn. Default: 20, 30, 60, 125, 250, 500 and 1000.
-    /// A world has the same number under the same --rate and --trouble only
+    /// Publication rates of the host in Hz, which the trials take in turn. Default: 20, 30, 60, 125, 250, 500 and 1000.
+    /// A trial has the same number under the same --rate and --trouble only
     #[arg(long, value_name = "HZ", value_delimiter = ',', value_parser = rate)]
     rate: Vec<f64>,
-    /// Kinds of fault, which the worlds take in turn: nothing, stalls, losses, softening, vanishing, or all of them at
+    /// Kinds of fault, which the trials take in turn: nothing, stalls, losses, softening, vanishing, or all of them at
     /// once. Default: each kind
     #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = trouble)]
     trouble: Vec<Trouble>,
-    /// Run one world again and print its outcome: --plot draws the run, --log writes every tick, --write writes its scene
+    /// Run one trial again and print its outcome: --plot draws the run, --log writes every tick, --write writes its scene
     /// file
     #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
     cell: Option<u64>,
-    /// Scheme of that world's run. Default: capped
+    /// Scheme of that trial's run. Default: capped
     #[arg(long, value_name = "NAME", requires = "cell", value_parser = scheme)]
     scheme: Option<SchemeName>,
     /// Write every tick of the run (CSV)
     #[arg(long, value_name = "FILE", requires = "cell")]
     log: Option<PathBuf>,
-    /// Write the scene of the world, which `palpate run` repeats but for the faults that it names (TOML)
+    /// Write the scene of the trial, which `palpate run` repeats but for the faults that it names (TOML)
     #[arg(long, value_name = "FILE", requires = "cell")]
     write: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
 }
 
-/// Default number of worlds (ten of each rate and each trouble), and that of a quick study (each rate twice, without faults
-/// and with stalls). A world of the sheet takes about a second of one core.
+/// Default number of trials (ten of each rate and each trouble), and that of a quick study (each rate twice, without faults
+/// and with stalls). A trial of the sheet takes about a second of one core.
 const RUNS: [u64; 2] = [420, 14];
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
@@ -109,7 +109,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     }
 }
 
-/// Runs one world under one scheme and prints its outcome.
+/// Runs one trial under one scheme and prints its outcome.
 fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(), CommandError> {
     let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
     if let Some(path) = &arguments.write {

@@ -1,4 +1,5 @@
-//! Presses, holds, slow rubs and tremors on bodies of every kind: whether the rendered force is the force of the body.
+//! Presses, holds, slow rubs and tremors on bodies of every kind. The study checks that the rendered force is the force of
+//! the body.
 //!
 //! The first cells are the scenes of files ([`CASES`]). The other cells are drawn from their numbers and written as scene
 //! files ([`super::specimen`]). Each cell runs under `capped`, under `linear`, and as the reference of
@@ -83,8 +84,8 @@ pub struct CellResult {
     /// Local models a second (Hz).
     pub rate: f64,
     /// Change of the force by one count of the encoder (N), at rest or at the end of the runs: by the stiffness that the
-    /// device renders, and by the damping, where the velocity is that count divided by the time over which drivers estimate
-    /// a velocity.
+    /// device renders, and by the damping, at the velocity of that count divided by the time over which drivers
+    /// estimate a velocity.
     pub count: f64,
     /// Stillness of the reference's hold.
     pub reference: Stillness,

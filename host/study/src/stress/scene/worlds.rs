@@ -1,4 +1,4 @@
-//! The study: how many worlds, of which scene, under which schemes.
+//! The study: how many trials, of which scene, under which schemes.
 
 use super::draw::{Choice, Trouble};
 use super::summary::{Band, row};
@@ -11,14 +11,14 @@ use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
 use std::collections::BTreeMap;
 
-/// What a person asks for.
+/// The request of a person.
 #[derive(Clone, Debug)]
 pub struct Asked {
-    /// The scene; every world draws a body of its own without one.
+    /// The scene; every trial draws a body of its own without one.
     pub loaded: Option<LoadedScene>,
     /// The seed of every random choice.
     pub seed: u64,
-    /// Number of worlds.
+    /// Number of trials.
     pub worlds: u64,
     /// The schemes; all if there are none.
     pub schemes: Vec<SchemeName>,
@@ -28,9 +28,9 @@ pub struct Asked {
     pub troubles: Vec<Trouble>,
 }
 
-/// The study of many worlds.
+/// The study of many trials.
 pub struct Worlds {
-    /// The worlds.
+    /// The trials.
     pub study: Study,
     seed: u64,
     cells: u64,
@@ -122,7 +122,7 @@ impl stress::Study for Worlds {
     fn announcement(&self) -> Option<String> {
         (self.cells > 1).then(|| {
             format!(
-                "{} worlds, each with a reference and {} schemes; fewer --runs or --schemes, or a lower --rate, take less \
+                "{} trials, each with a reference and {} schemes; fewer --runs or --schemes, or a lower --rate, take less \
                  time",
                 self.cells,
                 self.schemes.len()
@@ -148,7 +148,7 @@ impl stress::Study for Worlds {
         }
         put!(
             text,
-            "{}: {} worlds, seed {}\n",
+            "{}: {} trials, seed {}\n",
             self.name,
             cells.len(),
             self.seed
@@ -156,7 +156,7 @@ impl stress::Study for Worlds {
         if self.study.tears() {
             put!(
                 text,
-                "a body tears, and a body that tears does not soften: worlds of the trouble \"softening\" have no fault, \
+                "a body tears, and a body that tears does not soften: trials of the trouble \"softening\" have no fault, \
                  and those of \"all\" have the others\n"
             );
         }

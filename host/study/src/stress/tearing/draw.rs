@@ -1,4 +1,4 @@
-//! What is drawn for a cell of random tears, and its scene.
+//! The draw of a cell of random tears, and its scene.
 
 use crate::chance::Chance;
 use serde::{Deserialize, Serialize};

@@ -356,7 +356,7 @@ fn both_laws<T: Real>(shaken: f64) -> [f64; 3] {
 fn the_vector_form_is_the_exact_form() {
     for shaken in [0.0, 0.01, 0.3] {
         // Forces and energies are sums of tens of terms. Sweeps end after one that met an angle of 3e-7, the root of the
-        // error that it leaves, where the stretches of all axes differ clearly; elsewhere the error is that angle times
+        // error that it leaves, if the stretches of all axes differ clearly; otherwise the error is that angle times
         // the difference of two stretches.
         let [force, energy, tangent] = both_laws::<f64>(shaken);
         assert!(force < 5e-14, "{shaken}: {force:e}");

@@ -1,26 +1,26 @@
 //! The state of a body as a mesh with values: displacement, velocity, stress, material. Solves and runs write the same.
 
 use crate::world::Built;
-use meshio::write_vtu::{Snapshot, Values};
+use meshio::write_vtu::{UnstructuredGrid, Values};
 use physics::mesh::Mesh;
 use physics::topology::Surface;
 use physics::{Mat3, Vec3};
 
 /// The present state of a body, with the positions of the deformed body. Displacements (m) are those from `rest`. A body
 /// that `moves` has velocities.
-pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Snapshot {
-    let mut snapshot = match &built.mesh {
-        Mesh::Thread(mesh) => Snapshot::of_thread(mesh),
-        Mesh::Sheet(mesh) => Snapshot::of_sheet(mesh),
-        Mesh::Solid(mesh) => Snapshot::of_solid(mesh),
+pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> UnstructuredGrid {
+    let mut grid = match &built.mesh {
+        Mesh::Thread(mesh) => UnstructuredGrid::of_thread(mesh),
+        Mesh::Sheet(mesh) => UnstructuredGrid::of_sheet(mesh),
+        Mesh::Solid(mesh) => UnstructuredGrid::of_solid(mesh),
     };
     let body = &built.body;
     let torn = body.surface().filter(|_| body.edit_count() > 0);
     let mut rest = rest;
     if let Some(surface) = torn {
         let triangles = surface.triangles().iter();
-        snapshot.cells = triangles.map(|corners| (corners.to_vec(), 5)).collect();
-        for (_, values) in &mut snapshot.in_cells {
+        grid.cells = triangles.map(|corners| (corners.to_vec(), 5)).collect();
+        for (_, values) in &mut grid.in_cells {
             if let Values::Scalar(values) = values {
                 *values = of_parents(values, surface);
             }
@@ -28,11 +28,11 @@ pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Snapshot {
         // A tear adds vertices, and moves those that snap at rest.
         rest = body.rest_positions();
     }
-    snapshot.positions = body.positions().collect();
-    let moved = snapshot.positions.iter().zip(rest);
+    grid.positions = body.positions().collect();
+    let moved = grid.positions.iter().zip(rest);
     let mut at_vertices = |name: &str, values: Vec<Vec3>| {
         let values = Values::Vector(values);
-        snapshot.at_vertices.push((name.to_owned(), values));
+        grid.at_vertices.push((name.to_owned(), values));
     };
     at_vertices(
         "displacement",
@@ -45,12 +45,12 @@ pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Snapshot {
     let faces = faces(built, &stresses);
     let mut in_cells = |name: &str, values: Values| {
         // A field of the mesh file that has the same name is renamed.
-        for (other, _) in &mut snapshot.in_cells {
+        for (other, _) in &mut grid.in_cells {
             if other == name {
                 other.push_str("_in_file");
             }
         }
-        snapshot.in_cells.push((name.to_owned(), values));
+        grid.in_cells.push((name.to_owned(), values));
     };
     in_cells(
         "von_mises",
@@ -69,7 +69,7 @@ pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Snapshot {
     if !built.poisson.is_empty() {
         in_cells("poisson", Values::Scalar(of_elements(&built.poisson)));
     }
-    snapshot
+    grid
 }
 
 /// The values of the triangles of a torn surface: each has that of its original triangle.
@@ -123,7 +123,7 @@ fn largest_von_mises(middle: &[Mat3], faces: Option<&[Vec<Mat3>; 2]>) -> Vec<f64
     }
 }
 
-/// The von Mises stress `sqrt(3/2 s : s)`, where `s` is the deviatoric stress.
+/// The von Mises stress `sqrt(3/2 s : s)`, in which `s` is the deviatoric stress.
 fn equivalent(stress: &Mat3) -> f64 {
     let deviator = stress - Mat3::identity() * (stress.trace() / 3.0);
     (1.5 * deviator.norm_squared()).sqrt()

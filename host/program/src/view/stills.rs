@@ -1,4 +1,4 @@
-//! Saves the moment that a display shows.
+//! Saves a still of a display.
 
 use ::view::terminal::model::Model;
 use ::view::web::Picture;
@@ -8,31 +8,31 @@ use host::plot;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// The moment that `messages` describe, in a form. An error is one line for the person.
+/// The still that `messages` describe, in a form. An error is one line for the person.
 pub(super) fn made(messages: &[Message], picture: Picture) -> Result<Vec<u8>, String> {
     let mut model = Model::default();
     for message in messages {
         model.take(message.clone(), Instant::now());
     }
     let shown = model.shown().ok_or("there is no frame yet")?;
-    let moment = shown.moment();
+    let still = shown.still();
     match picture {
-        Picture::Svg => Ok(moment.svg().into_bytes()),
-        Picture::Png => plot::png(&moment.svg()).map_err(|error| error.to_string()),
-        Picture::Csv => Ok(moment.vertices_csv().into_bytes()),
+        Picture::Svg => Ok(still.svg().into_bytes()),
+        Picture::Png => plot::png(&still.svg()).map_err(|error| error.to_string()),
+        Picture::Csv => Ok(still.vertices_csv().into_bytes()),
     }
 }
 
-/// Saves the moment in the present folder, as a picture and as a table. Returns a line for the person.
+/// Saves the still in the present folder, as a picture and as a table. Returns a line for the person.
 pub(super) fn save(model: &Model) -> String {
     let Some(shown) = model.shown() else {
         return "there is no frame yet".to_owned();
     };
-    let moment = shown.moment();
+    let still = shown.still();
     let name = format!("moment_{:.3}s", shown.frame.time_ns as f64 * 1e-9);
     let [picture, table] = ["png", "csv"].map(|ending| PathBuf::from(format!("{name}.{ending}")));
-    let written = plot::write_picture(&picture, &moment.svg())
-        .and_then(|()| write_atomically(&table, moment.vertices_csv().as_bytes()));
+    let written = plot::write_picture(&picture, &still.svg())
+        .and_then(|()| write_atomically(&table, still.vertices_csv().as_bytes()));
     match written {
         Ok(()) => format!("saved {} and {}", picture.display(), table.display()),
         Err(error) => error.to_string(),

@@ -17,7 +17,7 @@ use std::time::Duration;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
-/// What a viewer has after some messages.
+/// The state of a viewer after some messages.
 struct Seen {
     hello: Hello,
     surfaces: Vec<Surface>,
@@ -26,8 +26,8 @@ struct Seen {
 }
 
 impl Seen {
-    fn moment(&self) -> Moment<'_> {
-        Moment {
+    fn still(&self) -> Still<'_> {
+        Still {
             hello: &self.hello,
             surfaces: &self.surfaces,
             frame: &self.frame,
@@ -114,7 +114,7 @@ fn a_moment_is_drawn_whole() -> Outcome {
         ("press.toml", 1.8),
     ] {
         let seen = run_to(scene, time)?;
-        let svg = seen.moment().svg();
+        let svg = seen.still().svg();
         assert_eq!(collisions(&svg), Vec::<String>::new(), "{scene}");
         let triangles: u32 = seen.surfaces.iter().map(|s| s.triangle_count).sum();
         assert!(svg.matches("<polygon").count() > triangles as usize);
@@ -134,11 +134,11 @@ fn a_moment_is_drawn_whole() -> Outcome {
 #[test]
 fn a_spike_is_drawn_and_a_body_without_vertices_is_not() -> Outcome {
     let mut seen = synthetic(40)?;
-    let whole = seen.moment().svg();
+    let whole = seen.still().svg();
     assert_eq!(collisions(&whole), Vec::<String>::new());
     for piece in [true, false] {
         seen.frame.bodies = vec![BodyState::default(); usize::from(piece)];
-        let svg = seen.moment().svg();
+        let svg = seen.still().svg();
         assert!(svg.contains("this moment has no bodies"));
         assert!(svg.len() < whole.len() / 2);
     }
@@ -151,9 +151,9 @@ fn a_spike_is_drawn_and_a_body_without_vertices_is_not() -> Outcome {
         }
         flat.push(&piece);
     }
-    let spiked = seen.moment().svg();
+    let spiked = seen.still().svg();
     seen.history = flat;
-    assert_ne!(spiked, seen.moment().svg());
+    assert_ne!(spiked, seen.still().svg());
     Ok(())
 }
 
@@ -170,7 +170,7 @@ fn numbers_that_are_not_finite_do_not_spoil_the_picture() -> Outcome {
     let mut piece = seen.frame.folded.clone();
     piece.hands = vec![FoldedHand::default()];
     seen.history.push(&piece);
-    let svg = seen.moment().svg();
+    let svg = seen.still().svg();
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
     host::plot::png(&svg)?;
     let nothing = Seen {
@@ -179,14 +179,14 @@ fn numbers_that_are_not_finite_do_not_spoil_the_picture() -> Outcome {
         frame: Frame::default(),
         history: History::new(1.0),
     };
-    host::plot::png(&nothing.moment().svg())?;
+    host::plot::png(&nothing.still().svg())?;
     Ok(())
 }
 
 #[test]
 fn the_table_of_vertices_has_the_positions_bit_for_bit() -> Outcome {
     let seen = synthetic(5)?;
-    let text = seen.moment().vertices_csv();
+    let text = seen.still().vertices_csv();
     let mut lines = text.lines();
     assert_eq!(
         lines.next(),
@@ -211,7 +211,7 @@ fn the_table_of_vertices_has_the_positions_bit_for_bit() -> Outcome {
 #[test]
 fn the_table_of_curves_has_a_row_for_each_piece() -> Outcome {
     let seen = synthetic(40)?;
-    let text = seen.moment().curves_csv();
+    let text = seen.still().curves_csv();
     let rows: Vec<&str> = text.lines().skip(3).collect();
     assert_eq!(rows.len(), 40);
     let head = text.lines().nth(2).ok_or("a head")?;

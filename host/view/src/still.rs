@@ -1,4 +1,4 @@
-//! A moment as a picture (SVG, PNG) and as tables (CSV).
+//! A still of a display: what it shows at one time, as a picture (SVG, PNG) and as tables (CSV).
 
 use crate::history::History;
 use host::live::{Folded, Frame, Hello, Range, Vertices};
@@ -10,20 +10,20 @@ use std::fmt::Write as _;
 /// The names of the axes of the scene.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A moment: what a display shows.
+/// A still: the state that a display shows at one time.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment<'a> {
+pub struct Still<'a> {
     /// The facts of the stream.
     pub hello: &'a Hello,
     /// The surfaces so far. Of one body and topology epoch, the last one counts.
     pub surfaces: &'a [Surface],
-    /// The frame, with the vertices of every body: where a frame came without them, those of the frame before.
+    /// The frame, with the vertices of every body: if a frame came without them, those of the frame before.
     pub frame: &'a Frame,
     /// The curves around the moment.
     pub history: &'a History,
 }
 
-/// A moment that owns its parts.
+/// A still that owns its data.
 #[derive(Clone, Debug)]
 pub struct Shown {
     /// The facts of the stream.
@@ -37,9 +37,9 @@ pub struct Shown {
 }
 
 impl Shown {
-    /// The moment.
-    pub fn moment(&self) -> Moment<'_> {
-        Moment {
+    /// The still.
+    pub fn still(&self) -> Still<'_> {
+        Still {
             hello: &self.hello,
             surfaces: &self.surfaces,
             frame: &self.frame,
@@ -48,8 +48,8 @@ impl Shown {
     }
 }
 
-impl Moment<'_> {
-    /// The moment as a picture: on the left the bodies, coloured by their displacement from rest, with the hands and their
+impl Still<'_> {
+    /// The still as a picture: on the left the bodies, coloured by their displacement from rest, with the hands and their
     /// forces, on the right the curves, and below the states. [`host::plot::png`] and [`host::plot::write_picture`]
     /// make a PNG of it.
     pub fn svg(&self) -> String {
