@@ -28,6 +28,7 @@ pub mod memory;
 mod mutation;
 pub mod pace;
 pub mod packed_ring;
+pub mod published;
 pub mod reserve;
 pub mod ring;
 pub mod schedule;
