@@ -239,8 +239,11 @@ quantities! {
         "is the value in N/mm? 1 N/mm is 1000 N/m", "drivers recommend 300 to 20000 N/m";
 }
 
-/// The numbers of a device file: the name, the value in a model, and the quantity.
-const DEVICE: [(&str, fn(&DeviceModel) -> f64, Quantity); 7] = [
+/// A number of a device file: its name, its value in a model, and its quantity.
+type DeviceNumber = (&'static str, fn(&DeviceModel) -> f64, Quantity);
+
+/// The numbers of a device file.
+const DEVICE: [DeviceNumber; 7] = [
     (
         "position_step",
         |model| model.position_step,
