@@ -132,6 +132,7 @@ const CRATES: [&str; 16] = [
     "sim",
     "sim/emulator",
     "tests/corpus",
+    "tests/qemu_board",
 ];
 
 #[test]

@@ -17,6 +17,8 @@ use host::scene::spec::Body;
 use host::solve::frames::FrameFolder;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
+use std::os::fd::AsFd;
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
 /// The format of an output.
@@ -380,7 +382,7 @@ impl Declared {
         };
         match there {
             Ok(there) if there.is_dir() => Err(OutputError::Folder { flag, path }),
-            Ok(there) if !format.streams() && is_pipe(&there) => {
+            Ok(there) if !format.streams() && there.file_type().is_fifo() => {
                 Err(OutputError::Pipe { flag, path })
             }
             Ok(_) => Ok(()),
@@ -522,7 +524,7 @@ fn same_file(a: &Path, b: &Path) -> bool {
         return false;
     }
     match (fs::metadata(a), fs::metadata(b)) {
-        (Ok(a), Ok(_)) if a.is_file() && is_same(&a, b) => true,
+        (Ok(a), Ok(_)) if a.is_file() && atomic_file::is_at(&a, b) => true,
         (Ok(there), _) | (_, Ok(there)) if !there.is_file() => false,
         _ => atomic_file::target(a) == atomic_file::target(b),
     }
@@ -531,15 +533,13 @@ fn same_file(a: &Path, b: &Path) -> bool {
 const OUTPUT: &str = "standard output";
 
 /// The stream of this process that leads to the file at `path`, if one does.
-#[cfg(unix)]
 fn printed_to(path: &Path) -> Option<&'static str> {
-    use std::os::fd::AsFd;
     let (output, error) = (io::stdout(), io::stderr());
     let streams = [(OUTPUT, output.as_fd()), ("standard error", error.as_fd())];
     let leads = |stream: std::os::fd::BorrowedFd<'_>| {
         let open = File::from(stream.try_clone_to_owned().ok()?);
         let open = open.metadata().ok()?;
-        (open.is_file() && is_same(&open, path)).then_some(())
+        (open.is_file() && atomic_file::is_at(&open, path)).then_some(())
     };
     let found = streams
         .into_iter()
@@ -547,44 +547,8 @@ fn printed_to(path: &Path) -> Option<&'static str> {
     found.map(|(name, _)| name)
 }
 
-#[cfg(not(unix))]
-fn printed_to(_: &Path) -> Option<&'static str> {
-    None
-}
-
-/// Whether the file at `path` is the file of this metadata.
-#[cfg(unix)]
-fn is_same(open: &fs::Metadata, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let there = fs::metadata(path);
-    there.is_ok_and(|there| (there.dev(), there.ino()) == (open.dev(), open.ino()))
-}
-
-/// Without the number of a file there is nothing to compare; names are compared elsewhere.
-#[cfg(not(unix))]
-fn is_same(_: &fs::Metadata, _: &Path) -> bool {
-    false
-}
-
-#[cfg(unix)]
-fn is_pipe(there: &fs::Metadata) -> bool {
-    use std::os::unix::fs::FileTypeExt;
-    there.file_type().is_fifo()
-}
-
-#[cfg(not(unix))]
-fn is_pipe(_: &fs::Metadata) -> bool {
-    false
-}
-
 /// Whether this is a pipe or a socket, which has another end.
-#[cfg(unix)]
 fn is_connected(there: &fs::Metadata) -> bool {
-    use std::os::unix::fs::FileTypeExt;
-    is_pipe(there) || there.file_type().is_socket()
-}
-
-#[cfg(not(unix))]
-fn is_connected(_: &fs::Metadata) -> bool {
-    false
+    let kind = there.file_type();
+    kind.is_fifo() || kind.is_socket()
 }

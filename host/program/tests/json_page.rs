@@ -70,7 +70,7 @@ const OUTPUTS: [Output; 8] = [
 ];
 
 /// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
-const STUDIES: [Output; 10] = [
+const STUDIES: [Output; 9] = [
     Output {
         title: Cow::Borrowed("`palpate sweep --json`"),
         schema: "",
@@ -120,12 +120,6 @@ const STUDIES: [Output; 10] = [
         root: "study::velocity::VelocityStudy",
     },
     Output {
-        title: Cow::Borrowed("`palpate stress endings --json`"),
-        schema: "",
-        about: "A line for each cell.",
-        root: "palpate::stress::endings::Outcome",
-    },
-    Output {
         title: Cow::Borrowed("`palpate stress seeds --json`"),
         schema: "palpate.seeds/1",
         about: "A study over several seeds. The file is not JSON Lines.",
@@ -152,7 +146,7 @@ const CRATES: [(&str, &str); 10] = [
 ];
 
 /// The title before which the studies stand.
-const AFTER: &str = "`palpate stress endings --json`";
+const AFTER: &str = "`palpate stress seeds --json`";
 
 /// [`STUDIES`], and those of the registry.
 fn studies() -> Vec<Output> {

@@ -208,6 +208,95 @@ impl Probed {
         }
     }
 
+    /// The summary for a person.
+    pub fn words(&self) -> String {
+        let mut text = format!("{}: {} ticks without force\n", self.connect, self.ticks);
+        let mut line = |title: &str, words: String| put!(text, "  {title:<10} {words}");
+        let device = &self.device;
+        let stated = device.name.as_deref().map_or_else(
+            || "states no name".to_owned(),
+            |name| format!("calls itself {name:?}"),
+        );
+        let firmware = device.firmware.as_deref().unwrap_or("not stated");
+        line(
+            "device",
+            format!("{stated}, firmware {firmware}; profile {}", device.profile),
+        );
+        let moment = match device.max_moment {
+            0.0 => String::new(),
+            moment => format!(" and {moment:.3} N m"),
+        };
+        line(
+            "limits",
+            format!(
+                "{:.2} N{moment}; workspace of {:.0} mm about the middle",
+                device.max_force,
+                1e3 * device.workspace_radius
+            ),
+        );
+        line(
+            "states",
+            format!(
+                "read {:.1} times a second, at {:.0} ticks a second (the profile: {:.0} states a second)",
+                self.rate, self.tick_rate, device.profile_rate
+            ),
+        );
+        line(
+            "ticks",
+            format!(
+                "{} with a state, {} without, {} with an error; at most {} in a row without a state",
+                self.states, self.missing, self.errors, self.longest_silence
+            ),
+        );
+        if let Some(error) = &self.last_error {
+            line("error", error.clone());
+        }
+        if let Some(interval) = self.interval {
+            line(
+                "interval",
+                format!(
+                    "median {:.3} ms, 99 % {:.3}, longest {:.3} (clock of the device)",
+                    1e3 * interval.median,
+                    1e3 * interval.p99,
+                    1e3 * interval.longest
+                ),
+            );
+        }
+        if let Some(step) = self.step {
+            line(
+                "step",
+                format!(
+                    "{:.4} mm, the smallest displacement between two states",
+                    1e3 * step
+                ),
+            );
+        }
+        if let Some(span) = self.span {
+            let [x, y, z] = span.map(|length| 1e3 * length);
+            line("moved", format!("{x:.2} x {y:.2} x {z:.2} mm"));
+        }
+        if let Some(motion) = &self.motion {
+            let [least, median, most] = motion.first_motion.map(|time| 1e3 * time);
+            line(
+                "motion",
+                format!(
+                    "first seen {median:.1} ms after a force of {:.2} N ({least:.1} to {most:.1}, {} pulses)",
+                    motion.force, motion.pulses
+                ),
+            );
+            line(
+                "delay",
+                format!(
+                    "{:.1} ms, up to {:.1} ms either way (without the motion itself, by the mass of the profile)",
+                    1e3 * motion.delay,
+                    1e3 * motion.bound
+                ),
+            );
+        }
+        line("verdict", self.verdict());
+        text
+    }
+
     /// The reasons why the device cannot be used in a run, in words; empty if there are none.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();

@@ -25,7 +25,9 @@
 mod driver;
 mod reading;
 mod selector;
+mod tick_end;
 mod writer;
+mod writing;
 
 use crate::firmware::{GreetingError, check, session};
 use crate::found::{FindError, udev_rule};
@@ -42,6 +44,8 @@ use writer::{Open, Write, Writer};
 pub use driver::Hid;
 pub use reading::{Command, QUEUE, Reports};
 pub use selector::HidSelector;
+pub use tick_end::TickEnd;
+pub use writing::{Step, Writing};
 
 /// Error number of a device that is not connected (ENODEV).
 const NO_DEVICE: i32 = 19;
@@ -103,15 +107,9 @@ pub struct HidDevice {
     /// `None` while the device is lost.
     read: Option<Box<ReadReport>>,
     writer: Writer<Command, Box<ReadReport>>,
-    reports: Reports,
-    /// The limits that hold.
-    capabilities: Capabilities,
-    /// The name that the device stated first. A device of another name is another device.
-    name: Option<Name>,
+    end: TickEnd,
     /// The version of its firmware, as it stated it when it was opened.
     firmware: Option<FirmwareVersion>,
-    /// The system's error number, while the device is lost.
-    gone: Option<i32>,
 }
 
 /// The two ends of an open device.
@@ -187,36 +185,14 @@ impl HidDevice {
         })
     }
 
-    /// Whether the device may be the one of the profile, and the one of before. For the hot path.
-    fn agrees(&mut self) -> bool {
-        let Some(report) = self.reports.host().capabilities() else {
-            // It gets no wrench before it has answered.
-            return true;
-        };
-        let name = Name(report.model.name);
-        let first = *self.name.get_or_insert(name);
-        first == name && check(&report.model, &self.capabilities).is_ok()
-    }
-
     /// The name of the device's model; `None` before its first answer.
     pub fn name(&self) -> Option<Name> {
-        self.name
+        self.end.name
     }
 
     /// The version of the device's firmware, as it stated it when it was opened.
     pub fn firmware(&self) -> Option<FirmwareVersion> {
         self.firmware
-    }
-
-    /// The newest state that waits.
-    fn receive(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        let Some(read) = &mut self.read else {
-            return Err(DeviceError::Disconnected(NO_DEVICE));
-        };
-        self.reports
-            .newest(self.capabilities.sensed, now_ns, |buffer| {
-                read(buffer).map_err(DeviceError::Disconnected)
-            })
     }
 
     /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
@@ -261,71 +237,62 @@ impl HidDevice {
         model: Option<Model>,
     ) -> std::io::Result<Self> {
         let session = session();
-        let mut reports = Reports::new(session, watchdog_us);
+        let name = model.map(|model| Name(model.name));
+        let mut end = TickEnd::new(session, watchdog_us, capabilities, name);
         // If this write fails, the tick greets the device again, and reports the failure.
-        let _ = write(&numbered(&reports.greet()));
+        let _ = write(&numbered(&end.greet()));
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {
             read: Some(read),
             writer: Writer::start(write, let_go, open)?,
-            reports,
-            capabilities,
-            name: model.map(|model| Name(model.name)),
+            end,
             firmware: model.map(|model| model.firmware),
-            gone: None,
         })
     }
 
     /// Counts of the reports so far, and the device's status.
     pub fn reports(&self) -> &Reports {
-        &self.reports
+        &self.end.reports
     }
 }
 
 impl Device for HidDevice {
     fn capabilities(&self) -> Capabilities {
-        self.capabilities
+        self.end.capabilities
     }
 
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        if let Some(number) = self.gone {
+        if let Some(error) = self.end.lost() {
             let Some(read) = self.writer.found() else {
-                return Err(DeviceError::Disconnected(number));
+                return Err(error);
             };
             self.read = Some(read);
-            self.gone = None;
+            self.end.reopened();
         }
-        let result = self.receive(now_ns);
-        if let Err(DeviceError::Disconnected(number)) = result {
-            self.gone = Some(number);
+        let read = &mut self.read;
+        let result = self.end.read(now_ns, |buffer| match read {
+            Some(read) => read(buffer),
+            None => Err(NO_DEVICE),
+        });
+        if self.end.lost().is_some() {
             self.writer.lose(&mut self.read);
         }
-        if self.agrees() {
-            result
-        } else {
-            Err(DeviceError::Disconnected(NO_DEVICE))
-        }
+        result
     }
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        if let Some(number) = self.gone {
-            return Err(DeviceError::Disconnected(number));
-        }
-        if !self.agrees() {
-            return Err(DeviceError::Disconnected(NO_DEVICE));
-        }
-        match self.reports.command(wrench, now_ns) {
+        match self.end.command(now_ns, wrench)? {
             Some(command) => self.writer.hand_on(numbered(&command)),
             None => Ok(()),
         }
     }
 
     fn motion_to_force_ns(&self) -> Option<u64> {
-        self.reports.shown_ns()
+        self.end.reports.shown_ns()
     }
 
     fn refused_wrenches(&self) -> Option<u64> {
-        Some(self.reports.refused_by_device)
+        Some(self.end.refused_wrenches())
     }
 }
 

@@ -9,20 +9,22 @@
 //! used.
 
 mod measure;
+mod picture;
 mod record;
 mod table;
 #[cfg(test)]
 mod tests;
+mod words;
 
 pub use measure::{BodyMeasures, DeviceMeasures, ForceError, Measures};
 pub use record::{BodyRecord, DeviceRecord, Record};
 pub use table::csv;
 
-use crate::StudyError;
 use crate::stress::scene::draw::Draw;
 use crate::stress::scene::trial::Trial;
 use crate::stress::scene::{SCHEMES, reference};
 use crate::workers;
+use crate::{Results, StudyError};
 use host::engine::faults::HostFault;
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
@@ -97,6 +99,16 @@ pub struct Comparison {
     /// The reference, tick by tick.
     #[serde(skip)]
     pub reference_record: Option<Record>,
+}
+
+impl Results for Comparison {
+    fn tables(&self) -> String {
+        words::words(self)
+    }
+
+    fn picture(&self) -> Option<String> {
+        Some(picture::picture(self))
+    }
 }
 
 /// One run.

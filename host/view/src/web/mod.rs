@@ -27,7 +27,7 @@ use std::sync::atomic::AtomicBool;
 
 pub mod assets;
 #[cfg(test)]
-mod hostile;
+mod hostile_tests;
 mod hub;
 mod mailbox;
 mod service;

@@ -282,7 +282,9 @@ fn a_device_that_comes_back_as_another_gets_no_force_until_it_is_itself_again() 
         }
         assert!(!has_force(&socket));
         socket.lock().expect("a thread").gone = true;
-        until(&mut device, &mut now_ns, |_, device| device.gone.is_some());
+        until(&mut device, &mut now_ns, |_, device| {
+            device.end.lost().is_some()
+        });
         *socket.lock().expect("a thread") = Plugged::new(model("left"));
         until(&mut device, &mut now_ns, |_, _| has_force(&socket));
     }

@@ -6,8 +6,7 @@
 //! and how much energy the hand was given.
 //!
 //! The threads of the system cannot run in virtual time ([`sim::emulated::driver`]). Virtual time drives the state machine of
-//! a device that is asked in place of its thread, and what the thread of `devices::hid` writes is written at once. Everything
-//! else is the code of the program. The same seed gives the same run.
+//! a device in place of its thread. Everything else is the code of the program. The same seed gives the same run.
 //!
 //! The demands ([`super::expected`]): no force at the device after its own watchdog, and none commanded after five of its
 //! periods; a force that comes back without a restart of the host and without a jump; and less than a millijoule of net

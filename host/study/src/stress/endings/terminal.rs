@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 /// Whether the terminal is the one that controls the session of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Session {
+pub enum Session {
     /// The program is the first of the session, as a shell is. The kernel tells it the loss of the terminal by SIGHUP.
     Controlled,
     /// The terminal belongs to no session. No signal tells its loss, and no key is a signal.
@@ -22,11 +22,11 @@ pub(crate) enum Session {
 }
 
 /// A program in a terminal. It is killed when this value is dropped.
-pub(crate) struct InTerminal {
+pub struct InTerminal {
     master: Option<OwnedFd>,
     child: Child,
     /// What the program has written.
-    pub(crate) screen: Vec<u8>,
+    pub screen: Vec<u8>,
 }
 
 impl InTerminal {
@@ -34,7 +34,7 @@ impl InTerminal {
     ///
     /// # Errors
     /// The error of the system, which gives no pty or cannot start the program.
-    pub(crate) fn start<A: AsRef<OsStr>>(session: Session, command: &[A]) -> io::Result<Self> {
+    pub fn start<A: AsRef<OsStr>>(session: Session, command: &[A]) -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;
         unlockpt(&master)?;
@@ -70,7 +70,7 @@ impl InTerminal {
     }
 
     /// Reads what the program writes, for this time.
-    pub(crate) fn read_for(&mut self, time: Duration) {
+    pub fn read_for(&mut self, time: Duration) {
         let until = Instant::now() + time;
         loop {
             let left = until.saturating_duration_since(Instant::now());
@@ -107,7 +107,7 @@ impl InTerminal {
     ///
     /// # Errors
     /// The error of the system.
-    pub(crate) fn type_bytes(&mut self, bytes: &[u8]) -> io::Result<()> {
+    pub fn type_bytes(&mut self, bytes: &[u8]) -> io::Result<()> {
         if let Some(master) = &self.master {
             rustix::io::write(master, bytes)?;
         }
@@ -115,7 +115,7 @@ impl InTerminal {
     }
 
     /// Closes the terminal.
-    pub(crate) fn close(&mut self) {
+    pub fn close(&mut self) {
         self.master = None;
     }
 
@@ -123,7 +123,7 @@ impl InTerminal {
     ///
     /// # Errors
     /// The error of the system.
-    pub(crate) fn signal(&self, signal: Signal) -> io::Result<()> {
+    pub fn signal(&self, signal: Signal) -> io::Result<()> {
         Ok(kill_process(Pid::from_child(&self.child), signal)?)
     }
 
@@ -131,7 +131,7 @@ impl InTerminal {
     ///
     /// # Errors
     /// The error of the system.
-    pub(crate) fn ended(&mut self) -> io::Result<Option<ExitStatus>> {
+    pub fn ended(&mut self) -> io::Result<Option<ExitStatus>> {
         self.child.try_wait()
     }
 }

@@ -111,7 +111,7 @@ fn changed_requests_and_commands_do_not_panic() {
 }
 
 #[test]
-#[ignore = "a million inputs of each kind: `cargo test --release -p palpate-view --lib web::hostile -- --ignored`"]
+#[ignore = "a million inputs of each kind: `cargo test --release -p palpate-view --lib web::hostile_tests -- --ignored`"]
 fn a_million_changed_requests_and_commands_do_not_panic() {
     change(1_000_000, 750_000);
 }

@@ -1,7 +1,7 @@
 //! Hostile clients: random and mutated messages.
 //!
 //! A million inputs of each kind:
-//! `cargo test --release -p palpate-view --lib foxglove::hostile -- --ignored`
+//! `cargo test --release -p palpate-view --lib foxglove::hostile_tests -- --ignored`
 
 use super::protocol::Channel;
 use super::session::{Incoming, Session};

@@ -6,26 +6,25 @@
 //! device's watchdog ended; the exit code must name the signal, and a log must be complete and replay exactly.
 
 mod device;
-mod terminal;
+mod table;
+pub mod terminal;
 
-use super::{CommandError, Declared, Plain, number, run_study};
+use super::jobs::{self, Cells, JobError, Options, Progress};
+use super::{Done, Verdict};
 use device::{NONE, Watched};
 use host::log::Log;
 use host::run::replay::{replay, scene_of};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::num::NonZero;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use study::stress::jobs::Options;
-use study::stress::{self, Done, Verdict};
 use terminal::{InTerminal, Session};
 
 /// Default number of runs of each way out of each command, and that of a quick study.
-const RUNS: [u64; 2] = [3, 1];
+pub const RUNS: [u64; 2] = [3, 1];
 /// Longest time for anything that a command does, on a loaded machine. A command that takes longer has failed.
 const LONGEST: Duration = Duration::from_secs(120);
 /// Time after the end of a command in which the device is still watched: a WoodenHaptics holds its currents for 0.5 s.
@@ -168,25 +167,25 @@ impl Way {
 
 /// The result of a cell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Outcome {
+pub struct Outcome {
     /// The command.
-    command: String,
+    pub command: String,
     /// How the command was ended.
-    way: String,
+    pub way: String,
     /// Force that the device rendered just before (N). None if the command holds no device that is seen.
-    before: Option<f64>,
+    pub before: Option<f64>,
     /// Time from the way out until the device rendered no force (s).
-    released: Option<f64>,
+    pub released: Option<f64>,
     /// Force that the last bytes of the command left to the device (N).
-    left: Option<f64>,
+    pub left: Option<f64>,
     /// Time from the way out until the command had ended (s).
-    ended: f64,
+    pub ended: f64,
     /// Exit code. None if a signal killed the command.
-    code: Option<i32>,
+    pub code: Option<i32>,
     /// Number of ticks in the log that were replayed. None if the command writes no log.
-    replayed: Option<u64>,
+    pub replayed: Option<u64>,
     /// What the cell was to show and did not.
-    failures: Vec<String>,
+    pub failures: Vec<String>,
 }
 
 /// A scene in which a device at rest at its origin stretches a block: the force is steady without any motion of the hand.
@@ -233,32 +232,28 @@ fn round(quick: bool) -> Vec<(Held, Way)> {
 }
 
 /// The study.
-struct Study {
+#[derive(Clone, Debug)]
+pub struct Study {
     seed: u64,
     cells: u64,
     quick: bool,
     round: Vec<(Held, Way)>,
 }
 
-pub(super) fn run(asked: &Plain) -> Result<(), CommandError> {
-    let _held = asked.cells.declare(Declared::default()).check()?;
-    let round = round(asked.quick);
-    let runs = number(asked.runs, asked.quick, RUNS);
-    let study = Study {
-        seed: asked.cells.seed,
-        cells: runs.saturating_mul(round.len() as u64),
-        quick: asked.quick,
-        round,
-    };
-    // The cells share the machine with devices in real time.
-    let options = Options {
-        threads: Some(NonZero::<usize>::MIN),
-        ..asked.cells.options()
-    };
-    run_study(&study, &options, None)
+impl Study {
+    /// The study with `runs` runs of each way out of each command, or of a few ways out of a few commands if it is `quick`.
+    pub fn new(seed: u64, runs: u64, quick: bool) -> Self {
+        let round = round(quick);
+        Self {
+            seed,
+            cells: runs.saturating_mul(round.len() as u64),
+            quick,
+            round,
+        }
+    }
 }
 
-impl stress::Study for Study {
+impl super::Study for Study {
     type Outcome = Outcome;
     const NAME: &'static str = "endings";
     const SCHEMA: u32 = 1;
@@ -293,8 +288,23 @@ impl stress::Study for Study {
         outcome
     }
 
+    /// One cell after the other: the cells share the machine with devices in real time.
+    fn run(
+        &self,
+        options: &Options,
+        done: &Done<'_>,
+        progress: &mut dyn FnMut(&Progress<'_>),
+    ) -> Result<Cells<Outcome>, JobError> {
+        let options = Options {
+            threads: Some(NonZero::<usize>::MIN),
+            ..options.clone()
+        };
+        let cell = |cell| self.cell(cell, done);
+        jobs::run(&self.header(), &options, &cell, progress)
+    }
+
     fn summary(&self, cells: &BTreeMap<u64, Outcome>) -> String {
-        table(cells)
+        table::of(cells)
     }
 
     fn verdict(&self, cells: &BTreeMap<u64, Outcome>) -> Verdict {
@@ -509,46 +519,4 @@ impl Drop for Folder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
     }
-}
-
-/// The worst of the runs of each way out of each command.
-fn table(cells: &BTreeMap<u64, Outcome>) -> String {
-    let mut text = String::from(
-        "| command | ended by | runs | force before (N) | no force at the device after (ms) | force left by the command (N) \
-         | ended after (ms) | exit code | failed |\n\
-         |---|---|---|---|---|---|---|---|---|\n",
-    );
-    let mut rows: Vec<(&str, &str, Vec<&Outcome>)> = Vec::new();
-    for cell in cells.values() {
-        let of = (cell.command.as_str(), cell.way.as_str());
-        match rows.iter_mut().find(|row| (row.0, row.1) == of) {
-            Some(row) => row.2.push(cell),
-            None => rows.push((of.0, of.1, vec![cell])),
-        }
-    }
-    for (command, way, cells) in &rows {
-        let most = |of: &dyn Fn(&Outcome) -> Option<f64>| {
-            let most = cells.iter().filter_map(|cell| of(cell)).reduce(f64::max);
-            move |unit: f64, digits: usize| {
-                most.map_or("-".to_owned(), |most| format!("{:.digits$}", unit * most))
-            }
-        };
-        let code = cells.first().and_then(|cell| cell.code);
-        // A text takes every line.
-        let _ = writeln!(
-            text,
-            "| {command} | {way} | {} | {} | {} | {} | {} | {} | {} |",
-            cells.len(),
-            most(&|cell| cell.before)(1.0, 2),
-            most(&|cell| cell.released)(1e3, 1),
-            most(&|cell| cell.left)(1.0, 2),
-            most(&|cell| Some(cell.ended))(1e3, 0),
-            code.map_or("killed".to_owned(), |code| code.to_string()),
-            cells
-                .iter()
-                .filter(|cell| !cell.failures.is_empty())
-                .count(),
-        );
-    }
-    text
 }

@@ -1,8 +1,9 @@
 //! Runs the image of a firmware in QEMU, and serves it as a device on a TCP port of this machine:
-//! `cargo run --release -p palpate-emulator --example board -- IMAGE [PORT]`. `tests/firmware` builds the images.
+//! `cargo run --release -p palpate-qemu-board --example board -- IMAGE [PORT]`. `tests/firmware` builds the images.
 
 use devices::transport::Stream;
-use emulator::{Board, Paced, Place, Served, serve};
+use emulator::{Place, Served, serve};
+use qemu_board::{Board, Paced};
 use std::error::Error;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;

@@ -19,7 +19,7 @@ pub struct Asked {
     /// The seed of every random choice.
     pub seed: u64,
     /// Number of trials.
-    pub worlds: u64,
+    pub trials: u64,
     /// The schemes; all if there are none.
     pub schemes: Vec<SchemeName>,
     /// The publication rates (Hz); those of [`Choice::default`] if there are none.
@@ -29,7 +29,7 @@ pub struct Asked {
 }
 
 /// The study of many trials.
-pub struct Worlds {
+pub struct Trials {
     /// The trials.
     pub study: Study,
     seed: u64,
@@ -41,7 +41,7 @@ pub struct Worlds {
     name: String,
 }
 
-impl Worlds {
+impl Trials {
     /// The study that is asked for.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl Worlds {
         Ok(Self {
             study,
             seed: asked.seed,
-            cells: asked.worlds,
+            cells: asked.trials,
             settings,
             schemes,
             own,
@@ -97,7 +97,7 @@ fn settings(asked: &Asked, schemes: &[(SchemeName, &str)]) -> serde_json::Value 
     settings
 }
 
-impl stress::Study for Worlds {
+impl stress::Study for Trials {
     type Outcome = CellResult;
     const NAME: &'static str = "scene";
     const SCHEMA: u32 = 4;

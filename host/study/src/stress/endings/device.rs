@@ -1,9 +1,7 @@
 //! A device for a command to hold, of which this process sees the force that it renders.
 
 use super::Held;
-use crate::device::DeviceCommandError;
-use crate::device::emulate::{Emulated, ProtocolName, serve_at};
-use emulator::{Place, Served};
+use emulator::{Attended, Place, ServeError, Served};
 use host::scene::NamedDevice;
 use runner::schedule::realtime;
 use sim::emulate::Framing;
@@ -46,7 +44,7 @@ pub(super) struct Watched {
     seen: Arc<Seen>,
     begun: Instant,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<Result<(), DeviceCommandError>>>,
+    thread: Option<JoinHandle<Result<(), ServeError>>>,
     /// How a scene connects to the device.
     pub(super) connect: String,
     /// The built-in device whose model the device has.
@@ -77,12 +75,12 @@ impl Watched {
             }
         };
         let theirs = Arc::clone(&stop);
-        let (protocol, model, free) = match held {
+        let (model, free) = match held {
             Held::Virtual | Held::Simulated => return Ok(None),
-            Held::Firmware => (ProtocolName::Firmware, "omega3", false),
-            Held::WoodenHaptics => (ProtocolName::Woodenhaptics, "woodenhaptics", false),
+            Held::Firmware => ("omega3", false),
+            Held::WoodenHaptics => ("woodenhaptics", false),
             // Commands that move a device which nobody holds.
-            Held::Probe | Held::Identify => (ProtocolName::Firmware, "omega3", true),
+            Held::Probe | Held::Identify => ("omega3", true),
             Held::Plugin => {
                 let connect = plugin(folder)?;
                 let file = folder.join("force");
@@ -110,24 +108,18 @@ impl Watched {
         let file = NamedDevice::load(model).map_err(|error| text(&error))?;
         let hand = (!free).then(|| Hand::new(Trajectory::still()));
         let device = SimDevice::new(file.file.model, hand, 1e-3).map_err(|error| text(&error))?;
-        let emulated = Emulated::new(device, model, protocol, Framing::Stream);
-        let mut emulated = emulated.map_err(|error| text(&error))?;
+        let mut attended = if held == Held::WoodenHaptics {
+            Attended::woodenhaptics(device, Framing::Stream).map_err(|error| text(&error))?
+        } else {
+            Attended::firmware(device, model, Framing::Stream)
+        };
         let mut place = Place::pty().map_err(|error| text(&error))?;
-        let connect = protocol.connect(&place.connection());
+        let connect = attended.connection(&place);
         let serve = move || {
             // As `palpate device emulate`.
             let _ = realtime(PRIORITY);
-            let packets = protocol == ProtocolName::Woodenhaptics;
-            let mut see = |device: &Emulated, after_bytes| see(device.force(), after_bytes);
-            let served = &mut Served::default();
-            serve_at(
-                &mut emulated,
-                &mut place,
-                (packets, false),
-                &theirs,
-                served,
-                &mut see,
-            )
+            let mut see = |device: &Attended, after_bytes| see(device.force(), after_bytes);
+            attended.serve(&mut place, &theirs, &mut Served::default(), &mut see)
         };
         Ok(Some(Self {
             seen,

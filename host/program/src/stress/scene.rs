@@ -1,20 +1,16 @@
 //! `palpate stress scene`: runs a scene with many kinds of hands, rates and faults.
 
-pub(super) mod cell;
-
 use super::{CommandError, Common, Declared, Format, Values, Written, number, scheme_of};
 use crate::{build, progress_bar};
 use host::atomic_file::write_atomically;
 use host::plot::write_picture;
 use host::scene::spec::SchemeName;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use study::stress::scene::again::Again;
 use study::stress::scene::draw::Trouble;
-use study::stress::scene::measure::{Outcome, Trace};
-use study::stress::scene::verdict::of_outcome;
-use study::stress::scene::worlds::Asked;
+use study::stress::scene::trials::Asked;
 use study::stress::scene::written::Written as WrittenScene;
-use study::stress::scene::{SCHEMES, STEP_RATE, Study, Worlds, picture};
+use study::stress::scene::{SCHEMES, STEP_RATE, Study, Trials};
 
 /// Arguments of `palpate stress scene`.
 #[derive(Clone, Debug, clap::Args)]
@@ -95,17 +91,17 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         .file("--log", arguments.log.as_ref(), Format::Csv)
         .file("--write", arguments.write.as_ref(), Format::Toml);
     let _held = common.declare(declared).check()?;
-    let worlds = Worlds::new(Asked {
+    let trials = Trials::new(Asked {
         loaded,
         seed: common.cells.seed,
-        worlds: number(arguments.runs, common.quick, RUNS),
+        trials: number(arguments.runs, common.quick, RUNS),
         schemes: arguments.schemes.clone(),
         rates: arguments.rate.clone(),
         troubles: arguments.trouble.clone(),
     })?;
     match arguments.cell {
-        Some(cell) => show_cell(arguments, &worlds.study, cell),
-        None => common.run(&worlds),
+        Some(cell) => show_cell(arguments, &trials.study, cell),
+        None => common.run(&trials),
     }
 }
 
@@ -115,33 +111,19 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
     if let Some(path) = &arguments.write {
         write_scene(path, &study.written(cell, wanted)?)?;
     }
-    let (draw, reference, runs) = study.traces(cell, &[wanted])?;
-    let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
-    let scheme = known.map_or("", |(_, name)| name);
-    cell::print_draw(cell, arguments.common.cells.seed, &draw);
-    for run in &runs {
-        let outcome = Outcome::of(run, &reference, &draw);
-        let verdict = of_outcome(&outcome);
-        cell::print_outcome(&format!("{scheme}: {verdict}"), &outcome, &reference);
-        let mut written = Written::default();
-        written.write(arguments.common.plot.as_ref(), |path| {
-            let title = format!("Cell {cell} under \"{scheme}\"");
-            let subtitle = format!(
-                "{:.0} Hz, latency {:.0} ms, {:.0} % of models lost; trouble: {}",
-                draw.rate,
-                1e3 * draw.latency,
-                100.0 * draw.models_lost,
-                draw.trouble.name()
-            );
-            let svg = picture::cell(&title, &subtitle, run, &reference);
-            write_picture(path, &svg)
-        });
-        written.write(arguments.log.as_ref(), |path| {
-            write_atomically(path, log(run, &reference).as_bytes())
-        });
-        written.end()?;
-    }
-    Ok(())
+    let files = [&arguments.common.plot, &arguments.log];
+    show(&study.again(cell, wanted)?, files)
+}
+
+/// Prints a cell that was run again, and writes its picture and its ticks if the person wants them.
+pub(super) fn show(again: &Again, [plot, log]: [&Option<PathBuf>; 2]) -> Result<(), CommandError> {
+    out!("{}", again.text);
+    let mut written = Written::default();
+    written.write(plot.as_ref(), |path| write_picture(path, &again.picture()));
+    written.write(log.as_ref(), |path| {
+        write_atomically(path, again.log().as_bytes())
+    });
+    written.end()
 }
 
 /// Writes the scene of a cell, and tells what the scene cannot say.
@@ -151,46 +133,4 @@ pub(super) fn write_scene(path: &Path, written: &WrittenScene) -> Result<(), Com
         errln!("{}: not in the scene file: {told}", path.display());
     }
     Ok(())
-}
-
-/// The ticks of a run as CSV, one line per tick: time, energies, then force and position of each device in the run and
-/// in the reference run.
-pub(super) fn log(run: &Trace, reference: &Trace) -> String {
-    let mut text = String::from("time,out,reference_out,to_spend,stored");
-    for device in 0..run.devices.len() {
-        for column in [
-            "force",
-            "position",
-            "body",
-            "own",
-            "reference_force",
-            "reference_position",
-        ] {
-            for axis in ["x", "y", "z"] {
-                let _ = write!(text, ",{column}_{device}_{axis}");
-            }
-        }
-    }
-    for tick in 0..run.out.len() {
-        let [to_spend, stored] = run.account[tick];
-        let time = tick as f64 * run.period;
-        let (out, expected) = (run.out[tick], reference.out[tick]);
-        let _ = write!(
-            text,
-            "\n{time:.4},{out:.9},{expected:.9},{to_spend:.9},{stored:.9}"
-        );
-        for (device, expected) in run.devices.iter().zip(&reference.devices) {
-            for value in [
-                device.force[tick],
-                device.position[tick],
-                device.body[tick],
-                device.own[tick].force,
-                expected.force[tick],
-                expected.position[tick],
-            ] {
-                let _ = write!(text, ",{:.6},{:.6},{:.6}", value.x, value.y, value.z);
-            }
-        }
-    }
-    text + "\n"
 }

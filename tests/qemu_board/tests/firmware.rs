@@ -12,13 +12,14 @@
 use devices::conformance::Suite;
 use devices::transport::Stream;
 use devices::{AnyDevice, DeviceModel, Registry, Request, Tcp};
-use emulator::board::INSTRUCTION_NS;
-use emulator::{Board, Paced, Place, Served, Truth, serve};
+use emulator::{Place, Served, serve};
 use firmware_proto::report::{
     CapabilitiesReport, FirmwareVersion, HelloReport, LENGTH, Mode, Report, Sends, StateReport,
     VERSION, WATCHDOG_MOST_US, WrenchReport, axes, fault, flags, status,
 };
 use firmware_proto::stream::{Decoder, PACKET, packet};
+use qemu_board::board::INSTRUCTION_NS;
+use qemu_board::{Board, Paced, Truth};
 use rt_core::{Vec3, Wrench};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
