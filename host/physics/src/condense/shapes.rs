@@ -304,7 +304,7 @@ impl<T: Precision> Stepper<T> {
         }
         let factor = T::of(-stiffness_factor);
         for set in &mut self.elements {
-            set.product(self.team, factor, &self.u, &mut self.residual);
+            set.product(&*self.team, factor, &self.u, &mut self.residual);
         }
     }
 

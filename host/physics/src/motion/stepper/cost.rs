@@ -99,7 +99,7 @@ impl<T: Precision> Stepper<T> {
             Part::Product => {
                 self.q.fill([T::ZERO; 4]);
                 for set in &mut self.elements {
-                    set.product(self.team, T::of(1.0), &self.u, &mut self.q);
+                    set.product(&*self.team, T::of(1.0), &self.u, &mut self.q);
                 }
             }
             Part::Precondition => {

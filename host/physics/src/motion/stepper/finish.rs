@@ -67,7 +67,7 @@ impl<T: Precision> Stepper<T> {
             &mut *state.v,
             &*state.displacement,
         );
-        team::each_of(self.team, nodes, RUN, &|(x, at, v, u)| {
+        team::each_of(&*self.team, nodes, RUN, &|(x, at, v, u)| {
             x.copy_from_slice(at);
             for (v, u) in v.iter_mut().zip(u) {
                 *v = u / h;
@@ -85,7 +85,7 @@ impl<T: Precision> Stepper<T> {
         report: &StepperReport,
     ) -> Result<f64, StepError> {
         let nodes = (&mut *body.state.displacement, &*self.place);
-        team::each_of(self.team, nodes, RUN, &|(displacement, places)| {
+        team::each_of(&*self.team, nodes, RUN, &|(displacement, places)| {
             for (displacement, &place) in displacement.iter_mut().zip(places) {
                 *displacement = to_vec(&self.u[place as usize]);
             }
@@ -149,7 +149,7 @@ impl<T: Precision> Stepper<T> {
     /// Energy at the end of the present displacement. The elements are linearized there.
     pub(crate) fn energy_ahead(&mut self, body: &Body, h: f64) -> Energy {
         let nodes = (&mut *self.at, &*body.state.x, &*body.state.displacement);
-        team::each_of(self.team, nodes, RUN, &|(at, x, u)| {
+        team::each_of(&*self.team, nodes, RUN, &|(at, x, u)| {
             for ((at, x), u) in at.iter_mut().zip(x).zip(u) {
                 *at = x + u;
             }
@@ -174,7 +174,7 @@ impl<T: Precision> Stepper<T> {
         self.add_joints();
         let damping = T::of(-body.model.config.stiffness_damping / h);
         for set in &mut self.elements {
-            set.product(self.team, damping, &self.u, &mut self.residual);
+            set.product(&*self.team, damping, &self.u, &mut self.residual);
         }
     }
 }

@@ -21,6 +21,7 @@ use crate::error::StepError;
 use crate::lanes::Node;
 use crate::linear::torn::{Tie, TornFactor};
 use crate::topology::{Done, NONE, Origin, Reserve, Surface};
+use std::sync::Arc;
 
 /// New vertices with columns beside the factor. Columns of more vertices would take longer than a new factor is late.
 const MOST_COLUMNS: usize = 64;
@@ -358,7 +359,7 @@ impl<T: Precision> Stepper<T> {
         for place in *first..self.free {
             factor.add_mass(place, factors.0 * self.mass[place]);
         }
-        let (team, solves) = (self.team, &mut self.factor.solves);
+        let (team, solves) = (&*self.team, &mut self.factor.solves);
         factor.update(&self.mask[..(*first).min(self.mask.len())], |z| {
             solves.solve(team, z);
         });
@@ -392,7 +393,8 @@ impl<T: Precision> Stepper<T> {
         if self.is_due() {
             self.join(body);
         }
-        (self.options, self.team, self.state) = (running.options, running.team, running.state);
+        (self.options, self.state) = (running.options, running.state);
+        self.team = Arc::clone(&running.team);
         (self.unfinished, self.is_hard) = (running.unfinished, running.is_hard);
         if let (Some(new), Some(old)) = (&mut self.growth, &running.growth) {
             new.turns.follow(&old.turns);

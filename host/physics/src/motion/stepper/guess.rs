@@ -242,7 +242,7 @@ impl<T: Precision> Stepper<T> {
         // The residual and `q` are free for other use until there is a guess.
         let state = &body.state;
         let places = (&mut *self.u, &mut *self.residual, &*self.node);
-        team::each_of(self.team, places, RUN, &|(u, v, nodes)| {
+        team::each_of(&*self.team, places, RUN, &|(u, v, nodes)| {
             for ((u, v), &node) in u.iter_mut().zip(v).zip(nodes) {
                 *u = to_node(&state.displacement[node as usize]);
                 *v = to_node(&state.v[node as usize]);
@@ -250,7 +250,7 @@ impl<T: Precision> Stepper<T> {
         });
         let (free_nodes, held_nodes) = self.history.split_at_mut(held);
         let places = (&mut free_nodes[..free], &self.residual[..free]);
-        let fits = team::runs(self.team, places, RUN, &mut self.fits, &|(
+        let fits = team::runs(&*self.team, places, RUN, &mut self.fits, &|(
             differences,
             v,
         )| {
@@ -284,7 +284,7 @@ impl<T: Precision> Stepper<T> {
         self.q[..guided].copy_from_slice(&self.u[..guided]);
         let (h, weights) = (T::of(h), weights.map(T::of));
         let places = (&mut self.u[..free], &*self.history);
-        team::each_of(self.team, places, RUN, &|(u, differences)| {
+        team::each_of(&*self.team, places, RUN, &|(u, differences)| {
             extrapolate(differences, h, &weights, u);
         });
         // Supports prescribe the guided axes.

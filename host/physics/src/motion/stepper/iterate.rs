@@ -95,12 +95,12 @@ impl<T: Precision> Stepper<T> {
             &mut self.p[..free],
             &mut self.q[..free],
         );
-        team::each_of(self.team, places, RUN, &|(z, inertia, p, q)| {
+        team::each_of(&*self.team, places, RUN, &|(z, inertia, p, q)| {
             vectors::turn(z, T::of(beta), inertia, p, q);
         });
         self.q[free..].fill([T::ZERO; 4]);
         for set in &mut self.elements {
-            set.product(self.team, T::of(stiffness_factor), &self.p, &mut self.q);
+            set.product(&*self.team, T::of(stiffness_factor), &self.p, &mut self.q);
         }
         (self.pairs).add_springs(&self.place, &self.p, &mut self.q);
     }
@@ -108,7 +108,7 @@ impl<T: Precision> Stepper<T> {
     /// The product of the direction `p` with `q`.
     pub(super) fn curvature(&mut self) -> f64 {
         let places = (&self.p[..self.free], &self.q[..self.free]);
-        let curvature = team::runs(self.team, places, RUN, &mut self.sums, &|(p, q)| {
+        let curvature = team::runs(&*self.team, places, RUN, &mut self.sums, &|(p, q)| {
             vectors::dot(p, q)
         });
         total(curvature)
@@ -122,7 +122,7 @@ impl<T: Precision> Stepper<T> {
         let (free_residual, held_residual) = self.residual.split_at_mut(free);
         let (free_q, held_q) = self.q.split_at(free);
         let places = (&self.p[..free], free_q, &mut self.u[..free], free_residual);
-        let square = team::runs(self.team, places, RUN, &mut self.sums, &|(
+        let square = team::runs(&*self.team, places, RUN, &mut self.sums, &|(
             p,
             q,
             u,
@@ -154,7 +154,7 @@ impl<T: Precision> Stepper<T> {
     pub(crate) fn precondition(&mut self, of: Solved) -> f64 {
         let free = self.free;
         let places = (&mut self.z[..free], &*self.residual);
-        team::each_of(self.team, places, RUN, &|(z, residual)| {
+        team::each_of(&*self.team, places, RUN, &|(z, residual)| {
             vectors::round(residual, z);
         });
         self.learned[of as usize].before(&mut self.z[..free]);
@@ -162,7 +162,10 @@ impl<T: Precision> Stepper<T> {
         self.pairs.hold(&self.place, &mut self.z[..self.free]);
         self.learned[of as usize].after(&mut self.z[..free]);
         let places = (&self.z[..free], &*self.residual);
-        let products = team::runs(self.team, places, RUN, &mut self.sums, &|(z, residual)| {
+        let products = team::runs(&*self.team, places, RUN, &mut self.sums, &|(
+            z,
+            residual,
+        )| {
             vectors::dot_single(z, residual)
         });
         total(products)
@@ -172,7 +175,7 @@ impl<T: Precision> Stepper<T> {
     pub(crate) fn solve_factor(&mut self) {
         let z = &mut self.z[..self.free];
         vectors::filter(&self.mask, z);
-        let (team, solves) = (self.team, &mut self.factor.solves);
+        let (team, solves) = (&*self.team, &mut self.factor.solves);
         match &mut self.growth {
             Some(growth) if !growth.is_plain() => {
                 growth.apply(z, &self.mask, |z| solves.solve(team, z));
@@ -186,7 +189,7 @@ impl<T: Precision> Stepper<T> {
     pub(crate) fn norm(&mut self) -> f64 {
         let free = &self.residual[..self.free];
         if self.mask.is_empty() {
-            let squares = team::runs(self.team, free, RUN, &mut self.sums, &|residual| {
+            let squares = team::runs(&*self.team, free, RUN, &mut self.sums, &|residual| {
                 vectors::dot(residual, residual)
             });
             return total(squares).sqrt();

@@ -170,7 +170,7 @@ impl<T: Precision> Stepper<T> {
     fn sum_forces(&mut self, u: impl Fn(usize, &Self) -> Vec3) -> (f64, f64) {
         self.q.fill([T::ZERO; 4]);
         for set in &mut self.elements {
-            set.product(self.team, T::of(1.0), &self.u, &mut self.q);
+            set.product(&*self.team, T::of(1.0), &self.u, &mut self.q);
         }
         let (mut force, mut stiffness) = (0.0, 0.0);
         for place in self.taken_places() {

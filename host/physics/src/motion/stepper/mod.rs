@@ -53,6 +53,7 @@ use crate::lanes::{Node, to_node, to_vec};
 use crate::team::{self, Alone, Team};
 use factor::{Factor, factors};
 use stages::Underway;
+use std::sync::Arc;
 
 /// The largest number of iterations of a step after which the next step does without what solves have learned.
 const EASY: usize = 2;
@@ -80,7 +81,7 @@ pub struct Stepper<T> {
     /// The options of the steps; they may be changed between steps.
     pub options: StepperOptions,
     /// The team that does the parts of a step. The team may be changed between steps; every team gives the same bytes.
-    pub team: &'static dyn Team,
+    pub team: Arc<dyn Team>,
     /// The topology epoch of the body for which all data here are made.
     pub(crate) epoch: u64,
     /// The place of each node, and the node at each place. Free nodes come first, in an order that keeps the factor
@@ -272,7 +273,7 @@ impl<T: Precision> Stepper<T> {
             learned: Default::default(),
             ledger: None,
             held,
-            team: &Alone,
+            team: Arc::new(Alone),
             factor: Factor::of(refresher),
             place,
             node,
@@ -317,7 +318,7 @@ impl<T: Precision> Stepper<T> {
     pub fn follow(&mut self, body: &Body) -> Result<(), CondenseError> {
         if self.epoch != body.epoch() {
             // The count continues, so that no shapes of another epoch pass for those of this linearization.
-            let (state, team) = (self.state, self.team);
+            let (state, team) = (self.state, Arc::clone(&self.team));
             let is_kept = self.ledger.is_some();
             *self = Self::new(body, self.options)?;
             (self.state, self.team) = (state, team);
@@ -363,7 +364,7 @@ impl<T: Precision> Stepper<T> {
     fn linearize(&mut self) {
         let at = &self.at;
         let nodes = (&mut *self.d, &*self.rest, &*self.node);
-        team::each_of(self.team, nodes, RUN, &|(d, rest, nodes)| {
+        team::each_of(&*self.team, nodes, RUN, &|(d, rest, nodes)| {
             for ((d, rest), &node) in d.iter_mut().zip(rest).zip(nodes) {
                 *d = to_node(&(at[node as usize] - rest));
             }
@@ -377,7 +378,7 @@ impl<T: Precision> Stepper<T> {
         self.force.fill([T::ZERO; 4]);
         self.elastic = 0.0;
         for set in &mut self.elements {
-            self.elastic += set.linearize(self.team, &self.d, &mut self.force);
+            self.elastic += set.linearize(&*self.team, &self.d, &mut self.force);
         }
     }
 
@@ -394,7 +395,7 @@ impl<T: Precision> Stepper<T> {
             (&*self.force, &*self.u),
             (&*self.node, &*self.mass),
         );
-        team::each_of(self.team, places, RUN, &|(
+        team::each_of(&*self.team, places, RUN, &|(
             residual,
             began,
             (force, u),
@@ -412,14 +413,18 @@ impl<T: Precision> Stepper<T> {
         let places = (&self.force[..free], &*self.node, &*self.mass);
         let half = self.sums.len() / 2;
         let (acting, momentum) = self.sums.split_at_mut(half);
-        let acting = team::runs(self.team, places, RUN, acting, &|(force, nodes, _)| {
+        let acting = team::runs(&*self.team, places, RUN, acting, &|(force, nodes, _)| {
             let mut acting = 0.0;
             for (force, &node) in force.iter().zip(nodes) {
                 acting += to_vec(force).norm_squared() + external(node as usize).norm_squared();
             }
             acting
         });
-        let momentum = team::runs(self.team, places, RUN, momentum, &|(force, nodes, mass)| {
+        let momentum = team::runs(&*self.team, places, RUN, momentum, &|(
+            force,
+            nodes,
+            mass,
+        )| {
             let mut momentum = 0.0;
             for ((_, &node), mass) in force.iter().zip(nodes).zip(mass) {
                 momentum += (state.v[node as usize] * (mass / h)).norm_squared();
@@ -429,7 +434,7 @@ impl<T: Precision> Stepper<T> {
         let (acting, momentum) = (total(acting), total(momentum));
         let factor = -T::of(stiffness_factor);
         for set in &mut self.elements {
-            set.product(self.team, factor, &self.u, &mut self.residual);
+            set.product(&*self.team, factor, &self.u, &mut self.residual);
         }
         self.pairs.load(&self.place, &mut self.residual);
         (self.pairs).load_springs(&self.place, &self.u, &mut self.residual);
