@@ -49,15 +49,15 @@ use physics::team::each;
 use physics::{BodyError, Team, TearReport};
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, StepFault, Stopwatch};
+use std::sync::Arc;
 use threads::{Threads, awake};
 
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<HostBody>,
     groups: Vec<Group>,
-    /// Number of threads that share a step.
-    count: usize,
-    threads: Threads,
+    /// The threads that share a step.
+    threads: Arc<Threads>,
     stats: EngineStats,
 }
 
@@ -69,20 +69,19 @@ impl Engine {
         Self {
             bodies,
             groups: Vec::new(),
-            count: 1,
-            threads: Threads::default(),
+            threads: Arc::default(),
             stats,
         }
     }
 
-    /// The engine on `count` threads of its own, the number in the recipes of the bodies. One of them is the caller's thread.
+    /// The engine on `count` threads of its own, which its bodies share. One thread is the caller's.
     #[must_use]
-    pub fn on(self, count: usize) -> Self {
-        Self {
-            count,
-            threads: Threads::new(count),
-            ..self
+    pub fn on(mut self, count: usize) -> Self {
+        self.threads = Arc::new(Threads::new(count));
+        for body in &mut self.bodies {
+            body.stepping.solver.work_with(self.threads.clone());
         }
+        self
     }
 
     /// Gives the engine's bodies the physics and the solvers of `bodies`, in the engine's order, from the next step
@@ -139,19 +138,18 @@ impl Engine {
         watch: &dyn Stopwatch,
         publish: &mut (dyn FnMut(usize, &LocalModel) + Send),
     ) {
-        let threads = core::mem::take(&mut self.threads);
-        threads.run(|| awake(|| self.step_here(due, watch, publish)));
-        self.threads = threads;
+        let threads = Arc::clone(&self.threads);
+        threads.run(|| awake(|| self.step_here(&*threads, due, watch, publish)));
     }
 
     /// Makes a step on the present thread, which leads the others.
     fn step_here(
         &mut self,
+        team: &dyn Team,
         due: Due,
         watch: &dyn Stopwatch,
         publish: &mut dyn FnMut(usize, &LocalModel),
     ) {
-        let team = threads::team(self.count);
         self.stats.steps += 1;
         let stats = &mut self.stats;
         for (index, body) in self.bodies.iter_mut().enumerate() {
@@ -180,7 +178,7 @@ impl Engine {
         }
         self.stage(team, all, &|body| body.solve(watch));
         // One thread publishes the model of a body before it finishes the next body.
-        let together = if self.count == 1 {
+        let together = if team.is_alone() {
             1
         } else {
             self.bodies.len().max(1)
@@ -232,5 +230,28 @@ impl Engine {
     /// Times and counts of the steps so far.
     pub fn stats(&self) -> &EngineStats {
         &self.stats
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use crate::world::World;
+
+    #[test]
+    fn the_threads_of_an_engine_are_its_own_and_end_with_it() {
+        let scene = Scene::embedded_default().expect("a scene");
+        let world = World::new(&scene).expect("a world");
+        let engine = || {
+            let bodies = build::bodies(&world, build::BuildOptions::default());
+            Engine::new(bodies.expect("bodies")).on(2)
+        };
+        let (one, other) = (engine(), engine());
+        assert!(!Arc::ptr_eq(&one.threads, &other.threads));
+        let threads = Arc::downgrade(&one.threads);
+        assert_eq!(threads.strong_count(), 1 + one.bodies.len());
+        drop(one);
+        assert_eq!(threads.strong_count(), 0);
     }
 }

@@ -13,9 +13,9 @@
 
 use super::background::{Background, Lost, Work};
 use super::stats::StepFault;
-use physics::team::Team;
 use physics::topology::Edit;
 use physics::{Body, Stepper, StepperOptions, Vec3};
+use std::sync::Arc;
 
 /// The work of one renewal, with the mirror.
 pub(super) struct Renewal {
@@ -29,7 +29,6 @@ pub(super) struct Renewal {
     /// The present positions by node (m).
     x: Vec<Vec3>,
     options: StepperOptions,
-    team: &'static dyn Team,
     /// Length of a step (s).
     h: f64,
     /// The result; `None` before the work has ended.
@@ -59,7 +58,6 @@ impl Renewal {
         self.mirror.set_positions(&self.x)?;
         self.mirror.reassemble();
         let mut stepper = Stepper::new(&self.mirror, self.options)?;
-        stepper.team = self.team;
         stepper.prepare(&self.mirror, self.h)?;
         Ok(stepper)
     }
@@ -106,7 +104,6 @@ impl Renewals {
                 leaving: Vec::with_capacity(room),
                 x: Vec::with_capacity(room),
                 options: stepper.options,
-                team: stepper.team,
                 h,
                 made: None,
                 spent: None,
@@ -146,6 +143,7 @@ impl Renewals {
         };
         let landed = match renewal.made.take() {
             Some(Ok(mut fresh)) => {
+                fresh.team = Arc::clone(&stepper.team);
                 let followed = renewal.catch_up(&mut fresh, journal).is_ok();
                 if followed {
                     body.halt(&renewal.leaving);

@@ -5,10 +5,11 @@ use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::MOST_PAIRS;
 use physics::{
-    Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, TearLimit,
-    Tearing,
+    Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, Team,
+    TearLimit, Tearing,
 };
 use rt_core::MAX_HANDLES;
+use std::sync::Arc;
 
 /// A step of a sheet that tears has much work if it took more iterations than this number, or if it made an edit. Its model
 /// has the shapes of the model before, so that the longest steps are shorter.
@@ -118,6 +119,17 @@ impl Solver {
             h,
             real,
         }
+    }
+
+    /// Has `team` do the parts of the steps.
+    pub(super) fn work_with(&mut self, team: Arc<dyn Team>) {
+        self.stepper.team = team;
+    }
+
+    /// Puts `other` in the place of this solver, with its team. Returns this solver.
+    pub(super) fn replace(&mut self, mut other: Self) -> Self {
+        other.work_with(Arc::clone(&self.stepper.team));
+        core::mem::replace(self, other)
     }
 
     /// Takes back a refresher that has done its work, and reads the next part of its factor.

@@ -36,7 +36,7 @@ impl Stepping {
     pub(super) fn exchange(&mut self, mut other: Self) -> Result<Body, BodyError> {
         let map = BodyMap::identity(&self.body);
         other.body.continue_from(&self.body, &map)?;
-        self.solver = other.solver;
+        self.solver.replace(other.solver);
         self.recipe = other.recipe;
         if let Some(tears) = &mut self.tears {
             // The same shape stores another energy.

@@ -35,7 +35,7 @@ const PATIENCE: f64 = 5.0;
 const LEAST_PATIENCE: f64 = 2.0;
 
 /// Times of a run, in integer nanoseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timing {
     /// The tick's period (ns).
     pub period_ns: u64,
@@ -143,15 +143,10 @@ impl Prepared {
         };
         let engine = Engine::new(build::bodies(world, how)?).on(scene.host.threads);
         let (devices, told) = devices::open(world, options.seed, options.real)?;
-        let config = controller(world, &devices)?;
-        let (end, host, log) = link(&LinkConfig {
-            bodies: scene.bodies.len(),
-            handles: scene.devices.len(),
-            ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
-        });
+        let (tick, host, log) = connect(world, devices, scene.devices.len(), LinkConfig::STALL)?;
         let period = 1.0 / scene.realtime.rate;
         Ok(Self {
-            tick: TickLoop::new(Controller::new(&config), devices, end),
+            tick,
             host,
             log,
             engine,
@@ -168,6 +163,29 @@ impl Prepared {
             told,
         })
     }
+}
+
+/// The tick of a world with its open `devices`, and the other ends of its link, which has room for models of `handles`
+/// handles and for a `stall` (s).
+///
+/// # Errors
+/// As [`Prepared::new`].
+pub(super) fn connect(
+    world: &World<'_>,
+    devices: Vec<AnyDevice>,
+    handles: usize,
+    stall: f64,
+) -> Result<(TickLoop, HostEnd, LogEnd), SceneError> {
+    let scene = &world.loaded.scene;
+    let config = controller(world, &devices)?;
+    let (end, host, log) = link(&LinkConfig {
+        bodies: scene.bodies.len(),
+        handles,
+        stall,
+        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
+    });
+    let tick = TickLoop::new(Controller::new(&config), devices, end);
+    Ok((tick, host, log))
 }
 
 /// Makes the checks of a run before its first tick, except those of the bodies, without opening a real device.
@@ -198,10 +216,7 @@ pub fn controls(
 ///
 /// # Errors
 /// As [`Prepared::new`].
-pub(super) fn controller(
-    world: &World<'_>,
-    devices: &[AnyDevice],
-) -> Result<ControllerConfig, SceneError> {
+fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConfig, SceneError> {
     let loaded = world.loaded;
     let scene = &loaded.scene;
     let period = 1.0 / scene.realtime.rate;

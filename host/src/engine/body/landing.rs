@@ -134,7 +134,7 @@ impl HostBody {
         self.hands.regrip(hands);
         Ok(Made {
             body: core::mem::replace(&mut stepping.body, body),
-            solver: core::mem::replace(&mut stepping.solver, solver),
+            solver: stepping.solver.replace(solver),
             map,
             replaced,
             hands: made_hands,
