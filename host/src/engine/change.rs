@@ -10,7 +10,7 @@ use super::background::{Lost, Work};
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::StepFault;
-use super::virtual_coupling::Link;
+use super::virtual_coupling::Spring;
 use physics::{Body, BodyError, BodyMap, HandleSpec};
 use rt_core::{MAX_DEVICES, MAX_HANDLES};
 
@@ -23,7 +23,7 @@ pub struct Grip {
     /// The device that holds it.
     pub device: u8,
     /// The link between the device and its proxy, under a scheme with proxies.
-    pub link: Option<Link>,
+    pub link: Option<Spring>,
 }
 
 /// Makes another body from a copy of the present one, such as one with a torn mesh, and the map that leads from the
@@ -120,9 +120,9 @@ impl From<Lost> for ChangeError {
     }
 }
 
-/// The source of a handle's hand after a change.
+/// The source of the hand that holds a handle after a change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Hand {
+pub(super) enum Held {
     /// The handle of the old body.
     Kept(usize),
     /// The grip of the change, by number.
@@ -136,7 +136,7 @@ pub(super) struct Made {
     /// Whether an edit replaced the body, so that `body` is no copy with other handles and supports.
     pub(super) replaced: bool,
     /// For each handle of `body`, its hand.
-    pub(super) hands: Vec<Hand>,
+    pub(super) hands: Vec<Held>,
     pub(super) solver: Solver,
 }
 
@@ -191,14 +191,14 @@ fn make(
     edits: Vec<Edit>,
 ) -> Result<Made, StepFault> {
     let mut map = BodyMap::identity(&body);
-    let mut hands: Vec<Hand> = (0..body.handle_count()).map(Hand::Kept).collect();
+    let mut hands: Vec<Held> = (0..body.handle_count()).map(Held::Kept).collect();
     let (mut joined, mut replaced) = (0, false);
     for edit in edits {
         match edit {
             Edit::Grab(grip) => {
                 body.grab(&grip.spec).map_err(ChangeError::from)?;
                 map.handles.push(None);
-                hands.push(Hand::Joined(joined));
+                hands.push(Held::Joined(joined));
                 joined += 1;
             }
             Edit::Release { handle } => {
@@ -248,7 +248,7 @@ fn make(
 }
 
 /// The hands of a replaced body's handles.
-fn continued(hands: &[Hand], step: &BodyMap) -> Result<Vec<Hand>, ChangeError> {
+fn continued(hands: &[Held], step: &BodyMap) -> Result<Vec<Held>, ChangeError> {
     let numbered = step.handles.iter().enumerate();
     numbered
         .map(|(handle, from)| {

@@ -10,7 +10,7 @@ use super::parting::Parting;
 use super::projected::Projected;
 use super::stiff::{Renderable, SeriesSprings, StiffDirection};
 use super::stored::Stored;
-use super::virtual_coupling::{Link, VirtualCoupling};
+use super::virtual_coupling::{Spring, VirtualCoupling};
 use physics::linear::dense::Square;
 use physics::{Body, Condensed, HandlePose, HandleReport, PieceSums};
 use rt_core::{
@@ -301,7 +301,7 @@ impl Publisher {
         let devices: Vec<u8> = self.devices().collect();
         self.springs = SeriesSprings::of(&devices, &self.renderable);
         if let Some(coupling) = &mut self.coupling {
-            let links: Vec<Option<Link>> = coupling.links().iter().copied().map(Some).collect();
+            let links: Vec<Option<Spring>> = coupling.links().iter().copied().map(Some).collect();
             let links = regrip.each(&links, |join| join.link);
             *coupling = VirtualCoupling::new(links.into_iter().flatten().collect());
         }

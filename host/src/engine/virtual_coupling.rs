@@ -33,14 +33,14 @@ use sim::DeviceModel;
 
 /// The spring and the damper between one device and its proxy, in the units of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Link {
+pub struct Spring {
     /// Stiffness (N/m), above zero.
     pub stiffness: f64,
     /// Damping (N s/m).
     pub damping: f64,
 }
 
-impl Link {
+impl Spring {
     /// The largest stiffness and damping that the device's driver recommends.
     pub fn recommended(device: &DeviceModel) -> Self {
         Self {
@@ -52,7 +52,7 @@ impl Link {
 
 /// Couples one body to the devices of its handles.
 pub struct VirtualCoupling {
-    links: Vec<Link>,
+    links: Vec<Spring>,
     /// The lever arm (m) at which a spring resists a turn.
     length: f64,
     /// The diagonals of `R` and `t`.
@@ -72,7 +72,7 @@ pub struct VirtualCoupling {
 
 impl VirtualCoupling {
     /// A coupling with one link for each handle.
-    pub fn new(links: Vec<Link>) -> Self {
+    pub fn new(links: Vec<Spring>) -> Self {
         let size = 6 * links.len().min(MAX_HANDLES);
         let zeros = || Square::zeros(size);
         Self {
@@ -93,7 +93,7 @@ impl VirtualCoupling {
     }
 
     /// The links, by handle.
-    pub(super) fn links(&self) -> &[Link] {
+    pub(super) fn links(&self) -> &[Spring] {
         &self.links
     }
 
@@ -127,7 +127,7 @@ impl VirtualCoupling {
         let arm = self.length;
         let rows = self.root.iter_mut().zip(&mut self.ratio).enumerate();
         for (slot, (root, ratio)) in rows {
-            let Link { stiffness, damping } = self.links[slot / 6];
+            let Spring { stiffness, damping } = self.links[slot / 6];
             let lever = if slot % 6 < 3 { 1.0 } else { arm };
             *root = 1.0 / (lever * stiffness.sqrt());
             *ratio = damping / stiffness;

@@ -10,7 +10,7 @@ pub use stages::{Stage, in_words, stages};
 
 use super::choice::{Choice, choose};
 use super::stiff::Renderable;
-use super::virtual_coupling::Link;
+use super::virtual_coupling::Spring;
 use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName, Starts, TearLawName};
 use crate::world::{self, Grasp, Kind, TearSpec, World};
@@ -49,7 +49,7 @@ pub struct BodyPlan {
     /// filter on the paths of the handles if that is longer.
     pub response: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
-    pub links: Option<Vec<Link>>,
+    pub links: Option<Vec<Spring>>,
     /// What each device of the scene can render of the body; empty under schemes that bound no stiffness.
     #[serde(skip)]
     pub renderable: Vec<Renderable>,
@@ -147,16 +147,16 @@ pub fn publishes_energy(scene: &Scene) -> bool {
 
 /// The link between the device and the proxy of each handle: with the scene's parameters, or with those that the
 /// device's driver recommends.
-pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
+pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Spring> {
     let scene = &loaded.scene;
     let each = world::grasps(scene, body).into_iter().map(|grasp| {
         let index = grasp.device;
         let device = &scene.devices[index];
-        let recommended = Link::recommended(&loaded.models[index]);
+        let recommended = Spring::recommended(&loaded.models[index]);
         // A metre of the scene is `1 / motion_scale` metres of the device. Forces scale inversely.
         let scale = device.motion_scale * device.motion_scale;
         let realtime = &scene.realtime;
-        Link {
+        Spring {
             stiffness: realtime
                 .proxy_stiffness
                 .unwrap_or(recommended.stiffness / scale),

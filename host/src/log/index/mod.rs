@@ -10,7 +10,7 @@ mod open;
 mod search;
 
 pub use decode::Decoded;
-pub use search::{BodyMoment, Place};
+pub use search::{BodyFrameAt, TickAt};
 
 use super::LogError;
 use super::overview::Overview;

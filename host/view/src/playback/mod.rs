@@ -17,7 +17,7 @@ use crate::stress::Stresses;
 use facts::Facts;
 use host::live::gather::Gatherer;
 use host::live::{Frame, Message, Playback};
-use host::log::index::{LogIndex, Place};
+use host::log::index::{LogIndex, TickAt};
 use host::log::overview::{Overview, at_most};
 use host::record::Surface;
 use std::collections::VecDeque;
@@ -55,7 +55,7 @@ pub struct Player<R> {
     /// Time of the wall since the last frame.
     waited: Duration,
     /// The position of the shown tick in the log.
-    place: Place,
+    place: TickAt,
     /// Its number.
     tick: u64,
     /// Has taken the ticks up to the one that is shown.
