@@ -8,7 +8,7 @@ use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, TetMesh};
 use physics::{Body, BodyConfig, Mat3, SolidLaw, SolidMaterial, Tangent, Vec3};
 use std::collections::BTreeSet;
-use support::expect_solid;
+use support::{expect_solid, named};
 
 /// Made by Gmsh from `solid.geo`: a box of two halves at order 2, with groups of every dimension, and
 /// values in each tetrahedron.
