@@ -77,40 +77,24 @@ struct Texture {
     corners: Vec<[u32; 3]>,
 }
 
-/// Reads a mesh from the bytes of an OBJ file. Coordinates are taken as metres.
+/// Reads a mesh from the bytes of an OBJ file. Coordinates are taken as metres. With a distance, vertices within it are
+/// merged. With a `texture_unit` (m), the texture coordinates are the flat pattern of the mesh, in that unit.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found.
-pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    parse_merged(bytes, None)
-}
-
-/// As [`parse`]. With a distance, vertices within it are merged.
-pub(crate) fn parse_merged(bytes: &[u8], merge: Option<f64>) -> Result<TriMesh, MeshFileError> {
-    let (mesh, _) = read(bytes, Reader::default(), merge)?;
-    Ok(mesh)
-}
-
-/// Reads a mesh with a flat pattern from the bytes of an OBJ file. The pattern is in the texture coordinates, whose unit is
-/// `unit` (m); positions are taken as metres.
-///
-/// # Errors
-/// The first [`MeshFileError`] found. A corner without texture coordinates is an error.
-pub fn parse_with_pattern(bytes: &[u8], unit: f64) -> Result<TriMesh, MeshFileError> {
-    parse_merged_with_pattern(bytes, unit, None)
-}
-
-/// As [`parse_with_pattern`]. With a distance, vertices within it are merged.
-pub(crate) fn parse_merged_with_pattern(
+/// The first [`MeshFileError`] found. A corner without texture coordinates is an error if they are the flat pattern.
+pub fn parse(
     bytes: &[u8],
-    unit: f64,
+    texture_unit: Option<f64>,
     merge: Option<f64>,
 ) -> Result<TriMesh, MeshFileError> {
     let reader = Reader {
-        texture: Some(Texture::default()),
+        texture: texture_unit.map(|_| Texture::default()),
         ..Reader::default()
     };
     let (mut mesh, extras) = read(bytes, reader, merge)?;
+    let Some(unit) = texture_unit else {
+        return Ok(mesh);
+    };
     let point = |corner: u32| {
         let point = extras.texture.points.get(corner as usize).copied();
         point.unwrap_or_default().map(|c| c * unit)

@@ -1,10 +1,12 @@
 //! The files for ParaView, with the values that a solution writes into them.
 
-use meshio::read;
+mod support;
+
 use meshio::write_vtu::{UnstructuredGrid, Values};
 use physics::Vec3;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use support::read;
 
 #[test]
 fn a_written_sheet_reads_back_bit_for_bit() {

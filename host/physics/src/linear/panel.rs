@@ -327,11 +327,6 @@ impl Panels {
         Cost::write(written) + Cost::read(read).again() + Cost::flops(flops)
     }
 
-    /// The supernodes.
-    pub fn supernodes(&self) -> &Supernodes {
-        &self.supernodes
-    }
-
     /// Solves in place, in f32. `r` contains the right-hand side by places and becomes the solution.
     ///
     /// Places past those of the factor are not changed. If `r` is shorter than the factor, the function does nothing.
@@ -347,24 +342,6 @@ impl Panels {
         match &mut self.numbers {
             Numbers::Single { values, work } => sweep::solve(&self.supernodes, values, work, r),
             Numbers::Packed { packed, subtrees } => subtrees.solve(team, packed, r),
-        }
-    }
-
-    /// [`solve`](Self::solve) for three right-hand sides. Each pass reads the panels of a small factor once for all
-    /// three.
-    pub fn solve_three(&mut self, r: [&mut [Node<f32>]; 3]) {
-        if r.iter().any(|r| r.len() < self.build.local.len()) {
-            return;
-        }
-        match &mut self.numbers {
-            Numbers::Single { values, work } => {
-                sweep::solve_three(&self.supernodes, values, work, r);
-            }
-            Numbers::Packed { packed, subtrees } => {
-                for r in r {
-                    subtrees.solve(&Alone, packed, r);
-                }
-            }
         }
     }
 }

@@ -261,7 +261,7 @@ impl Front {
     /// Computes the rows of the forward step.
     fn forward(&mut self, team: &dyn Team, packed: &Packed, r: &[Node<f32>]) {
         let scales = packed.slice(0..0, self.columns.clone());
-        let (rows, columns) = self.work.one();
+        let (rows, columns) = self.work.parts();
         let rows = &mut rows[..strips(&self.block)];
         scales.begin(&self.block, r, rows, columns);
         let columns = &*columns;
@@ -286,7 +286,7 @@ impl Front {
     /// Computes the columns of the backward step.
     fn backward(&mut self, team: &dyn Team, packed: &Packed, r: &[Node<f32>]) {
         let scales = packed.slice(0..0, self.columns.clone());
-        let (rows, columns) = self.work.one();
+        let (rows, columns) = self.work.parts();
         // The last number that is collected may be past the last strip.
         scales.collect(&self.block, &self.below, r, rows);
         let rows = &rows[..strips(&self.block)];
@@ -296,7 +296,7 @@ impl Front {
     /// The places of the supernode take the columns.
     fn unpack(&mut self, packed: &Packed, r: &mut [Node<f32>]) {
         let scales = packed.slice(0..0, self.columns.clone());
-        let (_, columns) = self.work.one();
+        let (_, columns) = self.work.parts();
         scales.unpack(&self.block, columns, r);
     }
 
@@ -380,7 +380,7 @@ impl Top {
             let r = &self.r;
             team::each(team, fronts, &|front| front.forward(team, packed, r));
             for front in fronts {
-                let (rows, _) = front.work.one();
+                let (rows, _) = front.work.parts();
                 add_below(&front.block, &front.below, rows, &mut self.r);
             }
         }

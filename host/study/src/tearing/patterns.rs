@@ -73,7 +73,7 @@ impl Triangles {
                 Ok((pattern.name(), rectangle.mesh()?))
             }
             Self::Obj(name, text) => {
-                let mesh = meshio::obj::parse(text.as_bytes())?;
+                let mesh = meshio::obj::parse(text.as_bytes(), None, None)?;
                 Ok((name.clone(), rectangle.of(&mesh)?))
             }
         }

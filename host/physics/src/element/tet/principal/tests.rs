@@ -3,6 +3,7 @@
 use super::*;
 use crate::element::VectorForm;
 use crate::element::elements::Elements;
+use crate::element::tet::cell::{Four, Ten};
 use crate::element::tet::shape::{Shape, Tet4, Tet10};
 use crate::element::tet::solid::Solid;
 use crate::linear::block_matrix::BlockMatrix;
@@ -43,7 +44,7 @@ fn linear<T: Real, L: Law + LaneLaw>(mesh: &TetMesh) -> Linear<L, T> {
     let Some(VectorForm::IsotropicTets(_, tets)) = solid.vector_form() else {
         unreachable!("linear tetrahedra of an isotropic law");
     };
-    Linear::linear(&tets)
+    Linear::new(&tets)
 }
 
 fn quadratic<T: Real, L: Law + LaneLaw>(mesh: &TetMesh) -> Quadratic<L, T> {
@@ -54,7 +55,7 @@ fn quadratic<T: Real, L: Law + LaneLaw>(mesh: &TetMesh) -> Quadratic<L, T> {
     let Some(VectorForm::IsotropicQuadraticTets(_, tets)) = solid.vector_form() else {
         unreachable!("quadratic tetrahedra of an isotropic law");
     };
-    Quadratic::quadratic(&tets)
+    Quadratic::new(&tets)
 }
 
 /// Displacements that stretch by a third, contract sideways and bend. The modulus is positive definite, so that
