@@ -1,4 +1,4 @@
-//! The device's side: which wrench is applied, and for how long.
+//! The device's side: the wrench that the amplifiers apply, and its duration.
 //!
 //! [`Device`] is pure: it reads no clock and no port. The firmware passes each received report to
 //! [`receive`](Device::receive), asks [`actuate`](Device::actuate) for the wrench each time it sets its amplifiers, and
@@ -17,18 +17,18 @@
 //!
 //! A wrench is applied only if its report is intact and of this version, in range and of the session; if its sequence
 //! number is newer than that of the last wrench; if it answers a state that is not older than the watchdog, and that was
-//! sent after the watchdog last let go; if it does not exceed the largest force and moment; and if `ENABLE` is set. Any
-//! other is refused and counted, and never shortened to fit. A wrench without `ENABLE` only lets go, and needs no more
-//! than the session.
+//! sent after the watchdog last let go; if it does not exceed the largest force and moment; and if `ENABLE` is set. The
+//! device refuses and counts any other wrench, and never shortens a wrench to fit. A wrench without `ENABLE` only lets
+//! go, and needs only the session.
 //!
-//! A host that computed its wrench before it could know that the watchdog let go cannot bring the force back: the first
-//! wrench that is accepted afterwards answers a state that says so.
+//! A host may compute a wrench before it can know that the watchdog let go. Such a wrench cannot bring the force back:
+//! the first wrench that the device accepts afterwards answers a state that reports the let-go.
 //!
-//! The answer to a hello takes the place of states: the capabilities and, for a device that sends counts, the geometry
-//! and the joints, one a report. A repetition of the hello during its answer changes nothing.
+//! The answer to a hello replaces states: the capabilities and, for a device that sends counts, the geometry and the
+//! joints, in one report each. A repetition of the hello during its answer changes nothing.
 //!
-//! A hello of another session opens that session, unless the device is active: a second host cannot take a device from
-//! the first. The session of a host that has gone ends with its watchdog.
+//! A hello of another session opens that session, unless the device is active, so a second host cannot take a device
+//! from the first. The session of a host that has gone ends with the watchdog of that session.
 
 use crate::report::{
     CapabilitiesReport, Condition, ENCODERS, EncodersReport, GeometryReport, HelloReport,
@@ -40,30 +40,30 @@ use core::num::NonZeroU8;
 
 /// The number of runs of states that a device remembers.
 const RUNS: usize = 32;
-/// A run is at most this part of the watchdog long, so that the runs together span a watchdog.
+/// A run lasts at most the watchdog divided by this number, so that the runs together span a watchdog.
 const PARTS: u32 = RUNS as u32 - 1;
 
-/// How the counts of one encoder become an angle or a length; see [`JointReport`].
+/// The conversion of the counts of one encoder to an angle or a length; see [`JointReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Joint {
-    /// As [`JointReport::quantity`].
+    /// See [`JointReport::quantity`].
     pub quantity: Quantity,
-    /// As [`JointReport::scale`].
+    /// See [`JointReport::scale`].
     pub scale: i64,
-    /// As [`JointReport::offset`].
+    /// See [`JointReport::offset`].
     pub offset: i32,
 }
 
-/// How the counts of a device become its pose; see [`GeometryReport`].
+/// The conversion of the counts of a device to its pose; see [`GeometryReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Geometry {
-    /// As [`GeometryReport::kinematics`].
+    /// See [`GeometryReport::kinematics`].
     pub kinematics: u16,
-    /// As [`GeometryReport::number`].
+    /// See [`GeometryReport::number`].
     pub number: u8,
-    /// As [`GeometryReport::parameters`].
+    /// See [`GeometryReport::parameters`].
     pub parameters: [i32; PARAMETERS],
-    /// The joints; those behind the number of encoders are not sent.
+    /// The joints. Joints behind the number of encoders are not sent.
     pub joints: [Joint; ENCODERS],
 }
 
@@ -82,7 +82,7 @@ impl Default for Geometry {
     }
 }
 
-/// What the device measured, in the units of a report.
+/// The measurement of the device, in the units of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measured {
     /// A pose; see [`StateReport`].
@@ -105,14 +105,14 @@ pub enum Measured {
     },
 }
 
-/// What the device knows of itself at the time of a state.
+/// The inputs of the device at the time of a state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Inputs {
     /// Pressed buttons; bit 0 is the first button.
     pub buttons: u16,
     /// The amplifiers are on.
     pub powered: bool,
-    /// The wrench in force exceeds what the device can give now.
+    /// The wrench in force exceeds the present limit of the device.
     pub limited: bool,
 }
 
@@ -149,7 +149,8 @@ pub enum Refusal {
     Mode,
     /// A wrench that is not newer than the last.
     Sequence,
-    /// A wrench that answers no state of the session, one that is too old, or one from before the watchdog let go.
+    /// A wrench that answers no state of the session, a state that is too old, or a state from before the watchdog let
+    /// go.
     Age,
     /// A wrench that exceeds the largest force or moment of the device.
     Limit,
@@ -171,7 +172,7 @@ impl fmt::Display for Refusal {
 
 impl core::error::Error for Refusal {}
 
-/// Counts of received reports by what became of them. The counts saturate.
+/// Counts of received reports by outcome. The counts saturate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Reports that were used.
@@ -194,7 +195,7 @@ pub struct Counters {
     pub mode: u32,
     /// Wrenches that were not newer than the last.
     pub sequence: u32,
-    /// Wrenches that answered no state, an old one, or one from before the watchdog let go.
+    /// Wrenches that answered no state, an old state, or a state from before the watchdog let go.
     pub age: u32,
     /// Wrenches that were too large.
     pub limit: u32,
@@ -234,17 +235,18 @@ struct Commanded {
     fresh: bool,
 }
 
-/// The answer to a hello, as far as it has not been sent.
+/// The part of the answer to a hello that has not been sent.
 #[derive(Clone, Copy, Debug)]
 struct Answer {
     hello: u16,
     hello_time_us: u32,
-    /// The part that is next: capabilities, geometry, then one joint each.
+    /// The next part: capabilities, geometry, then one joint each.
     next: u8,
 }
 
-/// States that were sent one after another within a small part of the watchdog. Each counts as old as the first, so a
-/// device of any rate needs the memory of [`RUNS`] times, and no state counts as younger than it is.
+/// States that were sent one after another within a small part of the watchdog. Each state of a run counts as old as
+/// the first. A device of any rate therefore needs the memory of only [`RUNS`] times, and no state counts as younger
+/// than it is.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     /// Sequence number of the first state.
@@ -378,7 +380,7 @@ impl Device {
     /// Takes a report that came at `now_us`.
     ///
     /// # Errors
-    /// The [`Refusal`], if the report is not used. It is counted.
+    /// The [`Refusal`] if the report is not used. The device counts refusals.
     pub fn receive(&mut self, bytes: &[u8], now_us: u32) -> Result<Accepted, Refusal> {
         self.expire(now_us);
         let result = match Report::decode(bytes) {
@@ -534,7 +536,7 @@ impl Device {
         };
         let begun = self.answer.is_some_and(|answer| answer.next > 0);
         if begun && watchdog_us == self.watchdog_us {
-            // A repetition must not begin a long answer anew each time.
+            // A repeated hello must not begin a long answer anew each time.
             return Ok(Accepted::Hello);
         }
         self.watchdog_us = watchdog_us;
@@ -560,7 +562,7 @@ impl Device {
         if report.session != self.session {
             return Err(Refusal::Session);
         }
-        // The first of a session is newer than none.
+        // The first wrench of a session counts as newer.
         let step = self
             .last
             .map_or(1, |last| report.sequence.wrapping_sub(last));
@@ -600,8 +602,8 @@ impl Device {
         Ok(Accepted::Wrench)
     }
 
-    /// Notes a state that is sent: in the newest run, or in a new one. So many runs begin at least a watchdog apart from
-    /// the first to the last.
+    /// Notes a sent state in the newest run, or in a new one. The beginnings of the first and the last run are at least
+    /// a watchdog apart.
     fn note(&mut self, sequence: u16, now_us: u32) {
         let longest_us = self.watchdog_us / PARTS;
         if let Some(run) = self.runs.get_mut(self.newest) {
@@ -622,7 +624,7 @@ impl Device {
         }
     }
 
-    /// Whether a sequence number is that of a state that was noted, and that is not older than the watchdog.
+    /// Whether a sequence number is that of a noted state that is not older than the watchdog.
     fn recent(&self, state: u16, now_us: u32) -> bool {
         self.runs.iter().any(|run| {
             state.wrapping_sub(run.first) < run.count
@@ -655,8 +657,8 @@ fn unexpected(kind: Kind) -> Refusal {
     Refusal::Report(ReportError::UnexpectedKind { found: kind as u8 })
 }
 
-/// Whether a vector is at most `most` long. The rounding of its three components, half a unit each, is allowed for by
-/// one unit.
+/// Whether a vector is at most `most` long. One unit is added to `most` for the rounding of the three components, half
+/// a unit each.
 fn within(vector: [i32; 3], most: u32) -> bool {
     // Three squares of at most 2^62 are below 2^64, and the square of 2^32 saturates.
     let squares = vector.map(|x| u64::from(x.unsigned_abs()).pow(2));

@@ -1,17 +1,18 @@
-//! The host's side: the greeting, which state each wrench answers, motion to force, and the offset between the clocks.
+//! The host's side: the greeting, the state that each wrench answers, motion to force, and the offset between the
+//! clocks.
 //!
 //! [`Host`] is pure: it reads no clock and no port. Times of the host are in ns, of any clock that never goes back.
 //!
 //! **Motion to force** is the time from the moment at which the device read its encoders to the moment at which the
-//! wrench that answers this state came into force. Each wrench names the state that it answers, and each state names the
-//! wrench in force and since when. Both moments are in the device's clock, so their difference is exact to its
-//! resolution of 1 µs, whatever the transport.
+//! wrench that answers this state came into force. Each wrench names the state that it answers. Each state names the
+//! wrench in force and the time at which this wrench came into force. Both moments are in the device's clock, so their
+//! difference is exact to the clock's resolution of 1 µs, whatever the transport.
 //!
-//! **The offset between the clocks** (device less host) is not measurable so exactly. A wrench that was sent at $t_1$
+//! **The offset between the clocks** (device less host) cannot be measured as exactly. A wrench that was sent at $t_1$
 //! and came into force at $t_2$ of the device shows that the offset is at most $t_2 - t_1$; a state that the device
-//! measured at $t_3$ and that came at $t_4$ shows that the offset is at least $t_3 - t_4$. The offset lies between both,
-//! and the estimate is the middle, with half the distance as its bound: half the round trip, less the time that the
-//! device kept the wrench (Cristian 1989; Mills 1991). Successive intervals are intersected after the older one is
+//! measured at $t_3$ and that came at $t_4$ shows that the offset is at least $t_3 - t_4$. The offset lies between
+//! both, and the estimate is the middle, with half the distance as its bound: half the round trip, less the time that
+//! the device kept the wrench (Cristian 1989; Mills 1991). Successive intervals are intersected after the older one is
 //! widened by the largest drift of two crystals, 200 ppm.
 
 use crate::report::{
@@ -31,7 +32,7 @@ const WRENCHES: usize = 64;
 /// One part in this many is the largest drift between two clocks: 200 ppm.
 const DRIFT: u64 = 5000;
 
-/// A device's own clock, continued beyond the range of its 32-bit counter, which wraps every 71 minutes.
+/// A device's own clock, extended beyond the range of its 32-bit counter, which wraps every 71 minutes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceClock {
     last: Option<u32>,
@@ -110,7 +111,7 @@ impl Interval {
         self.at_ns = now_ns;
         (self.low, self.high) = (old_low.max(low), old_high.min(high));
         if self.low > self.high {
-            // A clock was set: the past says nothing.
+            // A clock was set, so the past intervals do not count.
             (self.low, self.high) = (low, high);
         }
     }
@@ -146,10 +147,10 @@ pub enum Event {
     Encoders {
         /// The report.
         report: EncodersReport,
-        /// As in `State`.
+        /// See `State`.
         motion_to_force: Option<MotionToForce>,
     },
-    /// What the device can do.
+    /// The capabilities of the device.
     Capabilities(CapabilitiesReport),
     /// The kinematics of the device.
     Geometry(GeometryReport),
@@ -301,12 +302,12 @@ impl Host {
         self.capabilities.as_ref()
     }
 
-    /// The kinematics of the device, once they have come.
+    /// The kinematics of the device, once it has come.
     pub fn geometry(&self) -> Option<&GeometryReport> {
         self.geometry.as_ref()
     }
 
-    /// The encoders of the device, as far as they have come.
+    /// The encoders of the device that have come so far.
     pub fn joints(&self) -> &[Option<JointReport>; ENCODERS] {
         &self.joints
     }
@@ -336,7 +337,7 @@ impl Host {
     }
 
     /// The report to send at `now_ns`: the wrench `si`, or a hello as long as the device is not ready, every
-    /// [`HELLO_NS`]. `None` between two hellos, and until a state has come.
+    /// [`HELLO_NS`]. `None` between two hellos, and before the first state.
     pub fn command(&mut self, si: &WrenchSi, now_ns: u64) -> Option<[u8; LENGTH]> {
         if self.ready() {
             return self.wrench(si, now_ns);
@@ -347,7 +348,7 @@ impl Host {
         due.then(|| self.hello(now_ns))
     }
 
-    /// A hello to send at a time that is not known in the host's clock. It says nothing of the offset.
+    /// A hello to send at a time that is not known in the host's clock. This hello does not bound the offset.
     pub fn greet(&mut self) -> [u8; LENGTH] {
         let sequence = self.number();
         self.hello_report(sequence)
@@ -370,8 +371,8 @@ impl Host {
         .encode()
     }
 
-    /// The report of a wrench that answers the newest state, to send at `now_ns`; `None` until the device is ready and a
-    /// state has come. As [`WrenchReport::from_si`] otherwise.
+    /// The report of a wrench that answers the newest state, to send at `now_ns`; `None` until the device is ready and
+    /// a state has come. [`WrenchReport::from_si`] makes the report.
     pub fn wrench(&mut self, si: &WrenchSi, now_ns: u64) -> Option<[u8; LENGTH]> {
         let (state, state_time_us) = self.state.filter(|_| self.ready())?;
         let sequence = self.number();
@@ -469,7 +470,7 @@ impl Host {
 
     fn greeted(&mut self, report: &CapabilitiesReport, now_ns: u64) {
         self.capabilities = Some(*report);
-        // Its answer was late, or lost: the time of another hello says nothing.
+        // The answer was late, or lost. The time of another hello does not bound the offset.
         if let Some((sequence, sent_ns)) = self.hello
             && sequence == report.hello
         {
@@ -522,7 +523,7 @@ fn bounds(measured_ns: u64, now_ns: u64, there_ns: u64, sent_ns: u64) -> (i64, i
     (low, there.saturating_sub(signed(sent_ns)))
 }
 
-/// The report that lets the device of a session go, whatever its number.
+/// The report that lets the device of a session go, with any sequence number.
 pub fn release(session: u32, sequence: u16) -> [u8; LENGTH] {
     WrenchReport {
         sequence,

@@ -1,12 +1,12 @@
 //! Reports in a stream of bytes: a UART, a pseudoterminal, a TCP connection.
 //!
 //! A packet is the report in consistent-overhead byte stuffing (Cheshire and Baker 1999), then a zero: [`PACKET`] bytes.
-//! The stuffing takes every zero out of the report, so a zero always is an end of a packet. After any garbage, a receiver
-//! that waits for the next zero is in step again: it never searches for a marker inside the data of a packet, never goes
-//! back, and does the same bounded work for each byte. A marker in front of plain bytes would cost as much (two bytes a
-//! report), and could occur inside a report.
+//! The stuffing removes every zero from the report, so a zero always ends a packet. After any garbage, a receiver that
+//! waits for the next zero is synchronized again. The receiver never searches for a marker inside the data of a packet,
+//! never goes back, and does the same bounded work for each byte. A marker in front of plain bytes would cost as much
+//! (two bytes a report), and could occur inside a report.
 //!
-//! A sender that starts sends one zero first, which ends whatever came before. Empty packets are nothing.
+//! A sender first sends one zero, which ends all earlier bytes. Empty packets have no meaning.
 
 use crate::report::LENGTH;
 
@@ -49,10 +49,10 @@ pub fn packet(report: &[u8; LENGTH]) -> [u8; PACKET] {
     packet
 }
 
-/// Takes a stream byte by byte, and finds the reports in it. The content of a report is not checked here.
+/// Takes a stream byte by byte, and finds the reports in it. The decoder does not check the content of a report.
 ///
-/// A decoder that starts in the middle of a stream, or after garbage, is in step at the next zero: it finds every packet
-/// that follows a zero.
+/// A decoder that starts in the middle of a stream, or after garbage, is synchronized at the next zero. It finds every
+/// packet that follows a zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Decoder {
     report: [u8; LENGTH],

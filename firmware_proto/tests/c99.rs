@@ -1,5 +1,5 @@
-//! The implementation in C99 (`c/`) gives the same answers as this crate: to the golden vectors, and to random
-//! transcripts. Needs gcc, or the compiler that the environment variable `CC` names.
+//! The implementation in C99 (`c/`) gives the same answers as this crate, both to the golden vectors and to random
+//! transcripts. The tests need gcc, or the compiler that the environment variable `CC` names.
 
 mod transcript;
 
@@ -257,7 +257,7 @@ fn random_transcripts_are_the_same_in_c99() {
     let Some(program) = program() else { return };
     let all: Vec<_> = (0..40).map(|seed| random_transcript(seed, 500)).collect();
     let expected = all.concat();
-    // The transcripts reach every outcome often; a generator that only makes refusals would prove little.
+    // The transcripts must reach every outcome often. A generator that makes only refusals would prove little.
     for answer in [
         "accepted hello",
         "accepted wrench",
@@ -277,6 +277,6 @@ fn random_transcripts_are_the_same_in_c99() {
         let count = expected.matches(&format!("\n  {answer}")).count();
         assert!(count >= 5, "{answer}: {count}");
     }
-    // The stream decoder goes on over transcripts in both.
+    // The stream decoder continues over transcripts in both implementations.
     same(&run_c99(program, &expected), &run(&expected));
 }

@@ -1,4 +1,4 @@
-//! The golden vectors are what the protocol gives today: devices in use cannot follow a change.
+//! The golden vectors equal the present output of the protocol: devices in use cannot follow a change.
 
 mod transcript;
 

@@ -3,9 +3,9 @@
 //! The program `palpate` is in `program`, the studies are in `study`.
 //!
 //! - [`scene`]: TOML files that describe a run; a crate of its own.
-//! - [`world`]: a scene, built once: the bodies of the physics, what devices hold of them, where devices stand.
+//! - [`world`]: a scene, built once: the bodies of the physics, the grasps of the devices, and their mountings.
 //! - [`engine`]: the work of the host loop. It joins physics and tick.
-//! - [`snapshot`]: where the bodies are after a step, for all who show or store them.
+//! - [`snapshot`]: the positions of the bodies after a step, for viewers, logs and files.
 //! - [`run`]: runs a scene from beginning to end, under virtual or real time.
 //! - [`solve`]: solves a scene without devices for equilibrium or motion.
 //! - [`live`]: a run as viewers see it.

@@ -1,5 +1,5 @@
-//! The machine on which a program runs, as a paper states it: processor, kernel, clock, and what keeps a core from
-//! answering at once (frequency governor, sleep states).
+//! The machine on which a program runs, as a paper states it: processor, kernel, clock, and the settings that delay a core
+//! (frequency governor, sleep states).
 //!
 //! All facts come from files of the Linux kernel (`Documentation/admin-guide/pm`, `/proc/cpuinfo`) and from
 //! `/etc/os-release`. A fact that the system does not give is absent, never guessed.
@@ -18,7 +18,7 @@ pub struct Machine {
     /// Commit from which the program was built, with `+` if its sources had changed since; `None` if it was built
     /// outside of a repository.
     pub commit: Option<&'static str>,
-    /// Architecture and the vector instructions in use. Two runs under virtual time give equal bytes where these and the
+    /// Architecture and the vector instructions in use. Two runs under virtual time give equal bytes if these and the
     /// program are equal.
     pub instructions: String,
     /// Model of the processor; `None` if the system does not tell.
@@ -37,7 +37,7 @@ pub struct Machine {
     pub system: Option<String>,
     /// The hardware behind the monotonic clock, such as `tsc`.
     pub clock_source: Option<String>,
-    /// Frequency governor of the tick's core, or of the first core where the tick has none; `None` where the system
+    /// Frequency governor of the tick's core, or of the first core if the tick has none; `None` if the system
     /// does not scale frequencies.
     pub governor: Option<String>,
     /// Sleep states that the same core may enter, each with the time that it takes to wake (us).
@@ -120,7 +120,7 @@ fn pretty_name(text: &str) -> Option<String> {
     Some(value.trim_matches(['"', '\'']).to_owned())
 }
 
-/// The enabled sleep states of a core, where `line` reads the files of its folder `cpuidle`.
+/// The enabled sleep states of a core. `line` reads the files of its folder `cpuidle`.
 fn sleep_states(line: &dyn Fn(&str) -> Option<String>) -> Vec<String> {
     let states = (0..).map_while(|number| {
         let of = |name: &str| line(&format!("state{number}/{name}"));

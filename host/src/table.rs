@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::fmt::Write as _;
 
-/// The columns of a table: their names, each of which occurs once.
+/// The columns of a table: their names. Each name occurs once.
 #[derive(Clone, Debug, Default)]
 pub struct Columns {
     names: Vec<String>,
@@ -77,7 +77,7 @@ impl Cells for Line {
     }
 }
 
-/// A field of text, in quotes where it must be (RFC 4180).
+/// A field of text, in quotes if it must be (RFC 4180).
 pub fn quoted(field: &str) -> Cow<'_, str> {
     if field.contains([',', '"', '\n', '\r']) {
         Cow::Owned(format!("\"{}\"", field.replace('"', "\"\"")))
@@ -105,7 +105,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Begins the line anew.
+    /// Begins the line again.
     pub fn clear(&mut self) {
         self.text.clear();
     }
@@ -119,7 +119,7 @@ impl Line {
 
     /// Adds a number.
     pub fn number(&mut self, value: f64) {
-        // The form of `Debug` has an exponent where a plain number would be long. Writing to a string cannot fail.
+        // The form of `Debug` has an exponent if a plain number would be long. Writing to a string cannot fail.
         let _ = write!(self.next(), "{value:?}");
     }
 

@@ -1,11 +1,11 @@
 //! One device as the controller follows it: which readings the controller believes, and where the proxy continues after
 //! the device was away.
 //!
-//! A reading that no hand can have led to since the last one is rejected like a missing reading: a count that jumps, or
-//! a coordinate at the end of its range. If such readings persist, the device counts as away. Beyond the limiter's
-//! patience it gets no force. The next sound reading is then believed, and the proxy continues from where the device
-//! left it ([`crate::clutch`]). The proxy of a device that has to be engaged first
-//! waits where its handle rests.
+//! The controller rejects a reading that no motion of a hand since the last reading explains: a count that jumps, or a
+//! coordinate at the end of its range. A rejected reading counts as a missing reading. If such readings persist, the
+//! device counts as away, and gets no force once the patience of the limiter is over. The controller then believes the
+//! next sound reading, and the proxy continues from where the device left it ([`crate::clutch`]). The proxy of a device
+//! that has to be engaged first waits where the handle rests.
 
 use crate::clutch::Clutch;
 use crate::coupling::Passed;
@@ -36,15 +36,15 @@ pub(crate) struct Channel {
     pub(crate) engagement: Engagement,
     /// The force that the last stage held back.
     pub(crate) held_back: HeldBackByDevice,
-    /// The last state that was believed; at rest before the first, where the proxy waits.
+    /// The last state that was believed. Before the first, a state at rest at the place where the proxy waits.
     pub(crate) state: DeviceState,
-    /// Whether that is the state of this tick.
+    /// Whether the believed state is that of this tick.
     pub(crate) fresh: bool,
     /// The sum of the bodies' wrenches on the proxy in this tick (scene axes).
     pub(crate) wrench: Wrench,
-    /// What the last stage passed of its force, times the lever.
+    /// The part of its force that the last stage passed, times the lever.
     pub(crate) passed: Passed,
-    /// Time of that state (ns).
+    /// Time of the believed state (ns).
     seen_ns: Option<u64>,
     clutch: Clutch,
     slip: Slip,

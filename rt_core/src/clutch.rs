@@ -7,9 +7,9 @@
 //!
 //! While the force comes back, the hand feels a fraction `s` of the force `F`. If the proxy followed the whole
 //! displacement `D` of its device, the body would store `F . D` while the hand supplied `s F . D`. A cap on the energy
-//! does not give back what no hand supplied, so the hold that follows would be too soft. The proxy therefore follows by
-//! the same fraction: its displacement is `s D`, and its rotation is the fraction `s` of the device's. The clutch is
-//! then a transformer: it neither makes nor dissipates energy.
+//! gives back only what a hand supplied, so the hold that follows would be too soft. The proxy therefore follows by the
+//! same fraction: its displacement is `s D`, and its rotation is the fraction `s` of the device's. The clutch is then a
+//! transformer: it neither makes nor dissipates energy.
 
 use crate::device::DeviceState;
 use crate::device_frame::DeviceFrame;
@@ -27,7 +27,7 @@ impl Clutch {
         Self::default()
     }
 
-    /// The clutch before the first tick: open where the force of `limiter` has yet to come in. The proxy then waits
+    /// The clutch before the first tick: open if the force of `limiter` has yet to come in. The proxy then waits
     /// until the device is engaged, wherever the hand holds the device.
     pub fn before(limiter: &Limiter) -> Self {
         Self {
@@ -40,8 +40,8 @@ impl Clutch {
         self.slips
     }
 
-    /// Follows the device from its state `before` to its state `now`. `limiter` tells the fraction of the force that
-    /// passed last; `frame` slips by the rest of the displacement.
+    /// Follows the device from its state `before` to its state `now`. `limiter` knows the fraction of the force that
+    /// passed last. `frame` slips by the rest of the displacement.
     pub fn follow(
         &mut self,
         limiter: &Limiter,

@@ -26,7 +26,7 @@ use core::ops::DerefMut;
 /// Configuration of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceConfig {
-    /// Where it stands in the scene.
+    /// Place and axes of the device in the scene.
     pub frame: DeviceFrame,
     /// Limits of the commands to the device.
     pub safety: SafetyConfig,
@@ -227,8 +227,8 @@ impl Controller {
         self.tick_at(time.into(), readings)
     }
 
-    /// The tick with a time of one type. A generic function is compiled in the crate that calls it, where its phases are
-    /// not inlined: some 300 instructions more.
+    /// The tick with a time of one type. The compiler compiles a generic function in the crate that calls it, and does
+    /// not inline its phases there. That costs some 300 instructions more.
     fn tick_at(
         &mut self,
         time: TickTime,
@@ -259,7 +259,7 @@ impl Controller {
         (commands, telemetry)
     }
 
-    /// The first phase: finds where each hand leads its proxy.
+    /// The first phase: finds the pose to which each hand leads its proxy.
     fn read(&mut self, time: TickTime, readings: &[Reading; MAX_DEVICES], hands: &mut Proxies) {
         let mut couplings = self.couplings.iter();
         if couplings.any(|coupling| coupling.asks_for_slips()) {
@@ -292,7 +292,7 @@ impl Controller {
         self.has_slips = channels.any(|channel| channel.slipped().is_some());
     }
 
-    /// Where the proxies are that these `hands` lead, with their slips.
+    /// The poses of the proxies that these `hands` lead, with their slips.
     #[cold]
     #[inline(never)]
     fn slipped(&self, hands: &Proxies, telemetry: &mut Telemetry) -> Proxies {
@@ -357,7 +357,7 @@ impl Controller {
         for (channel, (command, record)) in self.channels.iter_mut().zip(outputs) {
             let (device, actuated) = (channel.device, channel.limiter.actuated());
             if let Freedom::Along(axes) = actuated {
-                // The mechanism bears the force along the other axes. No account may take that force as rendered.
+                // The mechanism carries the force along the other axes. No account may take that force as rendered.
                 let frame = &channel.frame;
                 let here = forces.iter_mut().take(bodies);
                 for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
@@ -402,7 +402,7 @@ impl Controller {
             record.device_time_ns = channel.state.device_time_ns;
             record.fresh = fresh;
             record.safety = state;
-            // The grip takes this force up: neither the hand nor the scene has any part in it.
+            // The weight of the grip takes this force up. Neither the hand nor the scene feels the force.
             command.force += channel.limiter.grip_force();
         }
         commands
@@ -423,7 +423,7 @@ impl Controller {
         }
     }
 
-    /// Ends the tick, just before its commands leave, `took_ns` after the tick woke. Where the loop stood still within the
+    /// Ends the tick, just before its commands leave, `took_ns` after the tick woke. If the loop stood still within the
     /// tick, every device whose watchdog may have let go gets zero in place of its command, and the force returns along a
     /// ramp.
     pub fn end(
@@ -499,7 +499,7 @@ type Forces = [[Wrench; MAX_DEVICES]; MAX_BODIES];
 /// The fractions of the force and of the moment asked for that are left in the command.
 fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
     if asked == command {
-        // Also where the forces of several bodies cancel.
+        // The forces of several bodies may also cancel.
         return [1.0, 1.0];
     }
     let fraction = |asked: f64, left: f64| {
@@ -540,8 +540,8 @@ pub enum Stage {
     Written(usize),
 }
 
-/// As [`cycle`], and calls `watch` after each stage. After [`Stage::Computed`], `watch` returns the time since the tick
-/// woke (ns), or zero where no clock runs.
+/// Does what [`cycle`] does, and calls `watch` after each stage. After [`Stage::Computed`], `watch` returns the time
+/// since the tick woke (ns), or zero if no clock runs.
 pub fn cycle_watched<D: Device + ?Sized>(
     controller: &mut Controller,
     devices: &mut [impl DerefMut<Target = D>],
@@ -551,7 +551,7 @@ pub fn cycle_watched<D: Device + ?Sized>(
     let time = time.into();
     watch(Stage::Begun);
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
-    // Not `enumerate`: as far as the compiler knows, its count could overflow.
+    // Not `enumerate`: the compiler does not know that its count cannot overflow.
     for ((device, reading), index) in devices.iter_mut().zip(&mut readings).zip(0..MAX_DEVICES) {
         *reading = device.read(time.now_ns);
         watch(Stage::Read(index));

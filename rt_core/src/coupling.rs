@@ -1,11 +1,11 @@
 //! The coupling: from the newest local model of a body to a wrench on each hand that never jumps.
 //!
-//! **Change of model.** The old model is re-expressed at the reference of the new one. Its reference wrench is chosen
-//! such that at the present poses and velocities its wrench equals the wrench rendered before. Then wrench, stiffness
-//! and damping pass linearly to those of the new model. The blend takes half a publication period (as in the multirate
-//! study), or half the time since the last model if that is longer, and at least two ticks. A model that arrives during
-//! a blend starts from the blended model. The force of a hand that the new model no longer names fades to zero
-//! (`coupling/leaving.rs`). Where a body parts into pieces, its energies part (`coupling/parting.rs`).
+//! **Change of model.** The old model is re-expressed at the reference of the new one. The reference wrench of the old
+//! model is chosen such that the model's wrench at the present poses and velocities equals the wrench rendered before.
+//! Wrench, stiffness and damping then pass linearly to those of the new model. The blend takes half a publication
+//! period (as in the multirate study), or half the time since the last model if that is longer, and at least two ticks.
+//! A model that arrives during a blend starts from the blended model. The force of a hand that the new model no longer
+//! names fades to zero (`coupling/leaving.rs`). If a body parts into pieces, its energies part (`coupling/parting.rs`).
 //!
 //! **Energy.** Under every scheme, the work of the hands is accounted for ([`crate::passivity`]). Under `capped`, the
 //! wrench is limited by that account. Under `classic`, hands that got more energy than they supplied are damped.
@@ -49,7 +49,7 @@ pub struct CouplingConfig {
     pub passivity: PassivityConfig,
 }
 
-/// What a device passes of the force asked for, in a tick.
+/// The part of the force asked for that a device passes in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passed {
     /// The fraction of the force that it renders.
@@ -288,7 +288,7 @@ impl Coupling {
         self.tick_slipped(now_ns, devices, devices)
     }
 
-    /// As [`Self::tick`], where the `hands` would lead their proxies to other poses than those of `devices`: proxies have
+    /// As [`Self::tick`], if the `hands` would lead their proxies to other poses than those of `devices`: proxies have
     /// slipped.
     pub(crate) fn tick_slipped(
         &mut self,
@@ -335,7 +335,7 @@ impl Coupling {
     }
 
     /// Takes the wrenches that the devices, by index, were finally commanded to hold for this body (scene axes), and
-    /// what passed of the force asked for.
+    /// the part that passed of the force asked for.
     pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[Passed; MAX_DEVICES]) {
         let mut weights = [[Vec3::zeros(); 2]; MAX_DEVICES];
         let trust = smooth_step(self.trust);
@@ -391,7 +391,7 @@ impl Coupling {
         self.counters
     }
 
-    /// Whether a time lies farther ahead of the last tick than a model may lie behind it.
+    /// Whether a time is farther ahead of the last tick than the age that a model may have.
     fn is_to_come(&self, time_ns: u64) -> bool {
         self.ticked_ns.is_some_and(|ticked| {
             let ahead = time_ns.saturating_sub(ticked) as f64 * 1e-9;
@@ -440,9 +440,9 @@ impl Coupling {
         count_one(&mut self.counters.accepted);
     }
 
-    /// Energy of the model as rendered so far (J), which the change of model must preserve. `None` for other schemes
-    /// than `capped`, and before the first model: then the energy that the body stores is its own, though its force is
-    /// yet to come.
+    /// Energy of the model as rendered so far (J). The change of model must preserve this energy. `None` for other
+    /// schemes than `capped`. `None` before the first model, too: the energy that the body stores then is its own,
+    /// although its force is yet to come.
     fn stored_before(&self, devices: &[(Pose, Twist)]) -> Option<f64> {
         let has_energy = self.config.scheme == Scheme::Capped && self.to.head.handle_count > 0;
         let (still, at_rest) = ([Lead::none(); MAX_HANDLES], [Vec6::zeros(); MAX_HANDLES]);
@@ -485,7 +485,7 @@ impl Coupling {
                 .zip(before.iter().zip(weights.iter()))
                 .find(|(old, _)| old.device == handle.device);
             let force = old.map_or(Wrench::zero(), |(_, (wrench, _))| *wrench);
-            // The former weight; that of the new model where a hand joins.
+            // The former weight; that of the new model if a hand joins.
             handle.weight = old.map_or(handle.weight, |(_, (_, weight))| *weight);
             let drift = handle.drift.stacked() * ahead;
             let wrench = Wrench::from_stacked(&(force.stacked() + fall - drift));
@@ -522,8 +522,8 @@ impl Coupling {
         ticks.max(left)
     }
 
-    /// Notes the force that the cap and the fade of an old model hold back, where `trust` is the fraction of
-    /// `wrenches` that is rendered. The force that grows before the first fade is the start of a run.
+    /// Notes the force that the cap and the fade of an old model hold back. `trust` is the fraction of `wrenches` that
+    /// is rendered. The force that grows before the first fade belongs to the start of a run, and does not count.
     fn note_held_back(&mut self, now_ns: u64, trust: f64, wrenches: &[Wrench; MAX_HANDLES]) {
         let Withheld { force, of } = self.passivity.withheld();
         if force > 0.0 {
@@ -583,7 +583,7 @@ fn same_handles(a: &LocalModel, b: &LocalModel) -> bool {
     a.head.handle_count == b.head.handle_count && pairs.all(|(a, b)| a.device == b.device)
 }
 
-/// Whether the handles of two models are in the same hands and on the same pieces, as far as both models have handles.
+/// Whether the handles that both models have are in the same hands and on the same pieces.
 fn same_hands_and_pieces(a: &impl PublishedModel, b: &LocalModel) -> bool {
     let mut pairs = a.rows().iter().zip(b.handles());
     pairs.all(|(a, b)| a.device == b.device && a.piece == b.piece)

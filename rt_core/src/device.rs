@@ -18,12 +18,12 @@ pub struct DeviceState {
     pub buttons: u32,
     /// Time of the device's own clock (ns). The driver extends the device's wrapping counter.
     pub device_time_ns: u64,
-    /// What the device says of the wrenches that it is commanded.
+    /// The device's report on the commanded wrenches.
     pub rendering: Rendering,
 }
 
-/// What a device says of the wrenches that it is commanded. The tick commands no force to a device that renders none,
-/// so the force returns along a ramp ([`crate::safety`]).
+/// A device's report on the commanded wrenches. The tick commands no force to a device that renders none, so the force
+/// returns along a ramp ([`crate::safety`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rendering {
     /// The device renders the wrenches, or its protocol does not tell.
@@ -125,7 +125,7 @@ pub struct Capabilities {
     pub actuated: Freedom,
     /// Largest force (N).
     pub max_force: f64,
-    /// Largest moment (N m); zero where the device actuates no rotation.
+    /// Largest moment (N m); zero if the device actuates no rotation.
     pub max_moment: f64,
     /// Radius of the largest ball about the device's origin that lies inside the workspace (m).
     pub workspace_radius: f64,
@@ -150,7 +150,7 @@ pub struct Probe {
     pub on_hand: f64,
 }
 
-/// Why a report cannot be used, in any protocol.
+/// The reason why a report cannot be used, in any protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Corruption {
     /// The report is too short or too long.
@@ -170,7 +170,7 @@ pub enum Corruption {
     Range,
 }
 
-/// Why a device gave no state or took no wrench.
+/// The reason why a device gave no state or took no wrench.
 ///
 /// The type is `Copy` and holds no text, so the tick may construct it. `Display` is for use outside the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -199,14 +199,14 @@ pub trait Device {
     /// Reads the newest state of the device. `now_ns` is the nominal time of the tick.
     ///
     /// # Errors
-    /// [`DeviceError`] where no report is new or none can be trusted. The loop then keeps the last state and counts the
+    /// [`DeviceError`] if no report is new or none can be trusted. The loop then keeps the last state and counts the
     /// error.
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError>;
 
     /// Commands a wrench on the hand (N, N m, device axes). The device holds the wrench until the next command.
     ///
     /// # Errors
-    /// [`DeviceError`] where the device cannot take the command.
+    /// [`DeviceError`] if the device cannot take the command.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError>;
 
     /// The quantities that only a simulation knows; `None` for a real or recorded device. A wrapper returns the probe
@@ -215,13 +215,13 @@ pub trait Device {
         None
     }
 
-    /// The time from the reading of the encoders to the force that answers it, in the device's own clock (ns), where the
-    /// last read showed it. `None` where it showed none, or where the device does not tell.
+    /// The time from the reading of the encoders to the force that answers this reading, in the device's own clock
+    /// (ns). `None` if the last read showed no such time, or if the device does not report one.
     fn motion_to_force_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Number of commanded wrenches that the device itself refused so far. `None` where the device does not tell.
+    /// Number of commanded wrenches that the device itself refused so far. `None` if the device does not report it.
     fn refused_wrenches(&self) -> Option<u64> {
         None
     }
@@ -248,5 +248,5 @@ impl<D: Device + ?Sized> Device for &mut D {
     }
 }
 
-/// A device's reading in one tick: its state, or why there is none.
+/// A device's reading in one tick: its state, or the reason why there is none.
 pub type Reading = Result<DeviceState, DeviceError>;

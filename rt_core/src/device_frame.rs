@@ -1,4 +1,4 @@
-//! The device frame: where a device stands in the scene, and with it where its proxy is.
+//! The device frame: the place and the axes of a device in the scene, which give the pose of its proxy.
 //!
 //! "The proxy position is directly coupled to the device position, at haptic rate, as an affine function
 //! of the device position" (thesis, chapter 4, section 5). The same map, transposed, brings the wrench
@@ -28,7 +28,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceFrame {
-    /// Where the device's origin lies in the scene (m).
+    /// Position of the device's origin in the scene (m).
     pub origin: Vec3,
     /// From device axes to world axes.
     pub rotation: UnitQuaternion<f64>,
@@ -108,7 +108,7 @@ impl DeviceFrame {
     }
 
     /// The inverse of [`Self::to_device`]: the wrench on the proxy (world axes) that a device's wrench (its own axes)
-    /// renders. Zero where a scale is zero.
+    /// renders. Zero if a scale is zero.
     pub fn on_proxy(&self, wrench: &Wrench) -> Wrench {
         let back = |scale: f64| if scale == 0.0 { 0.0 } else { 1.0 / scale };
         Wrench {

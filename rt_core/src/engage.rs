@@ -1,12 +1,12 @@
 //! Engagement: whether a device may render force at all.
 //!
-//! A device starts **disarmed** where its configuration asks for that. An order of the operator, or a button of the
-//! device, arms it. A device with a **dead-man button** renders force only while the hand holds the button. An
-//! **emergency stop**, by an order or by a button of any device, stops every device at once, and each has to be armed
-//! again. The last stage ([`crate::safety`]) lets the force fade or return accordingly.
+//! A device starts **disarmed** if its configuration asks for that. An order of the operator, or a button of the
+//! device, arms the device. A device with a **dead-man button** renders force only while the hand holds the button. An
+//! **emergency stop**, by an order or by a button of any device, stops every device at once. Each device must then be
+//! armed again. The last stage ([`crate::safety`]) lets the force fade or return accordingly.
 //!
-//! Buttons and orders arrive as bits of [`DeviceState::buttons`](crate::DeviceState). So a log of the readings holds
-//! them, and a replay engages at the same ticks. The orders use the two highest bits, which no device may set.
+//! Buttons and orders arrive as bits of [`DeviceState::buttons`](crate::DeviceState). A log of the readings therefore
+//! contains them, and a replay engages at the same ticks. The orders use the two highest bits, which no device may set.
 
 use crate::geometry::Vec3;
 
@@ -24,7 +24,7 @@ pub struct EngageConfig {
     pub armed: bool,
     /// Buttons that arm the device when the hand presses one of them.
     pub arm: u32,
-    /// Buttons of which the hand holds one while the device renders force.
+    /// Dead-man buttons: the device renders force only while the hand holds one of them.
     pub dead_man: u32,
     /// Buttons that stop every device.
     pub stop: u32,
@@ -32,10 +32,10 @@ pub struct EngageConfig {
     /// that is engaged from the start, and [`SafetyConfig::recovery`](crate::safety::SafetyConfig::recovery) to every
     /// later engagement.
     pub ramp: f64,
-    /// The force that bears the weight of the grip while the device is engaged (N, device axes). The force does no work
-    /// on the hand, because the grip takes it up: no account counts it.
+    /// The force that carries the weight of the grip while the device is engaged (N, device axes). The weight takes the
+    /// force up, so the force does no work on the hand, and no account counts it.
     pub grip_force: Vec3,
-    /// Where the proxy waits until the device is engaged for the first time, as a position of the device (m).
+    /// Position of the device (m) at which the proxy waits until the device is engaged for the first time.
     pub waits_at: Vec3,
 }
 
@@ -215,8 +215,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a device and an operator do, force needs an order or a press after the last stop, and the dead-man
-        /// button.
+        /// For any actions of a device and an operator, force needs an order or a press after the last stop, and the
+        /// dead-man button.
         #[test]
         fn force_needs_an_order_after_the_last_stop_and_the_dead_man_button(
             states in prop::collection::vec(any::<u32>(), 1..60),

@@ -1,17 +1,17 @@
 //! The heat of a device's motors: a limit on the mean square of the force.
 //!
 //! A motor heats with the square of its current, and cools with a time constant. The mean square `q` of the force over
-//! that time follows `dq/dt = (F^2 - q) / T`, so `q <= F_c^2` keeps the motor as cool as the force `F_c` for ever. Up to
-//! half of that heat, the device renders its largest force. Above, the largest force falls linearly and reaches `F_c` at
-//! the whole heat: the limit never makes a force jump, and `q` never passes `F_c^2`.
+//! that time follows `dq/dt = (F^2 - q) / T`, so `q <= F_c^2` keeps the motor as cool as the continuous force `F_c`. Up
+//! to half of that heat, the device renders its largest force. Above half, the largest force falls linearly, and
+//! reaches `F_c` at the whole heat. The limit therefore never makes a force jump, and `q` never passes `F_c^2`.
 
 /// The part of the heat from which the largest force falls.
 const WARM: f64 = 0.5;
 
-/// The heat that the motors of a device bear.
+/// The heat that the motors of a device withstand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatConfig {
-    /// The force that the device may render for ever (N); infinite where nothing limits the heat.
+    /// The force that the device may render continuously (N); infinite if the heat has no limit.
     pub continuous_force: f64,
     /// Time constant of the motors' cooling (s).
     pub time: f64,
@@ -32,7 +32,7 @@ impl Default for HeatConfig {
 /// ```
 /// use rt_core::heat::{Heat, HeatConfig};
 ///
-/// // 8 N at most, and 2 N for ever.
+/// // 8 N at most, and 2 N continuously.
 /// let config = HeatConfig { continuous_force: 2.0, time: 10.0 };
 /// let mut heat = Heat::default();
 /// assert_eq!(heat.largest_force(&config, 8.0), 8.0);
@@ -90,7 +90,7 @@ mod tests {
             heat.note(&config, 3.0, period);
             let passed = f64::from(tick) * period / config.time;
             let expected = 3.0 * libm::sqrt(1.0 - libm::exp(-passed));
-            // A step of a tick errs by half of the tick's part of the time constant.
+            // A step of one tick errs by half of the ratio of the tick to the time constant.
             let found = heat.root_mean_square();
             assert!(
                 (found - expected).abs() < 1e-3,
@@ -113,7 +113,7 @@ mod tests {
             let found = Heat { mean_square }.largest_force(&config, 8.0);
             assert!((found - largest).abs() < 1e-12, "{heat}: {found}");
         }
-        // A device that may render its largest force for ever never gets hot.
+        // A device that may render its largest force continuously never gets hot.
         let hot = Heat { mean_square: 100.0 };
         for most in [1.0, 2.0] {
             assert_eq!(hot.largest_force(&config, most), most);
@@ -121,7 +121,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the scene asks for, the mean square of the force stays below that of the continuous force, and the
+        /// For any force of the scene, the mean square of the force stays below that of the continuous force, and the
         /// largest force changes by less than a hand can feel from one tick to the next.
         #[test]
         fn the_mean_square_stays_below_that_of_the_continuous_force(

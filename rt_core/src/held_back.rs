@@ -1,8 +1,8 @@
-//! How much of a force did not reach the hand, by cause, over a run.
+//! The part of a force that did not reach the hand, by cause, over a run.
 //!
 //! The cap and the age of a model hold back the force of a body; the last stage holds back the force of a device. Each
-//! cause has one [`HeldBack`]: how long the force was smaller than it would have been without that cause, by how much,
-//! and when. The sums only grow and use constant memory, so a summary needs no record of the ticks.
+//! cause has one [`HeldBack`]. It tells when the force was smaller than without that cause, for how long, and by how
+//! much. The sums only grow and use constant memory, so a summary needs no record of the ticks.
 
 use crate::geometry::Vec3;
 use crate::safety::SafetyState;
@@ -12,7 +12,7 @@ pub const LEAST_FRACTION: f64 = 0.01;
 /// Smallest force that counts as held back (N). A hand cannot notice a smaller one.
 pub const LEAST_FORCE: f64 = 0.02;
 
-/// Whether a hand can notice that `held` of a `whole` force (N) does not reach it.
+/// Whether a hand can notice that the part `held` of a `whole` force (N) is missing.
 pub fn is_noticeable(held: f64, whole: f64) -> bool {
     held > LEAST_FORCE.max(LEAST_FRACTION * whole)
 }
@@ -69,7 +69,7 @@ impl HeldBack {
         }
     }
 
-    /// Mean of the held-back force over the ticks in which it was held back (N); zero where there were none.
+    /// Mean of the held-back force over the ticks in which it was held back (N); zero if there were none.
     pub fn mean(&self) -> f64 {
         if self.ticks == 0 {
             0.0
@@ -79,7 +79,7 @@ impl HeldBack {
     }
 }
 
-/// What held back the force of one device: the causes of the last stage. Forces are those on the hand.
+/// The causes in the last stage that held back the force of one device. Forces are those on the hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeldBackByDevice {
     /// The largest force or moment of the device.
@@ -109,8 +109,8 @@ pub struct HeldBackByDevice {
 }
 
 impl HeldBackByDevice {
-    /// Notes the force `asked` for at `now_ns` (ns) and the force that the last stage `passed`, in which it was in
-    /// `state`.
+    /// Notes the force `asked` for at `now_ns` (ns), the force that the last stage `passed`, and the `state` of that
+    /// stage.
     pub(crate) fn note(&mut self, state: SafetyState, now_ns: u64, asked: &Vec3, passed: &Vec3) {
         // Nearly every tick passes the whole force, and then there is nothing to compute.
         if asked == passed {
@@ -135,12 +135,12 @@ impl HeldBackByDevice {
     }
 }
 
-/// What held back the force of one body. Forces are those at the handle with the largest force (scene).
+/// The causes that held back the force of one body. Forces are those at the handle with the largest force (scene).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeldBackByBody {
     /// The cap: the part of the local model's spring force.
     pub capped: HeldBack,
-    /// The age of the model, once a model had grown too old: the force fades, and returns later.
+    /// The age of the model: after a model has grown too old, the force fades, and returns later.
     pub aged: HeldBack,
 }
 

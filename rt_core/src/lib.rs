@@ -10,8 +10,8 @@
 //! - The crate knows neither scenes, meshes nor wire formats. The physics publishes its results as a [`LocalModel`].
 //! - Units are SI. World axes are the scene's; a device's own axes end in its [`device_frame::DeviceFrame`].
 //!
-//! Read [`controller`] first: it gives the order of a tick. Then read [`local_model`] (what the host publishes),
-//! [`coupling`] (how a model becomes a force) and [`safety`] (what limits a command).
+//! Read [`controller`] first: it gives the order of a tick. Then read [`local_model`] (the publications of the host),
+//! [`coupling`] (from a model to a force) and [`safety`] (the limits of a command).
 #![no_std]
 #![forbid(unsafe_code)]
 // The lints of the control law; `clippy.toml` lists what they forbid. The lints see only the source.

@@ -36,10 +36,10 @@ pub use tear_limit::TearLimit;
 /// The reference state of one handle in a [`LocalModel`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleReference {
-    /// Index of the device that holds it.
+    /// Index of the device that holds the handle.
     pub device: u8,
-    /// Number of the piece of the body that it is on; zero in a whole body. The pieces have the numbers from zero on.
-    /// While the topology stays, the number stays.
+    /// Number of the piece of the body to which the handle belongs; zero in a whole body. The numbers of the pieces
+    /// begin at zero. The number stays while the topology stays.
     pub piece: u8,
     /// Pose at the reference state (world axes).
     pub pose: Pose,
@@ -47,18 +47,18 @@ pub struct HandleReference {
     pub twist: Twist,
     /// Wrench on the hand at the reference state, without the inertia of the handle itself.
     pub wrench: Wrench,
-    /// Outward normal of a contact that can push the hand but not pull it; zero where the hand holds the handle
+    /// Outward normal of a contact that can push the hand but not pull it; zero if the hand holds the handle
     /// permanently.
     pub contact: Vec3,
     /// The body's weight on the handle (N): the part of the wrench's force that stays the same wherever the handle
-    /// goes. The weight is a potential, so it gives back the work that lifting took. Zero is always safe. Where the
+    /// goes. The weight is a potential, so it gives back the work that lifting took. Zero is always safe. If the
     /// weight differs from that of the model before, the tick blends the two.
     pub weight: Vec3,
     /// The part of the wrench's rate that the stiffness does not predict (N/s, N m/s): `w0' + K v0`. Zero is always
     /// safe.
     pub drift: Wrench,
     /// Slope of `sqrt(G)` of the nearest tip by the displacement of the handle (sqrt(J/m2) per m, then per rad):
-    /// [`TearLimit`]. Unused where the model has no limit.
+    /// [`TearLimit`]. Unused if the model has no limit.
     pub tear_slope: Vec6,
 }
 
@@ -182,14 +182,14 @@ fn clip(force: &mut Vec3, normal: &Vec3) -> bool {
     along < 0.0
 }
 
-/// Why a local model cannot be used.
+/// The reason why a local model cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModelFault {
     /// A number of the model is not finite, or its period or horizon is not positive.
     NotFinite,
     /// The model names no handles, more handles than a body can have, or a device that does not exist. The same fault
-    /// tells that the handles or their pieces differ from those of the model in use, though the topology did not change,
-    /// and that a number of a piece is not below the number of handles.
+    /// stands for handles or pieces that differ from those of the model in use although the topology did not change,
+    /// and for a number of a piece that is not below the number of handles.
     Handles,
     /// The model is not newer than the one in use, or its topology is older.
     Outdated,
@@ -273,7 +273,7 @@ impl LocalModel {
         response
     }
 
-    /// The extrapolated wrench on each hand, where the drift has acted for `ahead` (s).
+    /// The extrapolated wrench on each hand, after the drift has acted for `ahead` (s).
     pub fn wrenches(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
@@ -298,8 +298,8 @@ impl LocalModel {
         PublishedModel::check(self)
     }
 
-    /// The fraction of each handle's own damping that is rendered where each device renders at most `most` (N s/m,
-    /// N m s/rad): of displacements, and of turns.
+    /// The fraction of each handle's own damping that is rendered, for displacements and for turns, if each device
+    /// renders at most `most` (N s/m, N m s/rad).
     pub fn rendered_damping(&self, most: impl Fn(u8) -> [f64; 2]) -> [[f64; 2]; MAX_HANDLES] {
         let mut fractions = [[1.0; 2]; MAX_HANDLES];
         let n = usize::from(self.head.handle_count);

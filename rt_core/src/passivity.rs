@@ -1,23 +1,24 @@
-//! The energy that passes between hands and a body: an account of it, and a cap on what the body may give back.
+//! The energy that passes between hands and a body: its account, and a cap on the energy that the body may give back.
 //!
 //! **Account.** A device holds a wrench `w` while it moves by `D`: the hands supply `-w . D`. The sum over the ticks
 //! and over all devices on one body is the net work of the hands, exact for any scheme. If the sum falls below zero by
-//! more than the energy stored at the start, energy has been made. The sums are cumulative, so a lost record loses
-//! nothing.
+//! more than the energy stored at the start, energy has been generated. The sums are cumulative, so no information is
+//! lost with a record.
 //!
 //! **Cap.** `passivity/cap.rs` limits the energy that a body gives back to that account. `passivity/classic.rs` takes
 //! energy back after the fact instead.
 //!
-//! **Weight** is a potential, and so no concern of the cap: it gives back exactly the work that lifting took. `F_s`,
-//! `V` and `H` leave the weight out, and the account keeps it apart. A device may render only a fraction `s` of a weight
-//! `g`: the host is late, or the force of the device fades or comes in. A hand that moves meanwhile is spared the work `R = -(1 - s) g . D`. Where the
-//! weight itself changes by `dg` at the place `p`, its potential changes by `R = -dg . (p - p_0)`. The sum of these
-//! works is signed: a hand that goes up and comes back down to the same height without the weight owes nothing. As long as
-//! the sum is positive, the hands have been spared that work, and the cap has that much less to spend. A hand that rests
-//! while a weight goes and returns is spared nothing, so the springs keep their credit, and their force does not jump.
+//! **Weight** is a potential, so the cap need not limit it: it gives back exactly the work that lifting took. `F_s`,
+//! `V` and `H` leave the weight out, and the account keeps it apart. A device may render only a fraction `s` of a
+//! weight `g`, because the host is late, or because the force of the device fades or comes in. A hand that moves at
+//! such a time is spared the work `R = -(1 - s) g . D`. If the weight itself changes by `dg` at the place `p`, its
+//! potential changes by `R = -dg . (p - p_0)`. The sum of these works is signed: a hand that goes up and comes back
+//! down to the same height without the weight owes nothing. While the sum is positive, the hands have been spared that
+//! work, and the credit of the cap is smaller by that work. A hand that rests while a weight goes and returns is spared
+//! no work, so the springs keep their credit, and their force does not jump.
 //!
-//! **Pieces.** Each piece of a torn body has its own credit, for hands on different pieces cannot pass energy to each
-//! other (`passivity/pieces.rs`). The account of the body is the sum. `classic` knows only the sum.
+//! **Pieces.** Each piece of a torn body has its own credit, because hands on different pieces cannot pass energy to
+//! each other (`passivity/pieces.rs`). The account of the body is the sum. `classic` knows only the sum.
 
 mod cap;
 mod classic;
@@ -60,9 +61,9 @@ pub struct Port {
     pub most_turning_damping: f64,
     /// Newtons at the hand per newton in the scene, beside the factor that the motion scale implies.
     pub force_scale: f64,
-    /// Position change of one encoder count (m); zero where the device has no counts.
+    /// Position change of one encoder count (m); zero if the device has no counts.
     pub count: f64,
-    /// Fastest change of the device's force (N/s); infinite where there is no slew limit. A force that cannot fall at
+    /// Fastest change of the device's force (N/s); infinite if there is no slew limit. A force that cannot fall at
     /// once continues to do work. The cap keeps credit back for that work.
     pub max_slew: f64,
 }
@@ -104,8 +105,9 @@ pub struct PassivityConfig {
 
 impl PassivityConfig {
     /// An allowance of 0.4 mJ, a credit of two fifths of the devices' own dissipation, no delay, and devices of unknown
-    /// properties. With a debt of the allowance on top, less than a millijoule comes out. With half the allowance,
-    /// walls withstand hands that leave at once somewhat better, but a hand at rest on a light force feels the cap.
+    /// properties. With this allowance as credit, and a debt of the same size, less than a millijoule comes out. With
+    /// half the allowance, walls withstand hands that leave at once somewhat better, but a hand at rest on a light
+    /// force feels the cap.
     pub fn new(period: f64) -> Self {
         Self {
             period,
@@ -120,9 +122,9 @@ impl PassivityConfig {
 /// Sums over all ticks (J). The latest sums suffice: no earlier record is needed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyAccount {
-    /// Net work of the hands on the body. Below zero, the body has given more energy than it got.
+    /// Net work of the hands on the body. A value below zero means that the body has given more energy than it got.
     pub supplied: f64,
-    /// The part of `supplied` that lifted the body's weight; below zero where the weight was lowered.
+    /// The part of `supplied` that lifted the body's weight; below zero if the weight was lowered.
     pub raised: f64,
     /// The minimum over time of `supplied - raised + credited`: minus the net energy that came out at the hands. The
     /// port of the hands lies behind the dissipation of their devices.
@@ -154,20 +156,20 @@ pub struct Withheld {
 pub(crate) struct Balance {
     /// Energy that the springs could spend in the last tick (J).
     pub(crate) budget: f64,
-    /// Energy that the piece stores beyond the energy whose force the cap leaves whole (J); zero where the force is whole.
+    /// Energy that the piece stores beyond the energy whose force the cap leaves whole (J); zero if the force is whole.
     pub(crate) unpaid: f64,
 }
 
 impl Withheld {
-    /// Whether a hand can notice what is withheld.
+    /// Whether a hand can notice the withheld force.
     pub fn is_noticeable(&self) -> bool {
         is_noticeable(self.force, self.of)
     }
 }
 
 impl EnergyAccount {
-    /// Energy that the rendered body has dissipated (J): supplied, but neither stored nor raised. Below zero, energy
-    /// was made.
+    /// Energy that the rendered body has dissipated (J): supplied, but neither stored nor raised. A value below zero
+    /// means that energy was generated.
     ///
     /// ```
     /// use rt_core::EnergyAccount;
@@ -185,9 +187,10 @@ impl EnergyAccount {
     }
 }
 
-/// The energy account of one body's hands, and the cap on what the body may give back.
+/// The energy account of one body's hands, and the cap on the energy that the body may give back.
 ///
-/// A [`crate::coupling::Coupling`] owns it, moves it and holds its wrenches; its example shows an account.
+/// A [`crate::coupling::Coupling`] owns the account and passes motions and wrenches to it. The example there shows an
+/// account.
 ///
 /// ```
 /// use rt_core::PassivityConfig;
@@ -217,7 +220,7 @@ pub struct Passivity {
 }
 
 impl Passivity {
-    /// An account over which nothing has passed yet.
+    /// An account through which no energy has passed yet.
     pub fn new(config: PassivityConfig) -> Self {
         Self {
             config,
@@ -366,27 +369,27 @@ impl Passivity {
         pieces.fold(0.0, |sum, piece| sum + piece.balance.unpaid) > 0.0
     }
 
-    /// What the cap found for a piece in the last tick.
+    /// The result of the cap for a piece in the last tick.
     pub(crate) fn balance(&self, piece: usize) -> Balance {
         self.pieces
             .get(piece)
             .map_or(Balance::default(), |piece| piece.balance)
     }
 
-    /// What the account knows of a device.
+    /// The memory of the account for a device.
     pub(crate) fn hand(&self, device: usize) -> Option<&Hand> {
         self.hands.get(device)
     }
 
-    /// Takes the energy of its own that the body says to have released so far (J). The increase is credited up to the
-    /// energy that hands have got since the last such claim. A body may give energy that it has, but the claim of a
-    /// model alone never increases the credit beyond that.
+    /// Takes the energy that the body itself has released so far, as its model claims (J). The increase is credited up
+    /// to the energy that hands have got since the last such claim. A body may give energy that it has, but the claim
+    /// of a model alone never raises the credit beyond that energy.
     pub(crate) fn release(&mut self, released: f64) {
         let [whole, ..] = &mut self.pieces;
         whole.release(released);
     }
 
-    /// Notes the energy that could be got back now (J).
+    /// Notes the energy that hands could get back now (J).
     pub(crate) fn note_stored(&mut self, stored: f64) {
         self.account.stored = stored;
     }
@@ -442,7 +445,7 @@ fn note_edges(edges: &mut [Edge; 3], translation: &Vec3, force: &Vec3, credited:
     }
 }
 
-/// Whether a device can have moved so far in a tick; false where the step is not a number. An impossible step is a
+/// Whether a device can have moved so far in a tick; false if the step is not a number. An impossible step is a
 /// faulty reading, and no work was done on it. One faulty reading would leave a debt that no hand could ever repay.
 fn possible(step: &Vec6, period: f64) -> bool {
     let [linear, angular] = [LARGEST_SPEED, LARGEST_ANGULAR_RATE].map(|speed| speed * period);

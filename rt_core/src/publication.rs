@@ -1,9 +1,9 @@
-//! Publications: what the host tells the tick, in a size of its own each time.
+//! Publications: messages from the host to the tick whose size varies.
 //!
 //! A publication has a **head** of fixed size, **rows** (such as the handles of a local model) and **blocks** (such as the
-//! stiffness between two handles). Its type in memory may have room for the largest number of them. A ring stores the
-//! parts in use one after another, so a writer and a reader touch only these. [`Packed`] refers to them, and the tick
-//! reads a publication from its ring without a copy in between.
+//! stiffness between two handles). Its type in memory may have room for the largest number of rows and blocks. A ring
+//! stores the parts in use one after another, so a writer and a reader touch only the parts in use. [`Packed`] refers
+//! to these parts, so the tick reads a publication from its ring without a copy.
 //!
 //! The head names the kind: a new kind of publication is a type that implements [`Head`], and one that implements
 //! [`Publication`]. The ring of any kind is `runner::packed_ring`.
@@ -26,7 +26,7 @@ pub trait Head: Copy + Debug {
     /// A block.
     type Block: Copy + Debug;
 
-    /// What the slots of a ring contain before they are used.
+    /// The content of the slots of a ring before their first use.
     fn filler() -> (Self, Self::Row, Self::Block);
 
     /// Number of the publication among those of its ring, from one. A gap tells the reader that publications were lost.
@@ -36,7 +36,7 @@ pub trait Head: Copy + Debug {
     fn extent(&self) -> Extent;
 }
 
-/// A publication, wherever its parts lie.
+/// A publication, wherever its parts are stored.
 pub trait Publication {
     /// Its head.
     type Head: Head;
@@ -71,7 +71,7 @@ pub trait Publication {
 /// copy.copy_used_from(&packed);
 /// assert_eq!(copy, model);
 ///
-/// // Parts that are not as many as the head says are no publication.
+/// // If the number of parts differs from that in the head, there is no publication.
 /// assert!(PackedModel::new(model.head, &[], &blocks).is_none());
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +83,7 @@ pub struct Packed<'a, H: Head> {
 }
 
 impl<'a, H: Head> Packed<'a, H> {
-    /// The publication of these parts. `None` if there are not as many as the head says.
+    /// The publication of these parts. `None` if their numbers differ from those in the head.
     pub fn new(head: H, rows: &'a [H::Row], blocks: &'a [H::Block]) -> Option<Self> {
         let found = Extent {
             rows: rows.len(),

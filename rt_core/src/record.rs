@@ -8,7 +8,7 @@ use crate::passivity::{EnergyAccount, Withheld};
 use crate::safety::SafetyState;
 use crate::{MAX_BODIES, MAX_DEVICES};
 
-/// The record of a tick for the host: where the proxies are.
+/// The record of a tick for the host: the poses of the proxies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
     /// Number of the tick, from zero.
@@ -55,7 +55,7 @@ pub struct DeviceTelemetry {
     pub device_time_ns: u64,
     /// Whether the device gave a good state this tick.
     pub fresh: bool,
-    /// What the last stage did to the wrench.
+    /// The effect of the last stage on the wrench.
     pub safety: SafetyState,
 }
 
@@ -89,7 +89,7 @@ pub struct BodyTelemetry {
     pub trust: f64,
     /// State of the coupling.
     pub state: HostState,
-    /// What the cap withholds of the body's force.
+    /// The part of the body's force that the cap withholds.
     pub withheld: Withheld,
     /// Energy account of the body's hands since the start.
     pub energy: EnergyAccount,

@@ -2,24 +2,24 @@
 //!
 //! - A wrench that is **not a number** becomes zero.
 //! - A device that has given **no good state** for a while gets no force.
-//! - After the **loop stood still** for nearly as long as a device waits for a command, the device gets no force: it has
-//!   let go by itself, and a force that came back at once would be a blow. The clock decides, before the tick looks at a
-//!   reading and again before the command leaves.
+//! - After the **loop stood still** for nearly as long as a device waits for a command, the device gets no force: the
+//!   device has let go by itself, and a force that came back at once would be a blow. The clock decides, before the
+//!   tick looks at a reading and again before the command leaves.
 //! - A device that **says that it renders no force** ([`Rendering`]) gets none.
-//! - A device that moves **too fast**, or is **out of reach**, has its force fade. The force comes back once the device
+//! - The force of a device that moves **too fast**, or is **out of reach**, fades. The force comes back once the device
 //!   is below nine tenths of the limit.
 //! - A moment for a device that actuates no moments is left out, and so is a force along an axis that the device does
-//!   not actuate. That is no fault and is not counted.
+//!   not actuate. Such a wrench is no fault, and is not counted.
 //! - A wrench beyond the device's limits is scaled down to them; its direction stays.
 //! - A force whose mean square heats the motors too much is scaled down to the **continuous force** ([`crate::heat`]).
-//! - A force that would change faster than the device can stand follows at its **slew limit**.
-//! - A device that is **disarmed**, or **stopped** by the emergency stop, gets no force. A device whose dead-man button
-//!   the hand does not hold has its force fade ([`crate::engage`]).
+//! - A force that would change faster than the device withstands follows at its **slew limit**.
+//! - A device that is **disarmed**, or **stopped** by the emergency stop, gets no force. The force of a device fades if
+//!   the hand does not hold the dead-man button ([`crate::engage`]).
 //!
-//! After a fault the force comes back along a smooth step, never at once, and after an engagement it comes in so. Only a
-//! device that is engaged from the start gets the whole force at once, because the coupling begins smoothly. Each case has
-//! a named state, a counter, the number that tripped the limit first, and this return. The energy account receives the
-//! wrench that left (a slew limit that the account does not know of injects energy).
+//! After a fault or an engagement, the force comes back along a smooth step, never at once. Only a device that is
+//! engaged from the start gets the whole force at once, because the coupling begins smoothly. Each case has a named
+//! state, a counter, the number that first tripped the limit, and this return. The energy account receives the wrench
+//! that left, because a slew limit without an entry in the account injects energy.
 
 use crate::count_one;
 use crate::device::{DeviceState, Freedom, Rendering};
@@ -36,10 +36,10 @@ const RELEASE: f64 = 0.02;
 /// Time without a command (s) after which a device lets go by itself: the watchdog of the firmware protocol, and the time
 /// after which the thread of a device that answers when it is asked commands zero.
 const WATCHDOG: f64 = 0.01;
-/// The same time in ticks of a slow loop, which asks its devices for a longer watchdog.
+/// The time of the watchdog in ticks of a slow loop, which asks its devices for a longer watchdog.
 const WATCHDOG_TICKS: f64 = 4.0;
-/// Part of this time after which the loop counts as standing still. The rest covers the way of a command to the device:
-/// a device may count from an earlier command that took longer.
+/// Fraction of the time of the watchdog after which the loop counts as standing still. The rest covers the path of a
+/// command to the device: the device may count from an earlier command that took longer.
 const STANDSTILL: f64 = 0.8;
 
 /// Limits of the commands to a device. Infinite limits never act.
@@ -65,7 +65,7 @@ pub struct SafetyConfig {
     pub recovery: f64,
     /// How the device is engaged.
     pub engage: EngageConfig,
-    /// The heat that the device's motors bear.
+    /// The heat that the device's motors withstand.
     pub heat: HeatConfig,
     /// The tick's period (s).
     pub period: f64,
@@ -99,7 +99,7 @@ impl SafetyConfig {
     }
 }
 
-/// What the last stage does to the wrench.
+/// The effect of the last stage on the wrench.
 ///
 /// The numbers are the codes of the states in logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,7 +111,7 @@ pub enum SafetyState {
     Limited = 1,
     /// The wrench is scaled down, because its mean square heats the motors.
     Hot = 8,
-    /// The force changes no faster than the device can stand.
+    /// The force changes at the slew limit of the device.
     Slewed = 5,
     /// The force comes back after a fault.
     Recovering = 2,
@@ -183,8 +183,8 @@ impl SafetyState {
         }
     }
 
-    /// The cause that holds back the force, and what happens to the force, for people; `None` if nothing does, or if the force
-    /// only comes back.
+    /// The cause that holds back the force, and the effect on the force, in words for people; `None` if no cause does,
+    /// or if the force only comes back.
     pub fn words(self) -> Option<&'static str> {
         Some(match self {
             Self::Normal | Self::Recovering => return None,
@@ -232,9 +232,9 @@ pub struct SafetyCounters {
     pub missed_reads: u64,
     /// Times that the device gave no good state for longer than its patience, or that the loop stood still.
     pub stale: u64,
-    /// Times that the device began to say that it renders no force.
+    /// Times that the device began to report that it renders no force.
     pub let_go: u64,
-    /// Times that the device began to say that it has a fault.
+    /// Times that the device began to report a fault.
     pub device_faults: u64,
     /// Times that the device began to move too fast.
     pub too_fast: u64,
@@ -289,7 +289,7 @@ pub struct Limiter {
     comes_in: bool,
     heat: Heat,
     misses: u32,
-    /// What the device says of its commands.
+    /// The device's report on its commands.
     rendering: Rendering,
     /// Time of the last command by the clock (ns).
     commanded_ns: Option<u64>,
@@ -354,8 +354,8 @@ impl Limiter {
         self.engaged = engaged;
     }
 
-    /// Begins the tick at `clock_ns`, the time at which the tick woke, before its reading is looked at. Where the loop
-    /// stood still, the device counts as away up to this tick, which commands no force.
+    /// Begins the tick, before the tick looks at its reading. `clock_ns` is the time at which the tick woke. If the
+    /// loop stood still, the device counts as away up to this tick, which commands no force.
     pub fn begin(&mut self, clock_ns: u64) {
         let last_ns = self.commanded_ns.unwrap_or(clock_ns);
         self.waited_ns = clock_ns.saturating_sub(last_ns);
@@ -370,7 +370,7 @@ impl Limiter {
         }
     }
 
-    /// Takes what the device says of its commands, in the reading of this tick.
+    /// Takes the device's report on its commands from the reading of this tick.
     pub fn hear(&mut self, rendering: Rendering) {
         if rendering == self.rendering {
             return;
@@ -437,7 +437,7 @@ impl Limiter {
         passed
     }
 
-    /// The force that bears the weight of the grip in this tick, beside the force of [`Self::pass`] (N, device axes).
+    /// The force that carries the weight of the grip in this tick, beside the force of [`Self::pass`] (N, device axes).
     pub fn grip_force(&self) -> Vec3 {
         self.config.engage.grip_force * self.fraction()
     }
@@ -447,12 +447,12 @@ impl Limiter {
         self.misses > self.config.patience
     }
 
-    /// Whether the device may not render force, by its engagement.
+    /// Whether the engagement of the device forbids force.
     pub fn is_disengaged(&self) -> bool {
         self.engaged != Engaged::Yes
     }
 
-    /// Whether the device renders its commands, as far as it tells.
+    /// Whether the device renders its commands, according to its reports.
     fn is_rendered(&self) -> bool {
         self.rendering == Rendering::Commanded
     }
@@ -489,7 +489,7 @@ impl Limiter {
         self.config.actuated
     }
 
-    /// What the last stage did to the last wrench.
+    /// The effect of the last stage on the last wrench.
     pub fn state(&self) -> SafetyState {
         self.state
     }
@@ -587,7 +587,7 @@ impl Limiter {
         passed
     }
 
-    /// Whether only a fraction of the force passes, or soon will.
+    /// Whether only a fraction of the force passes, now or soon.
     fn is_ramping(&self) -> bool {
         self.too_fast || self.out_of_reach || self.is_disengaged() || self.authority < 1.0
     }
@@ -614,7 +614,7 @@ impl Limiter {
         self.fraction()
     }
 
-    /// The largest force that the motors' heat allows (N), beside the force that bears the grip.
+    /// The largest force that the motors' heat allows (N), beside the force that carries the grip.
     fn largest_force(&self) -> f64 {
         let SafetyConfig {
             max_force, heat, ..
@@ -682,7 +682,7 @@ fn trips(tripped: &mut bool, found: f64, limit: f64) -> bool {
     *tripped && !before
 }
 
-/// Scales `v` to the length `limit` if `v` is longer. Returns the original length if so.
+/// Scales `v` to the length `limit` if `v` is longer. Returns the original length in that case.
 fn shorten(v: &mut Vec3, limit: f64) -> Option<f64> {
     let length = v.norm();
     if length <= limit {

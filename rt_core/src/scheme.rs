@@ -12,8 +12,8 @@
 //! | `classic` | as `linear`, damped once the hands have got more energy than they supplied | [`crate::passivity`] |
 //! | `capped` | as `linear`, limited to the energy that the hands have supplied | [`crate::passivity`] |
 //!
-//! As printed, equation 4.5 equates its two parts. As meant, the parts add: `F_tear + k (x_handle - x_proxy) - k_v v`.
-//! `linear` has no second spring, which would count the same displacement twice.
+//! Equation 4.5 as printed equates its two parts. The thesis means the sum of the parts: `F_tear + k (x_handle -
+//! x_proxy) - k_v v`. `linear` has no second spring, which would count the same displacement twice.
 
 use crate::geometry::{Mat6, Twist, Wrench};
 use crate::local_model::{LocalModel, PairBlocks, TearLimit};

@@ -1,11 +1,13 @@
-//! The slip of a proxy against its hand, by which the force of a hold that no hand has paid for becomes true again.
+//! The slip of a proxy against its hand. By a slip, the reduced force of a hold becomes the true force of the body
+//! again.
 //!
-//! A hand that presses a body while its force is reduced (the force fades, a slew limit acts, the local models are late)
-//! pays for less than the body then stores. The cap on the energy ([`crate::passivity`]) reduces the force of that body
-//! for as long as the hand rests, because a hand at rest pays nothing. The force of that pose cannot come back without
-//! making energy. The force of another pose can: the proxy slips along the force, against its hand, until the body stores
-//! no more than the hand has paid for ([`crate::coupling`] finds that motion). From there on the hand feels the true force
-//! of the body, at the pose of the proxy. The slip goes back once the hand has paid, or comes home.
+//! The force on a hand may be reduced: it fades, a slew limit acts, or the local models are late. A hand that presses a
+//! body meanwhile supplies less energy than the body then stores. The cap on the energy ([`crate::passivity`]) reduces
+//! the force of that body for as long as the hand rests, because a hand at rest supplies no energy. The force of that
+//! pose cannot come back unless energy is generated. The force of another pose can come back: the proxy slips along the
+//! force, against its hand, until the body stores no more energy than the hand has supplied ([`crate::coupling`] finds
+//! that motion). The hand then feels the true force of the body, at the pose of the proxy. The slip goes back once the
+//! hand has supplied the energy, or has moved back.
 //!
 //! No hand does work on a slip. The account knows the motion of the hand without the slip, so a slip neither gains nor spends
 //! credit.
@@ -13,9 +15,9 @@
 use crate::geometry::{Pose, Vec3, Vec6, small_turn, stack};
 use nalgebra::UnitQuaternion;
 
-/// Greatest speed of a slip, as felt at the device (m/s): a body that yields so fast does not jerk the hand.
+/// Greatest speed of a slip, at the scale of the device (m/s): a body that yields at this speed does not jerk the hand.
 const MOST_SPEED: f64 = 0.05;
-/// Greatest slip, as felt at the device (m). A model that claims energy without end must not carry the proxy away.
+/// Greatest slip, at the scale of the device (m). A model that claims energy without end must not carry the proxy away.
 const FARTHEST: f64 = 0.05;
 /// The lever (m) by which turns compare with translations.
 pub(crate) const LEVER: f64 = 0.05;
@@ -23,13 +25,13 @@ pub(crate) const LEVER: f64 = 0.05;
 const RETURN: f64 = 0.5;
 /// Least speed of a slip that goes back (m/s), so that the slip ends.
 const LEAST_SPEED: f64 = 1e-3;
-/// A smaller slip (m) is none.
+/// A smaller slip (m) counts as no slip.
 const NONE: f64 = 1e-9;
 
-/// What a body asks of the slip of one of its proxies, for the next tick.
+/// The request of a body to the slip of one of its proxies, for the next tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Asked {
-    /// The body does not hold that proxy, or does not mind.
+    /// The body does not hold the proxy, or requests nothing.
     #[default]
     Nothing,
     /// The slip may go back by a step.
@@ -41,7 +43,7 @@ pub(crate) enum Asked {
 }
 
 impl Asked {
-    /// What two bodies ask of one proxy. A proxy goes back only where no body objects.
+    /// The joint request of two bodies to one proxy. The proxy goes back only if no body objects.
     pub(crate) fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Away(a), Self::Away(b)) => Self::Away(a + b),
@@ -100,7 +102,7 @@ impl Slip {
 
     /// The displacement (m, rad; axes of the scene) by which the slip of a proxy of orientation
     /// `rotation` goes back in a tick of `period`
-    /// (s), where a metre of the device is `scale` metres of the scene.
+    /// (s). A metre of the device is `scale` metres of the scene.
     pub(crate) fn way_back(&self, rotation: &UnitQuaternion<f64>, period: f64, scale: f64) -> Vec6 {
         let part = |length: f64, least: f64| {
             let fraction = (period / RETURN).max(least * period / length);

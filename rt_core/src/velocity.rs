@@ -19,10 +19,10 @@ pub use kalman::Gains;
 const DAMPING_FRACTION: f64 = 0.25;
 
 /// Largest damping (N s/m) to render on a device with a moving mass (kg) and ticks of `period` (s). The velocity is
-/// `late` (s): the delay of its estimate plus the delay of the device.
+/// late by `late` (s): the delay of its estimate plus the delay of the device.
 ///
 /// A held force is late by half a period in the mean, so the loop is `B exp(-s t) / (m s)` with
-/// `t = period / 2 + late`. Its gain is one at `B / m`, where the delay takes a phase of `B t / m` on top of the
+/// `t = period / 2 + late`. Its gain is one at the frequency `B / m`. There the delay adds a phase of `B t / m` to the
 /// integrator's 90 degrees. The loop is stable for `B < (pi / 2) m / t`; sampled loops with the estimates of this
 /// module are stable up to 1.44 `m / t` at least (`rt_core/tests/velocity.rs`). A quarter of `m / t` leaves a phase
 /// margin of 76 degrees and a gain margin of more than five. A wall's stiffness, encoder counts and an uncertain mass
@@ -110,7 +110,7 @@ impl VelocityEstimator {
     }
 
     /// The estimator for an encoder with counts of `step` (m), read every `period` (s): a best fit over four
-    /// milliseconds, or over [`LONGEST`] ticks where these are shorter. According to `palpate bench velocity`, no other
+    /// milliseconds, or over [`LONGEST`] ticks if these are shorter. According to `palpate bench velocity`, no other
     /// method of the same delay has a smaller error.
     pub fn for_encoder(period: f64, step: f64) -> Self {
         let window = libm::round(Self::SPAN / period).clamp(1.0, LONGEST as f64) as usize;

@@ -1,6 +1,6 @@
 //! The energy account in detail: which steps count, how a scaled device scales the work, and how the account treats a
-//! force that cannot vanish at once. Further tests show the effect of the cap at the hand where a wrong account would
-//! change it.
+//! force that cannot vanish at once. Further tests show the effect of the cap at the hand in cases in which a wrong
+//! account would change this effect.
 //!
 //! These are tests of behaviour: they check the energy at the port and the force on the hand, not the formulas of the
 //! cap.
@@ -44,7 +44,7 @@ fn config(scheme: Scheme, port: Port, delay: usize) -> CouplingConfig {
     }
 }
 
-/// One handle at the origin, where a wall of stiffness `k` (N/m) pushes towards positive x.
+/// One handle at the origin, on a wall of stiffness `k` (N/m) that pushes towards positive x.
 fn wall(k: f64) -> LocalModel {
     let mut model = LocalModel::empty();
     model.head.sequence = 1;
@@ -245,15 +245,15 @@ fn a_scaled_device_raises_its_scale_of_weight() {
             (lifted.supplied - expected).abs() < 1e-15,
             "{scale} {lifted:?}"
         );
-        // The device renders no weight, and then the weight again, while the hand rests: it stays raised, and nobody has
-        // to pay twice.
+        // The device renders no weight, and then the weight again, while the hand rests. The weight stays raised, and
+        // no hand pays twice.
         for passed in [0.0, 0.25, 1.0] {
             let rests = at(0.01, passed);
             assert_eq!(rests.raised, lifted.raised);
             assert_eq!(rests.available, lifted.available);
         }
-        // The device renders a part of the weight while the hand lifts it: the hand was spared the rest of the work, and
-        // has that much less to spend, until it goes down by as much in the same manner.
+        // The device renders a part of the weight while the hand lifts it. The hand is spared the rest of the work, and
+        // its credit is smaller by this rest until the hand goes down by as much in the same manner.
         for part in [0.0, 0.25] {
             at(0.0, 1.0);
             let below = at(0.0, part);
@@ -271,9 +271,9 @@ fn a_scaled_device_raises_its_scale_of_weight() {
 
 #[test]
 fn a_stiff_wall_that_is_pressed_and_eased_makes_no_energy() {
-    // A held force lags by half a tick, and by more on a late device. By the theory of sampled walls, a plain spring so
-    // gives back `K v^2 T^2 / 2` a tick more than it took. Here that is 0.4 mJ and more in two seconds, the whole
-    // allowance of the cap. The device has no known damping.
+    // A held force lags by half a tick, and by more on a late device. By the theory of sampled walls, a plain spring
+    // thus gives back `K v^2 T^2 / 2` more in a tick than it took. Here that is 0.4 mJ and more in two seconds, the
+    // whole allowance of the cap. The device has no known damping.
     for delay in [0, 1] {
         for (k, rate) in [(1000.0, 5.0), (1000.0, 10.0), (4000.0, 5.0)] {
             let port = Port {
@@ -384,8 +384,7 @@ fn the_cap_does_not_buzz_on_a_single_count() {
         };
         let mut coupling = coupling(Scheme::Capped, port);
         // A body that pulls with 2 N whatever the hand does. At first its energy is its own. Then the host claims four
-        // times that energy, which no hand has supplied. As long as the claim lasts, the cap has to withhold some
-        // force.
+        // times that energy, which no hand has supplied. The cap must withhold some force while the claim lasts.
         let mut model = wall(0.0);
         model.handles[0].contact = Vec3::zeros();
         model.handles[0].wrench.force.x = 2.0;

@@ -166,8 +166,8 @@ fn a_hold_after_a_device_came_back_is_as_stiff_as_before() {
     let stretch = telemetry.devices[1].pose.position.x;
     // Half of 10 mm while the force came back, and 5 mm afterwards.
     assert!((stretch - 10e-3 - 5e-3 - 5e-3).abs() < 0.1e-3);
-    // The force is whole, since the hands supplied all the stored energy; it is scaled once more from the proxy to the
-    // device.
+    // The force is whole, because the hands supplied all the stored energy. It is scaled once more from the proxy to
+    // the device.
     let asked = 2.0 * SPRING * stretch;
     assert!((wrenches[0].force.x - asked).abs() < 0.01 * asked);
     let energy = telemetry.bodies[0].energy;
@@ -206,7 +206,7 @@ proptest! {
     }
 }
 
-/// A device at a place along x (m), which writes down what it is asked.
+/// A device at a place along x (m) that notes its calls.
 struct Noted<'a> {
     index: usize,
     x: f64,

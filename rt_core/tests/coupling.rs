@@ -116,7 +116,7 @@ fn hold_keeps_the_wrench_and_thesis_adds_a_spring_and_a_damper() {
     }));
     let now = settle(&mut thesis, &spring(1, 0, 300.0, 2.0, 1.5), &rest);
     let w = thesis.tick(now + MS, &apart);
-    // Equation 4.5 as meant: held + k (x_handle - x_proxy) - k_v v, each hand for itself.
+    // The intended equation 4.5: held + k (x_handle - x_proxy) - k_v v, for each hand alone.
     assert!((w[0].force.x - (1.5 + 100.0 * 0.01 + 3.0 * 0.05)).abs() < 1e-12);
     assert!((w[1].force.x - (-1.5 - 100.0 * 0.03 - 3.0 * 0.05)).abs() < 1e-12);
 }
@@ -152,7 +152,7 @@ fn invalid_models_are_refused_and_counted() {
     assert_eq!(coupling.accept(&crowd), Err(ModelFault::Handles));
     assert_eq!(coupling.accept(&good), Ok(()));
     assert_eq!(coupling.accept(&good), Err(ModelFault::Outdated));
-    // One hand less, though the topology did not change: these are not the handles of this body.
+    // One hand less, although the topology did not change: these are not the handles of this body.
     let mut torn = spring(2, 11 * MS, 300.0, 2.0, 1.0);
     torn.head.handle_count = 1;
     assert_eq!(coupling.accept(&torn), Err(ModelFault::Handles));
@@ -417,7 +417,8 @@ fn a_force_passes_in_half_a_period_or_half_a_gap_up_to_the_time_of_recovery() {
         // Half a gap, in which no more than the age limit of 50 ms counts.
         (0.1, 0.016, 40, 20),
         (0.1, 0.016, 80, 25),
-        // A gap passes in the time of recovery at most, but a period in half of it nevertheless.
+        // The blend after a gap takes at most the time of recovery. The blend after a usual period still takes half the
+        // period.
         (0.01, 0.016, 40, 10),
         (0.001, 0.016, 40, 8),
     ] {
@@ -605,7 +606,7 @@ fn the_force_of_a_hand_that_leaves_passes_to_zero_without_a_jump() {
         }
         assert_eq!(coupling.model().handles().count(), 1);
         assert_eq!(coupling.model().piece_count(), 1);
-        // What the force gave to the hand is in the account; the first hand stood still.
+        // The energy that the force gave to the hand is in the account. The first hand stood still.
         let given = supplied - coupling.energy().supplied;
         assert!(
             (given - work).abs() < 1e-12 && work > 0.0,

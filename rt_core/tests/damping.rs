@@ -1,6 +1,6 @@
-//! The damping that a device renders under the cap: no more than the device can, however much the body has, in
-//! translation and in rotation, and for each of two hands by the properties of its own device. A spring that is late acts
-//! as a damper, too.
+//! The damping that a device renders under the cap, in translation and in rotation. It never exceeds the damping that
+//! the device can render, whatever the damping of the body. For each of two hands, the properties of its own device
+//! count. A late spring acts as a damper, too.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 

@@ -1,5 +1,5 @@
-//! Engagement over whole ticks: what a device renders before it is armed, while the hand holds the dead-man button, and
-//! after an emergency stop, on springs whose force is known.
+//! Engagement over whole ticks, on springs whose force is known: the force of a device before it is armed, while the
+//! hand holds the dead-man button, and after an emergency stop.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -119,7 +119,8 @@ fn a_disarmed_device_gets_no_force_and_its_proxy_waits() {
         let place = telemetry.devices[0].pose.position;
         assert!((place - config.waits_at).norm() < 1e-15);
     }
-    // The hand arms the device where it is: the proxy starts where it waited, nearly without force.
+    // The hand arms the device at its present place. The proxy starts at the place where it waited, nearly without
+    // force.
     let (commands, telemetry) = tick(&mut controller, [(0.05, ARM), (0.0, 0)]);
     assert_eq!(telemetry.devices[0].safety, SafetyState::Engaging);
     // A hundredth of the ramp is 0.0003 of its smooth step.
@@ -153,7 +154,7 @@ fn a_stop_of_one_device_stops_all_in_the_same_tick_until_each_is_armed_again() {
             assert_eq!(commands[device], Wrench::zero());
             assert_eq!(telemetry.devices[device].safety, SafetyState::Stopped);
         }
-        // Nothing but an order or a button brings the force back.
+        // Only an order or a button brings the force back.
         let (commands, _) = after(&mut controller, 300, [(0.01, 0); 2]);
         assert_eq!(commands[1], Wrench::zero());
         // One device by its button, the other by an order.
@@ -235,8 +236,8 @@ fn hot_motors_get_the_continuous_force_and_the_state_says_so() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Whatever the buttons and orders do while the hands move, the hands get out no energy: a stop, a release and an
-    /// engagement take energy away or leave it in the body.
+    /// For any buttons and orders while the hands move, the hands gain no energy: a stop, a release and an engagement
+    /// take energy away or leave it in the body.
     #[test]
     fn no_engagement_gives_energy_to_a_hand(
         strokes in prop::collection::vec((-0.03..0.03_f64, 20..200_usize, any::<u32>()), 4..20),

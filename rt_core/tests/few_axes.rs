@@ -1,5 +1,5 @@
-//! The controller over devices of one and two degrees of freedom: commands lie along their axes, and no account takes a
-//! force across them as rendered.
+//! The controller over devices of one and two degrees of freedom. The commands lie along the axes of the device, and no
+//! account takes a force across these axes as rendered.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -106,7 +106,7 @@ proptest! {
 #[test]
 fn the_account_raises_the_part_of_a_weight_that_the_device_bears() {
     // The weight is 1.5 N at the hand. The device senses motions across its axis, but renders no force along them. A
-    // force across the axis is no part of what was asked for.
+    // force across the axis is no part of the force asked for.
     for (max_force, part) in [(20.0, 1.0), (0.75, 0.5)] {
         let free = [true, false, false];
         let mut controller = controller(free, Vec3::zeros(), max_force, f64::INFINITY);

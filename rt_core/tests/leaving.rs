@@ -1,5 +1,5 @@
-//! Hands that leave a body: what they feel until their force has faded, on which piece they are meanwhile, and what the
-//! hands that stay feel of it.
+//! Hands that leave a body: the force on these hands until it has faded, the piece to which they belong meanwhile, and
+//! the effect on the hands that stay.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -39,7 +39,7 @@ fn place(device: u8) -> Vec3 {
     Vec3::x() * 0.1 * f64::from(device)
 }
 
-/// A coupling with three hands, which hold what it renders.
+/// A coupling with three hands, which hold the rendered wrenches.
 struct Hands {
     coupling: Coupling,
     now: u64,
@@ -185,7 +185,7 @@ fn the_weight_of_a_hand_that_leaves_lowers_with_its_force() {
         hands.run(&alone, FADE + 40, |tick, forces, hands| {
             let weight = -forces[1].z;
             assert!(near(weight, 2.0 * left(tick)), "{scheme:?} {tick} {weight}");
-            // What is raised is the weight that is held at that height.
+            // The raised energy is that of the weight that is held at that height.
             let raised = hands.coupling.energy().raised;
             assert!(near(raised, weight * lifted), "{scheme:?} {tick} {raised}");
             assert!(near(forces[0].z, -2.0), "{scheme:?} {tick}");
@@ -230,9 +230,9 @@ fn a_spring_that_outlasts_the_fade_passes_with_the_blend() {
         hands.settle(&both);
         hands.run(&alone, 10, |_, _, hands| hands.by[1].x += 1e-4);
         let before = hands.tick()[1].x;
-        // The hand is half a millimetre from where it was when it left, and more.
+        // The hand is half a millimetre or more from the place at which it left.
         assert!(before < -0.1, "{before}");
-        // Another model comes during the blend. The force goes on from where it was.
+        // Another model comes during the blend. The force continues from its last value.
         let mut last = before;
         hands.run(&alone, 15, |tick, forces, _| {
             let step = forces[1].x - last;

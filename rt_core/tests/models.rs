@@ -1,5 +1,5 @@
-//! Which models the coupling takes into use, and which forces reach the hand. A model of an older topology is refused,
-//! a contact never pulls, and a weight comes and goes with the trust in its model.
+//! The models that the coupling takes into use, and the forces that reach the hand. The coupling refuses a model of an
+//! older topology, a contact never pulls, and a weight comes and goes with the trust in its model.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -145,7 +145,7 @@ fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
             assert_eq!(judged(&model), Err(ModelFault::NotFinite), "{which}: {x}");
         }
     }
-    // Numbers that are finite, and yet cannot be.
+    // Numbers that are finite, but not allowed.
     let wrong: [Set; 3] = [
         |model, x| model.head.period = x,
         |model, x| model.head.horizon = x,

@@ -1,5 +1,5 @@
-//! A model in a ring: packed and copied, it keeps every bit of its used part, and the controller judges it as it judges
-//! the whole model.
+//! A model in a ring. A packed and copied model keeps every bit of its used part, and the controller judges it as it
+//! judges the whole model.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -156,7 +156,7 @@ proptest! {
     fn a_packed_model_keeps_every_bit(model in model(number()), other in model(number())) {
         let (handles, blocks) = parts(&model);
         let packed = PackedModel::new(model.head, &handles, &blocks).expect("its own parts");
-        // The copy goes over another model, whose parts are left where the new model has none.
+        // The copy overwrites another model. The parts of that model stay if the new model has no such parts.
         let mut copy = other;
         copy.copy_used_from(&packed);
         prop_assert_eq!(bits(&copy), bits(&model));

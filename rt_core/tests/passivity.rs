@@ -1,6 +1,6 @@
-//! The energy account and the cap: the hands never get back more than they supplied, however stiff the wall, late the
-//! device or wrong the models; and where nothing is wrong, the cap withholds nothing. Then the classic controller,
-//! which takes back the energy that came out.
+//! The energy account and the cap. The hands never get back more energy than they supplied, even with a stiff wall, a
+//! late device or wrong models. If nothing is wrong, the cap withholds nothing. The last tests are about the classic
+//! controller, which takes back the energy that came out.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -268,7 +268,7 @@ fn the_classic_controller_damps_a_hand_that_only_turns() {
     let damping = 0.01;
     passivity.ports[0].most_turning_damping = damping;
     let mut coupling = Coupling::new(coupling_config(Scheme::Classic, &passivity));
-    // A moment that nobody pays for turns the hand.
+    // A moment turns the hand, and no hand supplies its energy.
     let (pushed, rate) = (0.1, 2.0);
     let mut model = wall(0.0, 1, 1);
     model.handles[0].contact = Vec3::zeros();
@@ -291,7 +291,7 @@ fn the_classic_controller_damps_a_hand_that_only_turns() {
         held[0] = wrench;
         coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
     }
-    // The missing energy soon exceeds what the device can take out in a tick.
+    // The missing energy soon exceeds the energy that the device can take out in a tick.
     assert!(
         (moment - (pushed - damping * rate)).abs() < 1e-12,
         "{moment}"
@@ -397,7 +397,8 @@ fn pulling() -> LocalModel {
 }
 
 /// Forces along x of a body that pulls two hands. Its own energy is 10 mJ at first. Then the models claim 20 mJ, which no
-/// hand has supplied. Also returns the fraction of that claim that the account covers, and what the cap withholds.
+/// hand has supplied. Also returns the fraction of that claim that the account covers, and the force that the cap
+/// withholds.
 fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64, Withheld) {
     let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
     let mut model = pulling();
@@ -441,7 +442,7 @@ fn the_whole_energy_is_backed_where_any_device_is_slow_or_late() {
         for (force, pull) in forces.into_iter().zip(PULLS) {
             assert!((force - pull * left).abs() < 1e-12, "{slow:?} {force}");
         }
-        // What the cap withholds is told for the hand with the largest force.
+        // The withheld force is that of the hand with the largest force.
         let expected = if whole { 0.0 } else { PULLS[1] };
         assert_eq!(withheld.of, expected);
         assert!((withheld.force - expected * (1.0 - left)).abs() < 1e-12);
@@ -515,7 +516,7 @@ fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
                 coupling.accept(&model).expect("a sound model");
             }
             let wrenches = coupling.tick(tick, &at);
-            // The whole force, with the weight across the motion, falls evenly while the hand goes on.
+            // The whole force, with the weight across the motion, falls evenly while the hand moves on.
             let each = forces.iter().zip(velocities).zip(slews);
             let lingers: f64 = each
                 .map(|((force, v), slew)| {
@@ -595,7 +596,7 @@ fn springs_spend_no_more_in_a_tick_than_the_credit_however_the_hand_moves_on() {
     ] {
         let ticks = after_a_step([force, moment, 0.0], [far, turn], 60);
         for (tick, (wrench, credit, capped, withheld)) in ticks.into_iter().enumerate() {
-            // What a hand did lately it may do again, in any direction; the memory decays in 20 ms.
+            // A hand may repeat any recent motion, in any direction. The memory decays in 20 ms.
             let fade = (-PERIOD * tick as f64 / 0.02).exp();
             let most = (force * far + moment * turn) * fade;
             let left = (credit / most).min(1.0);
@@ -729,7 +730,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
         };
         let wrenches = coupling.tick(1, &[(pose, twist); 2]);
         let supplied = coupling.energy().supplied;
-        // The missing energy soon exceeds what both devices can take out in a tick.
+        // The missing energy soon exceeds the energy that both devices can take out in a tick.
         let most = if supplied < -4.0 * speed * speed * PERIOD {
             [1.0, 3.0]
         } else {
@@ -815,7 +816,7 @@ fn a_single_count_back_is_no_velocity() {
     coupling.accept(&model).expect("a sound model");
     // The estimated velocity of counts is late: it may have any sign.
     let speed = 0.01;
-    // The force beside that of the spring, at so many counts of depth.
+    // The force beside that of the spring, at a depth of this number of counts.
     let mut beside = |deep: f64| {
         let twist = Twist {
             linear: Vec3::x() * speed,

@@ -1,6 +1,6 @@
-//! A torn body in the tick: the account of energy parts with the pieces, weights change without a jump, the force of a
-//! hand whose handle is gone fades, and the extrapolation stops where the tear goes on. A whole body renders the same
-//! bytes as before bodies could tear.
+//! A torn body in the tick. The account of energy parts with the pieces, weights change without a jump, the force of a
+//! hand whose handle is gone fades, and the extrapolation stops at the load at which the tear grows. A whole body
+//! renders fixed bytes, which the code for tears must not change.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -264,7 +264,7 @@ fn other_pieces_in_the_same_epoch_are_refused() {
     // The number of a piece is below the number of handles.
     (model.head.epoch, model.handles[1].piece) = (1, 2);
     assert_eq!(coupling.accept(&model), Err(ModelFault::Handles));
-    // The energies of pieces are numbers, but only where there are pieces.
+    // The energies of pieces are numbers, but only if there are pieces.
     model.handles[1].piece = 1;
     model.head.pieces[1].stored = f64::NAN;
     assert_eq!(coupling.accept(&model), Err(ModelFault::NotFinite));
@@ -426,7 +426,7 @@ fn a_piece_owes_the_work_that_all_of_its_hands_were_spared_and_no_other_hand() {
             tick(&mut coupling, lifted, 1.0);
         }
         let forces = tick(&mut coupling, lifted, 1.0);
-        // What is owed is no credit, so nothing was there to forget.
+        // The energy that hands owe is no credit, so the cap had nothing to forget.
         let later = coupling.energy().available;
         assert!((later - before).abs() < 1e-15, "{before} {later}");
         let free = if owes == 0 { 2 } else { 0 };
@@ -437,7 +437,7 @@ fn a_piece_owes_the_work_that_all_of_its_hands_were_spared_and_no_other_hand() {
     }
 }
 
-/// A coupling of three hands at rest, which hold what it renders, and the time of its last tick (ns).
+/// A coupling of three hands at rest, which hold the rendered wrenches, and the time of its last tick (ns).
 struct Rest {
     coupling: Coupling,
     now: u64,
@@ -536,12 +536,12 @@ fn a_piece_keeps_its_credit_while_another_parts() {
 fn what_a_hand_without_force_was_spared_stays_with_the_larger_part_of_its_piece() {
     for (energies, larger) in [([1e-3, 4e-3], 1), ([4e-3, 1e-3], 0)] {
         let mut body = Rest::new();
-        // The spring bears the weight of the third hand: that hand has no force.
+        // The spring carries the weight of the third hand, so that hand has no force.
         let mut model = carried();
         model.handles[2].wrench.force = Vec3::zeros();
         body.take(model, &[0, 0, 0], &[5e-3], 40);
         let own = body.coupling.energy().available;
-        // Its device holds the weight no more, while it is lifted by 10 mm, and then holds the weight again.
+        // The device of the third hand drops the weight, is lifted by 10 mm, and then holds the weight again.
         for (height, passed) in [(0.0, 0.0), (0.01, 0.0), (0.01, 1.0)] {
             body.now += MS;
             let at = [0, 1, 2].map(|i| {
@@ -638,7 +638,7 @@ fn a_piece_is_credited_what_it_released_as_far_as_its_hands_got_it() {
         tick(coupling, &mut now, x);
         tick(coupling, &mut now, x) - before
     };
-    // What the first model after the parting states is where the sums begin.
+    // The sums begin at the values that the first model after the parting states.
     for (along, released, expected) in [
         (0.0, [7.0, 9.0], 0.0),
         (1e-4, [7.0, 9.0], 0.0),
@@ -708,7 +708,7 @@ fn each_piece_of_a_torn_body_is_rendered_and_stores_what_it_would_as_a_body_alon
                     for piece in &mut both.head.pieces[..2] {
                         piece.stored = 1.0;
                     }
-                    // The tear goes on at the tip of one of the pieces.
+                    // The tear grows at the tip of one of the pieces.
                     let tip = usize::from(numbers.next() > 0.0);
                     let limit = TearLimit {
                         root: 1.0,
@@ -826,8 +826,8 @@ fn wrong(numbers: &mut Numbers, mut model: LocalModel, by: [Vec3; 2]) -> LocalMo
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-    /// Whatever the models claim, the hand on a piece gets no more than it has supplied and the share of its piece, plus
-    /// the allowance by which dampers go into debt.
+    /// For any claims of the models, the hand on a piece gets no more than the energy that it has supplied, the share
+    /// of its piece, and the allowance by which dampers go into debt.
     #[test]
     fn the_hands_of_a_piece_get_no_more_than_they_supplied_and_the_share_of_the_piece(
         seed in 1..u64::MAX, part in 0.0..1.0, swing in 1..60_u64,
@@ -906,7 +906,7 @@ fn limited(root: f64, critical: f64) -> LocalModel {
     model
 }
 
-/// Wrenches and stored energy where both handles have moved from their references by `by`.
+/// Wrenches and stored energy after both handles have moved from their references by `by`.
 fn extrapolated(model: &LocalModel, by: &[Vec6; 2]) -> ([Vec6; 2], f64) {
     let mut deviations = model.deviations(&[]);
     for (deviation, by) in deviations.iter_mut().zip(by) {

@@ -1,5 +1,5 @@
-//! The accounts of all bodies together hold exactly the work of the hands on their devices, whatever the last stage and
-//! the clutch do to the wrenches: two devices of six degrees of freedom, each of which holds two bodies.
+//! The sum of the accounts of all bodies is exactly the work of the hands on their devices, whatever the last stage and
+//! the clutch do to the wrenches. The tests use two devices of six degrees of freedom, each of which holds two bodies.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 

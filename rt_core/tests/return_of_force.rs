@@ -1,5 +1,5 @@
-//! How the force returns. Whatever let the force go or kept ticks away, the force returns along a ramp, on both of two
-//! devices that hold one heavy body.
+//! The return of the force. After every loss of the force and every pause of the ticks, the force returns along a ramp,
+//! on both of two devices that hold one heavy body.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -71,8 +71,8 @@ fn controller(scheme: Scheme, ramp: f64) -> Controller {
     Controller::new(&config)
 }
 
-/// The force on each handle at these places along x (N), from those at which the springs rest, where the model is
-/// rendered in full.
+/// The force (N) on each handle at these places along x, relative to the places at which the springs rest, for a model
+/// that is rendered in full.
 fn springs([a, b]: [f64; 2]) -> [f64; 2] {
     let [world, between] = SPRINGS;
     let pull = between * (b - a);
@@ -100,16 +100,16 @@ fn model(now_ns: u64, rest: f64) -> LocalModel {
     model
 }
 
-/// What takes the force away.
+/// The cause that takes the force away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Cause {
     /// Nothing: the hands only move.
     Nothing,
     /// The first device gives no state.
     Silent,
-    /// The first device says that it renders nothing.
+    /// The first device reports that it renders nothing.
     LetGo,
-    /// The first device says that it has a fault.
+    /// The first device reports a fault.
     Fault,
     /// An order stops both devices, and another one arms them.
     Stopped,
@@ -150,7 +150,7 @@ struct Run {
     arm: u32,
     stopped: bool,
     places: [f64; 2],
-    /// Where the springs rest.
+    /// The place at which the springs rest.
     rest: f64,
     /// Places of the proxies in the last tick along x, and the largest of their motions in that tick (m).
     proxies: [f64; 2],
@@ -236,19 +236,19 @@ impl Run {
         (commands, telemetry)
     }
 
-    /// Both hands, which have borne the weight, carry the body to the place `rest` along x.
+    /// Both hands, which have carried the weight, carry the body to the place `rest` along x.
     fn carry(&mut self, rest: f64) {
         for k in 0..600 {
             self.rest = rest * f64::from(k.min(500)) / 500.0;
             self.places = [self.rest; 2];
             self.tick(Cause::Nothing, 0, 0);
         }
-        // Hands that rest where the springs rest bear the weight alone.
+        // Hands that rest at the rest place of the springs carry the weight alone.
         self.last = [(WEIGHT, WEIGHT); 2];
         self.proxies = self.places;
     }
 
-    /// One tick, whose forces may rise by no more than the springs rise, and the ramp.
+    /// One tick. Its forces may rise by no more than the rise of the springs and of the ramp together.
     fn step(&mut self, cause: Cause, k: u64, away_ns: u64) -> Result<(), TestCaseError> {
         let (commands, telemetry) = self.tick(cause, k, away_ns);
         let [a, b, ..] = telemetry.devices;
@@ -277,8 +277,8 @@ impl Run {
             );
             let (before, whole_before) = self.last[device];
             let spring = (whole[device] - WEIGHT).abs();
-            // Under the cap, the springs may bear less of the weight than they would. After a quick motion, the springs
-            // return as the cap forgets it.
+            // Under the cap, the springs may carry less of the weight than without the cap. After a quick motion, their
+            // force returns as the cap forgets the motion.
             let (moved, most, returned) = if self.scheme == Scheme::Capped {
                 let moved = CAPPED * farthest.max(self.farthest);
                 let part = if certified { 1.0 / fade - 1.0 } else { 0.0 };
@@ -514,7 +514,7 @@ fn a_device_that_lets_go_loses_its_force_alone_and_its_proxy_waits() {
             reported,
             [(cause == Cause::Fault).then_some((601, 1)), None]
         );
-        // The force comes back as after an engagement where there was a fault, and else as after a loss.
+        // After a fault, the force comes back as after an engagement. Otherwise it comes back as after a loss.
         let (_, telemetry) = run.tick(Cause::Nothing, 0, 0);
         let returns = [SafetyState::Recovering, SafetyState::Engaging][fault as usize];
         assert_eq!(telemetry.devices[0].safety, returns);
@@ -564,7 +564,7 @@ fn stop_and_arm_neither_spend_nor_make_energy_of_a_lowered_weight() {
 #[test]
 fn springs_that_resting_hands_have_paid_for_go_and_return_with_a_weight_along_ramps() {
     // The hands carry the body down or up, move its springs, and rest. The force of the body, or of the first device,
-    // fades and comes back. Neither costs a hand any work, so the cap has nothing to withhold.
+    // fades and comes back. No hand does any work on this, so the cap has nothing to withhold.
     let places = [1e-3, 3e-3, 0.01, 0.02];
     let cases = [Cause::StaleHost, Cause::TooFast].map(|cause| [-0.06, 0.06].map(|to| (cause, to)));
     for ((cause, to), d) in

@@ -1,5 +1,5 @@
-//! The slips of proxies: a hold that no hand has paid for becomes the true force of another pose, no hand gains energy by
-//! that, and the slip ends.
+//! The slips of proxies. A hold whose energy no hand has supplied becomes the true force of another pose, no hand gains
+//! energy by the slip, and the slip ends.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -21,7 +21,7 @@ const TICK_NS: u64 = 1_000_000;
 const SPRING: f64 = 500.0;
 /// Stiffness against turns (N m/rad).
 const TURNING: f64 = 0.5;
-/// How the devices stand in the scene: a rotation vector (rad).
+/// Orientation of the devices in the scene: a rotation vector (rad).
 const TURNED: Vec3 = Vec3::new(0.3, -0.2, 0.1);
 /// Scene metres per device metre.
 const SCALE: f64 = 2.0;
@@ -162,7 +162,7 @@ fn at(x: f64, y: f64, z: f64) -> Option<Pose> {
     Some(Pose::at(Vec3::new(x, y, z)))
 }
 
-/// A body of springs from the handle of each of `devices` to the ground, at rest where the hands are at the origin.
+/// A body of springs from the handle of each of `devices` to the ground, at rest if the hands are at the origin.
 fn grounded(devices: &[u8]) -> LocalModel {
     let mut model = LocalModel::empty();
     model.head.period = 10.0 * PERIOD;
@@ -192,7 +192,7 @@ fn a_hold_that_was_not_paid_for_becomes_the_force_of_the_slipped_pose() {
         // At first the force is far from that of the body, which stores 25 mJ.
         let whole = SPRING * 0.01;
         assert!(on_proxy(&first, 0).norm() < 0.3 * whole);
-        // The force is that of the body where the proxy now is, and points along the slip.
+        // The force is that of the body at the present pose of the proxy, and points along the slip.
         let device = &last.devices[0];
         assert_eq!(last.bodies[0].withheld.force, 0.0);
         let force = on_proxy(&last, 0);
@@ -338,7 +338,7 @@ fn the_proxy_of_a_device_that_is_away_does_not_slip() {
         let (_, telemetry) = rig.tick(false, &[None]);
         assert_eq!(telemetry.devices[0].pose, away.devices[0].pose);
     }
-    // Back, the slip goes on, and the force becomes true.
+    // After the return, the slip continues, and the force becomes true.
     for _ in 0..1500 {
         rig.tick(false, &[there]);
     }
@@ -364,7 +364,7 @@ fn an_energy_that_no_motion_can_take_out_leads_to_no_force_at_rest_and_a_bounded
         for _ in 0..5000 {
             let (_, telemetry) = rig.tick(false, &[pose]);
             let slip = telemetry.devices[0].slip.norm();
-            // The proxy yields to the force, and stops where there is none.
+            // The proxy yields to the force, and stops at the pose without force.
             assert!(slip < 3e-3 + 1e-5, "{slip} {claimed}");
             forces.push(on_proxy(&telemetry, 0));
         }
@@ -403,8 +403,8 @@ fn a_force_that_no_motion_lowers_does_not_carry_the_proxy_away() {
 }
 
 proptest! {
-    /// Hands at random, models that contradict each other, stalls: what comes out at the hands is no more than the twofold
-    /// allowance, although the proxies slip.
+    /// Random hands, models that contradict each other, and stalls: no more energy than twice the allowance comes out
+    /// at the hands, although the proxies slip.
     #[test]
     fn slips_give_no_energy_to_hands(
         stiff in prop::collection::vec((0.1..10.0_f64, 0.0..0.5_f64, prop::bool::weighted(0.2)), 20),

@@ -1,5 +1,5 @@
-//! A damper on an estimated velocity: the damping that [`most_damping`] allows stops a bare device; the tests also tell
-//! how much more damping would.
+//! A damper on an estimated velocity. The damping that [`most_damping`] allows stops a bare device. The tests also show
+//! by which factor a larger damping still does.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -15,7 +15,7 @@ struct Loop {
     period: f64,
     mass: f64,
     damping: f64,
-    /// Encoder count (m); zero where positions are exact.
+    /// Encoder count (m); zero if positions are exact.
     count: f64,
     /// Forces that the device has yet to render.
     coming: VecDeque<f64>,
@@ -69,7 +69,7 @@ impl Loop {
 
 /// Whether a damping of `times` the mass over all delays stops the device, with exact positions.
 fn stops(method: Method, period: f64, delay: usize, times: f64) -> bool {
-    // A count so large that every window is full, as adaptive windows are where the motion is small.
+    // A count so large that every window is full, as adaptive windows are if the motion is small.
     let step = match method {
         Method::EndFit { .. } | Method::BestFit { .. } => 1e3,
         _ => 30e-6,
@@ -95,7 +95,7 @@ fn a_damper_is_stable_up_to_nearly_six_times_the_allowed_damping() {
             for delay in [0, 1, 3] {
                 // 1.44 m / t is 5.8 times the allowed damping; a pure delay is stable up to pi / 2.
                 assert!(stops(method, period, delay, 1.44), "{method:?} {delay}");
-                // Where its gain is small, a first-order filter turns the phase less than a delay.
+                // If its gain is small, a first-order filter turns the phase less than a delay.
                 if !matches!(method, Method::LowPass { .. }) {
                     assert!(!stops(method, period, delay, 2.4), "{method:?} {delay}");
                 }
@@ -125,7 +125,7 @@ fn counts_leave_less_speed_than_a_single_count_gives_up_to_four_times_the_allowe
                 let left = left_by_counts(count, mass, period, times);
                 assert!(left < 1.0, "{count} {period} {times}: {left}");
             }
-            // Far beyond the stable damping, where windows have become short as well: a limit cycle over many counts.
+            // A damping far beyond the stable one, at which windows are short as well: a limit cycle over many counts.
             let left = left_by_counts(count, mass, period, 40.0);
             assert!(left > 1.0, "{count} {period}: {left}");
         }

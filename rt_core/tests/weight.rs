@@ -104,7 +104,7 @@ fn a_weight_that_returns_at_a_greater_height_is_charged() {
     assert_eq!(hand.coupling.trust(), 0.0);
     hand.go(0.1, 4);
     let energy = *hand.coupling.energy();
-    // The account now owes 0.2 J that nobody supplied.
+    // The account now owes 0.2 J that no hand supplied.
     assert!((energy.raised - 0.1 * WEIGHT).abs() < 1e-3, "{energy:?}");
     assert!(energy.available < -0.19, "{energy:?}");
     assert!(energy.supplied - energy.raised < -0.19, "{energy:?}");

@@ -1,7 +1,7 @@
 //! The impedance of an arm at the handle that it holds, and the grips from relaxed to rigid.
 //!
 //! The arm is a mass that moves with the handle, and a spring and a damper from the handle to the aim of the hand. The
-//! named grips span the use of a stylus or a knob: from two fingers that barely hold the handle ([`Arm::RELAXED`]) to a
+//! named grips span the use of a stylus or a knob, from two fingers that barely hold the handle ([`Arm::RELAXED`]) to a
 //! braced fist ([`Arm::RIGID`]). [`Arm::TYPICAL`] is a published fit. The other three are round numbers at the ends and
 //! in the upper part of the published ranges.
 
@@ -41,7 +41,7 @@ impl Arm {
         stiffness: 135.0,
     };
 
-    /// A hand that means to hold on: three quarters of the range from relaxed to rigid.
+    /// A hand that holds on firmly: three quarters of the range from relaxed to rigid.
     pub const FIRM: Self = Self {
         mass: 0.95,
         damping: 25.0,
@@ -69,7 +69,7 @@ impl Arm {
         Some(grip.1)
     }
 
-    /// A device that nobody holds.
+    /// A device that no hand holds.
     pub(crate) const NONE: Self = Self {
         mass: 0.0,
         damping: 0.0,
@@ -136,7 +136,7 @@ impl Wrist {
         }
     }
 
-    /// A device that nobody holds.
+    /// A device that no hand holds.
     pub(crate) const NONE: Self = Self::new(0.0, 0.0, 0.0);
 
     pub(crate) fn is_sound(&self) -> bool {

@@ -48,7 +48,7 @@ impl<D: Device> Device for Delayed<D> {
     }
 
     /// # Errors
-    /// [`DeviceError::Busy`] where too many wrenches are on their way.
+    /// [`DeviceError::Busy`] if too many wrenches are on their way.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         self.arrive(now_ns)?;
         let at_ns = now_ns.saturating_add(self.delay_ns);

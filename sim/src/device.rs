@@ -1,14 +1,14 @@
 //! A simulated haptic device, with the hand that holds it.
 //!
-//! [`SimDevice`] is a [`Device`] like any other. Between two calls it moves under the last command, which it holds as a
-//! real device does. A read returns what its encoders report. The device moves exactly up to the time of the call in
-//! substeps of a fixed length; the last substep is shorter where the length does not divide the time. Times are integer
-//! nanoseconds and do not drift.
+//! [`SimDevice`] is a [`Device`] like any other. Between two calls, the device moves under the last command, which it
+//! holds as a real device does. A read returns the position that its encoders report. The device moves exactly up to
+//! the time of the call in substeps of a fixed length. If the length does not divide the time, the last substep is
+//! shorter. Times are integer nanoseconds and do not drift.
 //!
 //! The model has the moving mass, viscous damping, Coulomb friction, encoder counts, the largest force of the motors,
-//! and the arm of [`crate::hand`]. Where the device model has a rotation, the same holds for the rotation of the
-//! handle, with the wrist. The model has no end stops, no motor dynamics, no backlash, no inertia that depends on the
-//! pose or couples translation and rotation, and no gravity (devices compensate gravity).
+//! and the arm of [`crate::hand`]. If the device model has a rotation, the model has the same quantities for the
+//! rotation of the handle, with the wrist. The model has no end stops, no motor dynamics, no backlash, no inertia that
+//! depends on the pose or couples translation and rotation, and no gravity (devices compensate gravity).
 
 use crate::arm::{Arm, Wrist};
 use crate::dynamics::{Dynamics, Turning};
@@ -24,11 +24,11 @@ use rt_core::{
 
 /// Default length of a substep (ns): 20 substeps in a millisecond.
 pub const SUBSTEP_NS: u64 = 50_000;
-/// Longest time for which the device moves in one call (ns). It bounds the work of a call. In a longer gap the device
-/// stands still for the rest of the gap, and the rest is counted.
+/// Longest time for which the device moves in one call (ns). This time bounds the work of a call. In a longer gap, the
+/// device stands still for the rest of the gap, and the rest is counted.
 pub(crate) const LONGEST_MOVE_NS: u64 = 100_000_000;
 
-/// Why a simulated device could not be made.
+/// The reason why a simulated device could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SimError {
     /// A number of the model must be finite and above zero.
@@ -80,9 +80,9 @@ pub enum SimError {
     Start,
 }
 
-/// A simulated device, held by a hand or free. It has three degrees of freedom, or six where its model has a rotation, or
-/// one or two where its model names axes. Such a device moves along its axes alone, to the last bit: its mechanism bears
-/// the force of the hand across them, without friction, and takes no part of a force across them from a command.
+/// A simulated device, held by a hand or free. It has three degrees of freedom, or six if its model has a rotation, or
+/// one or two if its model names axes. Such a device moves along its axes alone, to the last bit. Its mechanism carries
+/// the force of the hand across the axes, without friction, and ignores the part of a command across the axes.
 #[derive(Clone, Debug)]
 pub struct SimDevice {
     model: DeviceModel,
@@ -120,7 +120,7 @@ impl SimDevice {
     /// of the tick (s).
     ///
     /// # Errors
-    /// [`SimError`] where a number of the model, a number of the arm or the wrist, or the period is out of range.
+    /// [`SimError`] if a number of the model, a number of the arm or the wrist, or the period is out of range.
     pub fn new(model: DeviceModel, hand: Option<Hand>, period_s: f64) -> Result<Self, SimError> {
         check(&model)?;
         if !(1e-5..=0.1).contains(&period_s) {
@@ -157,10 +157,10 @@ impl SimDevice {
         })
     }
 
-    /// The same device, at rest at `position` (m, device axes). To be called before the first read.
+    /// The same device, at rest at `position` (m, device axes). Call this before the first read.
     ///
     /// # Errors
-    /// [`SimError::Start`] where the position is not finite, or not on the axes of the device.
+    /// [`SimError::Start`] if the position is not finite, or not on the axes of the device.
     pub fn starting_at(mut self, position: Vec3) -> Result<Self, SimError> {
         if !position.iter().all(|x| x.is_finite()) || self.along(&position) != position {
             return Err(SimError::Start);
@@ -180,7 +180,7 @@ impl SimDevice {
     /// The same device with substeps of another length (ns).
     ///
     /// # Errors
-    /// [`SimError::Substep`] where the length is outside 100 ns to 0.1 s.
+    /// [`SimError::Substep`] if the length is outside 100 ns to 0.1 s.
     pub fn with_substep_ns(self, substep_ns: u64) -> Result<Self, SimError> {
         if !(100..=LONGEST_MOVE_NS).contains(&substep_ns) {
             return Err(SimError::Substep { found: substep_ns });
@@ -188,17 +188,17 @@ impl SimDevice {
         Ok(Self { substep_ns, ..self })
     }
 
-    /// Lets the hand follow another trajectory from now on, whose time is that of [`moved_s`](Self::moved_s). The tremor
-    /// goes on. A device in nobody's hand stays free. A trajectory that does not continue the present one pulls the
-    /// device by the arm.
+    /// Lets the hand follow another trajectory from now on, whose time is that of [`moved_s`](Self::moved_s). The
+    /// tremor continues. A free device stays free. A trajectory that does not continue the present one pulls the device
+    /// by the arm.
     pub fn guide(&mut self, trajectory: Trajectory) {
         if let Some(aim) = &mut self.aim {
             aim.guide(trajectory);
         }
     }
 
-    /// Lets the hand stay at its start until [`begin_hand`](Self::begin_hand), from which on its own time runs. While the
-    /// hand waits, [`guide`](Self::guide) moves it and leaves its own trajectory as it is.
+    /// Lets the hand stay at its start until [`begin_hand`](Self::begin_hand) starts the hand's own time. While the
+    /// hand waits, [`guide`](Self::guide) moves it and does not change its own trajectory.
     pub fn hold_hand(&mut self) {
         if let Some(aim) = &mut self.aim {
             aim.wait();
@@ -238,20 +238,20 @@ impl SimDevice {
         self.force
     }
 
-    /// True orientation of the end effector; the identity where the model has no rotation.
+    /// True orientation of the end effector; the identity if the model has no rotation.
     pub fn orientation(&self) -> UnitQuaternion<f64> {
         let turning = self.rotation.as_ref().map(|rotation| &rotation.turning);
         turning.map_or_else(UnitQuaternion::identity, Turning::orientation)
     }
 
-    /// True angular velocity of the end effector (rad/s); zero where the model has no rotation.
+    /// True angular velocity of the end effector (rad/s); zero if the model has no rotation.
     pub fn angular_velocity(&self) -> Vec3 {
         let turning = self.rotation.as_ref().map(|rotation| &rotation.turning);
         turning.map_or_else(Vec3::zeros, Turning::velocity)
     }
 
     /// The moment that the motors hold (N m): the last command, shortened to the largest moment of the device; zero
-    /// where the model has no rotation.
+    /// if the model has no rotation.
     pub fn moment(&self) -> Vec3 {
         let rotation = self.rotation.as_ref();
         rotation.map_or_else(Vec3::zeros, |rotation| rotation.moment)
@@ -335,7 +335,7 @@ fn check(model: &DeviceModel) -> Result<(), SimError> {
     Ok(())
 }
 
-/// The vector, shortened to the length `most` where it is longer; `None` where its length is not finite.
+/// The vector, shortened to the length `most` if it is longer; `None` if its length is not finite.
 fn shortened(vector: Vec3, most: f64) -> Option<Vec3> {
     let length = vector.norm();
     if !length.is_finite() {

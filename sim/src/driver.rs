@@ -11,11 +11,11 @@ use rt_core::Vec3;
 /// The hand, the wire and the start of a simulated device.
 #[derive(Clone, Debug)]
 pub struct Held {
-    /// The hand that holds the device; the device is free where there is none.
+    /// The hand that holds the device; the device is free if there is none.
     pub hand: Option<Hand>,
     /// Whether the states and wrenches of the device pass through the reports of the firmware protocol.
     pub wired: bool,
-    /// Where the device and the hand start (m, device axes).
+    /// Position at which the device and the hand start (m, device axes).
     pub start: Vec3,
     /// The protocol that an emulated device speaks.
     pub protocol: Protocol,

@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! (2 M / h + b + b_a + h k_a / 2) u + f = 2 M v / h + F + k_a (a - x + da / 2) + b_a da / h = r
-//! u = 0, f = r          where |r| <= f_c      (the handle does not move)
+//! u = 0, f = r          if |r| <= f_c      (the handle does not move)
 //! f = f_c r / |r|       elsewhere             (u has the direction of r)
 //! ```
 //!
@@ -15,10 +15,10 @@
 //! any step length, and no loss can be negative. Only the motion errs with the step length, not its account.
 //!
 //! Stick and slip are events, and a step is split at an event ([`friction`]). A handle that would reverse within a step
-//! comes to rest first, at the time that the step's own equation gives. A handle at rest stays exactly where it is
-//! until the pull on it reaches the largest force that friction can hold. The motion is therefore of second order with
-//! friction, too. A direction that turns within a step without passing through rest is followed in pieces. Where
-//! friction ends the motion, the remaining kinetic energy is lost to friction.
+//! first comes to rest, at the time that the step's own equation gives. A handle at rest does not move until the pull
+//! on it reaches the largest force that friction can hold. The motion is therefore of second order with friction, too.
+//! If the direction turns within a step without rest, the step is divided into pieces. If friction ends the motion, the
+//! remaining kinetic energy is lost to friction.
 
 mod friction;
 mod turning;
@@ -94,7 +94,7 @@ impl Dynamics {
         }
     }
 
-    /// The same step, split where the handle stops and where it starts.
+    /// The same step, split at the times at which the handle stops and starts.
     #[cold]
     #[inline(never)]
     fn step_in_pieces(&mut self, h: f64, motor: &Vec3, aim: &Vec3) {
@@ -203,8 +203,8 @@ impl Dynamics {
         } else {
             drive
         };
-        // Solved for the change of velocity, not for the mean velocity. The large and nearly equal momenta then never
-        // cancel, and rounding does not act like a damper.
+        // The step is solved for the change of velocity, not for the mean velocity. The large and nearly equal momenta
+        // then never cancel, and rounding does not act like a damper.
         let change = (outer - self.velocity * drag - friction) / (inertia + drag);
         (change, size)
     }

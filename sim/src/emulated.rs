@@ -2,10 +2,10 @@
 //!
 //! A device of the driver `sim` is read and written at once. An emulated device is reached by its true driver, through
 //! bytes that take their time: counts of its encoders, the delay of its exchange, its boot and its calibration or homing
-//! are those of the device. It rehearses a real device before the device is there. The run begins after the operator's
-//! part: the hand first homes or calibrates the device, and then follows the motion of the scene.
+//! are those of the device. Such a run rehearses a real device before the device is there. The run begins after the
+//! operator's part: the hand first homes or calibrates the device, and then follows the motion of the scene.
 //!
-//! - [`link`]: the connection between a driver and an emulated device. [`fault`]: what may happen to the connection.
+//! - [`link`]: the connection between a driver and an emulated device. [`fault`]: the faults of the connection.
 //! - [`driver`]: the true driver of a device, with its threads in virtual time.
 //!
 //! A run has no fault; the study of connections has. The parts allocate, so an emulated device belongs to virtual time.
@@ -96,7 +96,7 @@ impl Driver for EmulatedDriver {
     }
 }
 
-/// What the hand does until the device is ready, and how long it takes (ns).
+/// The motion of the hand until the device is ready, and its duration (ns).
 fn opening(protocol: Protocol) -> Result<(Trajectory, u64), crate::TrajectoryError> {
     let boot = BOOT_NS as f64 * 1e-9;
     let (path, duration_ns) = match protocol {

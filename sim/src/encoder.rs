@@ -66,7 +66,7 @@ impl Encoder {
 /// Encoders of a rotation, and the driver's estimate of angular velocity from them.
 ///
 /// The encoders count the rotation vector (axis times angle) by coordinate, as a gimbal near its middle counts its
-/// joints. The velocity is estimated from the sum of the rotations between samples, which never jumps as angles do.
+/// joints. The velocity is estimated from the sum of the rotations between samples, which never jumps, unlike angles.
 #[derive(Clone, Debug)]
 pub(crate) struct TurnEncoder {
     step: f64,

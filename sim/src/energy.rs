@@ -3,13 +3,13 @@
 //! A coupling is judged by its effect on the person, and so by the energy at the port between device and hand. That
 //! energy is the work of the motors, minus the losses of the mechanism, minus the energy of the mechanism's own mass
 //! ([`MechanicalEnergy::on_hand`]). It is integrated between ticks from the true motion. The controller's own account,
-//! which relies on encoder counts, has no part in it. [`NetEnergy`] keeps the maximum of the energy over time, summed
-//! over all devices on one body. Above zero, the body gave back energy that nobody had supplied.
+//! which relies on encoder counts, is not used. [`NetEnergy`] keeps the maximum over time of this energy, summed over
+//! all devices on one body. A maximum above zero means that the body gave back energy that no hand had supplied.
 
 /// Sources and sinks of the energy since the start (J). Works and losses are sums over all steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MechanicalEnergy {
-    /// Work of the motors on device and hand, at the motors' port. Negative where the hand does work on the motors.
+    /// Work of the motors on device and hand, at the motors' port. Negative if the hand does work on the motors.
     pub motor_work: f64,
     /// Work of the muscles, which move the aim against the arm's spring and damper.
     pub hand_work: f64,
@@ -47,15 +47,15 @@ impl MechanicalEnergy {
         self.kinetic + self.spring
     }
 
-    /// The energy supplied, minus the energy lost, minus the energy stored (J). Only rounding makes it differ from
-    /// zero.
+    /// The energy supplied, minus the energy lost, minus the energy stored (J). This difference is zero except for
+    /// rounding.
     pub fn residual(&self) -> f64 {
         self.supplied() - self.lost() - self.stored()
     }
 
-    /// Work that the device did on the hand so far (J), at the port between the two. It is the work of the motors,
+    /// Work that the device did on the hand so far (J), at the port between the two. This work is that of the motors,
     /// minus the losses to the mechanism's damping and friction, minus the gain of the mechanism's own mass. Negative
-    /// where the hand worked on the device.
+    /// if the hand worked on the device.
     pub fn on_hand(&self) -> f64 {
         self.motor_work - self.damping_loss - self.friction_loss - self.device_kinetic
             + self.device_initial
@@ -102,7 +102,7 @@ pub struct NetEnergy {
 }
 
 impl NetEnergy {
-    /// For a body from which `stored` (J: elastic, kinetic, gravity) may be taken out, at the start.
+    /// The account at the start, for a body that may give back `stored` (J: elastic, kinetic, gravity).
     pub fn new(stored: f64) -> Self {
         Self {
             stored,
@@ -112,7 +112,7 @@ impl NetEnergy {
     }
 
     /// Takes the work on the hand of each device so far (J), as [`MechanicalEnergy::on_hand`] gives it. Call this once a
-    /// tick. A sum that is NaN counts as infinite, since such a run deserves no trust.
+    /// tick. A sum that is NaN counts as infinite, because such a run cannot be trusted.
     pub fn observe(&mut self, on_hands: impl IntoIterator<Item = f64>) {
         let sum: f64 = on_hands.into_iter().sum();
         self.now = if sum.is_nan() {

@@ -21,9 +21,10 @@ pub enum Fault {
     NotANumber,
     /// The device accepts no wrench, and holds the last wrench.
     RefusesCommands,
-    /// The device lets go: its motors hold no force, and its states say so. It refuses the wrenches, and counts them.
+    /// The device lets go: its motors hold no force, and its states report that. The device refuses the wrenches, and
+    /// counts them.
     LetsGo,
-    /// As `LetsGo`, because of a fault with this number.
+    /// The device lets go as under `LetsGo`, because of a fault with this number.
     Broken(u8),
 }
 
@@ -39,7 +40,7 @@ pub struct Faulty {
 const NO_DEVICE: i32 = 19;
 
 impl Faulty {
-    /// Wraps `device` with faults. Where two faults overlap, the first in the list acts.
+    /// Wraps `device` with faults. If two faults overlap, the first in the list acts.
     pub fn new(device: AnyDevice, faults: Vec<(Range<u64>, Fault)>) -> Self {
         Self {
             device,

@@ -5,8 +5,8 @@
 //! 0.5 mrad/s for an angular velocity. The error of a rotation is at most 0.07 mrad. The device's clock counts whole
 //! microseconds, and there are sixteen buttons.
 //!
-//! The wire is in one piece with the device: no report is lost or late, so the simulation needs neither the greeting nor
-//! the device's watchdog. `firmware_proto::device` has them, and a test puts it behind the driver `hid`.
+//! The wire is ideal: no report is lost or late, so the simulation needs neither the greeting nor the device's
+//! watchdog. `firmware_proto::device` has both, and a test puts it behind the driver `hid`.
 
 use devices::wire::{DeviceClock, corrupt, si_of, state_of};
 use firmware_proto::report::{
@@ -14,7 +14,7 @@ use firmware_proto::report::{
 };
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Rendering, Vec3, Wrench};
 
-/// The session of a device in one piece with its host.
+/// The session of a device behind its ideal wire.
 pub const SESSION: u32 = 1;
 
 /// A device behind the bytes of its reports.
@@ -100,7 +100,7 @@ pub fn state_bytes(state: &DeviceState, sequence: u16) -> [u8; LENGTH] {
     StateReport::from_si(sequence, SESSION, condition(state), &state_si(state)).encode()
 }
 
-/// Pose and velocities of a state, as a report takes them.
+/// Pose and velocities of a state, in the form for a report.
 pub(crate) fn state_si(state: &DeviceState) -> StateSi {
     let q = &state.pose.rotation;
     StateSi {
@@ -111,7 +111,7 @@ pub(crate) fn state_si(state: &DeviceState) -> StateSi {
     }
 }
 
-/// The condition of a simulated device. A fault without a number has the last of the device's own.
+/// The condition of a simulated device. A fault without a number gets the last of the device's own numbers.
 fn condition(state: &DeviceState) -> Condition {
     let time_us = (state.device_time_ns / 1000) as u32;
     let on = status::CALIBRATED | status::POWERED;
@@ -132,7 +132,7 @@ fn condition(state: &DeviceState) -> Condition {
     }
 }
 
-/// The wrench in a report to a device; zero where the report does not enable the wrench.
+/// The wrench in a report to a device; zero if the report does not enable the wrench.
 ///
 /// # Errors
 /// The [`ReportError`] for which the bytes are not a valid report of a wrench.

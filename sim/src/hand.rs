@@ -49,7 +49,8 @@ pub struct Hand {
     pub tremor: Option<Tremor>,
     /// The buttons that the hand presses.
     pub presses: Vec<Press>,
-    /// What the hand does before its own time begins: a trajectory, and its duration (s). An operator homes a device so.
+    /// The motion of the hand before its own time begins: a trajectory, and its duration (s). An operator homes a
+    /// device by such a motion.
     pub opening: Option<(Trajectory, f64)>,
 }
 
@@ -89,7 +90,7 @@ impl Hand {
         Self { presses, ..self }
     }
 
-    /// The same hand, which first follows the trajectory of an opening for its `duration` (s).
+    /// The same hand, which first follows the trajectory `opening` for `duration` (s).
     pub fn after(self, opening: Trajectory, duration: f64) -> Self {
         Self {
             opening: Some((opening, duration)),
@@ -136,7 +137,7 @@ impl Hand {
 ///
 /// Substeps ask for the aim every few tens of microseconds, and a hand has no motion above 12 Hz. The cubic errs by
 /// `(2 pi f dt)^4 / 384`: 1e-7 of the amplitude at 12 Hz. The milliseconds are those of the hand itself, so the aim
-/// does not depend on anybody's steps.
+/// does not depend on the substeps.
 #[derive(Clone, Debug)]
 pub(crate) struct Aim {
     hand: Hand,
@@ -168,7 +169,8 @@ impl Aim {
         self.hand.buttons(time_ns as f64 * 1e-9)
     }
 
-    /// Replaces the trajectory, from the next look on: that of the opening, while the hand waits.
+    /// Replaces the trajectory from the next call on. While the hand waits, this replaces the trajectory of the
+    /// opening.
     pub(crate) fn guide(&mut self, trajectory: Trajectory) {
         match &mut self.hand.opening {
             Some((opening, f64::INFINITY)) => *opening = trajectory,

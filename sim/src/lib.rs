@@ -1,16 +1,15 @@
-//! Simulated devices and the hands that hold them: the simulated part of the world.
+//! Simulated devices, and the simulated hands that hold them.
 //!
-//! Everything here is pure computation, without threads, files, wall clocks or printing. Two runs from the same inputs
-//! give the same bits on every platform: sine, exponential and tangent come from `libm`, and all other operations are
+//! This crate is pure computation, without threads, files, wall clocks or printing. Two runs from the same inputs give
+//! the same bits on every platform: sine, exponential and tangent come from `libm`, and all other operations are
 //! exactly rounded. Only the [`emulated`] devices allocate after they are built, because a simulated device also runs
 //! inside the real-time tick.
 //!
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
-//! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for
-//! its energy. [`firmware`] puts a device behind the bytes of its reports, and [`delayed`] behind the
-//! delay of its output. [`emulate`] has whole devices behind a
-//! protocol, published or our own. [`faulty`] lets a device fail at given times. [`driver`] and [`emulated`] open the
-//! devices of a scene.
+//! (its model is one of `devices::models`). `dynamics` integrates the motion of both between ticks, and [`energy`]
+//! accounts for the energy of this motion. [`firmware`] puts a device behind the bytes of its reports, and [`delayed`]
+//! behind the delay of its output. [`emulate`] contains whole devices behind a protocol, published or our own.
+//! [`faulty`] makes a device fail at given times. [`driver`] and [`emulated`] open the devices of a scene.
 #![forbid(unsafe_code)]
 
 pub mod arm;

@@ -24,7 +24,7 @@ impl Protocol {
         Self::Falcon,
     ];
 
-    /// Whether each packet has a check sum, a number and a session, so that a receiver detects every wrong one.
+    /// Whether each packet has a check sum, a number and a session, so that a receiver detects every wrong packet.
     pub fn is_checked(self) -> bool {
         matches!(self, Self::Reports | Self::Stream)
     }

@@ -1,9 +1,9 @@
 //! Tasks of hands, as trajectories: tap, press and hold, rub, pull apart, move together, shake.
 //!
-//! A task is a few numbers (direction, depth, speed and so on) and a seed. No person repeats a motion exactly, so
-//! depths, speeds and pauses vary by a fraction of themselves. The seed fixes these variations once; after [`CYCLE`]
-//! repetitions they recur. Reaches are minimum-jerk ([`crate::trajectory::waypoints`]), and rhythms are sinusoids up to
-//! [`BAND_HZ`]. A task thus holds the voluntary motion of a hand and nothing else.
+//! A task consists of a few numbers (direction, depth, speed and others) and a seed. No person repeats a motion
+//! exactly, so depths, speeds and pauses vary by a fraction of their size. The seed fixes these variations, which recur
+//! after [`CYCLE`] repetitions. Reaches are minimum-jerk ([`crate::trajectory::waypoints`]), and rhythms are sinusoids
+//! up to [`BAND_HZ`]. A task thus contains only the voluntary motion of a hand.
 
 use crate::trajectory::{BAND_HZ, Sine, Trajectory, TrajectoryError};
 use crate::tremor::unit;
@@ -99,7 +99,7 @@ pub struct Task {
     pub direction: Vec3,
     /// Distance along the direction (m).
     pub depth: f64,
-    /// Mean speed of a reach (m/s); its peak is 1.875 times that.
+    /// Mean speed of a reach (m/s). The peak speed is 1.875 times the mean.
     pub speed: f64,
     /// Time at rest before each reach (s).
     pub pause: f64,
@@ -107,11 +107,11 @@ pub struct Task {
     pub width: f64,
     /// Frequency of the rhythm (Hz).
     pub frequency: f64,
-    /// Largest relative variation of depths, speeds, pauses and frequencies, to both sides; from 0 to 0.5.
+    /// Largest relative variation of depths, speeds, pauses and frequencies, in both directions; from 0 to 0.5.
     pub variation: f64,
 }
 
-/// Why a task cannot be made.
+/// The reason why a task cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
     /// The direction is zero or not finite.
@@ -172,7 +172,7 @@ impl Task {
     /// The displacement over time of this task with `seed`.
     ///
     /// # Errors
-    /// [`TaskError`] where a number is out of its range, or where no hand could follow.
+    /// [`TaskError`] if a number is out of its range, or if no hand could follow the trajectory.
     pub fn trajectory(&self, seed: u64) -> Result<Trajectory, TaskError> {
         self.check()?;
         let mut vary = Variation {
@@ -366,7 +366,8 @@ impl Variation {
 
     /// A direction at right angles to `along`.
     fn side(&mut self, along: &Vec3) -> Vec3 {
-        // Starts from the axis most nearly at right angles to `along`; turns by a random angle where the task varies.
+        // The direction starts from the axis most nearly at right angles to `along`, and turns by a random angle if the
+        // task varies.
         let axis = Vec3::ith(along.iamin(), 1.0);
         let first = along.cross(&axis).normalize();
         if self.fraction <= 0.0 {

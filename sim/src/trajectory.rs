@@ -19,7 +19,7 @@ use waypoints::Waypoints;
 /// Highest frequency of voluntary motion that a trajectory may carry (Hz).
 pub const BAND_HZ: f64 = 5.0;
 
-/// Why a trajectory cannot be made. An index counts the samples, waypoints or sinusoids from zero.
+/// The reason why a trajectory cannot be made. An index counts the samples, waypoints or sinusoids from zero.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TrajectoryError {
     /// A number is infinite or NaN.
@@ -68,7 +68,7 @@ pub enum TrajectoryError {
         /// The time that was given (s).
         found: f64,
     },
-    /// A motion to be repeated does not end where it begins.
+    /// A motion to be repeated does not end at its start.
     #[error("a motion that is repeated must end where it begins, not {found} m away")]
     Open {
         /// Distance between its ends (m).
@@ -124,8 +124,8 @@ impl Trajectory {
         Self::default()
     }
 
-    /// Visits `(time, position)` (s, m) in turn along minimum-jerk segments, at rest at each. The trajectory rests
-    /// before the first and after the last. Positions are relative to the first.
+    /// Visits each `(time, position)` (s, m) in turn along minimum-jerk segments, at rest at each point. The trajectory
+    /// rests before the first point and after the last. Positions are relative to the first point.
     ///
     /// # Errors
     /// No waypoint, a number that is not finite, times that do not increase, or a first time below zero.
@@ -135,10 +135,12 @@ impl Trajectory {
         })
     }
 
-    /// Repeats such a motion: after the last waypoint it continues from the first, at the same position.
+    /// Repeats a motion of [`Trajectory::new_waypoints`]: after the last waypoint, the motion continues from the first,
+    /// at the same position.
     ///
     /// # Errors
-    /// As [`Trajectory::new_waypoints`]; also fewer than two waypoints, or a last position that is not the first.
+    /// The errors of [`Trajectory::new_waypoints`]; also fewer than two waypoints, or a last position that is not the
+    /// first.
     pub(crate) fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
             parts: vec![Part::Waypoints(Waypoints::new_cycle(waypoints)?)],

@@ -22,7 +22,7 @@ pub(crate) const FADE: f64 = 0.5;
 /// The stream of the random generator: no other part of the program draws from it.
 const STREAM: u128 = 0x7472_656d_6f72;
 
-/// Why a tremor cannot be made.
+/// The reason why a tremor cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TremorError {
     /// The amplitude is not a finite number of at least zero.
@@ -49,10 +49,10 @@ pub struct Tremor {
 
 impl Tremor {
     /// The tremor of `seed`. `rms` (m) is the root mean square of the displacement vector over a long time, after the
-    /// fade-in. For a relaxed hand it is about 0.05 to 0.2 mm.
+    /// fade-in. The `rms` of a relaxed hand is about 0.05 to 0.2 mm.
     ///
     /// # Errors
-    /// [`TremorError`] where the amplitude is negative or not finite.
+    /// [`TremorError`] if the amplitude is negative or not finite.
     pub fn new(rms: f64, seed: u64) -> Result<Self, TremorError> {
         if !(rms.is_finite() && rms >= 0.0) {
             return Err(TremorError::Amplitude { found: rms });

@@ -37,7 +37,7 @@ fn simulated(name: &str) -> SimDevice {
 fn simulated_devices_of_every_model_conform() {
     for (name, model) in DeviceModel::all() {
         Suite::new(name).check(|| Box::new(simulated(name)));
-        // In nobody's hand.
+        // A free device.
         let free = || SimDevice::new(model, None, 1e-3).expect("a sound device");
         Suite::new(name).check(|| Box::new(free()));
     }
@@ -89,14 +89,14 @@ fn a_faulty_device_follows_its_list() {
         assert_eq!(finite, !gone && !(30..40).contains(&k), "tick {k}");
         let taken = device.write(now, &push).is_ok();
         assert_eq!(taken, !gone && !(50..60).contains(&k), "tick {k}");
-        // One that is gone lets go; one that takes nothing holds on.
+        // A device that is gone lets go. A device that takes no wrench holds its last wrench.
         let held = device.probe().expect("a simulation knows").held.force;
         let expected = if gone { Vec3::zeros() } else { push.force };
         assert_eq!(held, expected, "tick {k}");
     }
 }
 
-/// A device that let go, or that has a fault, says so behind every wrapper: the wire, the delay and the operator.
+/// A device that let go, or that has a fault, reports it through every wrapper: the wire, the delay and the operator.
 #[test]
 fn a_device_that_lets_go_says_so_behind_every_wrapper() {
     let faults = vec![
@@ -150,12 +150,12 @@ fn recordings_conform() {
     }
 }
 
-/// A delta.3 through the door.
+/// A delta.3, opened through the registry.
 fn open(registry: &Registry, driver: &str, index: usize) -> AnyDevice {
     opened(registry, driver, index, "delta3")
 }
 
-/// A device of that name through the door.
+/// A device of that name, opened through the registry.
 fn opened(registry: &Registry, driver: &str, index: usize, name: &str) -> AnyDevice {
     let model = model(name);
     let request = Request {
@@ -174,7 +174,7 @@ fn simulated_devices_through_the_door_conform() {
         protocol: Protocol::Reports,
     };
     let registry = Registry::new().with(Simulated::new(vec![held(false), held(true)]));
-    // The third is in nobody's hand.
+    // The third device is free.
     for index in 0..3 {
         Suite::new("door").check(|| open(&registry, "sim", index));
     }
@@ -204,8 +204,8 @@ fn emulated_devices_through_the_door_conform() {
     }
 }
 
-/// The far end of a fake HID: a simulated device behind the device's side of the protocol. It sends a report each time it
-/// is asked, and goes away after so many.
+/// The far end of a fake HID: a simulated device behind the device's side of the protocol. It sends a report each time
+/// it is asked, and goes away after a number of reports.
 struct FarEnd {
     device: SimDevice,
     firmware: Firmware,
@@ -340,7 +340,7 @@ fn a_hid_device_that_is_unplugged_comes_back_without_a_restart() {
                 (losses, was_there) = (losses + 1, false);
             }
             Err(_) => {
-                // What an earlier read showed is not told again.
+                // The time that an earlier read showed is not reported again.
                 assert_eq!(device.motion_to_force_ns(), None);
                 std::thread::yield_now();
             }
@@ -355,7 +355,7 @@ fn a_device_made_of_two_functions_conforms() {
     for freedom in [Freedom::Three, Freedom::Six] {
         Suite::new("scripted").check(|| {
             let read = |device_time_ns| {
-                // Its clock, as that of any device, stands still where the loop's goes back.
+                // Its clock, like that of any device, stands still when the loop's clock goes back.
                 Ok(DeviceState {
                     device_time_ns,
                     ..DeviceState::resting()

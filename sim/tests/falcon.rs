@@ -74,7 +74,7 @@ impl Pipe {
         move || pipe.world().now_ns
     }
 
-    /// Lets time pass, in which nobody talks to the device.
+    /// Lets time pass without an exchange with the device.
     fn wait(&self, ns: u64) {
         let mut world = self.world();
         world.now_ns += ns;
@@ -376,7 +376,7 @@ fn a_device_that_does_not_answer_gets_no_torque() {
         })
         .collect();
     assert_eq!(torques, [true, true, true, false, false]);
-    // It acts again with the second answer: the first says where the grip is.
+    // The torque acts again with the second answer. The first answer gives the position of the grip.
     pipe.world().emulated.fail(Faults::default());
     assert!(falcon.exchange(&pull).is_ok());
     assert_eq!(pipe.world().emulated.torques(), [0; 3]);
@@ -420,7 +420,7 @@ fn an_answer_to_an_earlier_host_is_not_taken_for_a_later_one() {
     }
 }
 
-/// The upload faults, with the step and the problem of the error where no upload succeeds.
+/// The upload faults, with the step and the problem of the error if no upload succeeds.
 fn upload_faults() -> Vec<(UploadFault, Step, Problem)> {
     let sent = |at: usize| image()[at];
     let mut faults = vec![
@@ -533,7 +533,7 @@ fn an_answer_too_many_makes_no_later_state_late() {
     let pipe = emulated(&homing(&sway), Faults::default());
     let mut falcon = connect(&pipe).unwrap();
     run(&mut falcon, &pipe, 4.7, &Wrench::zero(), |_, _| {});
-    // Somebody else's packet is answered, too.
+    // A packet of another program is answered, too.
     let now_ns = pipe.world().now_ns;
     let packet = devices::falcon::packet::Command::default().encode();
     pipe.world().emulated.receive(&packet, now_ns);

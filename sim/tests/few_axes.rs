@@ -1,5 +1,5 @@
-//! Devices of one and two degrees of freedom: they move along their axes alone, as a device of three degrees of freedom
-//! moves that is never pulled across them.
+//! Devices of one and two degrees of freedom. They move along their axes alone, like a device of three degrees of
+//! freedom that is never pulled across these axes.
 
 use rt_core::{Axes, Device, Freedom, Vec3, Wrench};
 use sim::{DeviceModel, Hand, SimDevice, SimError, Task, TaskKind, Tremor, Wired};

@@ -11,7 +11,7 @@ fn free(model: DeviceModel) -> SimDevice {
     SimDevice::new(model, None, 1e-3).unwrap()
 }
 
-/// What stands between the guide and the device: it may lose a reading, and changes a force on its way.
+/// The connection between the guide and the device. It may lose a reading, and may change a force on its way.
 trait Between {
     fn reading(
         &mut self,
@@ -110,7 +110,7 @@ fn every_built_in_device_is_identified_within_a_tenth() {
         assert!((found.position_step / model.position_step - 1.0).abs() < 1e-9);
         assert_eq!(found.delay_periods, Some(0.0), "{name}");
         for axis in &found.axes {
-            // A count's error is a twelfth of its square in the mean, where the handle moves.
+            // The mean square error of a count is a twelfth of its square, if the handle moves.
             let counts = axis.residual / model.position_step;
             println!(
                 "  axis {} swings {} residual {counts:.3}",

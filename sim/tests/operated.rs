@@ -132,11 +132,11 @@ fn the_operator_homes_the_device_whenever_it_asks() {
     host.run(100 * MS);
     host.boot();
     for round in 0..2 {
-        // No homing, and no hand that moves, before the host asks.
+        // Before the host asks, there is no homing, and the hand does not move.
         for _ in 0..500 {
             assert_ne!(host.exchange(false).homed, [true; 3]);
         }
-        // Friction holds the grip where the hand has left it.
+        // Friction holds the grip at the place at which the hand has left it.
         assert!(host.device.falcon().device().position().norm() < 1e-3);
         let mut asked = 0;
         let farthest = (0..3000)

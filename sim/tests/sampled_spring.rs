@@ -1,8 +1,8 @@
-//! The simulated device against theory: where a sampled virtual spring becomes active.
+//! The simulated device against theory: the stiffness at which a sampled virtual spring becomes active.
 //!
 //! A mass `M` with damping `b` is pulled to its origin by a spring `K` that is sampled every `T` and held in between.
-//! It is stable only for `K < 2 b / T` (Colgate & Schenkel 1997; exact to `b T / M`). The condition does not hold with
-//! friction and encoder counts, so the device here has neither.
+//! The motion is stable only for `K < 2 b / T` (Colgate & Schenkel 1997; exact to `b T / M`). The condition does not
+//! hold with friction and encoder counts, so the device here has neither.
 
 use rt_core::{Device, Vec3, Wrench};
 use sim::{DeviceModel, SimDevice};

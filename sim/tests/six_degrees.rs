@@ -70,8 +70,8 @@ fn the_angular_velocity_is_estimated_from_counts() {
         }
         let state = device.read(now).unwrap();
         if k > 150 {
-            // 2.5 rad/s, through half a turn, where a rotation vector jumps. The filter keeps 40 % of a count per tick,
-            // at both ends of a difference.
+            // 2.5 rad/s, through half a turn, at which a rotation vector jumps. The filter keeps 40 % of a count per
+            // tick, at both ends of a difference.
             let error = (state.twist.angular - device.angular_velocity()).norm();
             assert!(error < step / 1e-3, "{k} {error}");
         }

@@ -1,4 +1,4 @@
-//! Loops of every rate hold their force on devices of every protocol, and nothing lets go between two ticks.
+//! Loops of every rate hold their force on devices of every protocol, and no device lets go between two ticks.
 
 use devices::{DeviceModel, Registry, Request};
 use rt_core::{Rendering, Vec3, Wrench};

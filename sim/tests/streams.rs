@@ -348,7 +348,7 @@ fn a_connection_that_ended_is_opened_again_with_a_new_session() {
     let gone = DeviceError::Disconnected(19);
     assert_eq!(driver.exchange(&force), Err(gone));
     assert_eq!(driver.reopen(), Err(gone));
-    // It is lost, and says so.
+    // The device is lost, and the driver reports it.
     assert_eq!(driver.exchange(&force), Err(gone));
     link.world(|world| world.gone = None);
     // The device still serves the old session until its watchdog has let go.
@@ -584,7 +584,7 @@ fn a_device_that_another_host_uses_is_refused() {
     for _ in 0..5 {
         let _ = tick(&mut first, &link, &force);
     }
-    // The first host goes on while the second one greets.
+    // The first host continues while the second host greets.
     let other = first;
     let session = link.world(|world| world.device.session());
     let first = Arc::new(Mutex::new(other));
@@ -889,7 +889,7 @@ fn a_slow_loop_holds_its_force_on_a_fast_device() {
     }
 }
 
-/// 20 ms of lost commands: the device lets go after ten, and its states say so until a wrench is in force again.
+/// 20 ms of lost commands: the device lets go after ten, and its states report that until a wrench is in force again.
 #[test]
 fn a_device_whose_commands_are_lost_says_that_it_let_go() {
     let (mut driver, link) = opened(emulated(held()));
@@ -903,7 +903,7 @@ fn a_device_whose_commands_are_lost_says_that_it_let_go() {
         let state = tick(&mut driver, &link, &force).expect("its states arrive");
         let acts = link.force() != Vec3::zeros();
         told.push(state.rendering);
-        // The state that comes next says what the motors do.
+        // The next state reports the force of the motors.
         assert!(
             acts == (state.rendering == Rendering::Commanded) || k == 9 || k == 10,
             "{k}"
@@ -955,7 +955,7 @@ fn an_emergency_stop_at_the_device_is_told() {
     );
 }
 
-/// A device that starts with its emergency stop pressed has no reference, and says what it has.
+/// A device that starts with its emergency stop pressed has no reference, and reports its fault.
 #[test]
 fn a_fault_from_the_start_is_told() {
     let mut device = emulated(held()).with_homing_ns(u64::MAX);
@@ -971,7 +971,7 @@ fn a_fault_from_the_start_is_told() {
     }
 }
 
-/// Amplifiers without power are told, though the wrench stays in force.
+/// The states report amplifiers without power, although the wrench stays in force.
 #[test]
 fn amplifiers_without_power_are_told() {
     let (mut driver, link) = opened(emulated(held()));

@@ -1,4 +1,4 @@
-//! The motion of a simulated device depends on its substep by less than any conclusion could.
+//! The substep changes the motion of a simulated device by too little to change a conclusion.
 //!
 //! Every device in every grip does every task against a spring and a damper that are rendered from encoder counts at 1
 //! kHz, with friction, quantization and tremor. Halving the substep must change positions by less than 1 % of the

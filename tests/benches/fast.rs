@@ -5,7 +5,7 @@
 
 use divan::{Bencher, black_box};
 use physics::element::VectorForm;
-use physics::element::tet4::Tets;
+use physics::element::tet::hooke::Tets;
 use physics::element::triangle::triangles::Triangles;
 use physics::linear::factor::Factor;
 use physics::linear::order::order;
@@ -83,7 +83,7 @@ fn tets<T: Precision>(body: &Body) -> Tets<T> {
     let Some(VectorForm::HookeanTets(_, tets)) = body.elements()[0].vector_form() else {
         panic!("no tetrahedra");
     };
-    Tets::new(tets.into_iter())
+    Tets::new(&tets)
 }
 
 fn triangles<T: Precision>(body: &Body) -> Triangles<T> {

@@ -8,7 +8,7 @@
 #include "palpate_proto.h"
 
 /* registers: between the firmware and its mechanism (../src/registers.rs). On a board of your own they belong to
- * counters, inputs and amplifiers. Here the simulated mechanism (plant.c) takes the place of the hardware. */
+ * counters, inputs and amplifiers. Here the simulated mechanism (plant.c) replaces the hardware. */
 
 #define AXES 3
 #define COUNT_NM 10000 /* length of one count */
@@ -16,12 +16,12 @@
 
 #define SWITCH_STOP 0x1u
 #define SWITCH_BUTTON 0x2u
-#define SWITCH_FAIL 0x4u /* asks the firmware to fail, for a test of the way out */
+#define SWITCH_FAIL 0x4u /* asks the firmware to fail, for a test of the response */
 #define SWITCH_TRAP 0x8u /* asks for an unknown instruction, for the same test */
 
 typedef struct {
-    volatile uint32_t counts[AXES]; /* signed; a counter starts anywhere, and wraps */
-    volatile uint32_t marks[AXES];  /* counts at the marks, valid where the bit in marked is set */
+    volatile uint32_t counts[AXES]; /* signed; a counter starts at any number, and wraps */
+    volatile uint32_t marks[AXES];  /* counts at the marks, valid if the bit in marked is set */
     volatile uint32_t marked;       /* bit k: the mark of axis k has passed */
     volatile uint32_t switches;
     volatile uint32_t forces[AXES]; /* uN, signed */

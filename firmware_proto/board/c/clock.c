@@ -28,7 +28,7 @@ uint32_t clock_now_us(void) {
     for (;;) {
         uint32_t ticks = clock_ticks;
         uint32_t part = (CYCLES - 1 - SYSTICK[2]) / CYCLES_A_US;
-        /* Between the two readings the next tick may begin: read again. */
+        /* The next tick may begin between the two readings. In that case, read again. */
         if (ticks == clock_ticks) {
             uint32_t now_us = ticks * TICK_US + part;
             /* The counter may start over just before its interrupt comes. */
@@ -50,7 +50,7 @@ void clock_sleep_until(int (*work)(void)) {
         if (asleep) {
             uint32_t from = SYSTICK[2];
             __asm volatile("dsb\n wfi" ::: "memory");
-            /* The counter counts down, and starts over after zero, where the next tick begins. */
+            /* The counter counts down, and starts over after zero, when the next tick begins. */
             int ticked = (PENDING & TICK_PENDING) != 0;
             uint32_t to = SYSTICK[2];
             clock_slept += (ticked || to > from ? from + CYCLES : from) - to;

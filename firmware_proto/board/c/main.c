@@ -1,7 +1,7 @@
 /* Firmware of a haptic device on a Cortex-M4, in C99.
  *
  * The protocol, the modes and the watchdog come from palpate_proto.c. This file has the loop (../src/main.rs), the
- * handle (../src/handle.rs) and the way out of a failure (../src/failure.rs). */
+ * handle (../src/handle.rs) and the response to a failure (../src/failure.rs). */
 #include "board.h"
 
 #define TICKS_A_STATE (STATE_US / TICK_US)
@@ -9,7 +9,7 @@
 #define ALL_AXES ((1u << AXES) - 1)
 #define MEAN 4              /* states over which the velocity is a mean */
 #define COUNT (COUNT_NM / 100) /* a count in 0.1 um */
-#define FAILED 128          /* the fault of a firmware that has failed: the first number of the device's own */
+#define FAILED 128          /* the fault of a failed firmware: the first of the device's own numbers */
 
 static const palpate_model model = {
     .sensed = 7, /* translations */
@@ -132,7 +132,7 @@ int main(void) {
     plant_start();
     clock_start();
     line_start();
-    line_send((const uint8_t[1]){0}, 1); /* ends whatever came before */
+    line_send((const uint8_t[1]){0}, 1); /* ends all earlier bytes */
     palpate_device_home(&device);
     for (;;) {
         clock_sleep_until(work);

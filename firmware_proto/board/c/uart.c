@@ -60,7 +60,7 @@ int line_take(uint8_t *byte) {
     return take(&incoming, byte);
 }
 
-/* Sends all bytes, or no byte where room is missing: the host sees a gap in the sequence, never half a packet. */
+/* Sends all bytes, or no byte if room is missing: the host sees a gap in the sequence, never half a packet. */
 void line_send(const uint8_t *bytes, uint32_t length) {
     if (room(&outgoing) >= length) {
         for (uint32_t k = 0; k < length; k++) {
@@ -86,7 +86,7 @@ void line_received(void) {
     UART0->interrupts = RECEIVED;
     while ((UART0->state & CAN_TAKE) != 0) {
         uint8_t byte = (uint8_t)UART0->data;
-        /* Where the ring is full the byte is lost, and the check sum of the packet is wrong. */
+        /* If the ring is full the byte is lost, and the check sum of the packet is wrong. */
         put(&incoming, byte);
         if (byte == 0) {
             line_ends++;

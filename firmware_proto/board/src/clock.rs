@@ -1,8 +1,8 @@
 //! Time: the tick of the hardware, the clock in us, and sleep until there is work.
 //!
 //! The clock counts the ticks of SysTick, and measures the part of the present tick by the counter of SysTick. A tick
-//! that the processor misses is missing in the clock, too: the time and the simulated mechanism always agree, whatever
-//! delays an emulator has.
+//! that the processor misses is missing in the clock, too. The time and the simulated mechanism therefore always agree,
+//! whatever delays an emulator has.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m::asm;
@@ -39,7 +39,7 @@ impl Clock {
         loop {
             let ticks = ticks();
             let part = (CYCLES - 1).saturating_sub(SYST::get_current()) / CYCLES_A_US;
-            // Between the two readings the next tick may begin: read again.
+            // The next tick may begin between the two readings. In that case, read again.
             if ticks == TICKS.load(Ordering::Acquire) {
                 let now_us = ticks.wrapping_mul(TICK_US).wrapping_add(part);
                 // The counter may start over just before its interrupt comes.
@@ -66,7 +66,7 @@ pub fn tick() {
 pub fn sleep_until(work: impl Fn() -> bool) {
     let mut asleep = true;
     while asleep {
-        // Interrupts wait here, so no interrupt comes between the question and the sleep. An interrupt still wakes the
+        // Interrupts wait here, so no interrupt comes between the check and the sleep. An interrupt still wakes the
         // processor, and runs after this section: the measured time is the time of the sleep alone.
         asleep = cortex_m::interrupt::free(|_| {
             if work() {
@@ -74,7 +74,7 @@ pub fn sleep_until(work: impl Fn() -> bool) {
             }
             let from = SYST::get_current();
             asm::wfi();
-            // The counter counts down, and starts over after zero, where the next tick begins.
+            // The counter counts down, and starts over after zero, when the next tick begins.
             let ticked = SCB::is_pendst_pending();
             let to = SYST::get_current();
             let start = if ticked || to > from {

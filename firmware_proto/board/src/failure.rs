@@ -1,4 +1,4 @@
-//! The way out of a failure of the firmware itself: no force, and a fault that the host sees.
+//! The response to a failure of the firmware itself: no force, and a fault that the host sees.
 //!
 //! A panic and a hard fault both end here. The amplifiers are switched off first. The state of the old device may be
 //! broken, so a new device, without a session, reports the fault until the power is switched off.
@@ -23,7 +23,7 @@ unsafe fn HardFault(_: &ExceptionFrame) -> ! {
     halt()
 }
 
-/// Lets go for good, and reports the fault.
+/// Lets go permanently, and reports the fault.
 pub fn halt() -> ! {
     let mut handle = Handle::new(registers());
     let mut device = Device::new(MODEL, Geometry::default());

@@ -1,7 +1,7 @@
 //! The handle: the registers of the mechanism in the units of a report.
 //!
-//! Change this file for a mechanism of your own: the kinematics turns the counts of the encoders into a pose,
-//! and a wrench into the forces of the motors. The mechanism of this file is the simplest: each motor drives one axis.
+//! Change this file for your own mechanism: the kinematics turns the counts of the encoders into a pose, and a wrench
+//! into the forces of the motors. The mechanism of this file is the simplest: each motor drives one axis.
 
 use crate::registers::{AXES, COUNT_NM, MARK, Registers, switches};
 use firmware_proto::device::{Inputs, Measured, Wrench};
@@ -60,7 +60,8 @@ impl Handle {
         position
     }
 
-    /// The measurement for a state. Called once a state, because the velocity is the mean over the last states.
+    /// The measurement for a state. Call this function once a state, because the velocity is the mean over the last
+    /// states.
     pub fn measure(&mut self) -> Measured {
         let position = self.position();
         let [.., oldest] = self.past;

@@ -1,9 +1,9 @@
 //! Firmware of a haptic device on a Cortex-M4, in Rust.
 //!
 //! The protocol, the modes and the watchdog come from `firmware_proto`. The rest is the board: a line to the host
-//! ([`uart`]), the time ([`clock`]), the handle and the registers ([`handle`], [`registers`]), and the way out of a
-//! failure ([`failure`]). The mechanism ([`plant`]) is simulated, and takes the place of the hardware. `c/` is the same
-//! firmware in C99. The book says how to start from here (`docs/src/devices.md`, "Firmware").
+//! ([`uart`]), the time ([`clock`]), the handle and the registers ([`handle`], [`registers`]), and the response to a
+//! failure ([`failure`]). The mechanism ([`plant`]) is simulated, and replaces the hardware. `c/` contains the same
+//! firmware in C99. The book explains how to start from this example (`docs/src/devices.md`, "Firmware").
 //!
 //! The loop sleeps until a packet or a tick of 250 us has come. The loop then takes the packet, sets the amplifiers
 //! and, in each fourth tick, sends a state. A wrench comes into force on arrival, and does not wait for the next state.
@@ -64,7 +64,7 @@ fn main() -> ! {
     plant::start();
     let mut clock = Clock::start(core.SYST);
     LINE.start();
-    // The zero ends whatever came before.
+    // The zero ends all earlier bytes.
     LINE.send(&[0]);
     device.home();
     let (mut ticks, mut ends) = (clock::ticks(), LINE.ends());
@@ -141,5 +141,5 @@ unsafe fn DefaultHandler(number: i16) {
     }
 }
 
-/// The number of the fault of a firmware that has failed: the first number of the device's own.
+/// The number of the fault of a failed firmware: the first of the device's own numbers.
 const FAILED: NonZeroU8 = NonZeroU8::MIN.saturating_add(127);

@@ -1,5 +1,5 @@
-//! The simulated mechanism behind the registers. The mechanism is no part of the firmware: delete this file for a board
-//! of your own.
+//! The simulated mechanism behind the registers. The mechanism is no part of the firmware: delete this file for your
+//! own board.
 //!
 //! Each axis is a mass with damping and friction, which a hand pulls to the origin like a spring. The steps are
 //! semi-implicit Euler, and friction takes speed away down to rest. The handle starts away from the origin, and passes
@@ -20,7 +20,7 @@ const DAMPING: f32 = 4.0;
 const FRICTION: f32 = 0.05;
 /// Stiffness of the hand (N/m).
 const STIFFNESS: f32 = 100.0;
-/// The handle stops so far from the origin (m).
+/// The distance from the origin at which the handle stops (m).
 const REACH: f32 = 0.04;
 /// Position at the start on each axis (m).
 const START: f32 = 0.005;

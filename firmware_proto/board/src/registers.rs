@@ -1,7 +1,7 @@
 //! The registers between the firmware and its mechanism: encoders and switches in, forces of the motors out.
 //!
-//! On a board of your own the registers belong to counters, inputs and amplifiers. Here the simulated mechanism
-//! ([`crate::plant`]) takes the place of the hardware. The firmware proper uses only the registers of this file.
+//! On your own board, the registers belong to counters, inputs and amplifiers. Here the simulated mechanism
+//! ([`crate::plant`]) replaces the hardware. The firmware proper uses only the registers of this file.
 
 use core::cell::UnsafeCell;
 
@@ -20,7 +20,7 @@ pub mod switches {
     pub const STOP: u32 = 1 << 0;
     /// The button of the handle is pressed.
     pub const BUTTON: u32 = 1 << 1;
-    /// Asks the firmware to panic, for a test of the way out. Leave the bit out on a board of your own.
+    /// Asks the firmware to panic, for a test of the response. Leave the bit out on your own board.
     pub const PANIC: u32 = 1 << 2;
     /// Asks the firmware for an instruction that the processor does not have, for the same test: a hard fault.
     pub const TRAP: u32 = 1 << 3;
@@ -60,7 +60,7 @@ impl Register {
 /// The registers of the mechanism, in their order in memory.
 #[repr(C)]
 pub struct Registers {
-    /// The counters of the encoders. A counter starts anywhere, and wraps.
+    /// The counters of the encoders. A counter starts at any number, and wraps.
     pub counts: [Register; AXES],
     /// The counts at the reference marks, valid if the bit in `marked` is set.
     pub marks: [Register; AXES],

@@ -90,7 +90,7 @@ fn states_name_the_wrench_in_force_and_since_when() {
     device
         .receive(&wrench(7, before.sequence, -5).encode(), 2300)
         .expect("it is accepted");
-    // It is not in force before the amplifiers have it.
+    // A wrench is not in force before the amplifiers have it.
     assert_eq!(state(&mut device, 2400).condition.in_force(), None);
     assert_eq!(device.actuate(2500).force, [-5, 0, 0]);
     assert_eq!(device.actuate(2600).force, [-5, 0, 0]);
@@ -159,7 +159,7 @@ fn the_host_negotiates_the_watchdog() {
         .expect("it is accepted");
     assert_eq!(device.actuate(2_199).force, [9, 0, 0]);
     assert_eq!(device.actuate(2_200), Wrench::default());
-    // Another than allowed is refused, and leaves the old.
+    // A watchdog out of range is refused, and the old watchdog stays.
     let refused = device.receive(&hello(SESSION, 1_999), 3_000);
     assert!(matches!(
         refused,
@@ -532,7 +532,7 @@ fn inputs() -> impl Strategy<Value = Vec<(u32, Input)>> {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// A plain restatement of the rules follows the device, and is asked whether a force may be there.
+    /// A plain restatement of the rules runs beside the device, and decides whether a force is allowed.
     #[test]
     fn a_force_is_fresh_in_range_of_the_session_and_in_the_mode_active(
         start: u32, inputs in inputs(),

@@ -109,7 +109,7 @@ fn motion_to_force_is_that_of_the_state_that_was_answered() {
         delay_us: 400,
     };
     assert_eq!(motion_to_force, Some(expected));
-    // It is reported once.
+    // The motion to force is reported once.
     let event = host.receive(&report(&mut device, start.wrapping_add(2000)), 0);
     assert!(matches!(
         event,

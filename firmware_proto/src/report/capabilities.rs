@@ -1,4 +1,4 @@
-//! What a device can do: its answer to a hello.
+//! The capabilities of a device: its answer to a hello.
 
 use super::hello::check_watchdog;
 use super::wire::{self, get, get_u8, get_u16, get_u32, put};
@@ -48,7 +48,7 @@ mod at {
 /// The version of a device's firmware.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FirmwareVersion {
-    /// Changes that break.
+    /// Incompatible changes.
     pub major: u8,
     /// Additions.
     pub minor: u8,
@@ -104,7 +104,7 @@ pub struct Model {
     pub name: [u8; 16],
 }
 
-/// What a device can do, as it is sent.
+/// The capabilities of a device, as they are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CapabilitiesReport {
     /// Number of the report, which wraps; a gap means lost reports.

@@ -1,4 +1,4 @@
-//! What every state of a device begins with: its time, the wrench in force, its buttons, its mode.
+//! The beginning of every state of a device: its time, the wrench in force, its buttons, its mode.
 
 use super::wire::{self, get_u8, get_u16, get_u32, put};
 use super::{Field, LENGTH, ReportError};
@@ -11,9 +11,9 @@ pub mod status {
     pub const POWERED: u8 = 1 << 1;
     /// The device has received no wrench for too long and has let go by itself. The next wrench in force clears the bit.
     pub const WATCHDOG: u8 = 1 << 2;
-    /// The wrench in force exceeds what the device can give now, for example because its motors are hot.
+    /// The wrench in force exceeds the present limit of the device, for example because its motors are hot.
     pub const LIMITED: u8 = 1 << 3;
-    /// The wrench whose number the state names is in force. Without this bit no wrench is.
+    /// The wrench whose number the state names is in force. Without this bit, no wrench is in force.
     pub const IN_FORCE: u8 = 1 << 4;
     /// All bits that this version defines.
     pub const KNOWN: u8 = CALIBRATED | POWERED | WATCHDOG | LIMITED | IN_FORCE;
@@ -124,7 +124,7 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// The sequence number of the wrench in force, if one is.
+    /// The sequence number of the wrench in force, if a wrench is in force.
     pub fn in_force(&self) -> Option<u16> {
         (self.status & status::IN_FORCE != 0).then_some(self.wrench)
     }

@@ -1,4 +1,4 @@
-//! How the counts of a device's encoders become the pose of its handle.
+//! The conversion of the counts of a device's encoders to the pose of its handle.
 
 use super::wire::{self, get, get_i32s, get_u8, get_u16, put, put_i32s};
 use super::{ENCODERS, Field, Kind, LENGTH, ReportError};
@@ -96,7 +96,7 @@ pub enum Quantity {
     Length = 1,
 }
 
-/// How the counts of one encoder become an angle or a length, as it is sent.
+/// The conversion of the counts of one encoder to an angle or a length, as it is sent.
 ///
 /// The quantity is `offset * 1e-7 + count / (scale * 1e-6)` in rad or m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -66,7 +66,7 @@
 //!
 //! | offset | bytes | field                                                     |
 //! |-------:|------:|-----------------------------------------------------------|
-//! |     24 |    32 | counts of encoders 0 to 7, `i32`; zero where none is      |
+//! |     24 |    32 | counts of encoders 0 to 7, `i32`; zero if there is none   |
 //! |     56 |     1 | number of encoders, 1 to 8                                |
 //! |     57 |     5 | reserved, zero                                            |
 //!
@@ -97,7 +97,7 @@
 //! |      8 |     2 | kinematics, `u16`, see [`kinematics`]                     |
 //! |     10 |     1 | number of parameters, 0 to 12                             |
 //! |     11 |     1 | reserved, zero                                            |
-//! |     12 |    48 | parameters 0 to 11, `i32`, 0.1 µm or 0.1 µrad; zero where none is |
+//! |     12 |    48 | parameters 0 to 11, `i32`, 0.1 µm or 0.1 µrad; zero if there is none |
 //! |     60 |     2 | reserved, zero                                            |
 //!
 //! [`JointReport`], device to host, one for each encoder, follows the geometry:
@@ -107,16 +107,16 @@
 //! |      8 |     1 | encoder, 0 to 7                                           |
 //! |      9 |     1 | quantity: 0 an angle (rad), 1 a length (m)                |
 //! |     10 |     2 | reserved, zero                                            |
-//! |     12 |     8 | counts per rad or m, `i64`, 0.000001; negative where the count falls as the quantity grows |
+//! |     12 |     8 | counts per rad or m, `i64`, 0.000001; negative if the count falls as the quantity grows |
 //! |     20 |     4 | angle or length at count zero, `i32`, 0.1 µrad or 0.1 µm  |
 //! |     24 |    38 | reserved, zero                                            |
 //!
-//! Reserved bytes, and bits of status and flags that this version does not define, are zero; a receiver refuses a
-//! report in which they are not. A new field therefore needs a new version.
+//! Reserved bytes, and bits of status and flags that this version does not define, are zero. A receiver refuses a
+//! report in which they are not zero. A new field therefore needs a new version.
 //!
 //! The check sum has the polynomial x^16 + x^12 + x^5 + 1 (0x1021), starts at 0xFFFF, and is not reflected. It finds
 //! every error of up to three bits in reports of this length (Koopman, "Best CRC Polynomials": up to 32751 bits).
-//! Because of the start at 0xFFFF, a report of zeros, which a stalled device may send, has a wrong check sum.
+//! A stalled device may send a report of zeros. Because of the start at 0xFFFF, such a report has a wrong check sum.
 
 mod capabilities;
 mod condition;
@@ -189,7 +189,7 @@ pub enum Report {
     State(StateReport),
     /// The counts of a device's encoders.
     Encoders(EncodersReport),
-    /// What a device can do.
+    /// The capabilities of a device.
     Capabilities(CapabilitiesReport),
     /// The kinematics of a device that sends counts.
     Geometry(GeometryReport),

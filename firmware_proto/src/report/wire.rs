@@ -174,7 +174,7 @@ pub(super) fn check(bytes: &[u8], kind: Kind) -> Result<&[u8; LENGTH], ReportErr
     Ok(report)
 }
 
-/// As [`check`], for a report of any kind; returns its kind.
+/// Checks what [`check`] checks, for a report of any kind. Returns the kind.
 ///
 /// # Errors
 /// [`ReportError`], except `Kind` and `OutOfRange`.

@@ -97,7 +97,7 @@ impl WrenchReport {
     /// A report from a wrench in SI.
     ///
     /// Values are rounded to the nearest µN and µN·m. Values beyond ±2147 N or N·m saturate there. A NaN becomes zero.
-    /// Neither replaces the safety stage, which comes before and has far lower limits.
+    /// These limits do not replace the safety stage, which comes before and has far lower limits.
     pub fn from_si(sequence: u16, session: u32, answers: u16, si: &WrenchSi, flags: u8) -> Self {
         Self {
             sequence,

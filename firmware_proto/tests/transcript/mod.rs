@@ -1,4 +1,4 @@
-//! Transcripts: lines of commands, and what the protocol answers, each answer behind two spaces.
+//! Transcripts: lines of commands, and the answers of the protocol, each answer behind two spaces.
 //!
 //! The golden vectors (`vectors/`) are transcripts, and the implementation in C99 reads the same commands
 //! (`c/transcript.c`). Both must give the same answers to the last byte. Empty lines and lines that begin with `#` stay
@@ -6,15 +6,15 @@
 //!
 //! | command | answer |
 //! |---|---|
-//! | `decode BYTES` | the fields of the report, or why it is refused |
+//! | `decode BYTES` | the fields of the report, or the reason for its refusal |
 //! | `packet BYTES` | the packet of the report |
 //! | `stream` | none; a new stream decoder |
 //! | `push BYTES` | the reports that the bytes complete, and the number of refused packets so far |
 //! | `device CAPABILITIES [GEOMETRY JOINT...]` | none; a new device with the properties in these reports |
 //! | `home`, `homed`, `reset`, `fault NUMBER` | the mode |
-//! | `receive TIME BYTES` | what became of the report |
+//! | `receive TIME BYTES` | the outcome of the report |
 //! | `actuate TIME` | force and moment |
-//! | `report TIME BUTTONS POWERED LIMITED BYTES` | the report; what was measured is that in the state or the counts given |
+//! | `report TIME BUTTONS POWERED LIMITED BYTES` | the report; the measurement is that in the given state or counts |
 //! | `counters` | the counters of the device |
 
 pub(crate) mod golden;

@@ -3,7 +3,7 @@
 //! The columns are those of `tests/writers/holds.tsv`, to compare any number of files with their writers: file, kind,
 //! vertices, elements, volume, area or length (of straight elements), then groups as name=vertices,elements.
 
-use physics::mesh::{Group, Mesh, TetMesh};
+use physics::mesh::{Group, LineMesh, Mesh, TetMesh};
 use std::collections::BTreeMap;
 
 fn main() {
@@ -22,7 +22,7 @@ fn line(mesh: &Mesh) -> String {
     let (kind, size, of_vertices, of_elements) = match mesh {
         Mesh::Solid(m) => ("solid", volume(m), &m.vertex_groups, &m.cell_groups),
         Mesh::Sheet(m) => ("sheet", m.area(), &m.vertex_groups, &m.triangle_groups),
-        Mesh::Thread(m) => ("thread", m.length(), &m.vertex_groups, &m.line_groups),
+        Mesh::Thread(m) => ("thread", length(m), &m.vertex_groups, &m.line_groups),
     };
     let mut sizes: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     for (place, groups) in [of_vertices, of_elements].into_iter().enumerate() {
@@ -38,6 +38,13 @@ fn line(mesh: &Mesh) -> String {
     ];
     words.extend(sizes.iter().map(|(name, [v, e])| format!("{name}={v},{e}")));
     words.join("\t")
+}
+
+/// The length of all lines.
+fn length(mesh: &LineMesh) -> f64 {
+    let at = |vertex: u32| mesh.positions[vertex as usize];
+    let lines = mesh.lines.iter();
+    lines.map(|&[a, b]| (at(b) - at(a)).norm()).sum()
 }
 
 /// The volume of cells with straight edges.

@@ -1,7 +1,7 @@
 //! Why a mesh file cannot be read: the errors of all formats, the places in files, and the bounds that all formats keep.
 
 use physics::mesh::check::Location;
-use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
+use physics::mesh::{MeshError, SolidError, ThreadError};
 use std::fmt;
 use thiserror::Error;
 
@@ -9,15 +9,6 @@ use thiserror::Error;
 pub const MAX_GROUPS: usize = 256;
 /// Largest number of named fields in a file, without the fields that are skipped.
 pub const MAX_FIELDS: usize = 256;
-
-/// The kinds of mesh that a reader accepts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wanted {
-    /// Sheets only; a tetrahedron is an error.
-    Sheet,
-    /// Sheets, solids if the file has a tetrahedron, and threads if it has lines alone.
-    Any,
-}
 
 /// The reason why a file holds no valid mesh. Every message is one line of text.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -126,23 +117,6 @@ impl MeshFileError {
             expected: expected.into(),
             found: found.into(),
         }
-    }
-}
-
-/// The mesh as a sheet. A reader that accepts only sheets has already refused any tetrahedron, with its place.
-pub(crate) fn into_sheet(mesh: Mesh) -> Result<TriMesh, MeshFileError> {
-    match mesh {
-        Mesh::Sheet(mesh) => Ok(mesh),
-        Mesh::Thread(_) => Err(MeshFileError::syntax(
-            Place::Line(1),
-            "a sheet",
-            "a file of lines",
-        )),
-        Mesh::Solid(_) => Err(MeshFileError::syntax(
-            Place::Line(1),
-            "a sheet",
-            "a file of tetrahedra",
-        )),
     }
 }
 

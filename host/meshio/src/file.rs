@@ -1,31 +1,18 @@
-//! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of thread, sheet and solid
-//! it is ([`read_mesh`]).
+//! A mesh from the bytes of a file, whatever its format: a thread, a sheet or a solid.
 //!
-//! The format follows from how the file begins and, if that says nothing, from the end of the file's name. All formats are held to the same: every number is checked, every count compared with what
-//! follows, memory taken in proportion to the file and never to a number in it. Vertices that no line,
-//! triangle or cell of the mesh uses are dropped; what [`LineMesh::validate`], [`TriMesh::validate`] or
-//! [`TetMesh::validate`] refuses, two vertices at one place, and a vertex on an edge of other vertices, is an error. Tetrahedra whose corners are counted the other way round are turned around.
+//! The beginning of the file tells the format; if it does not, the end of the file's name does. The same rules hold for all
+//! formats. Every number is checked, every count is compared with the data that follow, and memory is taken in proportion to
+//! the file and never to a number in it. Vertices that no line, triangle or cell of the mesh uses are dropped. A mesh that
+//! [`LineMesh::validate`], [`TriMesh::validate`] or [`TetMesh::validate`] refuses is an error, and so are two vertices at one
+//! position and a vertex on an edge of other vertices. Tetrahedra of the opposite orientation are turned around.
 //!
 //! [`LineMesh::validate`]: physics::mesh::LineMesh::validate
+//! [`TriMesh::validate`]: physics::mesh::TriMesh::validate
 //! [`TetMesh::validate`]: physics::mesh::TetMesh::validate
 
-use crate::error::{MeshFileError, into_sheet};
+use crate::error::MeshFileError;
 use crate::{gmsh, obj, stl, vtk_legacy, vtk_xml};
-use physics::mesh::{Mesh, TriMesh};
-
-/// Reads a sheet from the bytes of a file called `name`. Coordinates are taken as metres.
-///
-/// # Errors
-/// The first [`MeshFileError`] found. A tetrahedron is an error.
-pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    Ok(match Format::of(name, bytes)? {
-        Format::Obj => obj::parse(bytes)?,
-        Format::Gmsh => gmsh::parse_bytes(bytes)?,
-        Format::Stl => stl::parse(bytes)?,
-        Format::VtkLegacy => vtk_legacy::parse(bytes)?,
-        Format::VtkXml => vtk_xml::parse(bytes)?,
-    })
-}
+use physics::mesh::Mesh;
 
 /// Reads a mesh from the bytes of a file called `name`: a solid if there is a tetrahedron in it, a sheet if there is a
 /// triangle, a thread if there are lines. Coordinates are taken as metres. (Lines of OBJ files, and those in the sections
@@ -40,7 +27,7 @@ pub fn read_mesh(name: &str, bytes: &[u8]) -> Result<Mesh, MeshFileError> {
     read_mesh_as(name, bytes, Choices::default())
 }
 
-/// What a caller chooses for a file.
+/// The choices of a caller for a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Choices {
     /// The distance within which vertices are merged, in the unit of the file's coordinates. Without it, two vertices at one
@@ -50,44 +37,24 @@ pub struct Choices {
     pub texture_unit: Option<f64>,
 }
 
-/// As [`read_mesh`], or [`read_with_pattern`] if the choices say so.
+/// As [`read_mesh`], with choices.
 ///
 /// # Errors
-/// As [`read_mesh`] and [`read_with_pattern`].
+/// As [`read_mesh`]. With a unit of texture coordinates, a corner without texture coordinates is an error, and so is a file
+/// of another format than OBJ, which has none.
 pub fn read_mesh_as(name: &str, bytes: &[u8], choices: Choices) -> Result<Mesh, MeshFileError> {
     let Choices {
         merge,
         texture_unit,
     } = choices;
     Ok(match (Format::of(name, bytes)?, texture_unit) {
-        (Format::Obj, None) => Mesh::Sheet(obj::parse_merged(bytes, merge)?),
-        (Format::Obj, Some(unit)) => {
-            Mesh::Sheet(obj::parse_merged_with_pattern(bytes, unit, merge)?)
-        }
+        (Format::Obj, _) => Mesh::Sheet(obj::parse(bytes, texture_unit, merge)?),
         (_, Some(_)) => return Err(MeshFileError::NoTexture),
-        (Format::Gmsh, None) => gmsh::parse_mesh(bytes, merge)?,
-        (Format::Stl, None) => Mesh::Sheet(stl::read(bytes, merge)?),
-        (Format::VtkLegacy, None) => vtk_legacy::parse_mesh(bytes, merge)?,
-        (Format::VtkXml, None) => vtk_xml::parse_mesh(bytes, merge)?,
+        (Format::Gmsh, None) => gmsh::parse(bytes, merge)?,
+        (Format::Stl, None) => Mesh::Sheet(stl::parse(bytes, merge)?),
+        (Format::VtkLegacy, None) => vtk_legacy::parse(bytes, merge)?,
+        (Format::VtkXml, None) => vtk_xml::parse(bytes, merge)?,
     })
-}
-
-/// Reads a sheet with a flat pattern from the bytes of a file called `name`. The pattern is in the texture coordinates, whose
-/// unit is `texture_unit` (m). Positions are taken as metres.
-///
-/// # Errors
-/// The first [`MeshFileError`] found. A corner without texture coordinates is an error, and so is a file of another format
-/// than OBJ, which has none.
-pub fn read_with_pattern(
-    name: &str,
-    bytes: &[u8],
-    texture_unit: f64,
-) -> Result<TriMesh, MeshFileError> {
-    let choices = Choices {
-        merge: None,
-        texture_unit: Some(texture_unit),
-    };
-    into_sheet(read_mesh_as(name, bytes, choices)?)
 }
 
 #[derive(Clone, Copy)]

@@ -1,25 +1,21 @@
 //! Mesh files: reads meshes from the bytes of a file, and writes meshes as the text of a file.
 //!
-//! [`read`] and [`read_mesh`] take the bytes of a file in any of the formats [`gmsh`], [`obj`], [`stl`],
-//! [`vtk_legacy`] and [`vtk_xml`]. What they read ends in [`LineMesh::new`](physics::mesh::LineMesh::new),
-//! [`TriMesh::new`](physics::mesh::TriMesh::new) or [`TetMesh::new`](physics::mesh::TetMesh::new), so what holds for one
-//! mesh holds for all. A mesh goes back
-//! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
+//! [`read_mesh`] takes the bytes of a file in any of the formats [`gmsh`], [`obj`], [`stl`],
+//! [`vtk_legacy`] and [`vtk_xml`]. [`LineMesh::new`](physics::mesh::LineMesh::new),
+//! [`TriMesh::new`](physics::mesh::TriMesh::new) or [`TetMesh::new`](physics::mesh::TetMesh::new) makes every mesh, so the same
+//! checks hold for all meshes. [`write_gmsh`], [`write_vtk`] and [`write_vtu`] write a mesh as the text of a file.
 //!
-//! [`read_with_pattern`] reads a sheet whose flat pattern is in the texture coordinates of an OBJ file. Written meshes have no
-//! flat pattern.
+//! Written meshes have no flat pattern.
 //!
 //! This crate opens no files: it takes bytes and returns text.
 //!
 //! ```
-//! use physics::mesh::Mesh;
-//!
 //! let text = b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n";
-//! let mesh = meshio::read("triangle.obj", text)?;
-//! assert_eq!((mesh.positions.len(), mesh.triangles.len()), (3, 1));
+//! let mesh = meshio::read_mesh("triangle.obj", text)?;
+//! assert_eq!((mesh.positions().len(), mesh.element_count()), (3, 1));
 //!
-//! let written = meshio::write_gmsh::write(&Mesh::Sheet(mesh.clone()));
-//! assert_eq!(meshio::read("triangle.msh", written.as_bytes())?, mesh);
+//! let written = meshio::write_gmsh::write(&mesh);
+//! assert_eq!(meshio::read_mesh("triangle.msh", written.as_bytes())?, mesh);
 //! # Ok::<(), meshio::MeshFileError>(())
 //! ```
 #![forbid(unsafe_code)]
@@ -43,4 +39,4 @@ pub mod write_vtk;
 pub mod write_vtu;
 
 pub use error::{GmshError, InvalidMesh, MeshFault, MeshFileError, Place};
-pub use file::{Choices, read, read_mesh, read_mesh_as, read_with_pattern};
+pub use file::{Choices, read_mesh, read_mesh_as};

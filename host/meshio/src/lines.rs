@@ -46,13 +46,9 @@ impl<'a> Lines<'a> {
     pub(crate) fn next(&mut self) -> Option<Fields<'a>> {
         for (index, text) in self.lines.by_ref() {
             self.last = index + 1;
-            let rest = text.trim();
-            if !rest.is_empty() {
-                return Some(Fields {
-                    at: self.last.max(1),
-                    is_byte: false,
-                    rest,
-                });
+            let line = Fields::at_line(self.last, text);
+            if !line.rest.is_empty() {
+                return Some(line);
             }
         }
         None
@@ -75,6 +71,14 @@ impl<'a> Fields<'a> {
             at,
             is_byte: true,
             rest: text.trim(),
+        }
+    }
+
+    /// The text of a line with this number.
+    pub(crate) fn at_line(at: usize, text: &'a str) -> Self {
+        Self {
+            is_byte: false,
+            ..Self::at_byte(at, text)
         }
     }
 
@@ -129,6 +133,13 @@ impl<'a> Fields<'a> {
             }
             .unexpected(expected)
         })
+    }
+
+    /// The next field as a count. An error quotes the rest of the line.
+    pub(crate) fn count(&mut self, expected: &str) -> Result<usize, Unexpected> {
+        let before = *self;
+        let word = self.word(expected)?;
+        word.parse().map_err(|_| before.unexpected(expected))
     }
 
     /// The next field as a finite number.

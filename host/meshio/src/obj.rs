@@ -77,52 +77,36 @@ struct Texture {
     corners: Vec<[u32; 3]>,
 }
 
-/// Reads a mesh from the bytes of an OBJ file. Coordinates are taken as metres.
+/// Reads a mesh from the bytes of an OBJ file. Coordinates are taken as metres. With a distance, vertices within it are
+/// merged. With a `texture_unit` (m), the texture coordinates are the flat pattern of the mesh, in that unit.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found.
-pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    parse_merged(bytes, None)
-}
-
-/// As [`parse`]. With a distance, vertices within it are merged.
-pub(crate) fn parse_merged(bytes: &[u8], merge: Option<f64>) -> Result<TriMesh, MeshFileError> {
-    let (mesh, _) = read(bytes, Reader::default(), merge)?;
-    Ok(mesh)
-}
-
-/// Reads a mesh with a flat pattern from the bytes of an OBJ file. The pattern is in the texture coordinates, whose unit is
-/// `unit` (m); positions are taken as metres.
-///
-/// # Errors
-/// The first [`MeshFileError`] found. A corner without texture coordinates is an error.
-pub fn parse_with_pattern(bytes: &[u8], unit: f64) -> Result<TriMesh, MeshFileError> {
-    parse_merged_with_pattern(bytes, unit, None)
-}
-
-/// As [`parse_with_pattern`]. With a distance, vertices within it are merged.
-pub(crate) fn parse_merged_with_pattern(
+/// The first [`MeshFileError`] found. A corner without texture coordinates is an error if they are the flat pattern.
+pub fn parse(
     bytes: &[u8],
-    unit: f64,
+    texture_unit: Option<f64>,
     merge: Option<f64>,
 ) -> Result<TriMesh, MeshFileError> {
     let reader = Reader {
-        texture: Some(Texture::default()),
+        texture: texture_unit.map(|_| Texture::default()),
         ..Reader::default()
     };
-    let (mut mesh, parts) = read(bytes, reader, merge)?;
+    let (mut mesh, extras) = read(bytes, reader, merge)?;
+    let Some(unit) = texture_unit else {
+        return Ok(mesh);
+    };
     let point = |corner: u32| {
-        let point = parts.texture.points.get(corner as usize).copied();
+        let point = extras.texture.points.get(corner as usize).copied();
         point.unwrap_or_default().map(|c| c * unit)
     };
-    let corners = parts.texture.corners.iter();
+    let corners = extras.texture.corners.iter();
     mesh.flat_pattern = Some(FlatPattern {
         corners: corners.map(|corners| corners.map(point)).collect(),
     });
     mesh.check_pattern().map_err(|error| {
         let line = error
             .triangle()
-            .and_then(|triangle| parts.triangle_lines.get(triangle as usize));
+            .and_then(|triangle| extras.triangle_lines.get(triangle as usize));
         InvalidMesh {
             place: Place::Line(line.map_or(1, |&line| line as usize)),
             source: MeshError::from(error).into(),
@@ -131,8 +115,8 @@ pub(crate) fn parse_merged_with_pattern(
     Ok(mesh)
 }
 
-/// The parts of a file that are not in the mesh.
-struct Parts {
+/// The data of a file that are not in the mesh.
+struct Extras {
     texture: Texture,
     triangle_lines: Vec<u32>,
 }
@@ -141,7 +125,7 @@ fn read(
     bytes: &[u8],
     mut reader: Reader,
     merge: Option<f64>,
-) -> Result<(TriMesh, Parts), MeshFileError> {
+) -> Result<(TriMesh, Extras), MeshFileError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let place = Place::Line(line_of(bytes, error.valid_up_to()));
@@ -317,7 +301,7 @@ impl Reader {
         mut self,
         last_line: usize,
         merge: Option<f64>,
-    ) -> Result<(TriMesh, Parts), MeshFileError> {
+    ) -> Result<(TriMesh, Extras), MeshFileError> {
         let vertices = self.soup.positions.len();
         let line = |lines: &[u32], index: u32| {
             let line = lines.get(index as usize);
@@ -356,11 +340,11 @@ impl Reader {
                 InvalidMesh { place, source }
             })?;
         set_groups(&mut mesh, self.groups);
-        let parts = Parts {
+        let extras = Extras {
             texture,
             triangle_lines: self.triangle_lines,
         };
-        Ok((mesh, parts))
+        Ok((mesh, extras))
     }
 }
 

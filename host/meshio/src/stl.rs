@@ -58,16 +58,12 @@ fn is_binary(bytes: &[u8]) -> bool {
     })
 }
 
-/// Reads a sheet from the bytes of an STL file. Coordinates are taken as metres.
+/// Reads a sheet from the bytes of an STL file. Coordinates are taken as metres. With a distance, vertices within it are
+/// merged, too.
 ///
 /// # Errors
 /// The first [`MeshFileError`] found.
-pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    read(bytes, None)
-}
-
-/// As [`parse`]. With a distance, vertices within it are merged, too.
-pub(crate) fn read(bytes: &[u8], distance: Option<f64>) -> Result<TriMesh, MeshFileError> {
+pub(crate) fn parse(bytes: &[u8], distance: Option<f64>) -> Result<TriMesh, MeshFileError> {
     let binary = is_binary(bytes);
     let (facets, lines) = if binary {
         (binary_facets(bytes)?, Vec::new())

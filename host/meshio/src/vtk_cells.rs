@@ -1,8 +1,8 @@
-//! From VTK's cells to lines, triangles or tetrahedra, alike for its legacy and its XML files.
+//! Converts VTK's cells to lines, triangles or tetrahedra, for legacy and XML files alike.
 //!
 //! Source: "VTK File Formats" in the VTK documentation, and `vtkCellType.h` for the numbers of the types.
 
-use crate::error::{InvalidMesh, MeshFileError, Place, Wanted};
+use crate::error::{InvalidMesh, MeshFileError, Place};
 use crate::soup::{Fault, Soup};
 use crate::vtk_array::Array;
 use physics::Vec3;
@@ -24,10 +24,9 @@ const LAGRANGE: [i64; 3] = [68, 69, 71];
 
 /// Lines, triangles or tetrahedra read so far, with where they stand.
 pub(crate) struct Cells<'a> {
-    wanted: Wanted,
     points: Array<'a>,
     positions: Vec<Vec3>,
-    /// Up to the first triangle or tetrahedron, if threads are wanted; lines are then skipped.
+    /// Up to the first triangle or tetrahedron; lines are then skipped.
     lines: Vec<[u32; 2]>,
     triangles: Vec<[u32; 3]>,
     /// `Some` from the first tetrahedron on. Triangles are skipped from then on.
@@ -55,11 +54,7 @@ enum Kept {
 
 impl<'a> Cells<'a> {
     /// An empty set of cells over these points, which have three coordinates each. `before` cells were skipped already.
-    pub(crate) fn new(
-        points: Array<'a>,
-        before: usize,
-        wanted: Wanted,
-    ) -> Result<Self, MeshFileError> {
+    pub(crate) fn new(points: Array<'a>, before: usize) -> Result<Self, MeshFileError> {
         let mut positions = Vec::with_capacity(points.len() / 3);
         let mut reals = points.reals("a finite coordinate");
         while let (Some(x), Some(y), Some(z)) = (reals.next(), reals.next(), reals.next()) {
@@ -67,7 +62,6 @@ impl<'a> Cells<'a> {
         }
         drop(reals);
         Ok(Self {
-            wanted,
             points,
             positions,
             lines: Vec::new(),
@@ -172,7 +166,6 @@ impl<'a> Cells<'a> {
         size: usize,
         place: impl Fn() -> Place,
     ) -> Result<Kept, MeshFileError> {
-        let is_any = self.wanted == Wanted::Any;
         let code = of_order(code, size);
         match (code, size) {
             (TRIANGLE | POLYGON, 3) => {
@@ -181,7 +174,7 @@ impl<'a> Cells<'a> {
                 }
                 return Ok(Kept::Triangle);
             }
-            (LINE | POLY_LINE, _) if is_any && self.only_lines() => {
+            (LINE | POLY_LINE, _) if self.only_lines() => {
                 if size == 2 {
                     return Ok(Kept::Line);
                 }
@@ -190,18 +183,18 @@ impl<'a> Cells<'a> {
                 }
                 return Ok(Kept::Nothing);
             }
-            (QUADRATIC_EDGE, 3) | (QUADRATIC_TRIANGLE, 6) if is_any => {
+            (QUADRATIC_EDGE, 3) | (QUADRATIC_TRIANGLE, 6) => {
                 let name = if size == 3 { LINE_2 } else { TRIANGLE_2 };
                 if self.second_order.is_none() && self.tetrahedra.is_none() {
                     self.second_order = Some((place(), name));
                 }
                 return Ok(Kept::Nothing);
             }
-            (TETRAHEDRON, 4) | (QUADRATIC_TETRAHEDRON, 10) if is_any => {}
+            (TETRAHEDRON, 4) | (QUADRATIC_TETRAHEDRON, 10) => {}
             _ => {
                 return match refused(code, size) {
                     None => Ok(Kept::Nothing),
-                    Some(found) => Err(self.not_kept(place(), found)),
+                    Some(found) => Err(not_kept(place(), found)),
                 };
             }
         }
@@ -250,19 +243,6 @@ impl<'a> Cells<'a> {
         self.kept = Vec::new();
     }
 
-    fn not_kept(&self, place: Place, found: impl Into<String>) -> MeshFileError {
-        let expected = match self.wanted {
-            Wanted::Sheet => {
-                "a triangle (cut to triangles first, as ParaView's filter Triangulate does)"
-            }
-            Wanted::Any => {
-                "a triangle or a tetrahedron (cut to them first, as ParaView's filters Triangulate and \
-                 Tetrahedralize do)"
-            }
-        };
-        MeshFileError::syntax(place, expected, found)
-    }
-
     fn vertex(
         &self,
         nodes: &mut Nodes<'_, impl Iterator<Item = Result<i64, MeshFileError>>>,
@@ -288,7 +268,7 @@ impl<'a> Cells<'a> {
         merge: Option<f64>,
     ) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
         if let (None, Some((place, name))) = (&self.tetrahedra, self.second_order) {
-            return Err(self.not_kept(place, name));
+            return Err(not_kept(place, name));
         }
         if let (true, Some((place, size))) = (!self.lines.is_empty(), self.odd_line) {
             return Err(MeshFileError::syntax(
@@ -338,6 +318,12 @@ impl<'a> Cells<'a> {
         };
         Ok((mesh, count, kept))
     }
+}
+
+fn not_kept(place: Place, found: impl Into<String>) -> MeshFileError {
+    let expected = "a triangle or a tetrahedron (cut to them first, as ParaView's filters Triangulate and \
+                    Tetrahedralize do)";
+    MeshFileError::syntax(place, expected, found)
 }
 
 /// An array of points' numbers, and the count of the numbers already read.
@@ -406,7 +392,6 @@ fn refused(code: i64, size: usize) -> Option<String> {
         POLYGON => return Some(format!("a polygon of {size} points")),
         8 => "a pixel",
         9 => "a quadrangle",
-        TETRAHEDRON if size == 4 => "a tetrahedron",
         TETRAHEDRON => return Some(format!("a tetrahedron of {size} points")),
         11 => "a voxel",
         12 => "a hexahedron",
@@ -414,7 +399,6 @@ fn refused(code: i64, size: usize) -> Option<String> {
         14 => "a pyramid",
         QUADRATIC_EDGE => LINE_2,
         QUADRATIC_TRIANGLE => TRIANGLE_2,
-        QUADRATIC_TETRAHEDRON if size == 10 => "a tetrahedron of second order",
         QUADRATIC_TETRAHEDRON => {
             return Some(format!("a tetrahedron of second order of {size} points"));
         }

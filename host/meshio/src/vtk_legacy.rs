@@ -4,23 +4,24 @@
 //! 5.1. The reader supports the data sets `POLYDATA` and `UNSTRUCTURED_GRID`. The format has no units: coordinates
 //! are taken as metres.
 //!
-//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; if lines are the cells of highest dimension, they become those of a thread. Points, and lines
-//! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
-//! component becomes a field if its values are finite numbers; its other attributes, `POINT_DATA` and what stands before
-//! both are passed over. The file makes no groups.
+//! Triangles become the triangles of a sheet, and tetrahedra (linear or quadratic) the cells of a solid, if the caller asks
+//! for one. If lines are the cells of highest dimension, they become the lines of a thread. Points, lines in a file with other
+//! cells, and triangles in the file of a solid are skipped. Any other cell is an error, because a mesh without it would have
+//! holes. An entry of `CELL_DATA` with one component, in `SCALARS` or in a `FIELD`, becomes a field if its values are finite
+//! numbers. Other attributes and `POINT_DATA` are skipped. The file makes no groups.
 
 mod attributes;
 mod cursor;
 
-use crate::error::{MeshFileError, Place, Wanted, into_sheet};
+use crate::error::{MeshFileError, Place};
+use crate::lines::Fields;
 use crate::text::quoted;
 use crate::vtk_array::{Array, Scalar};
 use crate::vtk_cells::{Cells, POLYGON};
 use crate::vtk_fields;
 use attributes::CellArray;
-use cursor::{Cursor, Line};
-use physics::mesh::{Mesh, TriMesh};
+use cursor::Cursor;
+use physics::mesh::Mesh;
 
 /// The part of a data set that has been read so far.
 #[derive(Default)]
@@ -43,30 +44,19 @@ struct Connectivity<'a> {
     numbers: Array<'a>,
 }
 
-/// Reads a sheet from the bytes of a legacy VTK file. Coordinates are taken as metres.
+/// Reads a mesh from the bytes of a legacy VTK file: a solid if there is a tetrahedron in the file, a sheet if there is a
+/// triangle, a thread if there are cells of two points (`VTK_LINE`). Coordinates are taken as metres. With a distance,
+/// vertices within it are merged.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found. A tetrahedron is an error.
-pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    into_sheet(read(bytes, Wanted::Sheet, None)?)
-}
-
-/// As [`parse`], a solid if there is a tetrahedron in the file, a sheet if there is a triangle, a thread if there are
-/// cells of two points (`VTK_LINE`). With a distance, vertices within it are merged.
-///
-/// # Errors
-/// As [`parse`], except that tetrahedra are allowed.
-pub(crate) fn parse_mesh(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileError> {
-    read(bytes, Wanted::Any, merge)
-}
-
-fn read(bytes: &[u8], wanted: Wanted, merge: Option<f64>) -> Result<Mesh, MeshFileError> {
+/// The first [`MeshFileError`] found.
+pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileError> {
     let mut cursor = Cursor::new(bytes);
     let version_5 = header(&mut cursor)?;
     let mut line = cursor.expect("DATASET")?;
     let is_grid = match (line.word("DATASET")?, line.word("a data set")?) {
         (word, _) if !word.eq_ignore_ascii_case("DATASET") => {
-            return Err(line.unexpected("DATASET"));
+            return Err(line.unexpected("DATASET").into());
         }
         (_, kind) if kind.eq_ignore_ascii_case("POLYDATA") => false,
         (_, kind) if kind.eq_ignore_ascii_case("UNSTRUCTURED_GRID") => true,
@@ -74,7 +64,7 @@ fn read(bytes: &[u8], wanted: Wanted, merge: Option<f64>) -> Result<Mesh, MeshFi
             let expected = "DATASET POLYDATA or DATASET UNSTRUCTURED_GRID (make one of them first, as \
                             ParaView's filters Extract Surface and Tetrahedralize do)";
             let found = format!("DATASET {}", quoted(kind));
-            return Err(MeshFileError::syntax(line.place, expected, found));
+            return Err(MeshFileError::syntax(line.place(), expected, found));
         }
     };
     let sections = sections(&mut cursor, is_grid, version_5)?;
@@ -83,7 +73,7 @@ fn read(bytes: &[u8], wanted: Wanted, merge: Option<f64>) -> Result<Mesh, MeshFi
     let points = sections.points.ok_or_else(|| missing("POINTS"))?;
     let name = if is_grid { "CELLS" } else { "POLYGONS" };
     let connectivity = sections.cells.ok_or_else(|| missing(name))?;
-    let cells = Cells::new(points, sections.others, wanted)?;
+    let cells = Cells::new(points, sections.others)?;
     let (mut mesh, count, kept) = if is_grid {
         let types = sections.types.ok_or_else(|| missing("CELL_TYPES"))?;
         if types.len() != connectivity.cells {
@@ -120,7 +110,7 @@ fn header(cursor: &mut Cursor) -> Result<bool, MeshFileError> {
     match line.rest() {
         word if word.eq_ignore_ascii_case("ASCII") => {}
         word if word.eq_ignore_ascii_case("BINARY") => cursor.binary = true,
-        _ => return Err(line.unexpected("ASCII or BINARY")),
+        _ => return Err(line.unexpected("ASCII or BINARY").into()),
     }
     Ok(version >= 5.0)
 }
@@ -134,7 +124,7 @@ fn sections<'a>(
     while let Some(mut line) = cursor.next()? {
         let whole = line;
         let keyword = line.word("a section")?.to_ascii_uppercase();
-        let again = || whole.unexpected(&format!("{keyword} once"));
+        let again = || whole.unexpected(&format!("{keyword} once")).into();
         match (keyword.as_str(), is_grid) {
             ("POINTS", _) => {
                 let count = line.count("a number of points")?;
@@ -170,10 +160,14 @@ fn sections<'a>(
             ("TRIANGLE_STRIPS", false) => {
                 let expected = "POLYGONS (cut strips to triangles first, as ParaView's filter \
                                 Triangulate does)";
-                return Err(whole.unexpected(expected));
+                return Err(whole.unexpected(expected).into());
             }
-            (_, true) => return Err(whole.unexpected("POINTS, CELLS or CELL_TYPES")),
-            (_, false) => return Err(whole.unexpected("POINTS, POLYGONS, LINES or VERTICES")),
+            (_, true) => return Err(whole.unexpected("POINTS, CELLS or CELL_TYPES").into()),
+            (_, false) => {
+                return Err(whole
+                    .unexpected("POINTS, POLYGONS, LINES or VERTICES")
+                    .into());
+            }
         }
     }
     Ok(found)
@@ -182,10 +176,10 @@ fn sections<'a>(
 /// Reads a section that names the points of each cell, after its keyword.
 fn connectivity<'a>(
     cursor: &mut Cursor<'a>,
-    mut line: Line<'a>,
+    mut line: Fields<'a>,
     version_5: bool,
 ) -> Result<Connectivity<'a>, MeshFileError> {
-    let place = line.place;
+    let place = line.place();
     let first = line.count("two counts")?;
     let second = line.count("two counts")?;
     if !version_5 {
@@ -200,7 +194,7 @@ fn connectivity<'a>(
         let mut line = cursor.expect(name)?;
         let whole = line;
         if !line.word(name)?.eq_ignore_ascii_case(name) {
-            return Err(whole.unexpected(name));
+            return Err(whole.unexpected(name).into());
         }
         let scalar = scalar(&mut line)?;
         cursor.array(&line, Some(count), scalar)
@@ -228,18 +222,18 @@ enum Items {
 }
 
 /// The next word as a type of numbers.
-fn scalar(line: &mut Line) -> Result<Scalar, MeshFileError> {
+fn scalar(line: &mut Fields) -> Result<Scalar, MeshFileError> {
     let before = *line;
     match items(line)? {
         Items::Numbers(scalar) => Ok(scalar),
-        Items::Bits | Items::Texts { .. } => Err(before.unexpected(NUMBERS)),
+        Items::Bits | Items::Texts { .. } => Err(before.unexpected(NUMBERS).into()),
     }
 }
 
 const NUMBERS: &str = "a type of numbers, such as float or int";
 
 /// The next word as a type of items.
-fn items(line: &mut Line) -> Result<Items, MeshFileError> {
+fn items(line: &mut Fields) -> Result<Items, MeshFileError> {
     let before = *line;
     Ok(Items::Numbers(
         match line.word(NUMBERS)?.to_ascii_lowercase().as_str() {
@@ -256,7 +250,7 @@ fn items(line: &mut Line) -> Result<Items, MeshFileError> {
             "bit" => return Ok(Items::Bits),
             "string" | "utf8_string" => return Ok(Items::Texts { by_line: false }),
             "variant" => return Ok(Items::Texts { by_line: true }),
-            _ => return Err(before.unexpected(NUMBERS)),
+            _ => return Err(before.unexpected(NUMBERS).into()),
         },
     ))
 }

@@ -4,11 +4,11 @@
 //! (`ascii`), in base64 (`binary`) and appended (raw or in base64), uncompressed or compressed by zlib, in both byte
 //! orders. The format has no units: coordinates are taken as metres.
 //!
-//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; if lines are the cells of highest dimension, they become those of a thread. Points, and lines
-//! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
-//! field if its values are finite numbers; others, and what belongs to points and to the file (`PointData`, `FieldData`), are skipped. The
-//! file makes no groups.
+//! Triangles become the triangles of a sheet, and tetrahedra (linear or quadratic) the cells of a solid, if the caller asks
+//! for one. If lines are the cells of highest dimension, they become the lines of a thread. Points, lines in a file with other
+//! cells, and triangles in the file of a solid are skipped. Any other cell is an error, because a mesh without it would have
+//! holes. A named array of `CellData` with one component becomes a field if its values are finite numbers. Other arrays,
+//! `PointData` and `FieldData` are skipped. The file makes no groups.
 //!
 //! A file whose arrays unpack to much more than its own size is refused: see [`MAX_RATIO`].
 
@@ -16,13 +16,13 @@ mod data;
 mod document;
 mod tag;
 
-use crate::error::{MeshFileError, Place, Wanted, into_sheet};
+use crate::error::{MeshFileError, Place};
 use crate::vtk_array::Array;
 use crate::vtk_cells::{Cells, POLYGON};
 use crate::vtk_fields;
 use data::Unpacker;
 use document::{Document, NamedArray, Piece, Role};
-use physics::mesh::{Mesh, TriMesh};
+use physics::mesh::Mesh;
 
 /// Largest ratio of the size of the unpacked arrays to the size of the file.
 ///
@@ -34,24 +34,13 @@ pub const MIN_UNPACKED: usize = 64 << 10;
 /// Largest size to which compressed arrays may unpack (bytes): that of a grid of three million vertices.
 pub(crate) const MAX_UNPACKED: usize = 256 << 20;
 
-/// Reads a sheet from the bytes of a VTU or VTP file. Coordinates are taken as metres.
+/// Reads a mesh from the bytes of a VTU or VTP file: a solid if there is a tetrahedron in the file, a sheet if there is a
+/// triangle, a thread if there are cells of two points (`VTK_LINE`). Coordinates are taken as metres. With a distance,
+/// vertices within it are merged.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found. A tetrahedron is an error.
-pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    into_sheet(read(bytes, Wanted::Sheet, None)?)
-}
-
-/// As [`parse`], a solid if there is a tetrahedron in the file, a sheet if there is a triangle, a thread if there are
-/// cells of two points (`VTK_LINE`). With a distance, vertices within it are merged.
-///
-/// # Errors
-/// As [`parse`], except that tetrahedra are allowed.
-pub(crate) fn parse_mesh(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileError> {
-    read(bytes, Wanted::Any, merge)
-}
-
-fn read(bytes: &[u8], wanted: Wanted, merge: Option<f64>) -> Result<Mesh, MeshFileError> {
+/// The first [`MeshFileError`] found.
+pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileError> {
     let document = document::read(bytes)?;
     let mut unpacker = Unpacker::new(bytes, &document.encoding);
     let piece = &document.piece;
@@ -71,7 +60,7 @@ fn read(bytes: &[u8], wanted: Wanted, merge: Option<f64>) -> Result<Mesh, MeshFi
     count(piece, "ends of cells", Some(piece.cells), &ends)?;
     let end_place = |cell| ends.place(cell);
 
-    let mut cells = Cells::new(points, piece.others, wanted)?;
+    let mut cells = Cells::new(points, piece.others)?;
     if document.is_grid {
         let types = array(&document, &mut unpacker, Role::Types)?;
         count(piece, "types of cells", Some(piece.cells), &types)?;

@@ -10,7 +10,7 @@
 //! a sheet, a group of lines or triangles stands for the group of their vertices of the same name, as it does when it is
 //! read.
 
-use crate::gmsh::solid::to_or_from_vtk;
+use crate::gmsh::assemble::to_or_from_vtk;
 use core::fmt::Write as _;
 use physics::Vec3;
 use physics::mesh::{Bounds, Cells, Field, Group, LineMesh, Mesh, TetMesh, TriMesh};

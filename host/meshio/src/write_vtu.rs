@@ -18,9 +18,9 @@ pub enum Values {
     Tensor(Vec<Mat3>),
 }
 
-/// A mesh in one state, with values at its vertices and in its cells.
+/// An unstructured grid, in VTK's sense: a mesh in one state, with values at its vertices and in its cells.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Snapshot {
+pub struct UnstructuredGrid {
     /// Positions (m).
     pub positions: Vec<Vec3>,
     /// Vertices of each cell, and the cell's VTK type.
@@ -31,7 +31,7 @@ pub struct Snapshot {
     pub in_cells: Vec<(String, Values)>,
 }
 
-impl Snapshot {
+impl UnstructuredGrid {
     /// A solid at rest, with its fields.
     pub fn of_solid(mesh: &TetMesh) -> Self {
         let kind = if matches!(mesh.cells, Cells::Linear(_)) {

@@ -1,11 +1,14 @@
 //! Meshes from files of every format: what other programs write is read, what is wrong is refused with
 //! its place.
 
-use meshio::{InvalidMesh, MeshFault, MeshFileError, read, read_with_pattern};
+mod support;
+
+use meshio::{InvalidMesh, MeshFault, MeshFileError};
 use physics::mesh::{Mesh, MeshError, TriMesh};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
+use support::{read, read_with_pattern};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -309,7 +312,7 @@ fn wrong_flat_patterns_are_refused_with_their_line() {
             "vt 100 200 7",
             "vt 100 -200",
             "line 16: triangle 1 is mirrored in the flat pattern and lies on triangle 0; unfold the pattern there, \
-             or, if a seam joins the two triangles, move their pieces apart in the pattern"
+             or, if a seam joins the two triangles, move their panels apart in the pattern"
                 .to_owned(),
         ),
     ] {
@@ -486,7 +489,7 @@ fn wrong_legacy_files_are_refused_with_their_line() {
         ),
         (
             format!("{HEAD}{POINTS}POLYGONS 1 5\n4 0 1 2 3\n"),
-            "line 9: expected a triangle (cut to triangles first, as ParaView's filter Triangulate does), found a polygon of 4 points",
+            "line 9: expected a triangle or a tetrahedron (cut to them first, as ParaView's filters Triangulate and Tetrahedralize do), found a polygon of 4 points",
         ),
         (
             format!("{HEAD}{POINTS}POLYGONS 1 4\n1000000000 0 1 2\n"),
@@ -586,12 +589,12 @@ fn wrong_xml_files_are_refused_with_their_line() -> Outcome {
         (
             "3 6<",
             "4 6<",
-            "line 10: expected a triangle (cut to triangles first, as ParaView's filter Triangulate does), found a triangle of 4 points",
+            "line 10: expected a triangle or a tetrahedron (cut to them first, as ParaView's filters Triangulate and Tetrahedralize do), found a triangle of 4 points",
         ),
         (
             "5 5<",
             "5 22<",
-            "line 11: expected a triangle (cut to triangles first, as ParaView's filter Triangulate does), found a triangle of second order",
+            "line 11: expected a triangle or a tetrahedron (cut to them first, as ParaView's filters Triangulate and Tetrahedralize do), found a triangle of second order",
         ),
         (
             "Float64",

@@ -1,9 +1,12 @@
 //! No text makes the MSH reader panic, and what it accepts is a mesh.
 
-use meshio::GmshError;
-use meshio::gmsh::{parse, parse_bytes};
+mod support;
+
+use meshio::{GmshError, MeshFileError, read_mesh};
+use physics::mesh::Mesh;
 use proptest::prelude::*;
 use proptest::sample::Index;
+use support::read;
 
 const SMALL: &str = include_str!("small.msh");
 
@@ -91,9 +94,13 @@ fn apply(damage: &Damage, bytes: &[u8]) -> Vec<u8> {
 
 /// Checks what must hold of any text, and says whether it was a mesh.
 fn judge(bytes: &[u8]) -> bool {
-    match parse_bytes(bytes) {
+    match read_mesh("x.msh", bytes) {
         Ok(mesh) => {
-            mesh.validate().unwrap();
+            match mesh {
+                Mesh::Thread(mesh) => mesh.validate().unwrap(),
+                Mesh::Sheet(mesh) => mesh.validate().unwrap(),
+                Mesh::Solid(mesh) => mesh.validate().unwrap(),
+            }
             true
         }
         Err(error) => {
@@ -165,7 +172,11 @@ fn numbers_that_are_damaged_where_they_matter_are_found() {
     assert!(judge(SMALL.as_bytes()));
     let numbered = SMALL.replace("\n1 1 0 0.5 0.5\n", "\n1 NaN 0 0.5 0.5\n");
     assert_ne!(numbered, SMALL);
-    assert!(matches!(parse(&numbered), Err(GmshError::Syntax { .. })));
+    let found = read_mesh("x.msh", numbered.as_bytes());
+    assert!(matches!(
+        found,
+        Err(MeshFileError::Gmsh(GmshError::Syntax { .. }))
+    ));
 }
 
 #[test]
@@ -188,7 +199,7 @@ fn every_element_may_be_in_many_groups() {
          $Elements\n1 {triangles} 1 {triangles}\n2 1 2 {triangles}\n{elements}\n$EndElements\n",
         n = triangles + 2,
     );
-    let mesh = parse(&text).unwrap();
+    let mesh = read("x.msh", text.as_bytes()).unwrap();
     assert_eq!(mesh.triangle_groups.len(), 16);
     assert!(
         mesh.triangle_groups
@@ -197,7 +208,7 @@ fn every_element_may_be_in_many_groups() {
     );
     let more = text.replace("1 1 0 16 2 4", "1 1 0 17 2 3 4");
     assert_eq!(
-        parse(&more).unwrap_err().to_string(),
+        read("x.msh", more.as_bytes()).unwrap_err().to_string(),
         "line 265: expected at most 16 physical tags of one entity, found \"17 2 3 4 6 8 10 12 14 16 18 20 22 24 26 \"..."
     );
 }

@@ -1,20 +1,21 @@
 //! The files for ParaView, with the values that a solution writes into them.
 
-use meshio::read;
-use meshio::write_vtu::{Snapshot, Values};
+mod support;
+
+use meshio::write_vtu::{UnstructuredGrid, Values};
 use physics::Vec3;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use support::read;
 
 #[test]
 fn a_written_sheet_reads_back_bit_for_bit() {
     let mesh = sheet(0.1, 0.07, 5, 3, Pattern::Alternating).unwrap();
-    let mut snapshot = Snapshot::of_sheet(&mesh);
+    let mut grid = UnstructuredGrid::of_sheet(&mesh);
     let vectors = mesh.positions.iter().map(|x| x / 3.0).collect();
-    snapshot
-        .at_vertices
+    grid.at_vertices
         .push(("u <m> & \"more\"".to_owned(), Values::Vector(vectors)));
-    let back = read("sheet.vtu", snapshot.vtu().as_bytes()).unwrap();
+    let back = read("sheet.vtu", grid.vtu().as_bytes()).unwrap();
     assert_eq!(
         (back.positions, back.triangles),
         (mesh.positions, mesh.triangles)
@@ -24,15 +25,13 @@ fn a_written_sheet_reads_back_bit_for_bit() {
 #[test]
 fn a_written_solid_has_its_cells_and_values() {
     let mesh = solid_box([1.0; 3], [1, 1, 1]).unwrap().quadratic();
-    let mut snapshot = Snapshot::of_solid(&mesh);
+    let mut grid = UnstructuredGrid::of_solid(&mesh);
     let tensors = vec![physics::Mat3::from_diagonal(&Vec3::new(1.0, 2.0, 3.0)); 6];
-    snapshot
-        .in_cells
+    grid.in_cells
         .push(("stress".to_owned(), Values::Tensor(tensors)));
-    snapshot
-        .in_cells
+    grid.in_cells
         .push(("energy".to_owned(), Values::Scalar(vec![0.5; 6])));
-    let text = snapshot.vtu();
+    let text = grid.vtu();
     // Other programs make a column of vectors of one component.
     assert!(text.contains("<DataArray type=\"Float64\" Name=\"energy\" format=\"ascii\">"));
     assert!(text.contains("<Piece NumberOfPoints=\"27\" NumberOfCells=\"6\">"));

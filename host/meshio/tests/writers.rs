@@ -1,7 +1,7 @@
 //! Files by other programs' writers hold what the same programs say: see `writers/make.py`.
 
 use meshio::read_mesh;
-use physics::mesh::{Group, Mesh, TetMesh};
+use physics::mesh::{Group, LineMesh, Mesh, TetMesh};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +22,13 @@ fn sizes(of_vertices: &[Group], of_cells: &[Group]) -> BTreeMap<String, [usize; 
         }
     }
     sizes
+}
+
+/// The length of all lines.
+fn length(mesh: &LineMesh) -> f64 {
+    let at = |vertex: u32| mesh.positions[vertex as usize];
+    let lines = mesh.lines.iter();
+    lines.map(|&[a, b]| (at(b) - at(a)).norm()).sum()
 }
 
 /// The volume of cells with straight edges.
@@ -53,7 +60,7 @@ fn a_file_holds_what_its_writer_says() {
             ),
             Mesh::Thread(thread) => (
                 "thread",
-                thread.length(),
+                length(thread),
                 sizes(&thread.vertex_groups, &thread.line_groups),
             ),
         };

@@ -116,17 +116,6 @@ fn show(name: &str, body: &mut Body) {
         }
         panels.solve(&mut r);
     });
-    let mut three = [r.clone(), r.clone(), r.clone()];
-    let solve_three = time(30 * repeat, || {
-        let (numbers, r) = (b.chunks_exact(3), &mut three);
-        for (at, b) in numbers.enumerate() {
-            let node = [b[0] as f32, b[1] as f32, b[2] as f32, 0.0];
-            for r in r.iter_mut() {
-                r[at] = node;
-            }
-        }
-        panels.solve_three(r.each_mut().map(Vec::as_mut_slice));
-    });
     let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     let error: Vec<f64> = r
         .iter()
@@ -135,7 +124,7 @@ fn show(name: &str, body: &mut Body) {
         .collect();
     let pair = |[least, median]: [f64; 2]| format!("{least:>9.1} {median:>9.1}");
     println!(
-        "{name:>7} {unknowns:>6} {:>8} {:>8} {:>8} {:>4} {} {} {} {} {} {:>8.1e}",
+        "{name:>7} {unknowns:>6} {:>8} {:>8} {:>8} {:>4} {} {} {} {} {:>8.1e}",
         degree.factor_entries(),
         exact_entries.factor_entries(),
         panels.stored(),
@@ -144,14 +133,13 @@ fn show(name: &str, body: &mut Body) {
         pair(refresh),
         pair(exact),
         pair(solve),
-        pair(solve_three),
         norm(&error) / norm(&x),
     );
 }
 
 fn main() {
     println!(
-        "{:>7} {:>6} {:>8} {:>8} {:>8} {:>4} {:>19} {:>19} {:>19} {:>19} {:>19} {:>8}",
+        "{:>7} {:>6} {:>8} {:>8} {:>8} {:>4} {:>19} {:>19} {:>19} {:>19} {:>8}",
         "body",
         "rows",
         "AMD",
@@ -162,7 +150,6 @@ fn main() {
         "refresh",
         "solve by faer, f64",
         "by panels, f32",
-        "three at once",
         "error"
     );
     show("1,296", &mut cube([6; 3]));

@@ -17,6 +17,7 @@ use physics::{
     Stepper, StepperOptions, Vec3,
 };
 use std::error::Error;
+use std::sync::Arc;
 use std::time::Instant;
 use threads::{Threads, awake};
 
@@ -28,7 +29,7 @@ const PARTS: [Part; 3] = [Part::Linearize, Part::Product, Part::Precondition];
 /// One number of threads, with a body of its own.
 struct Setting {
     threads: usize,
-    pool: Threads,
+    pool: Arc<Threads>,
     body: Body,
     stepper: Stepper<f64>,
     poses: [HandlePose; 2],
@@ -45,10 +46,11 @@ impl Setting {
         };
         let mut stepper = Stepper::new(body, options)?;
         stepper.prepare(body, STEP)?;
-        stepper.team = threads::team(threads);
+        let pool = Arc::new(Threads::new(threads));
+        stepper.team = pool.clone();
         Ok(Self {
             threads,
-            pool: Threads::new(threads),
+            pool,
             body: body.clone(),
             stepper,
             poses: [-0.05, 0.05].map(|z| HandlePose::at(Vec3::z() * z)),

@@ -4,7 +4,7 @@ pub mod ceiling;
 
 use core::ops::Add;
 
-/// What a pass must do.
+/// The work of a pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
     /// Bytes read.
@@ -54,7 +54,7 @@ impl Cost {
         }
     }
 
-    /// The same with nothing touched: another pass over what is counted already.
+    /// This work without the bytes: another pass over data that are counted already.
     pub(crate) fn again(self) -> Self {
         Self { touched: 0, ..self }
     }

@@ -87,10 +87,10 @@ pub use linear::precondition::Preconditioner;
 pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
-    AssembledStepper, Cohesion, Course, Equation, Equilibrium, EquilibriumOptions,
-    EquilibriumReport, Grown, Guess, Integrator, IntegratorOptions, Ledger, NewtonOptions,
-    NewtonReport, Part, Refresher, Starts, StepReport, Stepper, StepperOptions, StepperReport,
-    TearLimit, TearOptions, TearReport, Tearing, TimeScheme, complete_bytes,
+    Cohesion, Course, Equation, Equilibrium, EquilibriumOptions, EquilibriumReport, Grown, Guess,
+    Integrator, IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Part, Refresher, Starts,
+    StepReport, Stepper, StepperOptions, StepperReport, TearLimit, TearOptions, TearReport,
+    Tearing, TimeScheme, complete_bytes,
 };
 pub use team::{Alone, Team};
 

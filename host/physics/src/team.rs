@@ -13,7 +13,7 @@ use core::fmt;
 pub type Work<'a> = dyn FnMut() + Send + 'a;
 
 /// Does work in pairs.
-pub trait Team: fmt::Debug + Sync {
+pub trait Team: fmt::Debug + Send + Sync {
     /// Runs both pieces once, in any order or at once, and returns after both.
     fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>);
 

@@ -10,6 +10,7 @@ use physics::{
     Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, Stepper,
     StepperOptions, Team, Vec3,
 };
+use std::sync::Arc;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -50,7 +51,7 @@ fn steps_on_several_threads_allocate_nothing() {
     let pool = rayon_core::ThreadPoolBuilder::new().num_threads(3);
     let found = pool.build().unwrap().install(|| {
         let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
-        stepper.team = &Pool;
+        stepper.team = Arc::new(Pool);
         let mut poses = [
             HandlePose::at(Vec3::x() * -0.05),
             HandlePose::at(Vec3::x() * 0.05),

@@ -1,8 +1,10 @@
 //! Writes a file whole or not at all. No reader sees a half-written result, and a failed write leaves the
 //! older file unchanged.
 
+use rustix::fs::{OFlags, fcntl_setfl};
 use std::fs;
 use std::io::{self, Write};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -64,10 +66,7 @@ fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
 ///
 /// # Errors
 /// The error of the system; for a pipe without a reader and for a socket, a sentence that says what to do.
-#[cfg(unix)]
 pub fn open_stream(path: &Path) -> io::Result<fs::File> {
-    use rustix::fs::{OFlags, fcntl_setfl};
-    use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
     let refuse = |problem: &str| Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
     let kind = fs::metadata(path)?.file_type();
     if kind.is_socket() {
@@ -92,12 +91,7 @@ pub fn open_stream(path: &Path) -> io::Result<fs::File> {
     }
 }
 
-#[cfg(not(unix))]
-pub fn open_stream(path: &Path) -> io::Result<fs::File> {
-    fs::OpenOptions::new().write(true).open(path)
-}
-
-/// What the name of a temporary file begins and ends with.
+/// The beginning and the end of the name of a temporary file.
 const TEMPORARY: [&str; 2] = [".palpate-", ".tmp"];
 
 /// The temporary files of this program that may be there.
@@ -128,7 +122,8 @@ fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     loop {
         let mut builder = tempfile::Builder::new();
         builder.prefix(TEMPORARY[0]).suffix(TEMPORARY[1]);
-        ordinary_permissions(&mut builder);
+        // Those of any new file, less the user's mask. By default a temporary file is closed to other users.
+        builder.permissions(fs::Permissions::from_mode(0o666));
         let file = builder.tempfile_in(folder)?;
         // Some network file systems have no locks.
         let _ = file.as_file().lock();
@@ -203,6 +198,12 @@ pub fn target(path: &Path) -> PathBuf {
     }
 }
 
+/// Whether the file at `path` is the file with the metadata `open`.
+pub fn is_at(open: &fs::Metadata, path: &Path) -> bool {
+    let there = fs::metadata(path);
+    there.is_ok_and(|there| (there.dev(), there.ino()) == (open.dev(), open.ino()))
+}
+
 /// The folder of a file.
 pub fn folder_of(file: &Path) -> &Path {
     match file.parent() {
@@ -210,17 +211,6 @@ pub fn folder_of(file: &Path) -> &Path {
         _ => Path::new("."),
     }
 }
-
-/// Gives the temporary file the permissions of any new file, less the user's mask. By default a temporary file
-/// is closed to other users.
-#[cfg(unix)]
-fn ordinary_permissions(builder: &mut tempfile::Builder) {
-    use std::os::unix::fs::PermissionsExt;
-    builder.permissions(fs::Permissions::from_mode(0o666));
-}
-
-#[cfg(not(unix))]
-fn ordinary_permissions(_: &mut tempfile::Builder) {}
 
 /// Writes a value as indented JSON, either completely or not at all.
 ///
@@ -248,10 +238,8 @@ mod tests {
         assert_eq!(fs::read_dir(&folder).expect("the folder").count(), 1);
     }
 
-    #[cfg(unix)]
     #[test]
     fn permissions_are_those_of_any_new_file() {
-        use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().expect("a folder");
         let mode = |name: &str| {
             let metadata = fs::metadata(folder.path().join(name)).expect("the file");
@@ -262,10 +250,8 @@ mod tests {
         assert_eq!(mode("plain"), mode("atomic"));
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_replaced_file_keeps_its_permissions() {
-        use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("private.json");
         for mode in [0o600, 0o640, 0o664] {
@@ -279,7 +265,6 @@ mod tests {
     }
 
     /// Opening the pipe, or writing to the socket, would wait without end or fail after the work.
-    #[cfg(unix)]
     #[test]
     fn a_pipe_needs_a_reader_and_a_socket_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -328,7 +313,6 @@ mod tests {
         assert_eq!(names, expected);
     }
 
-    #[cfg(unix)]
     #[test]
     fn a_link_stays_a_link_and_a_device_is_written_to() {
         let folder = tempfile::tempdir().expect("a folder");

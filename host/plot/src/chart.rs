@@ -17,7 +17,7 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
     /// The mark at each point.
     pub marker: Marker,
-    /// What the line shows, which determines its look.
+    /// The quantity that the line shows. It determines the look of the line.
     pub role: Role,
     /// For each point, the range of its x over repetitions; empty if nothing was repeated.
     pub spread: Vec<[f64; 2]>,

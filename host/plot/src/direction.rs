@@ -1,5 +1,5 @@
-//! The direction along which a device's force and motion are drawn: the principal direction of the force, or that which a
-//! person asks for.
+//! The direction along which a device's force and motion are drawn: the principal direction of the force, or a direction
+//! that a person chooses.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -8,7 +8,7 @@ use super::reduce::usable;
 /// A direction within 18 degrees of an axis of the world is drawn as that axis (cosine of the angle).
 const SNAP: f64 = 0.95;
 
-/// The part of a force that a picture shows. Pictures of one part compare, whatever the runs.
+/// The part of a force that a picture shows. Pictures of the same part of different runs can be compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Part {
     /// The component along the principal direction of the force, which each picture finds by itself.
@@ -29,7 +29,7 @@ impl Part {
         }
     }
 
-    /// What a label says of the part after the name of the quantity; the norm if a picture finds its direction by
+    /// The words of a label about the part, after the name of the quantity; the norm if a picture finds its direction by
     /// itself.
     pub fn label(self) -> String {
         match self {

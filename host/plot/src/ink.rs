@@ -1,7 +1,7 @@
 //! The looks of lines: colour and dashes, by what the line shows. All curves of all pictures have one width.
 //!
 //! The colours are those of Okabe and Ito (2008), which colour-blind readers can tell apart. Lines that coincide are told
-//! apart by their dashes: the line below shows in the gaps of the line above. What other lines are compared to is a grey
+//! apart by their dashes: the line below shows in the gaps of the line above. The reference of other lines is a grey
 //! band below them.
 
 use plotters::style::RGBColor;
@@ -19,7 +19,7 @@ pub(super) const WIDTH: f64 = 1.6;
 /// Width of the grey band below the curves that are compared to it (pixels).
 const BAND: f64 = 5.0;
 
-/// What a line shows, which determines its look.
+/// The quantity that a line shows. It determines the look of the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Role {
     /// One of several: its place in the list determines the look.
@@ -29,7 +29,7 @@ pub enum Role {
     Number(usize),
     /// A scheme, by its name in scenes. It has the same look in every picture.
     Scheme(&'static str),
-    /// What the other lines are compared to: a grey band, drawn first, so that each line shows on it.
+    /// The reference of the other lines: a grey band, drawn first, so that each line shows on it.
     Reference,
     /// A bound, such as the period of the ticks: grey and dashed.
     Limit,

@@ -1,4 +1,4 @@
-//! A moment of a run: the deformed bodies in the hands, the curves of the last seconds, and the states.
+//! A still of a run: the deformed bodies in the hands, the curves of the last seconds, and the states.
 
 use plotters::prelude::*;
 
@@ -18,7 +18,7 @@ const HEIGHT: i32 = 440;
 const ROW: i32 = 17;
 const AROUND_ROWS: i32 = 14;
 
-/// A moment as it is drawn.
+/// The content of a still.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MomentPicture {
     /// The title.

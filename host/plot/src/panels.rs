@@ -23,9 +23,9 @@ pub struct Panel {
     pub x_scale: Scale,
     /// The scale of y.
     pub y_scale: Scale,
-    /// Values that the x axis covers beside those of the points, to give several panels one axis.
+    /// Values that the x axis covers in addition to those of the points, to give several panels one axis.
     pub x_covers: Vec<f64>,
-    /// Values that the y axis covers beside those of the points.
+    /// Values that the y axis covers in addition to those of the points.
     pub y_covers: Vec<f64>,
     /// The lines. A name occurs once in the legend, so lines of one name must have one role.
     pub series: Vec<Series>,

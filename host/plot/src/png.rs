@@ -14,7 +14,7 @@ use tiny_skia::{
 
 use super::font::Font;
 
-/// Pixels of the PNG for each pixel of the page: 300 to the inch where a page of 720 pixels is printed 12 cm wide.
+/// Pixels of the PNG for each pixel of the page: 300 to the inch if a page of 720 pixels is printed 12 cm wide.
 const SCALE: f32 = 2.0;
 
 /// The picture `svg`, which a function of this module drew, as PNG: twice as large in each direction, on white.

@@ -2,7 +2,7 @@
 //! are kept, in their order in time. No peak is lost, and a long run takes no more points than a short one.
 
 /// Lines through the usable points of `samples`, whose x must not decrease. The lines are reduced for a picture
-/// in which `column` gives the pixel column of an x. A line breaks where samples are missing over a whole column.
+/// in which `column` gives the pixel column of an x. A line breaks if samples are missing over a whole column.
 pub(super) fn reduce(
     samples: impl Iterator<Item = (f64, f64)>,
     column: impl Fn(f64) -> i64,

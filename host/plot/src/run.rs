@@ -1,7 +1,8 @@
 //! The picture of a run: the force on the hands above, the displacement of the devices below, over the same time.
 //!
-//! Each device is drawn along the principal direction of its force, or along that which a person asks for, or by the norm.
-//! The labels name it. Bands mark the intervals in which the force was not that of the newest model: the cap, a limit or a fault acted on it.
+//! Each device is drawn along the principal direction of its force, along a direction that a person chooses, or by the norm.
+//! The labels name the choice. Bands mark the intervals in which the force was not that of the newest model: the cap, a limit
+//! or a fault acted on it.
 
 use nalgebra::Vector3;
 use plotters::prelude::*;
@@ -57,7 +58,7 @@ pub struct Mark {
     pub of: String,
 }
 
-/// What acted on the force. A cause has the same colour in every picture, which is not that of a device.
+/// The cause of a difference of the force. A cause has the same colour in every picture, which is not that of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// The host published no model for long.

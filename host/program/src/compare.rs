@@ -7,13 +7,13 @@ use super::written::Written;
 use super::{CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::engine::faults::HostFault;
-use host::plot::{self, Panel, Role, Series, write_picture};
+use host::plot::write_picture;
 use host::scene::spec::SchemeName;
 use std::num::NonZero;
 use std::path::PathBuf;
-use study::compare::{Comparison, ForceError, Measures, Record, Run, Settings, compare, csv};
+use study::Results;
+use study::compare::{Settings, compare, csv};
 use study::stress::scene::SCHEMES;
-use study::sweep::thin;
 
 /// Arguments of `palpate compare`.
 #[derive(Clone, Debug, clap::Args)]
@@ -67,9 +67,6 @@ Examples:
   palpate compare my_scene.toml --json c.json --csv c.csv
                                                          measurements and ticks for your own figures";
 
-/// Largest number of points of a line: more would not be visible.
-const POINTS: usize = 320;
-
 fn scheme(text: &str) -> Result<SchemeName, String> {
     scheme_of(text, &SCHEMES)
 }
@@ -108,12 +105,14 @@ pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
     });
     bar.finish_and_clear();
     let found = found?;
-    print(&found);
+    out!("{}", found.tables());
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &found));
-    written.write(arguments.plot.as_ref(), |path| {
-        write_picture(path, &picture(&found))
-    });
+    if let Some(picture) = arguments.plot.as_ref().and_then(|_| found.picture()) {
+        written.write(arguments.plot.as_ref(), |path| {
+            write_picture(path, &picture)
+        });
+    }
     written.write(arguments.csv.as_ref(), |path| {
         write_atomically(path, csv(&found).as_bytes())
     });
@@ -122,173 +121,4 @@ pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
         return Err(CommandError::Incomplete);
     }
     Ok(())
-}
-
-/// Prints one row for each run, and one for the reference. Each number is that of the worst device or body.
-fn print(found: &Comparison) {
-    outln!(
-        "{}: {} runs of {} s in virtual time, seed {}; ticks at {} Hz, steps of the host at {} Hz, latency {:.1} ms",
-        found.scene,
-        found.runs.len(),
-        found.duration,
-        found.seed,
-        found.tick_rate,
-        found.step_rate,
-        1e3 * found.latency
-    );
-    outln!(
-        "  force errors and ripple are measured from {:.3} s on",
-        found.measured_from
-    );
-    for fault in &found.faults {
-        outln!("  fault: {fault}");
-    }
-    outln!(
-        "\n| scheme | models a second | peak force N | force error N, RMS | force error % | largest force error N \
-         | ripple N | net energy mJ | capped % | longest hold-back s | most withheld N | faded % | limited % \
-         | model age ms: median, most |"
-    );
-    outln!("|{}", "---|".repeat(14));
-    for run in &found.runs {
-        print_run(run);
-    }
-    if let Some(reference) = &found.reference {
-        let [peak, ripple, energy, limited] = common(reference);
-        outln!("| reference | | {peak} | | | | {ripple} | {energy} | | | | | {limited} | |");
-    }
-    if let Some(why) = &found.no_reference {
-        outln!("\nno reference: {why}");
-    }
-    for run in &found.runs {
-        for failure in &run.failures {
-            outln!(
-                "\nFAILED {} at {} Hz: {failure}",
-                run.scheme,
-                run.publish_rate
-            );
-        }
-    }
-}
-
-fn print_run(run: &Run) {
-    let measures = &run.measures;
-    let [peak, ripple, energy, limited] = common(measures);
-    let has_error = measures.devices.iter().any(|device| device.error.is_some());
-    let error = |value: fn(&ForceError) -> f64, decimals: usize| {
-        let worst = measures.worst(|device| device.error.as_ref().map_or(0.0, value));
-        if has_error {
-            format!("{worst:.decimals$}")
-        } else {
-            String::new()
-        }
-    };
-    let ages = measures.bodies.iter().filter_map(|body| body.model_age);
-    let age = ages.reduce(|a, b| [a[0].max(b[0]), a[1].max(b[1])]);
-    let age = age.map_or(String::new(), |[median, most]| {
-        format!("{:.1}, {:.1}", 1e3 * median, 1e3 * most)
-    });
-    outln!(
-        "| {} | {} | {peak} | {} | {} | {} | {ripple} | {energy} | {:.1} | {:.2} | {:.2} | {:.1} | {limited} | {age} |",
-        run.scheme,
-        run.publish_rate,
-        error(|error| error.rms, 4),
-        error(|error| 100.0 * error.relative, 1),
-        error(|error| error.largest, 3),
-        100.0 * measures.worst_body(|body| body.capped),
-        measures.worst_body(|body| body.longest_hold_back),
-        measures.worst_body(|body| body.most_withheld),
-        100.0 * measures.worst_body(|body| body.faded),
-    );
-}
-
-/// Peak force, ripple, net energy and the fraction of ticks at the limit of the device: what a run and a reference have.
-fn common(measures: &Measures) -> [String; 4] {
-    [
-        format!("{:.2}", measures.worst(|device| device.peak_force)),
-        format!("{:.3}", measures.worst(|device| device.ripple)),
-        format!("{:.3}", 1e3 * measures.net_energy),
-        format!("{:.1}", 100.0 * measures.worst(|device| device.limited)),
-    ]
-}
-
-/// The force of each device over time along its main direction, one row of panels for each rate and device; beside it
-/// the difference from the reference.
-fn picture(found: &Comparison) -> String {
-    let mut rates: Vec<f64> = found.runs.iter().map(|run| run.publish_rate).collect();
-    rates.dedup();
-    let mut panels = Vec::new();
-    for rate in rates {
-        let runs = found.runs.iter().filter(|run| run.publish_rate == rate);
-        let runs: Vec<_> = runs.collect();
-        let devices = runs.first().map_or(0, |run| run.measures.devices.len());
-        for device in 0..devices {
-            panels.extend(row(found, &runs, device));
-        }
-    }
-    let title = format!("{}: force schemes", found.scene);
-    let subtitle = format!(
-        "virtual time, seed {}; latency {:.1} ms; forces along the main direction of each device",
-        found.seed,
-        1e3 * found.latency
-    );
-    plot::panels_svg(&title, &subtitle, 2, &panels)
-}
-
-/// The panels of one device in `runs`, which are of one rate: its force, and the difference from the reference.
-fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
-    let reference = found.reference_record.as_ref();
-    let first = &runs[0];
-    let axis = reference.unwrap_or(&first.record).devices[device].main_direction();
-    let along = |record: &Record| -> Vec<f64> {
-        let force = record.devices[device].force.iter();
-        force.map(|force| force.dot(&axis)).collect()
-    };
-    let line = |name: &str, role, from: f64, values: &[f64]| Series {
-        name: name.to_owned(),
-        points: thin(first.record.period, values, POINTS)
-            .into_iter()
-            .filter(|(time, _)| *time >= from)
-            .collect(),
-        role,
-        ..Series::default()
-    };
-    let panel = |quantity: &str, series| Panel {
-        title: format!(
-            "{}, {} Hz: {}",
-            first.measures.devices[device].name,
-            first.publish_rate,
-            quantity.to_lowercase()
-        ),
-        x_label: "Time (s)".to_owned(),
-        y_label: format!("{quantity} (N)"),
-        x_covers: vec![0.0, found.duration],
-        series,
-        ..Panel::default()
-    };
-    let expected = reference.map(along);
-    // Errors are drawn as they are measured: without the time in which the first forces fade in.
-    let from = found.measured_from;
-    // The reference comes first: the others are drawn over it.
-    let mut forces: Vec<_> = expected
-        .iter()
-        .map(|force| line("reference", Role::Reference, 0.0, force))
-        .collect();
-    let mut errors: Vec<_> = expected
-        .iter()
-        .map(|force| line("reference", Role::Reference, from, &vec![0.0; force.len()]))
-        .collect();
-    for run in runs {
-        let force = along(&run.record);
-        forces.push(line(run.scheme, Role::Scheme(run.scheme), 0.0, &force));
-        if let Some(expected) = &expected {
-            let pairs = force.iter().zip(expected);
-            let off: Vec<_> = pairs.map(|(found, expected)| found - expected).collect();
-            errors.push(line(run.scheme, Role::Scheme(run.scheme), from, &off));
-        }
-    }
-    let mut panels = vec![panel("Force", forces)];
-    if expected.is_some() {
-        panels.push(panel("Force error", errors));
-    }
-    panels
 }

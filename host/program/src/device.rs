@@ -1,6 +1,6 @@
 //! `palpate device`: the devices of this machine, and emulated ones.
 
-pub(super) mod emulate;
+mod emulate;
 mod identify;
 mod list;
 mod open;
@@ -52,10 +52,8 @@ pub(super) enum DeviceCommandError {
     Firmware(#[from] devices::falcon::FirmwareError),
     #[error("{0}")]
     NotEmulated(String),
-    #[error("the transport of the emulated device ended (system error {0})")]
-    Ended(i32),
-    #[error("the transport of the emulated device failed: {0}")]
-    Host(std::io::Error),
+    #[error(transparent)]
+    Served(#[from] emulator::ServeError),
     #[error(
         "the device will move by itself: put it down freely, with 20 mm of room, and confirm by --nobody-holds-it"
     )]

@@ -45,7 +45,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Counts the allocations of the tick's thread, of which there must be none.
+/// Counts the allocations of the tick's thread. There must be none.
 #[global_allocator]
 static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 
@@ -97,7 +97,7 @@ enum Task {
     Bench(bench::BenchArguments),
     /// Test devices, schemes and scenes at their limits, before a person touches a device
     Stress(stress::StressArguments),
-    /// Show a run while it goes on, or play a log back: in the terminal, in a browser, or in Foxglove
+    /// Show a run that is under way, or play a log back: in the terminal, in a browser, or in Foxglove
     #[cfg(feature = "view")]
     View(view::ViewArguments),
 }

@@ -9,7 +9,7 @@ use host::scene::read_bytes;
 use host::world::Built;
 use host::world::groups;
 use host::world::shapes::{Needles, round};
-use meshio::write_vtu::Snapshot;
+use meshio::write_vtu::UnstructuredGrid;
 use meshio::{write_gmsh, write_vtk};
 use physics::mesh::quality::shapes;
 use physics::mesh::{Bounds, Field, Group, Mesh, TriMesh};
@@ -195,9 +195,9 @@ impl Format {
         match (self, mesh) {
             (Self::Gmsh, mesh) => write_gmsh::write(mesh),
             (Self::Legacy, mesh) => write_vtk::write(mesh),
-            (Self::Xml, Mesh::Thread(mesh)) => Snapshot::of_thread(mesh).vtu(),
-            (Self::Xml, Mesh::Sheet(mesh)) => Snapshot::of_sheet(mesh).vtu(),
-            (Self::Xml, Mesh::Solid(mesh)) => Snapshot::of_solid(mesh).vtu(),
+            (Self::Xml, Mesh::Thread(mesh)) => UnstructuredGrid::of_thread(mesh).vtu(),
+            (Self::Xml, Mesh::Sheet(mesh)) => UnstructuredGrid::of_sheet(mesh).vtu(),
+            (Self::Xml, Mesh::Solid(mesh)) => UnstructuredGrid::of_solid(mesh).vtu(),
         }
     }
 }

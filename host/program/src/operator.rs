@@ -68,7 +68,7 @@ fn install(panel: &Panel) -> io::Result<Keyboard> {
     Ok(keyboard)
 }
 
-/// What a look at the terminal found.
+/// The result of a look at the terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Found {
     /// This many bytes. Ctrl-D alone gives none.
@@ -193,7 +193,7 @@ pub(super) fn by_signals(run: u32) -> view::terminal::Operate {
     })
 }
 
-/// What the lines of the operator do.
+/// The effect of a line of the operator.
 #[cfg(feature = "view")]
 pub(super) const LINES: &str =
     "Enter stops the force of all devices, and \"arm\" with Enter arms them";

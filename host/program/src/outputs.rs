@@ -8,7 +8,7 @@
 //! Outputs that grow during the work are locked themselves, by the code that writes them (`host::log`, `host::solve`,
 //! `study::stress::jobs`). Of an output that replaces a file at the end, the older file is locked meanwhile; two programs
 //! that make the same new file both succeed, and the later one's file stays. All locks are the system's advisory locks:
-//! they end with the process, in whatever way it ends.
+//! they end with the process, however it ends.
 
 use host::atomic_file::{self, folder_of};
 use host::run::TickOutputs;
@@ -17,6 +17,8 @@ use host::scene::spec::Body;
 use host::solve::frames::FrameFolder;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
+use std::os::fd::AsFd;
+use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
 /// The format of an output.
@@ -203,7 +205,7 @@ struct Input {
     path: PathBuf,
 }
 
-/// What the command writes at a path.
+/// The kind of output that the command writes at a path.
 enum Kind {
     File(Format),
     /// A folder, and whether the command may write a file of a name there.
@@ -380,7 +382,7 @@ impl Declared {
         };
         match there {
             Ok(there) if there.is_dir() => Err(OutputError::Folder { flag, path }),
-            Ok(there) if !format.streams() && is_pipe(&there) => {
+            Ok(there) if !format.streams() && there.file_type().is_fifo() => {
                 Err(OutputError::Pipe { flag, path })
             }
             Ok(_) => Ok(()),
@@ -416,7 +418,7 @@ impl Output {
     }
 }
 
-/// What keeps other programs from the outputs. Dropping it releases them.
+/// The locks that keep other programs from the outputs. A drop releases them.
 #[derive(Default)]
 pub(super) struct Held {
     /// The older files that the outputs replace, locked.
@@ -522,7 +524,7 @@ fn same_file(a: &Path, b: &Path) -> bool {
         return false;
     }
     match (fs::metadata(a), fs::metadata(b)) {
-        (Ok(a), Ok(_)) if a.is_file() && is_same(&a, b) => true,
+        (Ok(a), Ok(_)) if a.is_file() && atomic_file::is_at(&a, b) => true,
         (Ok(there), _) | (_, Ok(there)) if !there.is_file() => false,
         _ => atomic_file::target(a) == atomic_file::target(b),
     }
@@ -531,15 +533,13 @@ fn same_file(a: &Path, b: &Path) -> bool {
 const OUTPUT: &str = "standard output";
 
 /// The stream of this process that leads to the file at `path`, if one does.
-#[cfg(unix)]
 fn printed_to(path: &Path) -> Option<&'static str> {
-    use std::os::fd::AsFd;
     let (output, error) = (io::stdout(), io::stderr());
     let streams = [(OUTPUT, output.as_fd()), ("standard error", error.as_fd())];
     let leads = |stream: std::os::fd::BorrowedFd<'_>| {
         let open = File::from(stream.try_clone_to_owned().ok()?);
         let open = open.metadata().ok()?;
-        (open.is_file() && is_same(&open, path)).then_some(())
+        (open.is_file() && atomic_file::is_at(&open, path)).then_some(())
     };
     let found = streams
         .into_iter()
@@ -547,44 +547,8 @@ fn printed_to(path: &Path) -> Option<&'static str> {
     found.map(|(name, _)| name)
 }
 
-#[cfg(not(unix))]
-fn printed_to(_: &Path) -> Option<&'static str> {
-    None
-}
-
-/// Whether the file at `path` is the file of this metadata.
-#[cfg(unix)]
-fn is_same(open: &fs::Metadata, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let there = fs::metadata(path);
-    there.is_ok_and(|there| (there.dev(), there.ino()) == (open.dev(), open.ino()))
-}
-
-/// Without the number of a file there is nothing to compare; names are compared elsewhere.
-#[cfg(not(unix))]
-fn is_same(_: &fs::Metadata, _: &Path) -> bool {
-    false
-}
-
-#[cfg(unix)]
-fn is_pipe(there: &fs::Metadata) -> bool {
-    use std::os::unix::fs::FileTypeExt;
-    there.file_type().is_fifo()
-}
-
-#[cfg(not(unix))]
-fn is_pipe(_: &fs::Metadata) -> bool {
-    false
-}
-
 /// Whether this is a pipe or a socket, which has another end.
-#[cfg(unix)]
 fn is_connected(there: &fs::Metadata) -> bool {
-    use std::os::unix::fs::FileTypeExt;
-    is_pipe(there) || there.file_type().is_socket()
-}
-
-#[cfg(not(unix))]
-fn is_connected(_: &fs::Metadata) -> bool {
-    false
+    let kind = there.file_type();
+    kind.is_fifo() || kind.is_socket()
 }

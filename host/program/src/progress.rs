@@ -1,5 +1,5 @@
-//! The progress of long work, on the standard error: a bar on a terminal, and elsewhere a line from the second second
-//! on, then ever more rarely.
+//! The progress of long work, on the standard error: a bar on a terminal, and otherwise lines, the first after two seconds
+//! and the later ones more and more rarely.
 //!
 //! A thread of its own draws, so that a person sees that the program works even while a factor takes minutes. Before the
 //! work has a fraction, the progress names the stage of the preparation.

@@ -121,7 +121,7 @@ impl Values {
         }
     }
 
-    /// The scene at `path`, or the built-in one, with these values, and then with those of `more`. Prints what is possible
+    /// The scene at `path`, or the built-in one, with these values, and then with those of `more`. Prints warnings about values that are possible
     /// in the scene, but unlikely.
     pub(super) fn load(
         &self,

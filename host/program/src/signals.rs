@@ -165,7 +165,7 @@ impl Ending {
     }
 }
 
-/// What the thread beside a command watches.
+/// The streams and signals that the thread beside a command watches.
 struct Watched {
     stop: Arc<Stop>,
     received: Arc<AtomicUsize>,

@@ -1,5 +1,5 @@
-//! Messages with the command line that the writer probably meant. They are for a line that would be read otherwise, or
-//! refused without the remedy.
+//! Messages with the command line that the writer probably meant, for a line that the program would read in another sense, or
+//! refuse without the remedy.
 
 use clap::builder::PossibleValue;
 use clap::{Arg, Command};

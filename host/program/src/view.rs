@@ -4,7 +4,7 @@
 //! run. The one exception is the display that a run under the real clock starts on its own terminal: two of its keys arm
 //! and stop the devices, by the signals that [`super::operator`] takes.
 
-mod moments;
+mod stills;
 
 use super::outputs::{Declared, Format};
 use super::{CommandError, operator};
@@ -152,7 +152,7 @@ impl ViewError {
 /// Runs the command.
 pub(super) fn run(arguments: &ViewArguments) -> Result<(), CommandError> {
     if arguments.at.is_some() && arguments.terminal_picture.is_none() {
-        return write_moment(arguments);
+        return write_still(arguments);
     }
     match show(arguments)? {
         Ended::Signal(number) => Err(CommandError::Signal(number)),
@@ -178,7 +178,7 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
         attached: arguments.attached,
         waits: arguments.wait,
         colours: Colours::of_environment(),
-        save: Some(Box::new(moments::save)),
+        save: Some(Box::new(stills::save)),
         operate: arguments.operates.map(operator::by_signals),
         signal: signals(arguments.attached).map_err(ViewError::Signals)?,
     };
@@ -252,7 +252,7 @@ fn serve_page(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
     let options = web::Options {
         port,
         say: Arc::new(|line| outln!("{line}")),
-        moment: Arc::new(moments::made),
+        draw: Arc::new(stills::made),
         stop,
     };
     web::serve(feed, &options)?;
@@ -279,8 +279,8 @@ fn serve_foxglove(
     Ok(Ended::Over)
 }
 
-/// Writes one moment of a log.
-fn write_moment(arguments: &ViewArguments) -> Result<(), CommandError> {
+/// Writes a still of a log.
+fn write_still(arguments: &ViewArguments) -> Result<(), CommandError> {
     let outputs = [&arguments.plot, &arguments.csv, &arguments.curves];
     if outputs.iter().all(|output| output.is_none()) {
         return Err(ViewError::NothingToWrite.into());
@@ -295,15 +295,15 @@ fn write_moment(arguments: &ViewArguments) -> Result<(), CommandError> {
     feed.command(&Command::Pause);
     let model = terminal::collect(feed.as_mut()).map_err(ViewError::from)?;
     let shown = model.shown().ok_or(ViewError::NoMoment)?;
-    let moment = shown.moment();
+    let still = shown.still();
     if let Some(path) = &arguments.plot {
-        host::plot::write_picture(path, &moment.svg())?;
+        host::plot::write_picture(path, &still.svg())?;
     }
     if let Some(path) = &arguments.csv {
-        write_atomically(path, moment.vertices_csv().as_bytes())?;
+        write_atomically(path, still.vertices_csv().as_bytes())?;
     }
     if let Some(path) = &arguments.curves {
-        write_atomically(path, moment.curves_csv().as_bytes())?;
+        write_atomically(path, still.curves_csv().as_bytes())?;
     }
     for path in outputs.into_iter().flatten() {
         outln!("{}", path.display());
@@ -311,7 +311,7 @@ fn write_moment(arguments: &ViewArguments) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Draws the terminal as it is at the moment --at, or at the end of the feed.
+/// Draws the terminal as it is at the time --at, or at the end of the feed.
 fn draw_terminal(
     arguments: &ViewArguments,
     mut feed: Box<dyn Feed>,

@@ -17,7 +17,6 @@
 //! with how they are run, or with the reason why their arguments alone are checked. Lines of `cargo` and of scripts are
 //! checked for the targets and files that they name. A block of TOML without a comment, a command of an unknown program, and
 //! a command of the list that no page has, is an error.
-#![cfg(unix)]
 
 #[path = "book/markdown.rs"]
 mod markdown;

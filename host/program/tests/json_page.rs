@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that a user's program reads, in the order of the book's page.
-const OUTPUTS: [Output; 7] = [
+const OUTPUTS: [Output; 8] = [
     Output {
         title: Cow::Borrowed("`palpate run --json`"),
         schema: "palpate.run/4",
@@ -30,6 +30,12 @@ const OUTPUTS: [Output; 7] = [
         schema: "palpate.replay/1",
         about: "The comparison of a replay with its log.",
         root: "host::run::replay::ReplayReport",
+    },
+    Output {
+        title: Cow::Borrowed("`palpate compare --json`"),
+        schema: "palpate.compare/1",
+        about: "A scene under several force schemes.",
+        root: "study::compare::Comparison",
     },
     Output {
         title: Cow::Borrowed("`palpate solve --json`"),
@@ -64,13 +70,7 @@ const OUTPUTS: [Output; 7] = [
 ];
 
 /// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
-const STUDIES: [Output; 11] = [
-    Output {
-        title: Cow::Borrowed("`palpate compare --json`"),
-        schema: "palpate.compare/1",
-        about: "A scene under several force schemes.",
-        root: "study::compare::Comparison",
-    },
+const STUDIES: [Output; 9] = [
     Output {
         title: Cow::Borrowed("`palpate sweep --json`"),
         schema: "",
@@ -120,12 +120,6 @@ const STUDIES: [Output; 11] = [
         root: "study::velocity::VelocityStudy",
     },
     Output {
-        title: Cow::Borrowed("`palpate stress endings --json`"),
-        schema: "",
-        about: "A line for each cell.",
-        root: "palpate::stress::endings::Outcome",
-    },
-    Output {
         title: Cow::Borrowed("`palpate stress seeds --json`"),
         schema: "palpate.seeds/1",
         about: "A study over several seeds. The file is not JSON Lines.",
@@ -152,7 +146,7 @@ const CRATES: [(&str, &str); 10] = [
 ];
 
 /// The title before which the studies stand.
-const AFTER: &str = "`palpate stress endings --json`";
+const AFTER: &str = "`palpate stress seeds --json`";
 
 /// [`STUDIES`], and those of the registry.
 fn studies() -> Vec<Output> {

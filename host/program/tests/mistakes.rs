@@ -4,7 +4,6 @@
 //! the user's own, and a command line, which a shell runs in a folder that holds only these. The exit code and all that
 //! the program prints on the standard error must be equal to what the case says. `PALPATE_RENEW=1` writes what the
 //! program says now into the files, to be read by eye.
-#![cfg(unix)]
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

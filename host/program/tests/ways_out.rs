@@ -2,9 +2,6 @@
 //! terminal, and before its first tick.
 #![cfg(target_os = "linux")]
 
-#[path = "../src/stress/endings/terminal.rs"]
-mod terminal;
-
 use rustix::process::Signal;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -12,7 +9,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use terminal::{InTerminal, Session};
+use study::stress::endings::terminal::{InTerminal, Session};
 
 const PALPATE: &str = env!("CARGO_BIN_EXE_palpate");
 /// Longest wait for anything, on a loaded machine. No test passes because of this time.

@@ -1,5 +1,5 @@
-//! What the writer of a scene probably meant: the likely name for a name that does not exist, the table in which a field
-//! lives, and an example where a value has the wrong type.
+//! Advice for the writer of a scene: the likely name for a name that does not exist, the table that has a field, and an
+//! example for a value of the wrong type.
 
 /// Names that people use for fields of this format.
 const SYNONYMS: [(&str, &str); 26] = [

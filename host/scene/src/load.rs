@@ -49,11 +49,11 @@ pub struct LoadedScene {
 /// common.
 #[derive(Debug)]
 pub struct MeshFile {
-    /// What the scene calls it: if its beginning does not say which format it is in, the end of its name does.
+    /// The name of the file in the scene. If the beginning of the file does not tell the format, the end of the name does.
     name: String,
-    /// Where it was found.
+    /// The path of the file.
     pub path: PathBuf,
-    /// What it holds. Which format that is, and whether it is text, shows once it is read.
+    /// The content of the file, in any format, text or binary.
     pub bytes: Vec<u8>,
     /// How the scene reads it.
     choices: Choices,
@@ -64,7 +64,7 @@ impl MeshFile {
     /// The mesh that the file holds.
     ///
     /// # Errors
-    /// Why the file is no mesh.
+    /// The reason why the file is no mesh.
     pub fn mesh(&self) -> Result<&Mesh, &MeshFileError> {
         self.mesh
             .get_or_init(|| meshio::read_mesh_as(&self.name, &self.bytes, self.choices))
@@ -211,7 +211,7 @@ impl<R: Fn(&Path) -> io::Result<Vec<u8>>> Reader<'_, R> {
         }
     }
 
-    /// The same of a text file.
+    /// The content of a text file.
     fn text(&mut self, file: &str, field: &str) -> Result<(PathBuf, String), SceneError> {
         let (path, bytes) = self.bytes(file, field)?;
         match text_of(bytes) {

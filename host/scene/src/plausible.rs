@@ -11,6 +11,7 @@ use super::recording::Sample;
 use super::source::Source;
 use super::spec::{Body, Device, Hand, Scene};
 use physics::Vec3;
+use rt_core::Axes;
 use sim::DeviceModel;
 use std::fmt;
 
@@ -137,255 +138,130 @@ fn in_words([low, high]: [f64; 2], unit: &str) -> String {
     format!("{} to {}", number(low), with_unit(high, unit))
 }
 
-/// The longest side of a mesh from a file, after `mesh.scale`.
-pub const EXTENT_OF_FILE: Quantity = Quantity {
-    unit: "m",
-    usual: [1e-3, 3.0],
-    allowed: [1e-6, 20.0],
-    small: "is the mesh in metres already? leave out mesh.scale",
-    large: "is the mesh in millimetres (set mesh.scale = 0.001) or in centimetres (0.01)?",
-};
-/// The longest side of a built-in mesh.
-pub const EXTENT: Quantity = Quantity {
-    small: "lengths are in metres: 1 mm is 0.001",
-    large: "is the value in millimetres? lengths are in metres: 1 mm is 0.001",
-    ..EXTENT_OF_FILE
-};
-const POSITION: Quantity = Quantity {
-    unit: "m",
-    usual: [0.0, 10.0],
-    allowed: [0.0, 1e3],
-    small: "",
-    large: "is the value in millimetres? positions are in metres",
-};
-const DISPLACEMENT: Quantity = Quantity {
-    usual: [0.0, 1.0],
-    allowed: [0.0, 20.0],
-    large: "is the value in millimetres? displacements are in metres",
-    ..POSITION
-};
-const GRAVITY: Quantity = Quantity {
-    unit: "m/s2",
-    usual: [0.0, 30.0],
-    allowed: [0.0, 1e3],
-    small: "",
-    large: "is the value in mm/s2? gravity on earth is 9.81 m/s2",
-};
-const YOUNG_OF_SOLID: Quantity = Quantity {
-    unit: "Pa",
-    usual: [100.0, 1e9],
-    allowed: [1e-3, 1e13],
-    small: "is the value in kPa or MPa? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
-    large: "is the exponent right? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
-};
-const YOUNG_OF_SHEET: Quantity = Quantity {
-    usual: [1e3, 1e10],
-    small: "is the value in kPa, MPa or N/m? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa",
-    large: "is the exponent right? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa, paper 3e9 Pa",
-    ..YOUNG_OF_SOLID
-};
-const YOUNG_OF_THREAD: Quantity = Quantity {
-    usual: [1e3, 3e11],
-    small: "is the value in kPa, MPa or GPa? rubber has 1e6 to 1e8 Pa, nylon 3e9 Pa, steel 2e11 Pa",
-    large: "is the exponent right? nylon has 3e9 Pa, steel 2e11 Pa",
-    ..YOUNG_OF_SOLID
-};
-const DENSITY: Quantity = Quantity {
-    unit: "kg/m3",
-    usual: [5.0, 2.5e4],
-    allowed: [1e-3, 1e6],
-    small: "is the value in g/cm3? 1 g/cm3 is 1000 kg/m3",
-    large: "is the value in g/m3? water has 1000 kg/m3, lead 11300 kg/m3",
-};
-const THICKNESS: Quantity = Quantity {
-    unit: "m",
-    usual: [1e-6, 0.05],
-    allowed: [1e-9, 10.0],
-    small: "1 mm is 0.001 m",
-    large: "is the value in millimetres? 1 mm is 0.001 m",
-};
-const AREA: Quantity = Quantity {
-    unit: "m2",
-    usual: [1e-12, 1e-2],
-    allowed: [1e-18, 100.0],
-    small: "1 mm2 is 1e-6 m2",
-    large: "is the value in mm2? 1 mm2 is 1e-6 m2",
-};
-const MOTION_SCALE: Quantity = Quantity {
-    unit: "",
-    usual: [0.01, 100.0],
-    allowed: [1e-6, 1e6],
-    small: "the scale is metres in the scene per metre of the device",
-    large: "the scale is metres in the scene per metre of the device",
-};
-const MAX_SPEED: Quantity = Quantity {
-    unit: "m/s",
-    usual: [0.01, 20.0],
-    allowed: [0.0, f64::INFINITY],
-    small: "a hand that explores moves at 0.1 to 0.5 m/s",
-    large: "is the value in mm/s? a hand moves at up to 5 m/s",
-};
-const MAX_REACH: Quantity = Quantity {
-    unit: "m",
-    usual: [1e-3, 3.0],
-    allowed: [0.0, f64::INFINITY],
-    small: "the force fades beyond this reach, so the hand would feel almost no force",
-    large: "is the value in millimetres? reaches are in metres",
-};
-/// The distance of a hand's aim from its start. The usual range ends at the workspace of the device.
-const REACH: Quantity = Quantity {
-    unit: "m",
-    usual: [0.0, 2.0],
-    allowed: [0.0, 2.0],
-    small: "",
-    large: "is the value in millimetres? motions of hands are in metres of the device",
-};
-/// The distance of a handle at rest from the origin of its device. The usual range ends at the workspace of the device.
-pub const START: Quantity = Quantity {
-    unit: "m",
-    usual: [0.0, 2.0],
-    allowed: [0.0, f64::INFINITY],
-    small: "",
-    large: "set device.mounting.origin such that the handle lies in the workspace of its device, or omit the field",
-};
-const ARM_MASS: Quantity = Quantity {
-    unit: "kg",
-    usual: [0.01, 10.0],
-    allowed: [1e-6, 1e3],
-    small: "the relaxed grip has 0.1 kg",
-    large: "is the value in grams? the grips have 0.1 to 2 kg",
-};
-const ARM_STIFFNESS: Quantity = Quantity {
-    unit: "N/m",
-    usual: [0.0, 1e5],
-    allowed: [0.0, 1e9],
-    small: "",
-    large: "the rigid grip has 2000 N/m",
-};
-const ARM_DAMPING: Quantity = Quantity {
-    unit: "N s/m",
-    usual: [0.0, 1e3],
-    allowed: [0.0, 1e7],
-    small: "",
-    large: "the rigid grip has 60 N s/m",
-};
-const TREMOR: Quantity = Quantity {
-    unit: "m",
-    usual: [0.0, 5e-3],
-    allowed: [0.0, 0.5],
-    small: "",
-    large: "is the value in millimetres? a steady hand has 1e-4 m",
-};
-const TASK_SPEED: Quantity = Quantity {
-    unit: "m/s",
-    usual: [1e-4, 5.0],
-    allowed: [0.0, f64::INFINITY],
-    small: "a hand that explores moves at 0.05 to 0.5 m/s",
-    large: "is the value in mm/s? a hand that explores moves at 0.05 to 0.5 m/s",
-};
-const STRENGTH: Quantity = Quantity {
-    unit: "Pa",
-    usual: [100.0, 1e10],
-    allowed: [1e-3, 1e13],
-    small: "is the exponent right? tissue bears 1e4 to 1e7 Pa, paper 1e7 to 1e8 Pa",
-    large: "is the exponent right? tissue bears 1e4 to 1e7 Pa, paper 1e7 to 1e8 Pa",
-};
-/// The strength as a fraction of Young's modulus. Beyond a tenth, strains are no longer small before the sheet tears.
-const STRENGTH_RATIO: Quantity = Quantity {
-    unit: "of `young`",
-    usual: [1e-6, 0.1],
-    allowed: [0.0, f64::INFINITY],
-    small: "the sheet would tear under its weight: is the exponent right?",
-    large: "the sheet stretches by more than 10 % before it tears, and its law is for small strains",
-};
-const TOUGHNESS: Quantity = Quantity {
-    unit: "J/m^2",
-    usual: [0.1, 1e6],
-    allowed: [1e-9, 1e12],
-    small: "is the exponent right? tissue takes 10 to 1e4 J/m^2, paper 1e3 to 3e4 J/m^2",
-    large: "is the exponent right? tissue takes 10 to 1e4 J/m^2, paper 1e3 to 3e4 J/m^2",
-};
-/// A number of a device file: its name, its value in a model, and its ranges.
+/// Makes the quantities of a table. A row is a name; the unit, the usual range and the allowed range; the likely causes of a
+/// value that is too small, and of one that is too large.
+macro_rules! quantities {
+    ($($(#[$doc:meta])* $vis:vis $name:ident: $unit:expr, $usual:expr, $allowed:expr, $small:expr, $large:expr;)*) => {
+        $($(#[$doc])*
+        $vis const $name: Quantity = Quantity {
+            unit: $unit,
+            usual: $usual,
+            allowed: $allowed,
+            small: $small,
+            large: $large,
+        };)*
+
+        #[cfg(test)]
+        const ALL: &[Quantity] = &[$($name),*];
+    };
+}
+
+quantities! {
+    /// The longest side of a mesh from a file, after `mesh.scale`.
+    pub EXTENT_OF_FILE: "m", [1e-3, 3.0], [1e-6, 20.0],
+        "is the mesh in metres already? leave out mesh.scale",
+        "is the mesh in millimetres (set mesh.scale = 0.001) or in centimetres (0.01)?";
+    /// The longest side of a built-in mesh.
+    pub EXTENT: "m", [1e-3, 3.0], [1e-6, 20.0],
+        "lengths are in metres: 1 mm is 0.001", "is the value in millimetres? lengths are in metres: 1 mm is 0.001";
+    POSITION: "m", [0.0, 10.0], [0.0, 1e3],
+        "", "is the value in millimetres? positions are in metres";
+    DISPLACEMENT: "m", [0.0, 1.0], [0.0, 20.0],
+        "", "is the value in millimetres? displacements are in metres";
+    GRAVITY: "m/s2", [0.0, 30.0], [0.0, 1e3],
+        "", "is the value in mm/s2? gravity on earth is 9.81 m/s2";
+    YOUNG_OF_SOLID: "Pa", [100.0, 1e9], [1e-3, 1e13],
+        "is the value in kPa or MPa? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
+        "is the exponent right? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa";
+    YOUNG_OF_SHEET: "Pa", [1e3, 1e10], [1e-3, 1e13],
+        "is the value in kPa, MPa or N/m? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa",
+        "is the exponent right? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa, paper 3e9 Pa";
+    YOUNG_OF_THREAD: "Pa", [1e3, 3e11], [1e-3, 1e13],
+        "is the value in kPa, MPa or GPa? rubber has 1e6 to 1e8 Pa, nylon 3e9 Pa, steel 2e11 Pa",
+        "is the exponent right? nylon has 3e9 Pa, steel 2e11 Pa";
+    DENSITY: "kg/m3", [5.0, 2.5e4], [1e-3, 1e6],
+        "is the value in g/cm3? 1 g/cm3 is 1000 kg/m3", "is the value in g/m3? water has 1000 kg/m3, lead 11300 kg/m3";
+    THICKNESS: "m", [1e-6, 0.05], [1e-9, 10.0],
+        "1 mm is 0.001 m", "is the value in millimetres? 1 mm is 0.001 m";
+    AREA: "m2", [1e-12, 1e-2], [1e-18, 100.0],
+        "1 mm2 is 1e-6 m2", "is the value in mm2? 1 mm2 is 1e-6 m2";
+    MOTION_SCALE: "", [0.01, 100.0], [1e-6, 1e6],
+        "the scale is metres in the scene per metre of the device",
+        "the scale is metres in the scene per metre of the device";
+    MAX_SPEED: "m/s", [0.01, 20.0], [0.0, f64::INFINITY],
+        "a hand that explores moves at 0.1 to 0.5 m/s", "is the value in mm/s? a hand moves at up to 5 m/s";
+    MAX_REACH: "m", [1e-3, 3.0], [0.0, f64::INFINITY],
+        "the force fades beyond this reach, so the hand would feel almost no force",
+        "is the value in millimetres? reaches are in metres";
+    /// The distance of a hand's aim from its start. The usual range ends at the workspace of the device.
+    REACH: "m", [0.0, 2.0], [0.0, 2.0],
+        "", "is the value in millimetres? motions of hands are in metres of the device";
+    /// The distance of a handle at rest from the origin of its device. The usual range ends at the workspace of the device.
+    pub START: "m", [0.0, 2.0], [0.0, f64::INFINITY],
+        "", "set device.mounting.origin such that the handle lies in the workspace of its device, or omit the field";
+    ARM_MASS: "kg", [0.01, 10.0], [1e-6, 1e3],
+        "the relaxed grip has 0.1 kg", "is the value in grams? the grips have 0.1 to 2 kg";
+    ARM_STIFFNESS: "N/m", [0.0, 1e5], [0.0, 1e9],
+        "", "the rigid grip has 2000 N/m";
+    ARM_DAMPING: "N s/m", [0.0, 1e3], [0.0, 1e7],
+        "", "the rigid grip has 60 N s/m";
+    TREMOR: "m", [0.0, 5e-3], [0.0, 0.5],
+        "", "is the value in millimetres? a steady hand has 1e-4 m";
+    TASK_SPEED: "m/s", [1e-4, 5.0], [0.0, f64::INFINITY],
+        "a hand that explores moves at 0.05 to 0.5 m/s",
+        "is the value in mm/s? a hand that explores moves at 0.05 to 0.5 m/s";
+    STRENGTH: "Pa", [100.0, 1e10], [1e-3, 1e13],
+        "is the exponent right? tissue bears 1e4 to 1e7 Pa, paper 1e7 to 1e8 Pa",
+        "is the exponent right? tissue bears 1e4 to 1e7 Pa, paper 1e7 to 1e8 Pa";
+    /// The strength as a fraction of Young's modulus. Beyond a tenth, strains are no longer small before the sheet tears.
+    STRENGTH_RATIO: "of `young`", [1e-6, 0.1], [0.0, f64::INFINITY],
+        "the sheet would tear under its weight: is the exponent right?",
+        "the sheet stretches by more than 10 % before it tears, and its law is for small strains";
+    TOUGHNESS: "J/m^2", [0.1, 1e6], [1e-9, 1e12],
+        "is the exponent right? tissue takes 10 to 1e4 J/m^2, paper 1e3 to 3e4 J/m^2",
+        "is the exponent right? tissue takes 10 to 1e4 J/m^2, paper 1e3 to 3e4 J/m^2";
+
+    // The numbers of a device file, with the ranges of the devices that are sold.
+    DEVICE_POSITION_STEP: "m", [1e-8, 1e-3], [1e-12, 5e-3],
+        "haptic devices count 1e-6 to 1e-4 m", "is the value in millimetres? haptic devices count 1e-6 to 1e-4 m";
+    DEVICE_MASS: "kg", [5e-3, 20.0], [1e-6, 1e3],
+        "the handle of a haptic device moves with 0.01 to 2 kg",
+        "is the value in grams? the handle of a haptic device moves with 0.01 to 2 kg";
+    DEVICE_DAMPING: "N s/m", [0.0, 100.0], [0.0, 1e6],
+        "", "haptic devices have up to 5 N s/m";
+    DEVICE_FRICTION: "N", [0.0, 20.0], [0.0, 1e6],
+        "", "haptic devices have up to 2 N";
+    DEVICE_MAX_FORCE: "N", [0.1, 300.0], [1e-6, 1e6],
+        "haptic devices exert 1 to 100 N", "haptic devices exert 1 to 100 N";
+    DEVICE_WORKSPACE_RADIUS: "m", [5e-3, 2.0], [1e-4, 20.0],
+        "haptic devices move by 0.02 to 0.5 m", "is the value in millimetres? haptic devices move by 0.02 to 0.5 m";
+    DEVICE_DRIVER_STIFFNESS: "N/m", [10.0, 1e5], [1e-3, 1e6],
+        "is the value in N/mm? 1 N/mm is 1000 N/m", "drivers recommend 300 to 20000 N/m";
+}
+
+/// A number of a device file: its name, its value in a model, and its quantity.
 type DeviceNumber = (&'static str, fn(&DeviceModel) -> f64, Quantity);
 
-/// The numbers of a device file, with the ranges of the devices that are sold.
+/// The numbers of a device file.
 const DEVICE: [DeviceNumber; 7] = [
     (
         "position_step",
         |model| model.position_step,
-        Quantity {
-            unit: "m",
-            usual: [1e-8, 1e-3],
-            allowed: [1e-12, 5e-3],
-            small: "haptic devices count 1e-6 to 1e-4 m",
-            large: "is the value in millimetres? haptic devices count 1e-6 to 1e-4 m",
-        },
+        DEVICE_POSITION_STEP,
     ),
-    (
-        "mass",
-        |model| model.mass,
-        Quantity {
-            unit: "kg",
-            usual: [5e-3, 20.0],
-            allowed: [1e-6, 1e3],
-            small: "the handle of a haptic device moves with 0.01 to 2 kg",
-            large: "is the value in grams? the handle of a haptic device moves with 0.01 to 2 kg",
-        },
-    ),
-    (
-        "damping",
-        |model| model.damping,
-        Quantity {
-            unit: "N s/m",
-            usual: [0.0, 100.0],
-            allowed: [0.0, 1e6],
-            small: "",
-            large: "haptic devices have up to 5 N s/m",
-        },
-    ),
-    (
-        "friction",
-        |model| model.friction,
-        Quantity {
-            unit: "N",
-            usual: [0.0, 20.0],
-            allowed: [0.0, 1e6],
-            small: "",
-            large: "haptic devices have up to 2 N",
-        },
-    ),
-    (
-        "max_force",
-        |model| model.max_force,
-        Quantity {
-            unit: "N",
-            usual: [0.1, 300.0],
-            allowed: [1e-6, 1e6],
-            small: "haptic devices exert 1 to 100 N",
-            large: "haptic devices exert 1 to 100 N",
-        },
-    ),
+    ("mass", |model| model.mass, DEVICE_MASS),
+    ("damping", |model| model.damping, DEVICE_DAMPING),
+    ("friction", |model| model.friction, DEVICE_FRICTION),
+    ("max_force", |model| model.max_force, DEVICE_MAX_FORCE),
     (
         "workspace_radius",
         |model| model.workspace_radius,
-        Quantity {
-            unit: "m",
-            usual: [5e-3, 2.0],
-            allowed: [1e-4, 20.0],
-            small: "haptic devices move by 0.02 to 0.5 m",
-            large: "is the value in millimetres? haptic devices move by 0.02 to 0.5 m",
-        },
+        DEVICE_WORKSPACE_RADIUS,
     ),
     (
         "driver_stiffness",
         |model| model.driver_stiffness,
-        Quantity {
-            unit: "N/m",
-            usual: [10.0, 1e5],
-            allowed: [1e-3, 1e6],
-            small: "is the value in N/mm? 1 N/mm is 1000 N/m",
-            large: "drivers recommend 300 to 20000 N/m",
-        },
+        DEVICE_DRIVER_STIFFNESS,
     ),
 ];
 
@@ -504,7 +380,7 @@ impl Judge<'_> {
         }
     }
 
-    /// A task moves its hand along an axis of the device at least. What leads across the axes is borne by the device.
+    /// A task moves its hand along at least one axis of the device. The mechanism bears the force across the axes.
     fn moves(&self, at: &str, hand: &Hand, model: &DeviceModel) -> Check {
         let Some((axes, direction)) = model.axes.zip(hand.direction) else {
             return Ok(());
@@ -512,14 +388,7 @@ impl Judge<'_> {
         if axes.part(&Vec3::from(direction)) != Vec3::zeros() {
             return Ok(());
         }
-        let names = ["x", "y", "z"].into_iter().zip(axes.free());
-        let names: Vec<_> = names
-            .filter_map(|(name, free)| free.then_some(name))
-            .collect();
-        let allowed = format!(
-            "a direction with a part along {}, the axes along which this device moves",
-            names.join(" and ")
-        );
+        let allowed = format!("a direction with {}", part_along(axes));
         let field = format!("{at}.hand.direction");
         Err(self.source.error(&field, format!("{direction:?}"), allowed))
     }
@@ -559,6 +428,16 @@ impl Judge<'_> {
 
 fn norm([x, y, z]: [f64; 3]) -> f64 {
     x.hypot(y).hypot(z)
+}
+
+/// What moves a device along `axes`, in words.
+pub(super) fn part_along(axes: Axes) -> String {
+    let names = ["x", "y", "z"].into_iter().zip(axes.free());
+    let names: Vec<_> = names
+        .filter_map(|(name, free)| free.then_some(name))
+        .collect();
+    let names = names.join(" and ");
+    format!("a part along {names}, the axes along which this device moves")
 }
 
 /// The warnings about the fields of a scene. Those that need a mesh are in `host::world::World::warnings`.
@@ -633,37 +512,7 @@ mod tests {
 
     #[test]
     fn the_allowed_range_contains_the_usual_one_and_each_side_has_advice() {
-        let others = [
-            EXTENT_OF_FILE,
-            EXTENT,
-            POSITION,
-            DISPLACEMENT,
-            GRAVITY,
-            YOUNG_OF_SOLID,
-            YOUNG_OF_SHEET,
-            YOUNG_OF_THREAD,
-            DENSITY,
-            THICKNESS,
-            AREA,
-            MOTION_SCALE,
-            MAX_SPEED,
-            MAX_REACH,
-            REACH,
-            START,
-            ARM_MASS,
-            ARM_STIFFNESS,
-            ARM_DAMPING,
-            TREMOR,
-            TASK_SPEED,
-            STRENGTH,
-            STRENGTH_RATIO,
-            TOUGHNESS,
-        ];
-        for quantity in DEVICE
-            .map(|(_, _, quantity)| quantity)
-            .iter()
-            .chain(&others)
-        {
+        for quantity in ALL {
             let Quantity { usual, allowed, .. } = quantity;
             assert!(
                 allowed[0] <= usual[0] && usual[0] < usual[1] && usual[1] <= allowed[1],

@@ -4,7 +4,7 @@
 //! model that arrives after the end. Each is a [`Warning`]. A hand that moves only if its device cannot is refused.
 
 use super::error::SceneError;
-use super::plausible::Warning;
+use super::plausible::{Warning, part_along};
 use super::source::Source;
 use super::spec::{Hand, Scene};
 use devices::DeviceFile;
@@ -15,7 +15,7 @@ use sim::DeviceModel;
 /// The warnings about parts of `scene` that have no effect.
 ///
 /// # Errors
-/// [`SceneError::Value`] for waypoints of which no part leads along the axes of the device.
+/// [`SceneError::Value`] for waypoints without a component along the axes of the device.
 pub(super) fn check(
     scene: &Scene,
     source: &Source,
@@ -118,18 +118,8 @@ fn across(at: &str, hand: &Hand, model: &DeviceModel, source: &Source) -> Result
     if rows.any(along) {
         return Ok(());
     }
-    let names = ["x", "y", "z"].into_iter().zip(axes.free());
-    let names: Vec<_> = names
-        .filter_map(|(name, free)| free.then_some(name))
-        .collect();
-    Err(source.error(
-        &format!("{at}.waypoints"),
-        format!("{first:?}"),
-        format!(
-            "rows [time, x, y, z] with a part along {}, the axes along which this device moves",
-            names.join(" and ")
-        ),
-    ))
+    let allowed = format!("rows [time, x, y, z] with {}", part_along(axes));
+    Err(source.error(&format!("{at}.waypoints"), format!("{first:?}"), allowed))
 }
 
 #[cfg(test)]

@@ -1,20 +1,20 @@
 //! A change of a body's handles, supports or mesh while the body moves.
 //!
 //! A change begins a topology epoch, and every epoch needs another solver: another order of elimination, another
-//! factor, other shapes. To make a solver takes many times as long as a step. So a change is worked beside the steps,
-//! on a copy of the body, while the body and its solver go on. When the new solver is ready, the new body continues
-//! the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with the first step after
-//! the work; in virtual time it lands at a fixed step.
+//! factor, other shapes. The construction of a solver takes many times as long as a step. A thread therefore makes the
+//! change beside the steps, on a copy of the body, while the body and its solver continue. When the new solver is ready,
+//! the new body continues the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with
+//! the first step after the work; in virtual time it lands at a fixed step.
 
 use super::background::{Lost, Work};
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::StepFault;
-use super::virtual_coupling::Link;
+use super::virtual_coupling::Spring;
 use physics::{Body, BodyError, BodyMap, HandleSpec};
 use rt_core::{MAX_DEVICES, MAX_HANDLES};
 
-/// A handle that a hand is to hold.
+/// A new handle for a hand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grip {
     /// The vertices and motions of the handle. The handle holds the vertices where they are when the change lands. Its
@@ -23,7 +23,7 @@ pub struct Grip {
     /// The device that holds it.
     pub device: u8,
     /// The link between the device and its proxy, under a scheme with proxies.
-    pub link: Option<Link>,
+    pub link: Option<Spring>,
 }
 
 /// Makes another body from a copy of the present one, such as one with a torn mesh, and the map that leads from the
@@ -120,9 +120,9 @@ impl From<Lost> for ChangeError {
     }
 }
 
-/// The source of a handle's hand after a change.
+/// The source of the hand that holds a handle after a change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Hand {
+pub(super) enum Held {
     /// The handle of the old body.
     Kept(usize),
     /// The grip of the change, by number.
@@ -133,17 +133,17 @@ pub(super) enum Hand {
 pub(super) struct Made {
     pub(super) body: Body,
     pub(super) map: BodyMap,
-    /// Whether `body` is another body than a copy with other handles and supports.
+    /// Whether an edit replaced the body, so that `body` is no copy with other handles and supports.
     pub(super) replaced: bool,
     /// For each handle of `body`, its hand.
-    pub(super) hands: Vec<Hand>,
+    pub(super) hands: Vec<Held>,
     pub(super) solver: Solver,
 }
 
 /// A change as work beside the steps: edits of a copy of the body, and its new solver.
 pub(super) struct Rebuild {
     recipe: Recipe,
-    /// The time over which models foresee the response of the body (s).
+    /// The time over which models predict the response of the body (s).
     response: f64,
     /// The copy and the edits, until the work begins.
     asked: Option<(Body, Vec<Edit>)>,
@@ -191,14 +191,14 @@ fn make(
     edits: Vec<Edit>,
 ) -> Result<Made, StepFault> {
     let mut map = BodyMap::identity(&body);
-    let mut hands: Vec<Hand> = (0..body.handle_count()).map(Hand::Kept).collect();
+    let mut hands: Vec<Held> = (0..body.handle_count()).map(Held::Kept).collect();
     let (mut joined, mut replaced) = (0, false);
     for edit in edits {
         match edit {
             Edit::Grab(grip) => {
                 body.grab(&grip.spec).map_err(ChangeError::from)?;
                 map.handles.push(None);
-                hands.push(Hand::Joined(joined));
+                hands.push(Held::Joined(joined));
                 joined += 1;
             }
             Edit::Release { handle } => {
@@ -248,7 +248,7 @@ fn make(
 }
 
 /// The hands of a replaced body's handles.
-fn continued(hands: &[Hand], step: &BodyMap) -> Result<Vec<Hand>, ChangeError> {
+fn continued(hands: &[Held], step: &BodyMap) -> Result<Vec<Held>, ChangeError> {
     let numbered = step.handles.iter().enumerate();
     numbered
         .map(|(handle, from)| {

@@ -4,10 +4,10 @@
 //! known. This time advances unevenly: a record is lost or comes late, or a step is no whole number of ticks. A
 //! handle at the pose of the newest record would stand still for a step and move twice as far in the next, and its
 //! body would answer jolts that no hand made. So the body's time advances evenly. While the records are late, the
-//! paths of the hands are extrapolated at their velocity, for at most [`LONGEST`]. Where records come evenly, nothing
+//! paths of the hands are extrapolated at their velocity, for at most [`LONGEST`]. If records come evenly, nothing
 //! is extrapolated.
 
-/// Longest time (s) over which a path is extrapolated without a record. Even where records of a millisecond are lost
+/// Longest time (s) over which a path is extrapolated without a record. Even if records of a millisecond are lost
 /// with a probability of one half, ten records in a row are lost only once in a thousand times.
 const LONGEST: f64 = 0.010;
 

@@ -1,8 +1,8 @@
 //! The part of a body's damping that its devices render.
 //!
 //! Under `capped` the tick bounds the damping of each handle by what its device can render
-//! ([`rt_core::velocity::most_damping`]). A body of more damping feels thinner in motion than it is. Its models tell where
-//! and by how much.
+//! ([`rt_core::velocity::most_damping`]). A body of more damping feels thinner in motion than it is. Its models tell at
+//! which handle, in which direction and by how much.
 
 use super::stiff::Renderable;
 use nalgebra::Matrix3;
@@ -27,14 +27,14 @@ pub struct DampedDirection {
     pub rendered: f64,
 }
 
-/// What devices rendered least of the damping of one body.
+/// The least part of the damping of one body that devices rendered.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Damped {
     least: Option<DampedDirection>,
 }
 
 impl Damped {
-    /// The handle and the direction of which the least part was rendered, of all models so far; `None` where the devices
+    /// The handle and the direction of which the least part was rendered, of all models so far; `None` if the devices
     /// rendered the whole.
     pub(super) fn least(&self) -> Option<DampedDirection> {
         self.least
@@ -105,7 +105,7 @@ mod tests {
             rendered: 10.0,
         };
         assert_eq!(damped.least(), Some(expected));
-        // A turn, in a later model; the least so far stays where the next model has less damping.
+        // A turn, in a later model; the least so far stays if the next model has less damping.
         model.damping[0][0][(4, 4)] = 1.0;
         damped.see(&model, &limits);
         damped.see(&LocalModel::empty(), &limits);

@@ -126,7 +126,7 @@ impl Failing {
         self.engine.follow(record);
     }
 
-    /// As [`Engine::step`], with models spoilt where a fault is due.
+    /// As [`Engine::step`], with spoilt models if a fault is due.
     ///
     /// # Panics
     /// If a panic is due.

@@ -1,10 +1,10 @@
 //! The hands on a body: their paths, the clock of the body, and the targets of the handles in a step.
 
-use super::change::Hand;
+use super::change::Held;
 use super::clock::BodyClock;
 use super::path::HandlePath;
 use super::publisher::Publisher;
-use super::virtual_coupling::Link;
+use super::virtual_coupling::Spring;
 use nalgebra::UnitQuaternion;
 use physics::{Body, HandlePose};
 use rt_core::{Pose, TickRecord};
@@ -103,7 +103,7 @@ impl Hands {
     }
 
     /// A hand that is to hold a handle at `start`, from a change of the body on.
-    pub(super) fn join(&self, device: u8, link: Option<Link>, start: Pose) -> Joining {
+    pub(super) fn join(&self, device: u8, link: Option<Spring>, start: Pose) -> Joining {
         Joining {
             device,
             link,
@@ -120,23 +120,23 @@ impl Hands {
 /// A hand that is to hold a handle when a change lands.
 pub(super) struct Joining {
     pub(super) device: u8,
-    pub(super) link: Option<Link>,
+    pub(super) link: Option<Spring>,
     pub(super) path: HandlePath,
 }
 
 /// The hands after a change: those that stay and those that join.
 #[derive(Clone, Copy)]
 pub(super) struct Regrip<'a> {
-    pub(super) hands: &'a [Hand],
+    pub(super) hands: &'a [Held],
     pub(super) joining: &'a [Joining],
 }
 
 impl<'a> Regrip<'a> {
     /// For each hand, its entry in `kept` or the entry that `join` makes.
     pub(super) fn each<V: Clone>(self, kept: &[V], join: impl Fn(&Joining) -> V) -> Vec<V> {
-        let entry = |hand: &Hand| match *hand {
-            Hand::Kept(old) => kept.get(old).cloned(),
-            Hand::Joined(number) => self.joining.get(number).map(&join),
+        let entry = |hand: &Held| match *hand {
+            Held::Kept(old) => kept.get(old).cloned(),
+            Held::Joined(number) => self.joining.get(number).map(&join),
         };
         self.hands.iter().filter_map(entry).collect()
     }
@@ -145,8 +145,8 @@ impl<'a> Regrip<'a> {
     pub(super) fn numbered(self) -> impl Iterator<Item = (usize, Option<usize>)> + 'a {
         let numbered = self.hands.iter().enumerate();
         numbered.map(|(handle, hand)| match *hand {
-            Hand::Kept(old) => (handle, Some(old)),
-            Hand::Joined(_) => (handle, None),
+            Held::Kept(old) => (handle, Some(old)),
+            Held::Joined(_) => (handle, None),
         })
     }
 
@@ -154,8 +154,8 @@ impl<'a> Regrip<'a> {
     pub(super) fn joined(self) -> impl Iterator<Item = (usize, &'a Joining)> {
         let numbered = self.hands.iter().enumerate();
         numbered.filter_map(move |(handle, hand)| match *hand {
-            Hand::Joined(number) => self.joining.get(number).map(|join| (handle, join)),
-            Hand::Kept(_) => None,
+            Held::Joined(number) => self.joining.get(number).map(|join| (handle, join)),
+            Held::Kept(_) => None,
         })
     }
 }

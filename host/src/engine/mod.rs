@@ -1,9 +1,9 @@
-//! The host loop's work: stages in their order, ending in a published local model.
+//! The host step: its stages in their order, up to the publication of a local model.
 //!
 //! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the only module that joins
-//! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a thread drives it;
-//! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
-//! caller passes; nothing in the state depends on this time.
+//! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a
+//! thread drives it; under virtual time the run's only loop does. The time of a stage is measured through the
+//! [`Stopwatch`] that the caller passes; nothing in the state depends on this time.
 //!
 //! Bodies that are joined, by contact or by springs, are solved together ([`Engine::join`]): after `constrain` all bodies
 //! have their equations, and `solve` solves each group as a whole.
@@ -49,15 +49,15 @@ use physics::team::each;
 use physics::{BodyError, Team, TearReport};
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, StepFault, Stopwatch};
+use std::sync::Arc;
 use threads::{Threads, awake};
 
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<HostBody>,
     groups: Vec<Group>,
-    /// Number of threads that share a step.
-    count: usize,
-    threads: Threads,
+    /// The threads that share a step.
+    threads: Arc<Threads>,
     stats: EngineStats,
 }
 
@@ -69,27 +69,26 @@ impl Engine {
         Self {
             bodies,
             groups: Vec::new(),
-            count: 1,
-            threads: Threads::default(),
+            threads: Arc::default(),
             stats,
         }
     }
 
-    /// The engine on `count` threads of its own, whose number is that of the bodies' recipes. One thread is the caller's.
+    /// The engine on `count` threads of its own, which its bodies share. One thread is the caller's.
     #[must_use]
-    pub fn on(self, count: usize) -> Self {
-        Self {
-            count,
-            threads: Threads::new(count),
-            ..self
+    pub fn on(mut self, count: usize) -> Self {
+        self.threads = Arc::new(Threads::new(count));
+        for body in &mut self.bodies {
+            body.stepping.solver.work_with(self.threads.clone());
         }
+        self
     }
 
     /// Gives the engine's bodies the physics and the solvers of `bodies`, in the engine's order, from the next step
     /// on.
     ///
     /// # Errors
-    /// [`BodyError`] where a body is not of the same mesh as the body that it replaces.
+    /// [`BodyError`] if a body is not of the same mesh as the body that it replaces.
     pub fn exchange(&mut self, bodies: Vec<HostBody>) -> Result<(), BodyError> {
         for (body, other) in self.bodies.iter_mut().zip(bodies) {
             body.exchange(other)?;
@@ -97,12 +96,14 @@ impl Engine {
         Ok(())
     }
 
-    /// Joins `bodies`, by their numbers in ascending order, from the next step on. A body belongs to one group at most.
+    /// Joins `bodies`, by their numbers in ascending order, from the next step on. A body belongs to one group at most. The
+    /// bodies are parted if the mesh of one is replaced and the joints do not follow it ([`Joints::follow`]); this is
+    /// counted as a fault.
     pub fn join(&mut self, bodies: Vec<usize>, joints: Box<dyn Joints>) {
         self.groups.push(Group::new(bodies, joints));
     }
 
-    /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver go on as they are
+    /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver stay as they are
     /// until the new solver is ready; the change then lands at the start of a step. A change that turns out to be
     /// impossible is counted as a fault, and the body continues as it was.
     ///
@@ -120,7 +121,7 @@ impl Engine {
         }
     }
 
-    /// Takes one tick's record with the poses of the hands. Records must come in order.
+    /// Takes the record of one tick with the poses of the hands. Records come in the order of the ticks.
     pub fn follow(&mut self, record: &TickRecord) {
         for body in &mut self.bodies {
             body.follow(record);
@@ -137,25 +138,33 @@ impl Engine {
         watch: &dyn Stopwatch,
         publish: &mut (dyn FnMut(usize, &LocalModel) + Send),
     ) {
-        let threads = core::mem::take(&mut self.threads);
-        threads.run(|| awake(|| self.step_here(due, watch, publish)));
-        self.threads = threads;
+        let threads = Arc::clone(&self.threads);
+        threads.run(|| awake(|| self.step_here(&*threads, due, watch, publish)));
     }
 
     /// Makes a step on the present thread, which leads the others.
     fn step_here(
         &mut self,
+        team: &dyn Team,
         due: Due,
         watch: &dyn Stopwatch,
         publish: &mut dyn FnMut(usize, &LocalModel),
     ) {
-        let team = threads::team(self.count);
         self.stats.steps += 1;
         let stats = &mut self.stats;
         for (index, body) in self.bodies.iter_mut().enumerate() {
-            match body.land() {
+            let (groups, mut is_parted) = (&mut self.groups, false);
+            let landed = body.land(&mut |map| {
+                let before = groups.len();
+                groups.retain_mut(|group| group.follow(index, map));
+                is_parted = groups.len() < before;
+            });
+            match landed {
                 Ok(landed) => stats.changes += u64::from(landed),
                 Err(fault) => stats.fault(index, &fault),
+            }
+            if is_parted {
+                stats.fault(index, &StepFault::Parted);
             }
         }
         let all = 0..self.bodies.len();
@@ -169,7 +178,7 @@ impl Engine {
         }
         self.stage(team, all, &|body| body.solve(watch));
         // One thread publishes the model of a body before it finishes the next body.
-        let together = if self.count == 1 {
+        let together = if team.is_alone() {
             1
         } else {
             self.bodies.len().max(1)
@@ -221,5 +230,28 @@ impl Engine {
     /// Times and counts of the steps so far.
     pub fn stats(&self) -> &EngineStats {
         &self.stats
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use crate::world::World;
+
+    #[test]
+    fn the_threads_of_an_engine_are_its_own_and_end_with_it() {
+        let scene = Scene::embedded_default().expect("a scene");
+        let world = World::new(&scene).expect("a world");
+        let engine = || {
+            let bodies = build::bodies(&world, build::BuildOptions::default());
+            Engine::new(bodies.expect("bodies")).on(2)
+        };
+        let (one, other) = (engine(), engine());
+        assert!(!Arc::ptr_eq(&one.threads, &other.threads));
+        let threads = Arc::downgrade(&one.threads);
+        assert_eq!(threads.strong_count(), 1 + one.bodies.len());
+        drop(one);
+        assert_eq!(threads.strong_count(), 0);
     }
 }

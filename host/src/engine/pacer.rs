@@ -4,7 +4,7 @@
 //! same pacer serves the real clock and virtual time.
 //!
 //! A late host leaves out **publications**, not steps: the time of the bodies then runs as fast as the clock, and the
-//! hands feel the bodies' own dynamics. Steps are left out where they can no longer be made up for: when the host is
+//! hands feel the bodies' own dynamics. Steps are left out if they can no longer be made up for: when the host is
 //! late by a tenth of a second, and when it is too slow even for the steps alone.
 
 /// Lateness at which the host leaves out the steps that are due (ns). A body that made up for more would show the hands
@@ -61,8 +61,8 @@ impl Pacer {
 
     /// The step that the host takes at `now_ns`, which is not before [`Pacer::next_ns`].
     ///
-    /// A step publishes where a period has passed since the last publication and no further step is due. A host whose
-    /// steps alone do not make up for its lateness publishes nevertheless. Where this happens twice in a row, the host
+    /// A step publishes if a period has passed since the last publication and no further step is due. A host whose
+    /// steps alone do not make up for its lateness publishes nevertheless. If this happens twice in a row, the host
     /// leaves out the steps that are due: the bodies then run slower than the clock.
     pub fn begin(&mut self, now_ns: u64) -> Due {
         if now_ns.saturating_sub(self.next_ns()) >= LONGEST || self.hopeless > 1 {

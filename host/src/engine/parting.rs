@@ -1,8 +1,8 @@
 //! The pieces into which the tears of a body part its handles.
 //!
 //! A torn body stays one body with one local model. Each of its handles has the number of its **group**. Handles on the
-//! same piece belong to one group. If a handle holds several pieces, the handles on all of them belong to one group. When an edit parts two groups, the account of energy parts
-//! with them, and each handle's weight is found anew from the mass of its group.
+//! same piece belong to one group. If a handle holds several pieces, the handles on all of them belong to one group. When an
+//! edit parts two groups, the account of energy parts with them, and the mass of each group gives the weights of its handles.
 
 use physics::topology::{NONE, Pieces};
 use physics::{Body, PieceSums, Vec3};
@@ -11,8 +11,8 @@ use rt_core::{LocalModel, MAX_HANDLES};
 /// Most pieces that are told apart. The pieces without hands come off anywhere, so there may be many.
 const MOST_PIECES: usize = 64;
 
-/// A piece without a hand has left the scene when it is further than so many diagonals of the body at rest from all
-/// handles. No hand reaches that far from the rest of the body.
+/// A piece without a hand has left the scene when its distance from all handles exceeds this number of diagonals of the
+/// body at rest. No hand reaches that far from the rest of the body.
 pub(crate) const FAR: f64 = 4.0;
 
 /// The pieces of a body, and the groups of its handles.
@@ -55,7 +55,7 @@ impl Parting {
         Some(parting)
     }
 
-    /// Finds the pieces again if `parted`, the number of edits that may have parted the body, has grown. Returns, where
+    /// Finds the pieces again if `parted`, the number of edits that may have parted the body, has grown. Returns, if
     /// the handles have new groups, the old group of each new group.
     pub(super) fn follow(&mut self, body: &Body, parted: u64) -> Option<[u8; MAX_HANDLES]> {
         if parted == self.parted {
@@ -159,7 +159,7 @@ impl Parting {
         (&self.by_group, &mut self.before)
     }
 
-    /// Gives the handles of `model` their groups and, where no support bears a part of the body, the weights of their
+    /// Gives the handles of `model` their groups and, if no support bears a part of the body, the weights of their
     /// groups: those of before, scaled so that they add up to the weight of the group.
     pub(super) fn name(&self, body: &Body, model: &mut LocalModel) {
         let count = usize::from(model.head.handle_count);

@@ -1,8 +1,8 @@
 //! Publishes local models of a body: what its devices render.
 //!
-//! A publisher stands beside a body of the physics and keeps what outlasts one model: the sequence, the topology epoch, the
-//! account of the energy that hands can recover, and the springs between devices and body. Whoever steps and condenses the
-//! body gives the publisher the result: the engine, a study, or another host.
+//! A publisher belongs to a body of the physics. It keeps the data that outlast one model: the sequence, the topology epoch,
+//! the account of the energy that hands can recover, and the springs between devices and body. The engine, a study or another
+//! host steps and condenses the body, and gives the result to the publisher.
 
 use super::damped::{Damped, DampedDirection};
 use super::hands::Regrip;
@@ -10,7 +10,7 @@ use super::parting::Parting;
 use super::projected::Projected;
 use super::stiff::{Renderable, SeriesSprings, StiffDirection};
 use super::stored::Stored;
-use super::virtual_coupling::{Link, VirtualCoupling};
+use super::virtual_coupling::{Spring, VirtualCoupling};
 use physics::linear::dense::Square;
 use physics::{Body, Condensed, HandlePose, HandleReport, PieceSums};
 use rt_core::{
@@ -20,7 +20,8 @@ use rt_core::{
 /// Time for which a model places the handles behind springs, as a multiple of its horizon. The stiffness of a model holds the
 /// inertia of the body for its horizon. The wrench of a younger model holds the inertia of the last change of a handle's
 /// velocity, which is larger: handles that such a wrench places swing from model to model. Over longer times than
-/// [`LONGEST_PLACED`] (s) inertia is small beside stiffness, and a body that is not linear would be placed by the past.
+/// [`LONGEST_PLACED`] (s) inertia is small compared with stiffness, and the past of a body that is not linear would
+/// place its handles.
 const PLACES: f64 = 2.0;
 const LONGEST_PLACED: f64 = 0.015;
 
@@ -34,7 +35,7 @@ pub struct Publishing {
     pub horizon: f64,
     /// Whether models say how much energy they store.
     pub energy: bool,
-    /// What devices of one or two degrees of freedom render; by default, all devices move along all axes.
+    /// The axes along which the devices move; by default, all devices move along all axes.
     pub projected: Projected,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
     pub coupling: Option<VirtualCoupling>,
@@ -45,9 +46,9 @@ pub struct Publishing {
 /// The elastic energy of a body (J).
 #[derive(Clone, Copy, Debug)]
 pub enum Elastic<'a> {
-    /// Of the whole body.
+    /// The energy of the whole body.
     Whole(f64),
-    /// Among the sums over each group of handles, of a body that has come apart.
+    /// The energies of the groups of handles of a body that has come apart, among the sums over each group.
     Pieces(&'a [PieceSums]),
 }
 
@@ -123,7 +124,7 @@ impl Publisher {
         }
     }
 
-    /// Says in the models from now on how far the handles can move before a tear goes on. `find` gives the limit, and calls
+    /// States in the next models how far the handles can move before a tear grows. `find` gives the limit, and calls
     /// its argument with the handle, the motion and the slope of each motion.
     pub fn limit(
         &mut self,
@@ -232,7 +233,7 @@ impl Publisher {
         springs.flat_map(SeriesSprings::directions).collect()
     }
 
-    /// Goes on with the body `after` in the place of `before`, at the same shape and with the same handles.
+    /// Continues with the body `after` in place of `before`, at the same shape and with the same handles.
     pub(super) fn exchange(&mut self, before: &Body, after: &Body) {
         if let Some(stored) = &mut self.stored {
             let energies = [before, after].map(Body::elastic_energy);
@@ -266,9 +267,9 @@ impl Publisher {
         }
     }
 
-    /// Goes on with other handles, in a new epoch. `before` and `after` are the body with its elastic energy (J) on either
-    /// side of the change. The next publication fills in the rest. A handle that joins bears no weight: the hand took hold of
-    /// it wherever it was.
+    /// Continues with other handles, in a new epoch. `before` and `after` are the body with its elastic energy (J) on either
+    /// side of the change. The next publication fills in the rest. A handle that joins carries no weight: the hand took hold of
+    /// the handle at its present position.
     pub(super) fn regrip(&mut self, regrip: Regrip<'_>, before: (&Body, f64), after: (&Body, f64)) {
         let mut model = self.model;
         model.head.epoch = model.head.epoch.saturating_add(1);
@@ -300,7 +301,7 @@ impl Publisher {
         let devices: Vec<u8> = self.devices().collect();
         self.springs = SeriesSprings::of(&devices, &self.renderable);
         if let Some(coupling) = &mut self.coupling {
-            let links: Vec<Option<Link>> = coupling.links().iter().copied().map(Some).collect();
+            let links: Vec<Option<Spring>> = coupling.links().iter().copied().map(Some).collect();
             let links = regrip.each(&links, |join| join.link);
             *coupling = VirtualCoupling::new(links.into_iter().flatten().collect());
         }

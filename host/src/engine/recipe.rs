@@ -5,7 +5,6 @@ use super::build::BuildOptions;
 use super::plan::BodyPlan;
 use super::solver::Solver;
 use super::stats::StepFault;
-use super::threads::team;
 use crate::scene::spec::{Scene, SolverName};
 use physics::{Body, Preconditioner, ShapeOptions, Stepper, StepperOptions};
 
@@ -26,8 +25,6 @@ pub struct Recipe {
     real: bool,
     /// Time that a step may take under the real clock (ns).
     budget_ns: Option<u64>,
-    /// Number of threads that share a step.
-    threads: usize,
 }
 
 impl Recipe {
@@ -50,7 +47,6 @@ impl Recipe {
             condenses: plan.condenses,
             real: how.real,
             budget_ns: budget.map(|budget| (budget * 1e9) as u64),
-            threads: scene.host.threads,
         }
     }
 
@@ -65,7 +61,6 @@ impl Recipe {
     /// [`StepFault`] for a body whose matrix cannot be factorized.
     pub(super) fn make(&self, body: &Body) -> Result<Solver, StepFault> {
         let mut stepper = Stepper::new(body, self.options)?;
-        stepper.team = team(self.threads);
         stepper.prepare(body, self.step)?;
         let shapes = self
             .condenses

@@ -1,6 +1,6 @@
-//! A rehearsal: some steps of a scene's bodies, without devices and without a run. The first step, at rest, shows which
-//! directions the devices cannot render, and how much of the damping. Further steps are timed; in them the hands move as fast as hands explore, so that
-//! the solvers have work to do.
+//! A rehearsal: some steps of a scene's bodies, without devices and without a run. The first step, at rest, shows the
+//! directions and the damping that the devices cannot render. Further steps are timed. The hands move in them as fast as
+//! hands explore, so that the solvers have work to do.
 
 use super::Engine;
 use super::build::{self, BuildOptions};

@@ -2,19 +2,20 @@
 //!
 //! A stepper serves a torn sheet with the factor of the sheet before: each vertex that a tear adds costs a few columns
 //! beside the factor. After some vertices a factor of the new topology pays, with its own order of elimination and its
-//! own pattern. This takes many times as long as a step. So it is made beside the steps, on a **mirror**: a copy of the
-//! body that makes the same edits. A tear may go on meanwhile. The new stepper then follows the edits that it missed,
-//! and takes over the motion of the old one ([`Stepper::adopt`]).
+//! own pattern. Such a factor takes many times as long as a step. A thread therefore makes it beside the steps, on a
+//! **mirror**: a copy of the body that makes the same edits. A tear may grow meanwhile. The new stepper then follows the
+//! edits that it missed, and takes over the motion of the old one ([`Stepper::adopt`]).
 //!
 //! Pieces that leave the scene halt when the new stepper takes over, which has no unknowns for them.
 //!
-//! The value goes to and fro with its memory, so that neither its beginning nor its landing allocates.
+//! The mirror and its memory pass to the thread and back, so that neither the beginning nor the landing of a renewal
+//! allocates.
 
 use super::background::{Background, Lost, Work};
 use super::stats::StepFault;
-use physics::team::Team;
 use physics::topology::Edit;
 use physics::{Body, Stepper, StepperOptions, Vec3};
+use std::sync::Arc;
 
 /// The work of one renewal, with the mirror.
 pub(super) struct Renewal {
@@ -28,7 +29,6 @@ pub(super) struct Renewal {
     /// The present positions by node (m).
     x: Vec<Vec3>,
     options: StepperOptions,
-    team: &'static dyn Team,
     /// Length of a step (s).
     h: f64,
     /// The result; `None` before the work has ended.
@@ -58,7 +58,6 @@ impl Renewal {
         self.mirror.set_positions(&self.x)?;
         self.mirror.reassemble();
         let mut stepper = Stepper::new(&self.mirror, self.options)?;
-        stepper.team = self.team;
         stepper.prepare(&self.mirror, self.h)?;
         Ok(stepper)
     }
@@ -105,7 +104,6 @@ impl Renewals {
                 leaving: Vec::with_capacity(room),
                 x: Vec::with_capacity(room),
                 options: stepper.options,
-                team: stepper.team,
                 h,
                 made: None,
                 spent: None,
@@ -145,6 +143,7 @@ impl Renewals {
         };
         let landed = match renewal.made.take() {
             Some(Ok(mut fresh)) => {
+                fresh.team = Arc::clone(&stepper.team);
                 let followed = renewal.catch_up(&mut fresh, journal).is_ok();
                 if followed {
                     body.halt(&renewal.leaving);

@@ -5,16 +5,17 @@ use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::MOST_PAIRS;
 use physics::{
-    Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, TearLimit,
-    Tearing,
+    Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, Team,
+    TearLimit, Tearing,
 };
 use rt_core::MAX_HANDLES;
+use std::sync::Arc;
 
 /// A step of a sheet that tears has much work if it took more iterations than this number, or if it made an edit. Its model
 /// has the shapes of the model before, so that the longest steps are shorter.
 const MUCH_WORK: usize = 3;
 /// Time in which an iteration of a sheet that tears counts in virtual time (s): a step of many iterations takes longer than
-/// its length, and the work beside it goes on meanwhile.
+/// its length, and the work beside the steps continues meanwhile.
 const ITERATION: f64 = 0.25e-3;
 /// Most models in turn with the same shapes.
 const MOST_KEPT: usize = 2;
@@ -66,9 +67,9 @@ pub(super) struct Solver {
     lent: bool,
     /// Whether the whole factor has been read.
     read: bool,
-    /// Number of parts in which a factor is read ahead; 0 where a step takes a new factor at once.
+    /// Number of parts in which a factor is read ahead; 0 if a step takes a new factor at once.
     parts: usize,
-    /// How the shapes are kept current; `None` where the scheme does not use them.
+    /// How the shapes are kept current; `None` if the scheme does not use them.
     options: Option<ShapeOptions>,
     /// The latest shapes, from which the next condensation starts.
     shapes: Shapes,
@@ -118,6 +119,17 @@ impl Solver {
             h,
             real,
         }
+    }
+
+    /// Has `team` do the parts of the steps.
+    pub(super) fn work_with(&mut self, team: Arc<dyn Team>) {
+        self.stepper.team = team;
+    }
+
+    /// Puts `other` in the place of this solver, with its team. Returns this solver.
+    pub(super) fn replace(&mut self, mut other: Self) -> Self {
+        other.work_with(Arc::clone(&self.stepper.team));
+        core::mem::replace(self, other)
     }
 
     /// Takes back a refresher that has done its work, and reads the next part of its factor.
@@ -186,6 +198,11 @@ impl Solver {
         let late = || before.reaches(self.budget_ns, watch, start);
         let stepper = &mut self.stepper;
         Ok(self.elapsed.count(watch, || stepper.solve(late))?)
+    }
+
+    /// Time that is left for the present step (ns); `None` if it has no limit.
+    pub(super) fn left_ns(&self) -> Option<u64> {
+        Some(self.budget_ns?.saturating_sub(self.elapsed.0))
     }
 
     /// Wakes a body that sleeps.
@@ -283,7 +300,7 @@ impl Solver {
         torn
     }
 
-    /// The tip that is nearest to going on, after a condensation. `slope` is called with the handle, the motion and the
+    /// The limit of the tip that is nearest to its next edge, after a condensation. `slope` is called with the handle, the motion and the
     /// slope of each motion.
     pub(super) fn tear_limit(
         &mut self,

@@ -60,6 +60,11 @@ pub enum StepFault {
     /// The body refused its state.
     #[error("body: {0}")]
     Body(#[from] BodyError),
+    /// The joints of the body do not follow its new mesh.
+    #[error(
+        "joints: they do not follow the new mesh of the body, which is joined to no other body from now on"
+    )]
+    Parted,
     /// The state of a body that tears is no longer finite. The body stands still from then on.
     #[error("the state is no longer finite; the body stands still from now on")]
     NotFinite,
@@ -240,7 +245,7 @@ impl StepTimes {
     }
 
     /// The typical time of a step (s), with its share of a publication: the median over whole cycles of publications, so
-    /// that another program that held up a few steps does not count. The mean where there is no whole cycle; zero
+    /// that another program that held up a few steps does not count. The mean if there is no whole cycle; zero
     /// before the second step.
     pub fn typical(&self) -> f64 {
         let mean = |times: &[f64]| times.iter().sum::<f64>() / times.len().max(1) as f64;

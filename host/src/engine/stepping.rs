@@ -19,7 +19,7 @@ pub(super) struct Stepping {
     pub(super) tears: Option<BodyTears>,
     /// Length of a step (s).
     pub(super) step: f64,
-    /// The time over which models foresee the response of the body (s).
+    /// The time over which models predict the response of the body (s).
     pub(super) response: f64,
     /// Whether nothing has failed in the present step.
     pub(super) sound: bool,
@@ -36,7 +36,7 @@ impl Stepping {
     pub(super) fn exchange(&mut self, mut other: Self) -> Result<Body, BodyError> {
         let map = BodyMap::identity(&self.body);
         other.body.continue_from(&self.body, &map)?;
-        self.solver = other.solver;
+        self.solver.replace(other.solver);
         self.recipe = other.recipe;
         if let Some(tears) = &mut self.tears {
             // The same shape stores another energy.
@@ -74,13 +74,12 @@ impl Stepping {
 
     /// Lends the step's equation to a group of joined bodies; `None` if an earlier stage of the step failed.
     pub(super) fn equation(&mut self) -> Option<Equation<'_, f64>> {
-        let is_sound = core::mem::take(&mut self.sound);
-        is_sound.then(|| self.solver.equation()).flatten()
+        self.sound.then(|| self.solver.equation()).flatten()
     }
 
-    /// Notes that a group has solved the lent equation, or could not, in `time` (ns).
+    /// Notes that a group has solved the lent equation in `time` (ns).
     pub(super) fn solved_in(&mut self, time: u64) {
-        self.sound = self.solver.solved_in(time);
+        self.sound &= self.solver.solved_in(time);
     }
 
     /// Solves the step's equation, unless a group has solved it. Does nothing if an earlier stage of the step failed.
@@ -94,7 +93,7 @@ impl Stepping {
         Ok(())
     }
 
-    /// Takes the step and lets the tears grow, of which `publisher` is told. Returns whether there is a state to publish:
+    /// Takes the step, lets the tears grow, and tells `publisher` of them. Returns whether there is a state to publish:
     /// there is none if an earlier stage of the step failed.
     pub(super) fn finish(
         &mut self,

@@ -1,7 +1,7 @@
 //! Springs in series with the directions of a body that are stiffer than its devices can render.
 //!
 //! An encoder of count `delta` changes the force of a stiffness `K` by `K delta` at once. The hand stays within the count
-//! only where the mechanism's Coulomb friction `f_c` holds it there. Beyond about `2 f_c / delta`, or `2 b / T` where the
+//! only if the mechanism's Coulomb friction `f_c` holds it there. Beyond about `2 f_c / delta`, or `2 b / T` if the
 //! damping `b` of the mechanism is the better brake, the hand and the body shake at the edge of a count (N. Diolaiti, G.
 //! Niemeyer, F. Barbagli and J. K. Salisbury, "Stability of haptic rendering: discretization, quantization, time delay,
 //! and Coulomb effects", 2006). Sheets, beams and rods are that stiff along themselves, and soft across. So springs are
@@ -19,10 +19,10 @@
 //! q' = S q     root' = root + q . R a     1/area' = 1/area - q . R q        (the tear limit)
 //! ```
 //!
-//! Where `Kbar` is the stiffness `K` itself, the eigenvalues of `E K' E` are `r(l)`. Below the limit, `r(l) = l`: the device
+//! If `Kbar` is the stiffness `K` itself, the eigenvalues of `E K' E` are `r(l)`. Below the limit, `r(l) = l`: the device
 //! renders the body. Beyond it, `r` falls to a smaller number `c`, evenly up to `l = 1 + MARGIN`: a direction that the
 //! device cannot render is rendered so softly that a hand which trembles at the edge of a count hardly feels the count.
-//! `Kbar` is an envelope of the latest stiffnesses: it rises at once and falls within 0.1 s. Where the stiffness changes
+//! `Kbar` is an envelope of the latest stiffnesses: it rises at once and falls within 0.1 s. If the stiffness changes
 //! from model to model, springs that came and went with it would shake the hand more than the stiff body does.
 //!
 //! The **handles** follow the massless proxies between springs and body, as in [`super::virtual_coupling`]. At the
@@ -41,7 +41,7 @@ const MARGIN: f64 = 0.1;
 const FALL: f64 = 0.1;
 
 /// What a device can render, in the units of the scene: the stiffness (N/m) and the stiffness of turns (N m/rad) beyond
-/// which springs act. Infinite where the device needs no springs.
+/// which springs act. Infinite if the device needs no springs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Renderable {
     /// Of displacements (N/m).
@@ -50,7 +50,7 @@ pub struct Renderable {
     pub turning: f64,
     /// The part of these that is rendered of a direction that is much stiffer, above zero and at most one.
     pub calm: f64,
-    /// The largest damping (N s/m) that the tick renders, and that of turns (N m s/rad). Infinite where it bounds none.
+    /// The largest damping (N s/m) that the tick renders, and that of turns (N m s/rad). Infinite if it bounds none.
     pub damping: [f64; 2],
 }
 
@@ -83,7 +83,7 @@ pub struct StiffDirection {
 
 /// The springs of one body.
 pub struct SeriesSprings {
-    /// The diagonal of `E`, zero where there is no limit.
+    /// The diagonal of `E`, zero if there is no limit.
     root: Vec<f64>,
     /// The motions with a limit.
     limited: Vec<usize>,
@@ -183,7 +183,7 @@ fn add(x: &mut [f64], y: &[f64], factor: f64) {
 }
 
 impl SeriesSprings {
-    /// Springs for a body whose handles these `devices` hold, by what each device of the scene can render. `None` where
+    /// Springs for a body whose handles these `devices` hold, by what each device of the scene can render. `None` if
     /// no device has a limit.
     pub fn of(devices: &[u8], renderable: &[Renderable]) -> Option<Self> {
         let limits = devices.iter().take(MAX_HANDLES).map(|device| {
@@ -219,7 +219,7 @@ impl SeriesSprings {
         })
     }
 
-    /// The model that the devices render through the springs, where springs act; `None` where the devices can render the
+    /// The model that the devices render through the springs, if springs act; `None` if the devices can render the
     /// body itself. `elapsed` is the time since the last model (s). A stiffness that is not finite ends the springs: the
     /// tick refuses such a model, and the envelope must not keep the number.
     pub fn through(&mut self, model: &LocalModel, elapsed: f64) -> Option<&LocalModel> {
@@ -244,12 +244,12 @@ impl SeriesSprings {
         Some(&self.model)
     }
 
-    /// The model of the last [`through`](Self::through), where springs act.
+    /// The model of the last [`through`](Self::through), if springs act.
     pub fn model(&self) -> Option<&LocalModel> {
         self.acts.then_some(&self.model)
     }
 
-    /// The stiffest direction of all models so far, where springs acted.
+    /// The stiffest direction of all models so far, if springs acted.
     pub fn stiffest(&self) -> Option<StiffDirection> {
         self.stiffest
     }
@@ -369,14 +369,14 @@ impl SeriesSprings {
         !self.of_model.follow.is_empty()
     }
 
-    /// What is rendered of eigenvalue `k` of the envelope, as a multiple of the limit; `None` where it is rendered whole.
+    /// What is rendered of eigenvalue `k` of the envelope, as a multiple of the limit; `None` if it is rendered whole.
     fn rendered(&self, k: usize) -> Option<f64> {
         let beyond = self.eigen.value(k) - 1.0;
         let falls = || 1.0 - beyond * (1.0 - self.calm) / MARGIN;
         (beyond > 0.0).then(|| falls().max(self.calm))
     }
 
-    /// The direction of eigenvector `k` of the envelope; `None` where it is rendered whole.
+    /// The direction of eigenvector `k` of the envelope; `None` if it is rendered whole.
     fn direction(&self, k: usize) -> Option<StiffDirection> {
         let rendered = self.rendered(k)?;
         let mut motions = [[Vec3::zeros(); 2]; MAX_HANDLES];

@@ -15,7 +15,7 @@
 //! buckled, the body's own energy exceeds the work of the hands, because models that came late pulled the hands along
 //! during the snap.
 //!
-//! Where the body's own energy falls below zero, the body has **released** more than the first model claimed. For
+//! If the body's own energy falls below zero, the body has **released** more than the first model claimed. For
 //! example, the sag of a strip gives the potential of its weight to the hands. Models state the released energy, too,
 //! and `c` rises by the same amount.
 //!
@@ -191,7 +191,7 @@ impl Stored {
         model.head.released = self.released;
     }
 
-    /// Completes the tear limit of `model`, where it has one, by `a = 1 / (q . K^-1 q)` with the slopes `q` of its
+    /// Completes the tear limit of `model`, if it has one, by `a = 1 / (q . K^-1 q)` with the slopes `q` of its
     /// handles ([`rt_core::TearLimit`]).
     pub(super) fn publish_tear_area(&mut self, model: &mut LocalModel) {
         if !model.head.tear_limit.is_some() {

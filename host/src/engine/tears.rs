@@ -10,7 +10,7 @@ use physics::topology::{Pieces, Reserve};
 use physics::{Body, ShapeOptions, Starts, TearOptions, Tearing, TearingError};
 
 /// How the shapes of a body that tears are kept current: one shape with each local model, in a few iterations, and all of them
-/// where that leaves too much.
+/// if that leaves too much.
 ///
 /// An edit changes all shapes a little. To renew them all to the usual tolerance takes 24 to 38 iterations a model for the
 /// cloth of `tear_cloth`; these options take two or three. In a period of 4 ms the force of the hands, 4 N, then errs by

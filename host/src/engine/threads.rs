@@ -8,8 +8,9 @@
 //! awake during a step ([`awake`]): a thread without work looks for parts, for half a millisecond at most, and yields its
 //! core to any other thread. Between steps the threads sleep.
 //!
-//! The threads inherit the processor mask of the thread that makes them. Under the real clock the run has taken the
-//! tick's core from this mask before, so that no thread of the pool runs there.
+//! An engine owns its threads, and its bodies share them. The threads inherit the processor mask of the thread that makes
+//! them. Under the real clock the run has taken the tick's core from this mask before, so that no thread of the pool runs
+//! there.
 
 use physics::team::Work;
 use physics::{Alone, Team};
@@ -26,7 +27,8 @@ thread_local! {
     static WAITS: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The threads of an engine. By default the caller's thread is alone.
+/// The threads of an engine, and the team of its bodies. Inside of [`run`](Self::run) the threads share the work. Outside,
+/// and by default, the caller's thread is alone. The threads end when the value is dropped.
 #[derive(Debug, Default)]
 pub struct Threads {
     /// `None` for the calling thread alone.
@@ -123,14 +125,11 @@ fn look_for_parts(count: usize, done: &Flag) {
     }
 }
 
-/// The team of the present thread's pool.
-#[derive(Debug)]
-struct Pool;
-
-impl Team for Pool {
+impl Team for Threads {
     fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>) {
-        // Outside of a pool, `rayon_core` would start threads of its own.
-        if rayon_core::current_thread_index().is_none() {
+        // Outside of its pool, `rayon_core` would start threads of its own.
+        let pool = self.pool.as_ref();
+        if pool.and_then(ThreadPool::current_thread_index).is_none() {
             return Alone.join(one, other);
         }
         let done = Flag::default();
@@ -148,11 +147,10 @@ impl Team for Pool {
             other();
         });
     }
-}
 
-/// The team of `count` threads, inside and outside of [`Threads::run`].
-pub(super) fn team(count: usize) -> &'static dyn Team {
-    if count > 1 { &Pool } else { &Alone }
+    fn is_alone(&self) -> bool {
+        self.pool.is_none()
+    }
 }
 
 #[cfg(test)]
@@ -169,7 +167,7 @@ mod tests {
                 let add = |at: usize| {
                     done[at].fetch_add(1, Ordering::Relaxed);
                 };
-                team(count).join(&mut || add(0), &mut || add(1));
+                threads.join(&mut || add(0), &mut || add(1));
             };
             both();
             awake(both);
@@ -183,14 +181,14 @@ mod tests {
     fn a_panic_on_another_thread_reaches_the_caller() {
         let threads = Threads::new(2);
         let failed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            threads.run(|| team(2).join(&mut || (), &mut || panic!("on purpose")));
+            threads.run(|| threads.join(&mut || (), &mut || panic!("on purpose")));
         }));
         assert!(failed.is_err());
         let failed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             threads.run(|| awake(|| panic!("on purpose")));
         }));
         assert!(failed.is_err());
-        threads.run(|| awake(|| team(2).join(&mut || (), &mut || ())));
+        threads.run(|| awake(|| threads.join(&mut || (), &mut || ())));
     }
 
     /// The sum of the numbers up to `count`, by parts in parts.
@@ -213,7 +211,7 @@ mod tests {
             let threads = Threads::new(count);
             for parts in [1, 2, 1000] {
                 for _ in 0..20 {
-                    let found = threads.run(|| awake(|| sum(team(count), parts)));
+                    let found = threads.run(|| awake(|| sum(&threads, parts)));
                     assert_eq!(found, parts);
                 }
             }

@@ -1,4 +1,4 @@
-//! What the devices of a scene cannot render of its bodies, in the words of the scene.
+//! The stiffness and the damping of bodies that the devices of a scene cannot render, in the words of the scene.
 
 use super::body::HostBody;
 use super::damped::DampedDirection;
@@ -69,7 +69,7 @@ impl fmt::Display for StiffSummary {
     }
 }
 
-/// Damping of a body of which a device renders a part only.
+/// Damping of a body, if a device renders only a part of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DampedSummary {
     /// Name of the body.

@@ -19,9 +19,9 @@
 //! ```
 //!
 //! The second form of `K'` corresponds to the energy of body and springs. The form of `B'` corresponds to the power
-//! that body and dampers dissipate as the proxies follow. Both matrices are positive where those of the body are, and
+//! that body and dampers dissipate as the proxies follow. Both matrices are positive if those of the body are, and
 //! the motion of a free body is not damped. With `C = R R`, the matrix to factorize is `M = I + R K R`. It is
-//! symmetric and never near singular, even where the body yields or a motion has no spring (`R = 0`: the proxy
+//! symmetric and never near singular, even if the body yields or a motion has no spring (`R = 0`: the proxy
 //! coincides with the device). `Y = M^-1 R K` gives `S = I - Y^T R`. With the ratio `t` of a spring's damping to its
 //! stiffness, `K' = S K S^T + Y^T Y` and `B' = S B S^T + Y^T t Y`.
 //!
@@ -33,14 +33,14 @@ use sim::DeviceModel;
 
 /// The spring and the damper between one device and its proxy, in the units of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Link {
+pub struct Spring {
     /// Stiffness (N/m), above zero.
     pub stiffness: f64,
     /// Damping (N s/m).
     pub damping: f64,
 }
 
-impl Link {
+impl Spring {
     /// The largest stiffness and damping that the device's driver recommends.
     pub fn recommended(device: &DeviceModel) -> Self {
         Self {
@@ -52,7 +52,7 @@ impl Link {
 
 /// Couples one body to the devices of its handles.
 pub struct VirtualCoupling {
-    links: Vec<Link>,
+    links: Vec<Spring>,
     /// The lever arm (m) at which a spring resists a turn.
     length: f64,
     /// The diagonals of `R` and `t`.
@@ -72,7 +72,7 @@ pub struct VirtualCoupling {
 
 impl VirtualCoupling {
     /// A coupling with one link for each handle.
-    pub fn new(links: Vec<Link>) -> Self {
+    pub fn new(links: Vec<Spring>) -> Self {
         let size = 6 * links.len().min(MAX_HANDLES);
         let zeros = || Square::zeros(size);
         Self {
@@ -93,12 +93,12 @@ impl VirtualCoupling {
     }
 
     /// The links, by handle.
-    pub(super) fn links(&self) -> &[Link] {
+    pub(super) fn links(&self) -> &[Spring] {
         &self.links
     }
 
     /// Sets the lever arm `length` (m) at which the springs resist turns. The coupling does not resist the turns of a
-    /// handle where the body does not resist them.
+    /// handle if the body does not resist them.
     pub(crate) fn set_length(&mut self, length: f64) {
         self.length = length;
     }
@@ -127,7 +127,7 @@ impl VirtualCoupling {
         let arm = self.length;
         let rows = self.root.iter_mut().zip(&mut self.ratio).enumerate();
         for (slot, (root, ratio)) in rows {
-            let Link { stiffness, damping } = self.links[slot / 6];
+            let Spring { stiffness, damping } = self.links[slot / 6];
             let lever = if slot % 6 < 3 { 1.0 } else { arm };
             *root = 1.0 / (lever * stiffness.sqrt());
             *ratio = damping / stiffness;

@@ -1,4 +1,4 @@
-//! What a viewer is told of a run or of a log. All quantities are in SI units, in the axes of the scene; times in ns
+//! The frames of a run or of a log, as viewers receive them. All quantities are in SI units, in the axes of the scene; times in ns
 //! are integers since the start of the run.
 
 use super::Range;
@@ -14,7 +14,7 @@ pub const PROTOCOL: &str = "palpate.view/1";
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
-    /// A run that goes on.
+    /// A run that is under way.
     #[default]
     Run,
     /// A log that is played back.
@@ -106,13 +106,13 @@ pub struct Frame {
     pub time_ns: u64,
     /// The ticks since the frame before.
     pub folded: Folded,
-    /// Totals since the start of the run. Of a log, those up to this moment where they are known.
+    /// Totals since the start of the run. Of a log, those up to this moment if they are known.
     pub totals: Totals,
     /// The hands at the last tick, by device.
     pub hands: Vec<Hand>,
     /// The bodies at the last tick.
     pub bodies: Vec<BodyState>,
-    /// The host; `None` where nothing is known, as in a log.
+    /// The host; `None` if nothing is known, as in a log.
     pub host: Option<HostCounts>,
     /// The events since the frame before, in order.
     pub events: Vec<Event>,
@@ -275,7 +275,7 @@ pub struct BodyState {
     pub energy: BTreeMap<String, f64>,
     /// Ticks in which the cap reduced a force.
     pub capped_ticks: u64,
-    /// The deformed vertices, where the frame has them. Without them, the vertices of the frame before are still valid.
+    /// The deformed vertices, if the frame has them. Without them, the vertices of the frame before are still valid.
     pub vertices: Option<Vertices>,
 }
 
@@ -295,7 +295,7 @@ pub struct Vertices {
     /// Positions (m), three numbers a vertex: those of the step, rounded to `f32`. In the binary part.
     #[serde(skip)]
     pub positions: Vec<f32>,
-    /// Von Mises stress (Pa) by vertex: the mean over the elements around the vertex. Empty where `stressed` is
+    /// Von Mises stress (Pa) by vertex: the mean over the elements around the vertex. Empty if `stressed` is
     /// false. In the binary part.
     #[serde(skip)]
     pub stress: Vec<f32>,
@@ -350,10 +350,10 @@ pub struct Playback {
     pub complete: bool,
     /// Whether the log has frames of the bodies.
     pub has_frames: bool,
-    /// What the log lacks, in words for people; empty for a log that has everything.
+    /// The missing parts of the log, in words for people; empty for a log that has everything.
     pub notes: Vec<String>,
-    /// All events of the log. Empty where nothing changed since the message before.
+    /// All events of the log. Empty if nothing changed since the message before.
     pub events: Vec<Event>,
-    /// The whole log in a few hundred pieces, for the timeline. Empty where nothing changed since the message before.
+    /// The whole log in a few hundred pieces, for the timeline. Empty if nothing changed since the message before.
     pub overview: Vec<Folded>,
 }

@@ -4,7 +4,7 @@
 //! files. The observer of a run and the playback of a log use the same gatherer, so a run and its log look the same. Its
 //! totals come from the code and the histograms of the summary.
 //!
-//! A gatherer does not know the host and the deformed vertices. Whoever asks for the frame adds them.
+//! A gatherer does not know the host and the deformed vertices. The caller that asks for the frame adds them.
 
 mod bins;
 mod events;
@@ -60,7 +60,7 @@ pub struct Gatherer {
     sums: Vec<DeviceSum>,
     lateness: LatencyHistogram,
     ages: Vec<LatencyHistogram>,
-    /// Computing time of a tick, where somebody measures it.
+    /// Computing time of a tick, if it is measured.
     tick_time: Option<LatencyReader>,
     watch: Watch,
     /// The tick with the largest lateness: lateness (ns), number, time (ns).
@@ -153,7 +153,7 @@ impl Gatherer {
     }
 
     /// Counts the deadlines that were missed and the records that were lost since the last tick. Returns the missed
-    /// deadlines. A missed deadline advances the time without a tick. Where records are lost, all deadlines missed in
+    /// deadlines. A missed deadline advances the time without a tick. If records are lost, all deadlines missed in
     /// the gap count as missed in a row.
     fn count_gap(&mut self, tick: &TickView<'_>) -> u64 {
         let Some((number, time_ns)) = self.last.tick else {

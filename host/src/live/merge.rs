@@ -8,7 +8,7 @@ pub const MAX_LOG: usize = 256 << 10;
 
 impl Frame {
     /// Adds the curves, the events and the log's messages of `older`, the frame before, which the viewer did not take.
-    /// Where this frame has no vertices of a body, it takes those of `older`. The frame then counts `older` and the
+    /// If this frame has no vertices of a body, it takes those of `older`. The frame then counts `older` and the
     /// frames that `older` counts as dropped.
     ///
     /// Of the events, the first [`MAX_EVENTS`] are kept, and of the log's messages the first that have at most
@@ -56,7 +56,7 @@ impl Frame {
     }
 }
 
-/// The number of the first messages that fit beside `taken` bytes.
+/// The number of the first messages that fit in addition to `taken` bytes.
 fn fitting(taken: usize, messages: &[LogMessage]) -> usize {
     let mut bytes = taken;
     let fits = messages.iter().take_while(|message| {

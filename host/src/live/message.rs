@@ -226,7 +226,7 @@ fn put_floats(values: &[f32], bytes: &mut Vec<u8>) {
     let start = bytes.len();
     bytes.resize(start + 4 * values.len(), 0);
     let room = bytes.get_mut(start..).unwrap_or_default();
-    // One copy of the whole, where the processor is little-endian.
+    // One copy of the whole, if the processor is little-endian.
     for (four, value) in room.as_chunks_mut().0.iter_mut().zip(values) {
         *four = value.to_le_bytes();
     }

@@ -1,4 +1,4 @@
-//! A run as others see it while it goes on: frames, and the messages that carry the frames to viewers.
+//! A run as viewers see it while it is under way: frames, and the messages that carry the frames to viewers.
 //!
 //! A **frame** ([`Frame`]) is the state of a run at one moment: the hands, the states of bodies and host, the deformed
 //! vertices, and the least and the greatest value of each curve over the ticks since the frame before, so that no spike

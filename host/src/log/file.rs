@@ -4,6 +4,7 @@
 //! so that the log of a killed process blocks nobody.
 
 use super::LogError;
+use plot::atomic_file::is_at;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -42,7 +43,7 @@ impl LogFile {
                 Err(TryLockError::Error(error)) => return Err(failed(error)),
             }
             // Between opening and locking, the previous writer may have removed the file.
-            if !is_at(&file, path) {
+            if !file.metadata().is_ok_and(|open| is_at(&open, path)) {
                 continue;
             }
             let unused = Unused(if new {
@@ -87,22 +88,6 @@ impl Drop for Unused {
             let _ = fs::remove_file(path);
         }
     }
-}
-
-/// Whether `path` still names this open file.
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    match (file.metadata(), fs::metadata(path)) {
-        (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),
-        _ => false,
-    }
-}
-
-/// Without the number of a file there is nothing to compare.
-#[cfg(not(unix))]
-fn is_at(_: &File, _: &Path) -> bool {
-    true
 }
 
 #[cfg(test)]

@@ -52,7 +52,7 @@ pub(super) fn facts(index: usize, limits: &Capabilities) -> BTreeMap<String, Str
 /// Reads the metadata of the device of this index.
 ///
 /// # Errors
-/// [`LogError::Limits`] where a field is missing, or has a value that no device has.
+/// [`LogError::Limits`] if a field is missing, or has a value that no device has.
 pub(super) fn parse(
     index: usize,
     facts: &BTreeMap<String, String>,

@@ -1,4 +1,4 @@
-//! The overview of a log: the run in pieces of half a second, its events and its totals. The writer of a log attaches
+//! The overview of a log: the run in intervals of half a second, its events and its totals. The writer of a log attaches
 //! the overview at the end, so that a player shows the whole run without reading the ticks.
 
 use crate::live::gather::{Checkpoint, Gatherer, TickView};
@@ -13,7 +13,7 @@ pub const SCHEMA: &str = "palpate.overview/1";
 const PIECE_NS: u64 = 500_000_000;
 /// Most pieces. A longer run has longer pieces: an hour of half seconds fits.
 const MOST_PIECES: usize = 8192;
-/// Most events beside the worst tick.
+/// Most events in addition to the worst tick.
 pub const MOST_EVENTS: usize = 1000;
 
 /// The overview of a log.
@@ -22,7 +22,7 @@ pub struct Overview {
     /// [`SCHEMA`].
     pub schema: String,
     /// The run in pieces, in order.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<Interval>,
     /// The first events and the worst tick, in order.
     pub events: Vec<Event>,
     /// Events that are left out because there were too many.
@@ -33,7 +33,7 @@ pub struct Overview {
 
 /// A part of the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Piece {
+pub struct Interval {
     /// Its ticks, folded.
     pub folded: Folded,
     /// The sums from the start of the run to its last tick.
@@ -44,7 +44,7 @@ pub struct Piece {
 #[derive(Clone, Debug)]
 pub struct OverviewBuilder {
     gatherer: Gatherer,
-    pieces: Vec<Piece>,
+    pieces: Vec<Interval>,
     piece_ns: u64,
     /// Time at which the present piece ends (ns); `None` before the first tick.
     until_ns: Option<u64>,
@@ -91,7 +91,7 @@ impl OverviewBuilder {
         if folded.ticks == 0 {
             return;
         }
-        self.pieces.push(Piece { folded, sums });
+        self.pieces.push(Interval { folded, sums });
         if self.pieces.len() >= MOST_PIECES {
             self.piece_ns = self.piece_ns.saturating_mul(2);
             let pieces = std::mem::take(&mut self.pieces);
@@ -125,7 +125,7 @@ impl OverviewBuilder {
     }
 }
 
-impl Piece {
+impl Interval {
     /// Number of the piece among pieces of this length (ns).
     fn number(&self, piece_ns: u64) -> u64 {
         self.folded.from_ns / piece_ns
@@ -138,7 +138,7 @@ impl Piece {
     }
 }
 
-/// At most `most` pieces, each of which joins some neighbours of `pieces`.
+/// At most `most` intervals. Each of them joins some neighbours of `pieces`.
 pub fn at_most<'a>(most: usize, pieces: impl ExactSizeIterator<Item = &'a Folded>) -> Vec<Folded> {
     let each = pieces.len().div_ceil(most.max(1)).max(1);
     let mut joined: Vec<Folded> = Vec::new();
@@ -163,7 +163,7 @@ impl Overview {
             // A viewer prints it.
             event.text = printable(&event.text);
         }
-        let in_order = |pair: &[Piece]| match pair {
+        let in_order = |pair: &[Interval]| match pair {
             [a, b] => a.folded.to_ns < b.folded.from_ns && a.folded.last < b.folded.first,
             _ => true,
         };

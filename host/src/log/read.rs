@@ -1,4 +1,4 @@
-//! A log that is read whole into memory, for tests and for programs that look at all ticks at once.
+//! A whole log in memory, for tests and for programs that look at all ticks at once.
 
 use super::index::{IndexError, LogIndex};
 use crate::record::{ModelRow, TearEvent, TickRow};

@@ -20,7 +20,7 @@ pub(super) fn parse(opcode: u8, data: &[u8]) -> Result<Record<'_>, McapError> {
     }
 }
 
-/// `None` where a text of the record would end after the record.
+/// `None` if a text of the record would end after the record.
 fn lengths(opcode: u8, data: &[u8]) -> Option<()> {
     let mut rest = Rest(data);
     match opcode {

@@ -95,7 +95,7 @@ impl<F: FnMut(&'static str, &'static str, Leaf<'_>)> Visitor for Each<F> {
     }
 }
 
-/// What a message is made of.
+/// A part of a message.
 pub trait Record {
     /// A record without content.
     fn empty() -> Self;
@@ -130,7 +130,7 @@ pub(super) use fields;
 
 /// Implements [`Record`] for a struct by the list of all its fields, whose entries are those of [`fields`]. Before the
 /// list stand the struct, a record without content, and a function that checks what the fields have to do with each
-/// other, where there is one.
+/// other, if there is one.
 macro_rules! record {
     ($type:ty: $empty:expr $(, $check:path)?;
         $($($line:literal)? $($name:ident $(: $kind:ident $($part:literal)?)?)?;)*) => {

@@ -1,9 +1,9 @@
-//! A frame of a body: the facts beside its point cloud ([`super::cloud`]).
+//! A frame of a body: its facts in addition to its point cloud ([`super::cloud`]).
 
 use super::field::{Record, Visitor, definition, fields, record};
 use super::kind::Kind;
 
-/// The facts beside the positions of a frame of a body.
+/// The facts of a frame of a body in addition to the positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BodyFrame {
     /// Index of the body.

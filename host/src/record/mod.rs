@@ -1,10 +1,10 @@
-//! Records: what a run tells of itself, as plain data.
+//! Records: the output of a run, as plain data.
 //!
 //! The host makes them; the log, the viewers, the tables and the summary take them. This room stands at the ground of the host:
 //! it imports no other of its rooms.
 //!
 //! A kind of record is one file: its fields, its channel and the definition of its messages ([`Kind`], [`field::Record`]),
-//! and its columns in a table. Whoever writes, reads, compares or shows records follows these lists.
+//! and its columns in a table. Code that writes, reads, compares or shows records follows these lists.
 
 pub(crate) mod cdr;
 pub(crate) mod cloud;

@@ -25,7 +25,7 @@ pub struct ModelRow {
     /// Numbers of the blocks, rows first.
     stiffness: Vec<f64>,
     damping: Vec<f64>,
-    /// One where the body is torn or a tear limits the extrapolation, none otherwise.
+    /// One if the body is torn or a tear limits the extrapolation, none otherwise.
     tear: Vec<Torn>,
 }
 
@@ -116,7 +116,7 @@ impl ModelRow {
     }
 }
 
-/// Where the numbers of a matrix of so many handles lie, rows first: handle and row, then handle and column.
+/// The position of each number of a matrix over `handles` handles, rows first: handle and row, then handle and column.
 fn places(handles: usize, block: usize) -> impl Iterator<Item = [(usize, usize); 2]> {
     let size = handles * block;
     let places = (0..size).flat_map(move |r| (0..size).map(move |c| [r, c]));

@@ -24,7 +24,7 @@ pub struct TearEvent {
     pub at: Vec3,
     /// Where the opened edge ends at rest (m): at the new tip, or at the border that the tear met.
     pub end: Vec3,
-    /// The new tip, and that of the growth to the other side; `u32::MAX` where there is none.
+    /// The new tip, and that of the growth to the other side; `u32::MAX` if there is none.
     pub tips: [u32; 2],
     /// Length of the opened edges at rest (m).
     pub length: f64,
@@ -37,7 +37,7 @@ pub struct TearEvent {
 }
 
 impl TearEvent {
-    /// What a person should hear of, in words; `None` for an edit by which a tear only goes on. `pieces` is the number of
+    /// The event in words for people; `None` for an edit by which a tear only grows. `pieces` is the number of
     /// pieces before.
     pub fn words(&self, pieces: u32) -> Option<String> {
         if self.pieces > pieces {

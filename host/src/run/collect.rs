@@ -44,7 +44,7 @@ pub(super) struct Collector {
     spans: Vec<Span>,
     tears: TearEvents,
     tear_forces: TearForces,
-    /// What a plot shows, if there is one.
+    /// The samples of the plot, if there is one.
     samples: Option<(Samples, Marks)>,
     ticks: u64,
     end: f64,
@@ -253,7 +253,7 @@ pub(super) struct Collected {
     pub totals: Vec<DeviceTotals>,
     /// Stretches of time in which a device or a body was not in its normal state, at most a thousand.
     pub spans: Vec<Span>,
-    /// The force at the tears of each body; `None` where nothing tore.
+    /// The force at the tears of each body; `None` if nothing tore.
     pub tear_forces: Vec<Option<TearForce>>,
     /// By device.
     pub states: Vec<States>,

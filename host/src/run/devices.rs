@@ -88,7 +88,7 @@ fn accepted(loaded: &LoadedScene, registry: &Registry, index: usize) -> Result<(
     }
 }
 
-/// Opens a device with the driver that it names. The driver leaves what it tells in `notes`.
+/// Opens a device with the driver that it names. The driver adds its notes to `notes`.
 fn open_one(
     loaded: &LoadedScene,
     registry: &Registry,

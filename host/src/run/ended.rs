@@ -124,7 +124,7 @@ impl fmt::Display for Rates {
     }
 }
 
-/// What to say of a device without a usable reading in most of its ticks.
+/// The message about a device without a usable reading in most of its ticks.
 fn no_readings(device: &Device, missed: u64, ticks: u64, rates: &Rates) -> String {
     let name = &device.name;
     let head =

@@ -13,7 +13,7 @@ use crate::run::panics;
 use crate::scene::Scene;
 use crate::snapshot::{Contents, Missing, Policy, Reader, Schedule, Snapshot, Subscriber, When};
 use crate::solve::frames::FrameFolder;
-use crate::solve::{Frame, snapshot};
+use crate::solve::{Frame, grid};
 use crate::world::{Built, World};
 use physics::{BodyError, TearingError, Vec3};
 use std::path::PathBuf;
@@ -224,7 +224,7 @@ impl Drawn {
                 body: &self.names[index],
                 number: taken.number,
                 at: taken.time_ns as f64 / 1e9,
-                snapshot: snapshot::of_body(built, &self.rest[index], true),
+                grid: grid::of_body(built, &self.rest[index], true),
             })?;
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! The forces that were held below what they would have been, in plain words: whose force, for how long, by how much,
+//! The forces that did not reach the hand whole, in plain words: whose force, for how long, by how much,
 //! when, and why. The numbers are those of the tick (`rt_core::held_back`).
 
 use super::summary::HeldBackSummary;

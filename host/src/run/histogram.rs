@@ -40,7 +40,7 @@ pub(super) fn write(
 }
 
 /// The steps of a distribution, in ascending order: a time (ns), and the number of values up to this time, all smaller
-/// ones included. The last step has all values; where values lie beyond the histogram, its time is the largest value.
+/// ones included. The last step has all values; if values lie beyond the histogram, its time is the largest value.
 fn steps(histogram: &LatencyHistogram) -> Vec<(u64, u64)> {
     let mut up_to = 0;
     let mut steps: Vec<_> = histogram

@@ -21,7 +21,7 @@ pub(super) struct LoadCurveObserver {
     taken: u64,
 }
 
-/// One device: where its proxy was, and the force of the hand on the body.
+/// One device: the positions of its proxy, and the forces of the hand on the body.
 struct Samples {
     name: String,
     /// Metres of the scene per metre of the device.
@@ -130,7 +130,7 @@ mod tests {
         assert_eq!(forces.collect::<Vec<_>>(), [6.0, 3.0]);
     }
 
-    /// The force of the first model fades in where the hand rests: that is no part of the curve.
+    /// The force of the first model fades in while the hand rests: that is no part of the curve.
     #[test]
     fn the_curve_begins_when_the_first_force_has_faded_in() {
         let loaded = Scene::embedded_default().expect("the built-in scene");

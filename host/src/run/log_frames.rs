@@ -32,7 +32,7 @@ pub fn check_rate(rate: f64, scene: &Scene) -> Result<(), FrameRateError> {
 /// The log's end: writes the frames.
 pub(super) struct LogFrames {
     snapshots: Reader,
-    /// By body: the mesh, of which surfaces are made, and the topology epoch of the last surface.
+    /// By body: the mesh from which surfaces are made, and the topology epoch of the last surface.
     meshes: Vec<(Mesh, Option<u32>)>,
     /// Positions (m) as the log has them.
     positions: Vec<f32>,
@@ -111,7 +111,7 @@ impl LogFrames {
         Ok(())
     }
 
-    /// What to say of frames that the log lacks; `None` if it has them all.
+    /// The note about frames that the log lacks; `None` if the log has all frames.
     pub(super) fn lacks(&self) -> Option<String> {
         let [unwritten, skipped] = self.snapshots.missing().counts();
         (unwritten + skipped > 0).then(|| {

@@ -28,7 +28,7 @@ pub(super) struct LogObserver {
     failure: Option<LogError>,
     /// The frames of the bodies; `None` for a log without frames.
     frames: Option<LogFrames>,
-    /// What tears.
+    /// The edits of the sheets that tear.
     tears: TearEvents,
     /// The overview at the end of the log.
     overview: OverviewBuilder,

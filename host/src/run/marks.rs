@@ -13,7 +13,7 @@ const GAP: f64 = 0.02;
 /// Longest time from one edge to the next in an interval in which a tear grows (s). Hands tear some hundred edges a
 /// second at most, and ten a second are felt as one tear.
 const TEARING: f64 = 0.1;
-/// Most intervals that are kept. Where there are more, neighbours of one cause become one: a picture of a long run does not
+/// Most intervals that are kept. If there are more, neighbours of one cause become one: a picture of a long run does not
 /// show the gaps between them.
 const MOST: usize = 1 << 13;
 
@@ -31,7 +31,7 @@ pub(super) struct Marks {
 
 impl Marks {
     pub(super) fn new(device_names: &[String], body_names: &[String]) -> Self {
-        // A name says nothing where there is one only.
+        // A name says nothing if there is one only.
         let named = |names: &[String]| match names.len() {
             1 => vec![String::new()],
             _ => names.to_vec(),

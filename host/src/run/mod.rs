@@ -93,7 +93,7 @@ pub struct RunOptions {
     pub histogram: Option<PathBuf>,
     /// Frames of the deformed bodies; `None` for a run without frames.
     pub frames: Option<FrameOptions>,
-    /// Lets viewers watch the run; `None` for a run that nobody can watch.
+    /// Lets viewers watch the run; `None` for a run without viewers.
     pub view: Option<ViewOptions>,
     /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
@@ -218,7 +218,7 @@ pub fn run(
     run_watched(world, options, Observers::new(), progress)
 }
 
-/// As `run`, with the observers `others` in addition to the summary and the log.
+/// Runs a world as `run` does, with the observers `others` in addition to the summary and the log.
 ///
 /// # Errors
 /// [`RunError`].
@@ -336,7 +336,7 @@ pub fn run_watched(
     Ok(summary)
 }
 
-/// What to say of a run whose steps take longer than its scene allows.
+/// The note about a run whose steps take longer than its scene allows.
 pub fn slow_warning(loaded: &LoadedScene, options: &RunOptions, slow: StepTime) -> String {
     let duration = options.duration.unwrap_or(loaded.scene.duration);
     slow.warning(
@@ -372,7 +372,7 @@ fn prepare(
     Ok(prepared)
 }
 
-/// What a log is begun with: its file, its header, and the frames of the bodies, where it has them.
+/// The parts from which a log begins: its file, its header, and the frames of the bodies, if it has them.
 type LogParts = (LogFile, LogHeader, Option<LogFrames>);
 
 /// The observers `others`, the one that collects for summary and plot, and the log. `logged` is the number of ticks in
@@ -409,7 +409,7 @@ fn observers(
     Ok(observers.with(log))
 }
 
-/// Writes the plot and the summary to the files that `options` names, and adds what cannot be written to the failures
+/// Writes the plot and the summary to the files that `options` names. A file that cannot be written is one of the failures
 /// of the summary.
 fn write_files(
     loaded: &LoadedScene,
@@ -453,7 +453,7 @@ fn header(
     }
 }
 
-/// The facts of a run with `seed` that its log and its viewers are told, by name.
+/// The facts of a run with `seed` for its log and its viewers, by name.
 pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<String, String> {
     let facts = [
         ("scene", loaded.scene.name.clone()),
@@ -469,7 +469,7 @@ pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<
         .collect()
 }
 
-/// The instructions that the linear algebra uses. Two runs of the same program give equal bytes where these are
+/// The instructions that the linear algebra uses. Two runs of the same program give equal bytes if these are
 /// equal.
 fn instructions(code: FactorCode) -> String {
     let mut path = std::env::consts::ARCH.to_owned();

@@ -1,4 +1,4 @@
-//! The observers of a run: each of them is given every record.
+//! The observers of a run. Each observer receives every record.
 //!
 //! The summary and the log are observers. The caller of a run may add others ([`super::run_watched`]). Under the real
 //! clock the observers work on the log's thread, fifty times a second. The tick does not depend on them.
@@ -14,7 +14,7 @@ pub struct Observed {
     pub(super) collected: Collected,
     /// The failures that ended an observer before the end of the run.
     pub failures: Vec<String>,
-    /// What the outputs lack although nothing failed, and why.
+    /// The missing parts of outputs that did not fail, with their causes.
     pub degradations: Vec<String>,
     /// The files that could not be written. The reasons are among the failures.
     pub unwritten: Vec<PathBuf>,
@@ -32,7 +32,7 @@ pub trait Observer: Send {
     fn finish(self: Box<Self>, observed: &mut Observed);
 }
 
-/// The observers of a run, in the order in which they are given each record.
+/// The observers of a run, in the order in which they receive each record.
 #[derive(Default)]
 pub struct Observers(Vec<Box<dyn Observer>>);
 

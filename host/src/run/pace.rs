@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 /// Longest sleep before the caller is asked again.
 const SLICE: Duration = Duration::from_millis(16);
-/// Shortest sleep. A run that is less ahead goes on.
+/// Shortest sleep. A run that is less ahead does not sleep.
 const SHORTEST: Duration = Duration::from_millis(1);
 
 /// Holds a run back.

@@ -38,7 +38,7 @@ pub fn note(info: &PanicHookInfo<'_>) -> bool {
 /// Does `work`, whose caller reports a panic.
 ///
 /// # Errors
-/// The text of the panic, where `work` panics.
+/// The text of the panic, if `work` panics.
 pub fn caught<R>(work: impl FnOnce() -> R) -> Result<R, String> {
     let outer = CAUGHT.replace(true);
     let ended = catch_unwind(AssertUnwindSafe(work));
@@ -46,7 +46,7 @@ pub fn caught<R>(work: impl FnOnce() -> R) -> Result<R, String> {
     ended.map_err(|panic| text(&*panic))
 }
 
-/// The message of a panic, with its place where a hook has noted it.
+/// The message of a panic, with its place if a hook has noted it.
 pub fn text(panic: &(dyn Any + Send)) -> String {
     let message = message(panic);
     let latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! What a session of a world needs, before its first tick.
+//! Prepares a session of a world, before its first tick.
 
 use super::devices;
 use super::slow_host::{SlowWatch, StepTime};
@@ -35,7 +35,7 @@ const PATIENCE: f64 = 5.0;
 const LEAST_PATIENCE: f64 = 2.0;
 
 /// Times of a run, in integer nanoseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timing {
     /// The tick's period (ns).
     pub period_ns: u64,
@@ -91,9 +91,9 @@ pub struct Prepared {
     pub engine: Engine,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
-    /// Who is told of each step.
+    /// The subscribers to the host steps.
     pub subscribers: Subscribers,
-    /// How the run is watched, if it is.
+    /// The viewers' access to the run, if there is one.
     pub view: Option<HostView>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
@@ -101,7 +101,7 @@ pub struct Prepared {
     pub slow: SlowWatch,
     /// The times of the run.
     pub timing: Timing,
-    /// What the drivers of the devices tell, one sentence each.
+    /// The notes of the drivers, one sentence each.
     pub told: Vec<String>,
 }
 
@@ -114,7 +114,7 @@ impl Prepared {
         Self::told(world, options, &mut |_| ())
     }
 
-    /// As `new`. `stage` is given each stage of the preparation when it begins.
+    /// Prepares a session as `new` does. `stage` receives each stage of the preparation when it begins.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -143,15 +143,10 @@ impl Prepared {
         };
         let engine = Engine::new(build::bodies(world, how)?).on(scene.host.threads);
         let (devices, told) = devices::open(world, options.seed, options.real)?;
-        let config = controller(world, &devices)?;
-        let (end, host, log) = link(&LinkConfig {
-            bodies: scene.bodies.len(),
-            handles: scene.devices.len(),
-            ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
-        });
+        let (tick, host, log) = connect(world, devices, scene.devices.len(), LinkConfig::STALL)?;
         let period = 1.0 / scene.realtime.rate;
         Ok(Self {
-            tick: TickLoop::new(Controller::new(&config), devices, end),
+            tick,
             host,
             log,
             engine,
@@ -170,7 +165,30 @@ impl Prepared {
     }
 }
 
-/// Checks what a run refuses before its first tick, beside the bodies, without opening a real device.
+/// The tick of a world with its open `devices`, and the other ends of its link, which has room for models of `handles`
+/// handles and for a `stall` (s).
+///
+/// # Errors
+/// As [`Prepared::new`].
+pub(super) fn connect(
+    world: &World<'_>,
+    devices: Vec<AnyDevice>,
+    handles: usize,
+    stall: f64,
+) -> Result<(TickLoop, HostEnd, LogEnd), SceneError> {
+    let scene = &world.loaded.scene;
+    let config = controller(world, &devices)?;
+    let (end, host, log) = link(&LinkConfig {
+        bodies: scene.bodies.len(),
+        handles,
+        stall,
+        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
+    });
+    let tick = TickLoop::new(Controller::new(&config), devices, end);
+    Ok((tick, host, log))
+}
+
+/// Makes the checks of a run before its first tick, except those of the bodies, without opening a real device.
 ///
 /// # Errors
 /// As [`Prepared::new`].
@@ -198,10 +216,7 @@ pub fn controls(
 ///
 /// # Errors
 /// As [`Prepared::new`].
-pub(super) fn controller(
-    world: &World<'_>,
-    devices: &[AnyDevice],
-) -> Result<ControllerConfig, SceneError> {
+fn controller(world: &World<'_>, devices: &[AnyDevice]) -> Result<ControllerConfig, SceneError> {
     let loaded = world.loaded;
     let scene = &loaded.scene;
     let period = 1.0 / scene.realtime.rate;
@@ -255,7 +270,7 @@ fn credited(loaded: &LoadedScene, index: usize) -> DeviceModel {
 /// Number of consecutive ticks of `period` (s) for which a device may stay silent before its force is removed.
 pub fn patience(model: &DeviceModel, period: f64) -> u32 {
     let ticks = PATIENCE / (f64::from(model.rate_hz) * period);
-    // Rounding must not add a tick where the device has the rate of the tick.
+    // Rounding must not add a tick if the device has the rate of the tick.
     (ticks - 1e-6).ceil().max(LEAST_PATIENCE) as u32
 }
 
@@ -376,7 +391,7 @@ fn check_grip(
     Err(loaded.source.error(&field, found, allowed))
 }
 
-/// The force that bears the grip of a device (N, device axes).
+/// The force of the motors that carries the weight of the grip (N, device axes).
 fn grip_force(spec: &spec::Device) -> Vec3 {
     -Vec3::from(spec.grip_weight.unwrap_or_default())
 }

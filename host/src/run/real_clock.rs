@@ -1,8 +1,8 @@
 //! A run under the real clock: the tick, the host and the log each on a thread of its own.
 //!
 //! The tick's thread is that of `runner`. The host's thread steps when a step is due, or at once when it is late. The
-//! log's thread empties its ring fifty times a second, and sixty times where viewers can watch the run. If the host panics, the tick continues: its force fades, and
-//! the summary reports the panic.
+//! log's thread empties its ring fifty times a second, and sixty times if viewers can watch the run. If
+//! the host panics, the tick continues: its force fades, and the summary reports the panic.
 
 use super::ended::{Ended, HostSide};
 use super::observer::{Observed, Observers};

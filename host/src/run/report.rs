@@ -292,7 +292,7 @@ fn unit(state: SafetyState) -> &'static str {
     }
 }
 
-/// What the system did not grant, and what that or a slow host left out.
+/// The notes about missing privileges and about steps that a slow host left out.
 fn degradations(scene: &Scene, clock: Clock, ended: &Ended) -> Vec<String> {
     let refused = ended.tick.degradations.iter().map(ToString::to_string);
     let mut found: Vec<_> = refused

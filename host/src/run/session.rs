@@ -9,12 +9,12 @@ use super::late::LateLink;
 use super::observer::Observed;
 use super::paced::{Host, Paced};
 use super::panics;
-use super::prepare::{Options, Prepared};
+use super::prepare::{Options, Prepared, Timing};
 use crate::engine::Engine;
 use crate::scene::SceneError;
 use crate::world::World;
 use core::convert::Infallible;
-use rt_core::Telemetry;
+use rt_core::{Telemetry, TickTime};
 use runner::TickLoop;
 use runner::link::{LogEnd, LogRecord};
 
@@ -38,14 +38,12 @@ use runner::link::{LogEnd, LogRecord};
 /// ```
 pub struct Session<H = Paced<LateLink>> {
     tick: TickLoop,
-    host: H,
+    pub(super) host: H,
     log: LogEnd,
-    /// The tick's period (ns).
-    period_ns: u64,
-    /// Ticks in the whole session, and those done.
-    of: u64,
+    timing: Timing,
+    /// Ticks done.
     ticks: u64,
-    /// The text of a panic of the host. The host then does nothing more, as under the real clock, and the ticks go on.
+    /// The text of a panic of the host. The host then does nothing more, as under the real clock, and the ticks continue.
     panicked: Option<String>,
 }
 
@@ -58,7 +56,7 @@ impl Session {
         Ok(Self::of(Prepared::new(world, options)?))
     }
 
-    /// A session of the parts that have been prepared.
+    /// A session of prepared parts.
     pub fn of(prepared: Prepared) -> Self {
         Self::with(prepared, |link| link, |host| host)
     }
@@ -74,7 +72,7 @@ impl Session {
         self.panicked.is_none().then(|| self.host.engine())
     }
 
-    /// Makes all ticks that are left, gives `sink` their records ([`records`](Self::records)), and ends.
+    /// Makes all remaining ticks, gives `sink` their records ([`records`](Self::records)), and ends.
     pub fn run(mut self, mut sink: impl FnMut(LogRecord<'_>)) -> Ended {
         while self.tick().is_some() {
             self.records(&mut sink);
@@ -84,12 +82,12 @@ impl Session {
 
     /// Ends, and releases the devices.
     pub fn end(mut self) -> Ended {
-        self.tick.release(self.ticks * self.period_ns);
+        self.tick.release(self.ticks * self.timing.period_ns);
         Ended {
             tick: self.tick.into(),
             host: self.host.into_side(),
             panicked: self.panicked,
-            stopped: self.ticks < self.of,
+            stopped: self.ticks < self.timing.ticks,
             observed: Observed::default(),
         }
     }
@@ -109,23 +107,15 @@ impl<H: Host> Session<H> {
     {
         let timing = prepared.timing;
         let (tick, log, paced) = Paced::of(prepared, link);
-        Self {
-            tick,
-            host: host(paced),
-            log,
-            period_ns: timing.period_ns,
-            of: timing.ticks,
-            ticks: 0,
-            panicked: None,
-        }
+        Self::beside(host(paced), (tick, log), timing)
     }
 
-    /// As [`tick`](Session::tick), of a host that can fail.
+    /// Makes a tick as [`tick`](Session::tick) does, with a host that can fail.
     ///
     /// # Errors
-    /// That of the host.
+    /// The error of the host.
     pub fn try_tick(&mut self) -> Result<Option<Telemetry>, H::Error> {
-        if self.ticks == self.of {
+        if self.ticks == self.timing.ticks {
             return Ok(None);
         }
         let now_ns = self.now_ns();
@@ -135,8 +125,27 @@ impl<H: Host> Session<H> {
                 Err(panic) => self.panicked = Some(panic),
             }
         }
+        Ok(Some(self.tick_at(now_ns.into(), 0)))
+    }
+}
+
+impl<H> Session<H> {
+    /// A session of a `host` and the tick with the log's end of its link.
+    pub(super) fn beside(host: H, (tick, log): (TickLoop, LogEnd), timing: Timing) -> Self {
+        Self {
+            tick,
+            host,
+            log,
+            timing,
+            ticks: 0,
+            panicked: None,
+        }
+    }
+
+    /// Makes the tick of `time`, which takes `took_ns`, with what the host has given it.
+    pub(super) fn tick_at(&mut self, time: TickTime, took_ns: u64) -> Telemetry {
         self.ticks += 1;
-        Ok(Some(self.tick.tick(now_ns)))
+        self.tick.timed(time, || took_ns)
     }
 
     /// Gives `sink` the telemetry of the ticks since the last call in order, and each model before the ticks that used it.
@@ -161,7 +170,7 @@ impl<H: Host> Session<H> {
 
     /// The time of the next tick (ns).
     pub fn now_ns(&self) -> u64 {
-        self.ticks * self.period_ns
+        self.ticks * self.timing.period_ns
     }
 
     /// The ticks done.

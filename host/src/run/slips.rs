@@ -1,5 +1,5 @@
 //! Detects the slips of a proxy against its hand. A hold that no hand had paid for has become true again at another pose
-//! (`rt_core`, module `slip`), and a person who reads the force against the pose of the hand must know that.
+//! (`rt_core`, module `slip`), and a person who reads the force against the pose of the hand must know of the slip.
 
 use rt_core::record::DeviceTelemetry;
 
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
     use rt_core::{Telemetry, Vec3};
 
-    /// The slips in a second of ticks, where the proxy has slipped by `length` (m) at each time (s).
+    /// The slips in a second of ticks in which the proxy has slipped by `length` (m) at each time (s).
     fn slips(length: impl Fn(f64) -> f64) -> Vec<Slip> {
         let [mut device, ..] = Telemetry::empty().devices;
         let mut watch = Watch::default();

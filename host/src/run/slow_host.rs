@@ -41,13 +41,13 @@ impl StepTime {
         self.took_ns > self.asked_ns
     }
 
-    /// What a step takes and what the scene asks for, in words.
+    /// The time of a step and the time that the scene allows, in words.
     pub fn in_words(&self) -> String {
         let [took, asked] = [self.took_ns, self.asked_ns].map(time);
         format!("a step takes about {took}, and the scene needs a step every {asked}")
     }
 
-    /// A warning for people, where a step takes too long: what will happen under `clock` (`None`: under either) in a run
+    /// A warning for people, if a step takes too long: what will happen under `clock` (`None`: under either) in a run
     /// of `duration` (s), and what to do on a machine with `cores` cores.
     pub fn warning(
         &self,
@@ -77,7 +77,7 @@ impl StepTime {
         )
     }
 
-    /// What to do where a step takes too long.
+    /// What to do if a step takes too long.
     fn advice(&self, scene: &Scene, cores: usize) -> String {
         let rate = two_digits_down(0.8e9 / self.took_ns.max(1) as f64);
         let threads = cores.min(4);
@@ -92,7 +92,7 @@ impl StepTime {
     }
 }
 
-/// Number of cores of this machine; zero where the system does not tell.
+/// Number of cores of this machine; zero if the system does not tell.
 pub fn cores() -> usize {
     Cores::of_this_machine().online.len()
 }

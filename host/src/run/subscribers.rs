@@ -1,4 +1,4 @@
-//! Who is told of each host step of a run. No subscriber changes the state of the run.
+//! The subscribers to the host steps of a run. No subscriber changes the state of the run.
 
 use super::tears::TearSender;
 use crate::engine::Engine;

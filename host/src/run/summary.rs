@@ -37,7 +37,7 @@ pub struct RunSummary {
     pub host: HostSummary,
     /// The devices, in the scene's order.
     pub devices: Vec<DeviceSummary>,
-    /// Forces that were held below what they would have been, by body or device and cause. A force counts where a hand
+    /// Forces that did not reach the hand whole, by body or device and cause. A force counts if a hand
     /// can notice the difference: more than 0.02 N and more than 1 % of it.
     pub held_back: Vec<HeldBackSummary>,
     /// The energy between the hands and each body.
@@ -168,7 +168,7 @@ pub struct DeviceSummary {
     pub port_work: Option<f64>,
     /// Largest distance from its first position (m).
     pub reach: f64,
-    /// Largest slip of its proxy (m): the displacement against the hand by which a hold that was not paid for became the
+    /// Largest slip of its proxy (m): the displacement against the hand by which a hold that no hand paid for became the
     /// true force of the body.
     pub slip: f64,
     /// Ticks with the force limited.
@@ -184,7 +184,7 @@ pub struct DeviceSummary {
     pub states_rate: f64,
     /// Rate of the device's states by its profile (Hz).
     pub profile_rate: f64,
-    /// Wrenches that the device itself refused, by its own count; `None` where the device does not tell.
+    /// Wrenches that the device itself refused, by its own count; `None` if the device does not tell.
     pub refused_wrenches: Option<u64>,
     /// Number of times that the device moved too fast.
     pub too_fast: u64,
@@ -204,12 +204,12 @@ pub struct DeviceSummary {
     pub device_faults: u64,
     /// Time that each read of the device took; `None` under virtual time.
     pub read: Option<Distribution>,
-    /// Time that each write took; `None` under virtual time. Where the device has a thread of its own, a write only hands
+    /// Time that each write took; `None` under virtual time. If the device has a thread of its own, a write only hands
     /// the wrench over.
     pub write: Option<Distribution>,
     /// Time from the reading of the encoders to the force that answers it, in the clock of the device. A device that is
     /// asked for each state and does not tell is measured from the request for a state to the request that brings the
-    /// force, in the clock of the program. `None` where neither is known.
+    /// force, in the clock of the program. `None` if neither is known.
     pub motion_to_force: Option<Distribution>,
     /// The first trip, if there was one.
     pub first_trip: Option<TripSummary>,

@@ -35,7 +35,7 @@ pub(super) struct Watch {
     pulls: Vec<Pull>,
     /// Times of the first and of the latest edge (s); none before a tear.
     edges: Option<[f64; 2]>,
-    /// A force is kept every so many ticks.
+    /// The number of ticks from one kept force to the next.
     every: u64,
     ticks: u64,
     /// Most forces of a device that are kept.
@@ -81,7 +81,7 @@ impl Watch {
         }
     }
 
-    /// Takes the tick at `time` (s), by which an edge has opened since the last tick or not. `force`: the norm of the force
+    /// Takes the tick at `time` (s), and whether an edge has opened since the last tick. `force`: the norm of the force
     /// of a device (N).
     pub(super) fn take(&mut self, time: f64, opened: bool, force: impl Fn(usize) -> f64) {
         let first = opened && self.edges.is_none();
@@ -121,7 +121,7 @@ impl Watch {
         }
     }
 
-    /// The force of the device that pulled hardest; `None` where nothing tore or no device holds the body.
+    /// The force of the device that pulled hardest; `None` if nothing tore or no device holds the body.
     pub(super) fn finish(&self) -> Option<TearForce> {
         let [from, to] = self.edges?;
         let hardest = (self.pulls.iter()).max_by(|a, b| a.peak.total_cmp(&b.peak))?;

@@ -1,4 +1,5 @@
-//! When a subscriber is due a snapshot: at a rate of the run's own time, or of the wall clock while somebody watches.
+//! The times at which a subscriber is due a snapshot: at a rate of the run's own time, or of the wall clock while a viewer
+//! is connected.
 
 use super::host::Medians;
 use super::ring::Missing;

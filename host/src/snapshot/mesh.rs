@@ -46,7 +46,7 @@ fn elements<const N: usize>(body: &Body) -> Vec<[u32; N]> {
         .collect()
 }
 
-/// The surface of a body of this `mesh` from the topology epoch on. The positions at rest stay those of `before` where
+/// The surface of a body of this `mesh` from the topology epoch on. The positions at rest stay those of `before` if
 /// the body has as many vertices; otherwise they are those of the mesh.
 pub(crate) fn after_change(before: &Surface, epoch: u32, mesh: &Mesh) -> Surface {
     let mut surface = Surface::of_mesh(before.body as usize, u64::from(epoch), mesh);

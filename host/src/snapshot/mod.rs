@@ -1,4 +1,4 @@
-//! Snapshots of a step: where the bodies are, for all who show or store them.
+//! Snapshots of a step: the positions of the bodies, for viewers, logs and files.
 //!
 //! After a step, the host copies the state of the bodies into a buffer for each subscriber that is due: the frames on
 //! disk, the log, the viewers. A [`Subscriber`] has its own times ([`When`]), its own ring of buffers with a rule for a
@@ -60,7 +60,7 @@ pub struct BodySnapshot {
     pub changed: Option<Box<Mesh>>,
 }
 
-/// What a subscriber needs beside the positions.
+/// The data that a subscriber needs in addition to the positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contents {
     /// Velocities and edits, for bodies of the subscriber's own that follow.
@@ -69,7 +69,7 @@ pub enum Contents {
     Surfaces,
 }
 
-/// What a subscriber knows of a body.
+/// The facts about a body that a subscriber has.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     epoch: u32,

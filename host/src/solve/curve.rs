@@ -16,8 +16,8 @@ pub fn has_load_curves(scene: &Scene) -> bool {
 impl Solution {
     /// A curve for each support that is displaced: its force on the body against its displacement.
     ///
-    /// A curve begins with the reaction to the weight where there is weight, and else with zero force, if the body has no
-    /// stress at rest.
+    /// A curve begins with the reaction to the weight. Without weight it begins with zero force, if the body has no stress
+    /// at rest.
     pub fn load_curves(&self) -> Vec<LoadCurve> {
         let mut curves = Vec::new();
         for body in &self.bodies {

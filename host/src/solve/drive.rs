@@ -1,15 +1,15 @@
 //! Drives one body to equilibrium or through time.
 //!
-//! A static solve has two stages where the scene has both weight and something that drives a body: the body settles
-//! under its weight while supports stay, then displacements and loads grow. With one of them only, that grows in the load
+//! A static solve has two stages if the scene has both weight and displacements or loads: first the body settles under
+//! its weight while supports stay, then displacements and loads grow. If only one of the two acts, it grows in the load
 //! steps.
 
+use super::grid;
 use super::result::{BodySolution, Extreme, Reaction, Row};
-use super::snapshot;
 use crate::scene::spec::solve::TimeScheme;
 use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
 use crate::world::{Built, Carrier, Grasp, grasps};
-use meshio::write_vtu::Snapshot;
+use meshio::write_vtu::UnstructuredGrid;
 use nalgebra::UnitQuaternion;
 use physics::mesh::{Cells, Mesh};
 use physics::{
@@ -35,7 +35,7 @@ enum Method {
 /// A body that is driven step by step.
 pub(super) struct Drive<'a> {
     spec: &'a BodySpec,
-    /// What holds the body: its first handles.
+    /// The supports that hold the body as handles: its first handles.
     grasps: Vec<Grasp>,
     built: Built,
     method: Method,
@@ -72,7 +72,7 @@ pub(super) fn settles_first(scene: &Scene) -> bool {
         && scene.bodies.iter().any(driven)
 }
 
-/// What a step took.
+/// The cost of a step.
 #[derive(Default)]
 struct Effort {
     substeps: usize,
@@ -259,7 +259,7 @@ impl<'a> Drive<'a> {
         (at, if at < self.ramp { at / self.ramp } else { 1.0 })
     }
 
-    /// After a failed step of a static solve: keeps the state of its last substep that succeeded; `None` where there is
+    /// After a failed step of a static solve: keeps the state of its last substep that succeeded; `None` if there is
     /// no such state.
     pub(super) fn halt(&mut self) -> Option<State> {
         let Method::Static(equilibrium) = &self.method else {
@@ -408,13 +408,13 @@ impl<'a> Drive<'a> {
 
     /// The largest von Mises stress of an element (Pa).
     fn largest_stress(&self) -> Extreme {
-        largest(snapshot::von_mises(&self.built).into_iter())
+        largest(grid::von_mises(&self.built).into_iter())
     }
 
     /// The present state of the body, with the positions of the deformed body.
-    pub(super) fn snapshot(&self) -> Snapshot {
+    pub(super) fn grid(&self) -> UnstructuredGrid {
         let moves = matches!(self.method, Method::Dynamic(_));
-        snapshot::of_body(&self.built, &self.rest, moves)
+        grid::of_body(&self.built, &self.rest, moves)
     }
 
     /// The solution of the body, in its present state.

@@ -8,10 +8,10 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 const LIST: &str = "frames.pvd";
-/// What a list begins with.
+/// The beginning of a list.
 const HEAD: &str =
     "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n";
-/// What a list ends with.
+/// The end of a list.
 const TAIL: &str = "</Collection>\n</VTKFile>\n";
 
 /// A folder of frames. Its list grows with each frame, so that it names the frames that are there, however the program
@@ -73,7 +73,7 @@ impl FrameFolder {
         let own = self.names.iter().find(|(body, _)| body == frame.body);
         let own = own.map_or_else(|| plain(frame.body), |(_, own)| own.clone());
         let file = format!("{own}_{:04}.vtu", frame.number);
-        write_atomically(&self.folder.join(&file), frame.snapshot.vtu().as_bytes())?;
+        write_atomically(&self.folder.join(&file), frame.grid.vtu().as_bytes())?;
         let line = format!(
             "<DataSet timestep=\"{:?}\" part=\"0\" file=\"{file}\"/>\n",
             frame.at
@@ -101,7 +101,7 @@ impl FrameFolder {
     }
 }
 
-/// Locks a folder. There is no lock where the system has none for folders.
+/// Locks a folder. There is no lock if the system has none for folders.
 fn lock(folder: &Path) -> io::Result<Option<File>> {
     let Ok(open) = File::open(folder) else {
         return Ok(None);
@@ -152,7 +152,7 @@ fn plain(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use meshio::write_vtu::Snapshot;
+    use meshio::write_vtu::UnstructuredGrid;
 
     #[test]
     fn the_names_of_the_files_are_known() {
@@ -200,7 +200,7 @@ mod tests {
                     body,
                     number: 7,
                     at: 0.5,
-                    snapshot: Snapshot::default(),
+                    grid: UnstructuredGrid::default(),
                 };
                 frames.keep(&frame).expect("a frame");
                 let line = [

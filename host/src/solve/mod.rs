@@ -7,15 +7,15 @@
 mod curve;
 mod drive;
 pub mod frames;
+pub mod grid;
 mod report;
 mod result;
-pub mod snapshot;
 mod table;
 
 use crate::scene::spec::Analysis;
 use crate::world::World;
 use drive::State;
-use meshio::write_vtu::Snapshot;
+use meshio::write_vtu::UnstructuredGrid;
 use physics::CondenseError;
 
 pub use curve::has_load_curves;
@@ -28,11 +28,11 @@ pub struct Frame<'a> {
     pub body: &'a str,
     /// Number of the frame, from 0 at rest.
     pub number: usize,
-    /// Time (s), or fraction of the displacements and loads. Where bodies settle under their weight first, rest is at -1
+    /// Time (s), or fraction of the displacements and loads. If bodies settle under their weight first, rest is at -1
     /// and the settled state is at 0.
     pub at: f64,
     /// Positions, displacement, velocity, stress, material.
-    pub snapshot: Snapshot,
+    pub grid: UnstructuredGrid,
 }
 
 /// The reason why a scene could not be solved at all. A solve that ends early is a [`Solution`] with a failure.
@@ -92,7 +92,7 @@ pub fn solve<E>(
                 body: &scene.bodies[index].name,
                 number,
                 at,
-                snapshot: drive.snapshot(),
+                grid: drive.grid(),
             })
             .map_err(SolveError::Frame)
         };

@@ -109,7 +109,7 @@ pub struct Row {
     pub refused: usize,
     /// Newton iterations.
     pub iterations: usize,
-    /// Final residual, relative to the forces that balance; 0 where nothing loads or moves the body and the residual is
+    /// Final residual, relative to the forces that balance; 0 if nothing loads or moves the body and the residual is
     /// only rounding.
     pub residual: f64,
     /// The largest motion of a node that rounding leaves undetermined (m), if rounding stopped the solve above its
@@ -127,7 +127,7 @@ pub struct Row {
     pub kinetic_energy: f64,
     /// The force (N) of each of [`BodySolution::reactions`].
     pub forces: Vec<[f64; 3]>,
-    /// The moment (N m) of each of [`BodySolution::reactions`], where it has one.
+    /// The moment (N m) of each of [`BodySolution::reactions`], if it has one.
     #[serde(skip)]
     pub moments: Vec<Option<[f64; 3]>>,
     /// Fraction of the displacements and loads that act.

@@ -29,7 +29,7 @@ pub struct Built {
     pub mesh: Mesh,
     /// Young's modulus by element (Pa).
     pub young: Vec<f64>,
-    /// Poisson's ratio by element; empty where the scene gives a thread none.
+    /// Poisson's ratio by element; empty if the scene gives a thread none.
     pub poisson: Vec<f64>,
     /// The body of the physics. Its supports are at rest and its loads act in full.
     pub body: Body,
@@ -92,7 +92,7 @@ pub(super) fn build(
     let mesh = &*notched.mesh;
     let material = material::build(loaded, index, mesh)?;
     let mut handles = handles(loaded, index, mesh, places, origins);
-    let parts = supports(loaded, index, mesh, &mut handles)?;
+    let constraints = supports(loaded, index, mesh, &mut handles)?;
     let tear = tear::build(loaded, index, &notched, &material.elements, &handles)?;
     let config = BodyConfig {
         gravity: Vec3::from(scene.gravity),
@@ -136,7 +136,7 @@ pub(super) fn build(
     }
     .map_err(|error| match error {
         BodyError::Clamp { number, found, .. } => {
-            let field = field_of_handle(loaded, index, &parts, number);
+            let field = field_of_handle(loaded, index, &constraints, number);
             unclamped(loaded, &field, found)
         }
         error => refuse(&error),
@@ -145,11 +145,11 @@ pub(super) fn build(
     let mut carriers = Vec::new();
     // The supports of the body, and the number of each in the scene.
     let (mut added, mut numbers) = (Vec::new(), Vec::new());
-    for (number, part) in parts.into_iter().enumerate() {
-        carriers.push(match part {
-            Part::Turned(handle) => Carrier::Handle(handle),
-            Part::Guided(vertices) if vertices.is_empty() => Carrier::Nothing,
-            Part::Guided(vertices) => {
+    for (number, constraint) in constraints.into_iter().enumerate() {
+        carriers.push(match constraint {
+            Constraint::Turned(handle) => Carrier::Handle(handle),
+            Constraint::Guided(vertices) if vertices.is_empty() => Carrier::Nothing,
+            Constraint::Guided(vertices) => {
                 added.push(SupportSpec {
                     vertices,
                     axes: spec.supports[number].axes,
@@ -191,8 +191,8 @@ pub(super) fn build(
     })
 }
 
-/// The part of the body that will carry a support.
-enum Part {
+/// The constraint that a support of the scene becomes.
+enum Constraint {
     /// The handle of this number.
     Turned(usize),
     /// A support of these vertices.
@@ -206,7 +206,7 @@ fn supports(
     index: usize,
     mesh: &Mesh,
     handles: &mut Vec<HandleSpec>,
-) -> Result<Vec<Part>, SceneError> {
+) -> Result<Vec<Constraint>, SceneError> {
     let supports = &loaded.scene.bodies[index].supports;
     let find = |(number, support): (usize, &spec::Support)| {
         let field = format!("body[{index}].support[{number}]");
@@ -218,7 +218,7 @@ fn supports(
         .enumerate()
         .map(find)
         .collect::<Result<_, _>>()?;
-    let mut parts: Vec<Option<Part>> = Vec::new();
+    let mut constraints: Vec<Option<Constraint>> = Vec::new();
     let spec = &loaded.scene.bodies[index];
     let mut names: Vec<_> = grasps(&loaded.scene, spec)
         .iter()
@@ -226,7 +226,7 @@ fn supports(
         .collect();
     for (number, (support, vertices)) in supports.iter().zip(&all).enumerate() {
         if support.rotation.is_none() {
-            parts.push(None);
+            constraints.push(None);
             continue;
         }
         let field = format!("body[{index}].support[{number}]");
@@ -237,7 +237,7 @@ fn supports(
         let border = support.border.into();
         handles.push(holding(vertices.clone(), mesh, Freedom::Rigid, border));
         names.push(this);
-        parts.push(Some(Part::Turned(handles.len() - 1)));
+        constraints.push(Some(Constraint::Turned(handles.len() - 1)));
     }
     placed_once(loaded, index, mesh, &all)?;
     let mut held = vec![false; mesh.positions().len()];
@@ -250,10 +250,12 @@ fn supports(
             .filter(|&v| !held[v as usize])
             .collect()
     };
-    Ok(parts
+    Ok(constraints
         .into_iter()
         .zip(all)
-        .map(|(part, vertices)| part.unwrap_or_else(|| Part::Guided(free(vertices))))
+        .map(|(constraint, vertices)| {
+            constraint.unwrap_or_else(|| Constraint::Guided(free(vertices)))
+        })
         .collect())
 }
 
@@ -302,9 +304,14 @@ fn placed_once(
 }
 
 /// The field of the scene from which the handle `number` of the body comes.
-fn field_of_handle(loaded: &LoadedScene, index: usize, parts: &[Part], number: usize) -> String {
-    let turned = |part: &Part| matches!(part, Part::Turned(handle) if *handle == number);
-    if let Some(support) = parts.iter().position(turned) {
+fn field_of_handle(
+    loaded: &LoadedScene,
+    index: usize,
+    constraints: &[Constraint],
+    number: usize,
+) -> String {
+    let turned = |constraint: &Constraint| matches!(constraint, Constraint::Turned(handle) if *handle == number);
+    if let Some(support) = constraints.iter().position(turned) {
         return format!("body[{index}].support[{support}]");
     }
     let grasps = grasps(&loaded.scene, &loaded.scene.bodies[index]);

@@ -1,5 +1,5 @@
-//! Grasps: what one device holds. The handles of a scene that name the same device are the places of one grasp, such as
-//! those of the prongs of a fork. The grasp is rigid: its places move with the device, and the hand feels the sum of their
+//! Grasps. A grasp is all that one device holds. The handles of a scene that name the same device are the places of one
+//! grasp, such as those of the prongs of a fork. The grasp is rigid: its places move with the device, and the hand feels the sum of their
 //! forces and, if the device renders moments, of their moments about the origin of the grasp.
 //!
 //! On one body, the places of a grasp are one handle of the physics. On several bodies, the grasp has one such handle on

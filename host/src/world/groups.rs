@@ -64,7 +64,7 @@ fn alike<'a>(groups: impl Iterator<Item = &'a Group>, name: &str) -> Vec<Equal<'
     each.collect()
 }
 
-/// The warnings about equal groups of a body's mesh, of which the scene names one.
+/// The warnings about equal groups of a body's mesh if the scene names one of them.
 pub(super) fn warnings(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
     let body = &loaded.scene.bodies[index];
     let named: Vec<&str> = (body.handles.iter().map(|place| &place.group))

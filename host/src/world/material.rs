@@ -16,7 +16,7 @@ pub(super) struct Materials {
     pub(super) bending: f64,
     pub(super) elements: Elements,
     pub(super) young: Vec<f64>,
-    /// Empty where the scene gives a thread none.
+    /// Empty if the scene gives a thread none.
     pub(super) poisson: Vec<f64>,
 }
 
@@ -31,7 +31,7 @@ pub(super) enum Elements {
 /// The values of each element, one vector each.
 struct Values {
     young: Vec<f64>,
-    /// Empty where the scene gives a thread none.
+    /// Empty if the scene gives a thread none.
     poisson: Vec<f64>,
     density: Vec<f64>,
     thickness: Vec<f64>,
@@ -115,7 +115,7 @@ pub(super) fn build(
     })
 }
 
-/// What is allowed where a body of this kind has no such thing.
+/// The allowed value of a field that a body of this kind does not have.
 fn none(kind: Kind) -> &'static str {
     match kind {
         Kind::Sheet | Kind::Woven => "no such field, because the mesh is a sheet",
@@ -144,7 +144,7 @@ fn check_kind(
         .error(&format!("{field}.{name}"), found, none(kind)))
 }
 
-/// Whether a body of this kind has what the scene says of it, and nothing more.
+/// Checks that the scene gives exactly the values that a body of this kind has.
 fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneError> {
     let body = &loaded.scene.bodies[index];
     let material = &body.material;
@@ -235,7 +235,7 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
     }
 }
 
-/// The values of each element: those of the mesh's fields where the scene names fields, otherwise the base values.
+/// The values of each element: those of the mesh's fields if the scene names fields, otherwise the base values.
 fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, SceneError> {
     let material = &loaded.scene.bodies[index].material;
     let fields = mesh.fields();

@@ -1,7 +1,7 @@
 //! The world: a scene, built once.
 //!
-//! A [`World`] has the bodies of the physics, what devices hold of them ([`Grasp`]), and where the devices stand
-//! ([`Mount`]). Everything after it takes a `&World`. Whoever moves a body clones it.
+//! A [`World`] has the bodies of the physics, the grasps of the devices ([`Grasp`]), and the mountings of the devices
+//! ([`Mount`]). Every later step of a run takes a `&World`. Code that moves a body clones it.
 //!
 //! This module makes the checks that need the mesh: groups that do not exist, empty boxes, the thickness of a
 //! solid. Their errors name the line and the field of the scene file, as all errors of a scene do.
@@ -83,13 +83,13 @@ impl<'a> World<'a> {
         })
     }
 
-    /// Brings copies of the bodies to where a run starts, at the first call: at rest under their weight and their loads
+    /// Brings copies of the bodies to the start of a run, at the first call: to rest under their weight and their loads
     /// while their handles are held.
     pub fn settle(&self) {
         self.settled();
     }
 
-    /// The body number `index` where a run starts ([`settle`](Self::settle)).
+    /// The body number `index` at the start of a run ([`settle`](Self::settle)).
     pub fn start(&self, index: usize) -> &Body {
         let settled = &self.settled()[index];
         settled.as_ref().unwrap_or(&self.bodies[index].body)

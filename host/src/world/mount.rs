@@ -1,11 +1,11 @@
-//! Where devices stand in the scene: their mountings, and where the handles that they hold are in their workspaces.
+//! The mountings of the devices in the scene, and the positions of their handles in their workspaces.
 
 use crate::scene::plausible::{START, Warning};
 use crate::scene::{LoadedScene, SceneError};
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
 
-/// Where a device stands: a position \\( x \\) of the device, in its own axes and metres, is the position
+/// The mounting of a device: a position \\( x \\) of the device, in its own axes and metres, is the position
 /// `origin + rotation * motion_scale * x` of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {

@@ -26,14 +26,14 @@ const TOLD: f64 = 0.02;
 /// The notches that can be cut.
 const INSIDE: &str = "a notch from the border into the sheet, or with both ends inside";
 
-/// What notches make of a mesh.
+/// A mesh with its notches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cuts {
     /// The vertices at which notches end inside the sheet, ascending.
     pub(super) tips: Vec<u32>,
     /// The vertices along notches, tips included, each with the number of its notch in the scene; ascending.
     pub(super) along: Vec<(u32, usize)>,
-    /// For each notch of the scene of which an end is elsewhere than the scene says: the end that is farthest off.
+    /// For each notch of the scene with an end at another position than in the scene: the end that is farthest off.
     moved: Vec<Moved>,
 }
 
@@ -83,7 +83,7 @@ impl Cuts {
             self.along.push((vertex, number));
             if let Origin::Twin { of } = surface.origin(vertex) {
                 self.along.push((of, number));
-                // An earlier notch ended there: the new notch goes on from its tip.
+                // An earlier notch ended there: the new notch continues from its tip.
                 self.tips.retain(|&tip| tip != of);
             }
         }

@@ -1,4 +1,4 @@
-//! What a scene asks of its devices: the scheme of the forces, and the port through which the account of energy sees a
+//! The demands of a scene on its devices: the scheme of the forces, and the port through which the account of energy sees a
 //! device.
 
 use crate::scene::spec::{Scene, SchemeName};

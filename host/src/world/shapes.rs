@@ -31,7 +31,7 @@ pub struct Needles {
     pub worst: Vec<usize>,
     /// The part of the area or the volume that the needles take, from 0 to 1.
     pub share: f64,
-    /// Where the forces of the body err: by how much, in words.
+    /// The directions in which the forces of the body err, and the size of the error, in words.
     pub harm: Option<String>,
     /// The name of one element.
     element: &'static str,

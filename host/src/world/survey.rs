@@ -1,5 +1,5 @@
 //! Warnings about the bodies of a scene that only their meshes show: their sizes, parts that they share, and bodies that
-//! lie in each other.
+//! overlap.
 
 use super::mesh::Notched;
 use super::mount::Mount;
@@ -108,8 +108,8 @@ fn overlap(a: &Bounds, b: &Bounds) -> bool {
         if smaller > OVERLAP * larger {
             return common > OVERLAP * smaller;
         }
-        // The smaller one is flat along this axis, so it overlaps where it lies inside, not on a face. Two flat ones
-        // overlap where they lie at the same height.
+        // The smaller one is flat along this axis, so it overlaps if it lies inside, not on a face. Two flat ones
+        // overlap if they lie at the same height.
         let deep = OVERLAP * larger;
         let inside = |flat: &Bounds, thick: &Bounds| {
             flat.min[axis] >= thick.min[axis] + deep && flat.max[axis] <= thick.max[axis] - deep

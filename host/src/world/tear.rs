@@ -1,4 +1,4 @@
-//! What a scene says about the tearing of a sheet, as the physics needs it: the law, the material, and the tips from
+//! The tearing of a sheet in a scene, in the form that the physics needs: the law, the material, and the tips from
 //! which tears grow.
 
 use super::material::Elements;
@@ -41,7 +41,7 @@ pub struct TearSpec {
 /// The tearing of a body, `None` for a body that does not tear.
 ///
 /// # Errors
-/// [`SceneError`], naming the line and the field, where a hand holds a notch, or the material differs within the body.
+/// [`SceneError`], naming the line and the field, if a hand holds a notch, or the material differs within the body.
 pub(super) fn build(
     loaded: &LoadedScene,
     index: usize,
@@ -120,9 +120,10 @@ fn mean_edge(sheet: &TriMesh) -> f64 {
     (sheet.area() / triangles * 4.0 / 3.0_f64.sqrt()).sqrt()
 }
 
-/// By how much a tear starts too late at an edge notch of less than so many edges: the measured load at the first edge over
-/// that of the handbook, in a plate of 40 edges under even tractions (`palpate bench tearing --part notches`). Triangles of
-/// constant strain act like a tip 0.4 edge behind its vertex. At longer notches the load is at most 5 % too large.
+/// The error of the load at which a tear starts, by the length of an edge notch (edges): the measured load at the first edge
+/// over the load of the handbook, less one, in a plate of 40 edges under even tractions (`palpate bench tearing --part
+/// notches`). Triangles of constant strain act like a tip 0.4 edge behind its vertex. At longer notches the load is at most
+/// 5 % too large.
 const LATE_NOTCH: [(f64, f64); 6] = [
     (1.4, 0.33),
     (2.4, 0.14),
@@ -131,7 +132,7 @@ const LATE_NOTCH: [(f64, f64); 6] = [
     (5.5, 0.07),
     (7.0, 0.06),
 ];
-/// The same at a slit. The three rings about a tip reach to the other tip of a slit of four edges.
+/// The error at a slit. The three rings about a tip reach to the other tip of a slit of four edges.
 const LATE_SLIT: [(f64, f64); 5] = [
     (2.4, 0.54),
     (3.4, 0.34),
@@ -139,7 +140,7 @@ const LATE_SLIT: [(f64, f64); 5] = [
     (7.0, 0.10),
     (10.0, 0.07),
 ];
-/// From this error on a short notch is warned of. A smaller one is told by `plan`.
+/// A short notch with this error or more gives a warning. `plan` tells a smaller error.
 const WARNED: f64 = 0.08;
 
 /// A notch that is too short for its mesh.

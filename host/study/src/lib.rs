@@ -1,4 +1,4 @@
-//! Experiments whose figures the book quotes. `palpate bench`, `palpate stress` or `palpate compare` repeats each of them.
+//! Experiments whose figures the report quotes. `palpate bench`, `palpate stress` or `palpate compare` repeats each of them.
 #![forbid(unsafe_code)]
 
 /// Appends a line to a text.
@@ -22,6 +22,7 @@ macro_rules! put_part {
 
 pub mod accuracy;
 pub mod adversary;
+mod chance;
 pub mod compare;
 pub mod elsewhere;
 mod error;

@@ -1,4 +1,4 @@
-//! What the states of a device say about it: their rate, their jitter, and their resolution.
+//! The properties of a device that its states show: rate, jitter, and resolution.
 
 use devices::response::Response;
 use rt_core::{DeviceError, DeviceState, Vec3};
@@ -99,18 +99,18 @@ impl From<Response> for Motion {
 /// A part of its profile's rate below which a device is too slow. Clocks of devices differ by less.
 const SLOW: f64 = 0.9;
 
-/// What is known of a device beside its states.
+/// The facts about a device that its states do not show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Known {
     /// Name of the device in its profile.
     pub profile: String,
-    /// The name that the device states; `None` where it states none.
+    /// The name that the device states; `None` if it states none.
     pub name: Option<String>,
-    /// The version of its firmware; `None` where the device states none.
+    /// The version of its firmware; `None` if the device states none.
     pub firmware: Option<String>,
     /// The largest force that holds (N).
     pub max_force: f64,
-    /// The largest moment that holds (N m); zero where the device actuates no rotation.
+    /// The largest moment that holds (N m); zero if the device actuates no rotation.
     pub max_moment: f64,
     /// Radius of the largest ball inside the workspace (m).
     pub workspace_radius: f64,
@@ -122,14 +122,14 @@ pub struct Known {
     pub patience: u64,
 }
 
-/// What a device's states say about it.
+/// The properties of a device that its states show.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probed {
     /// Version of this layout.
     pub schema: &'static str,
     /// The connection of the device.
     pub connect: String,
-    /// What is known of the device beside its states.
+    /// The facts about the device that its states do not show.
     pub device: Known,
     /// Ticks a second in which the device was asked (Hz).
     pub tick_rate: f64,
@@ -147,12 +147,12 @@ pub struct Probed {
     pub longest_silence: u64,
     /// The last error.
     pub last_error: Option<String>,
-    /// Ticks with a state by time, from the first to the last (Hz); zero where there are fewer than two. Of a device that is
+    /// Ticks with a state by time, from the first to the last (Hz); zero if there are fewer than two. Of a device that is
     /// faster than the ticks, a tick reads the newest state only.
     pub rate: f64,
     /// Times between successive states, by the clock of the device.
     pub interval: Option<Interval>,
-    /// The smallest displacement between two successive states (m); `None` where the device did not move.
+    /// The smallest displacement between two successive states (m); `None` if the device did not move.
     pub step: Option<f64>,
     /// Extent of the positions along x, y and z (m).
     pub span: Option<[f64; 3]>,
@@ -208,7 +208,96 @@ impl Probed {
         }
     }
 
-    /// What keeps the device from a run, in words; empty if nothing does.
+    /// The summary for a person.
+    pub fn words(&self) -> String {
+        let mut text = format!("{}: {} ticks without force\n", self.connect, self.ticks);
+        let mut line = |title: &str, words: String| put!(text, "  {title:<10} {words}");
+        let device = &self.device;
+        let stated = device.name.as_deref().map_or_else(
+            || "states no name".to_owned(),
+            |name| format!("calls itself {name:?}"),
+        );
+        let firmware = device.firmware.as_deref().unwrap_or("not stated");
+        line(
+            "device",
+            format!("{stated}, firmware {firmware}; profile {}", device.profile),
+        );
+        let moment = match device.max_moment {
+            0.0 => String::new(),
+            moment => format!(" and {moment:.3} N m"),
+        };
+        line(
+            "limits",
+            format!(
+                "{:.2} N{moment}; workspace of {:.0} mm about the middle",
+                device.max_force,
+                1e3 * device.workspace_radius
+            ),
+        );
+        line(
+            "states",
+            format!(
+                "read {:.1} times a second, at {:.0} ticks a second (the profile: {:.0} states a second)",
+                self.rate, self.tick_rate, device.profile_rate
+            ),
+        );
+        line(
+            "ticks",
+            format!(
+                "{} with a state, {} without, {} with an error; at most {} in a row without a state",
+                self.states, self.missing, self.errors, self.longest_silence
+            ),
+        );
+        if let Some(error) = &self.last_error {
+            line("error", error.clone());
+        }
+        if let Some(interval) = self.interval {
+            line(
+                "interval",
+                format!(
+                    "median {:.3} ms, 99 % {:.3}, longest {:.3} (clock of the device)",
+                    1e3 * interval.median,
+                    1e3 * interval.p99,
+                    1e3 * interval.longest
+                ),
+            );
+        }
+        if let Some(step) = self.step {
+            line(
+                "step",
+                format!(
+                    "{:.4} mm, the smallest displacement between two states",
+                    1e3 * step
+                ),
+            );
+        }
+        if let Some(span) = self.span {
+            let [x, y, z] = span.map(|length| 1e3 * length);
+            line("moved", format!("{x:.2} x {y:.2} x {z:.2} mm"));
+        }
+        if let Some(motion) = &self.motion {
+            let [least, median, most] = motion.first_motion.map(|time| 1e3 * time);
+            line(
+                "motion",
+                format!(
+                    "first seen {median:.1} ms after a force of {:.2} N ({least:.1} to {most:.1}, {} pulses)",
+                    motion.force, motion.pulses
+                ),
+            );
+            line(
+                "delay",
+                format!(
+                    "{:.1} ms, up to {:.1} ms either way (without the motion itself, by the mass of the profile)",
+                    1e3 * motion.delay,
+                    1e3 * motion.bound
+                ),
+            );
+        }
+        line("verdict", self.verdict());
+        text
+    }
+
+    /// The reasons why the device cannot be used in a run, in words; empty if there are none.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         if self.states == 0 {

@@ -1,4 +1,4 @@
-//! What a study that the book quotes gives: tables, and a picture. `palpate bench` prints, draws and writes them.
+//! The results of a study that the report quotes: tables, and a picture. `palpate bench` prints, draws and writes them.
 
 use serde::Serialize;
 

@@ -11,7 +11,7 @@ pub(crate) fn count(asked: Option<NonZero<usize>>, parts: usize) -> usize {
     threads.map_or(1, NonZero::get).min(parts)
 }
 
-/// Starts up to `count` threads of `stack` bytes, each of which does what `work` gives. Returns how many the system gave;
+/// Starts up to `count` threads of `stack` bytes. Each thread does the work that `work` gives. Returns how many the system gave;
 /// without any, the calling thread has to do the work.
 pub(crate) fn start<'scope, F: FnOnce() + Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,

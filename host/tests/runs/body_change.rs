@@ -8,7 +8,7 @@ use host::engine::Engine;
 use host::engine::build::{BuildOptions, bodies};
 use host::engine::change::{ChangeError, Edit, Grip};
 use host::engine::pacer::Due;
-use host::engine::virtual_coupling::Link;
+use host::engine::virtual_coupling::Spring;
 use host::scene::spec::{SchemeName, SolverName};
 use host::scene::{LoadedScene, Scene};
 use physics::{Body, BodyMap, Border, Freedom, HandleSpec};
@@ -61,7 +61,7 @@ fn middle(rig: &Rig) -> Vec<u32> {
     numbered.iter().take(4).map(|(vertex, _)| *vertex).collect()
 }
 
-fn grab(rig: &Rig, link: Option<Link>) -> Edit {
+fn grab(rig: &Rig, link: Option<Spring>) -> Edit {
     Edit::Grab(Grip {
         spec: HandleSpec {
             vertices: middle(rig),
@@ -324,7 +324,7 @@ fn every_solver_and_scheme_takes_a_change() {
             loaded.scene.host.solver = solver;
             loaded.scene.realtime.scheme = scheme;
             let mut rig = moving(&loaded, BuildOptions::default());
-            let link = Link {
+            let link = Spring {
                 stiffness: 500.0,
                 damping: 1.0,
             };

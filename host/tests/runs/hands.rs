@@ -208,10 +208,9 @@ fn an_unknown_driver_is_refused_before_anything_is_opened() {
         Scene::load_texts("x.toml", &text, &BTreeMap::new())
     };
     let error = load("hdi").expect_err("no driver has this name");
-    assert_eq!(
-        error.to_string(),
-        "x.toml:11: device[0].connect: found hdi, allowed: sim, emulated, hid, tty, tcp, woodenhaptics, falcon, plugin"
-    );
+    let found = error.to_string();
+    let place = "x.toml:11: device[0].connect: found hdi, allowed: ";
+    assert!(found.starts_with(place), "{found}");
     // A driver that is known is loaded, although it lacks an address and needs the real clock.
     assert!(load("hid").is_ok());
 }

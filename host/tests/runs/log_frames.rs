@@ -92,7 +92,7 @@ fn a_frame_has_the_positions_of_the_step_that_it_names() -> Outcome {
                 assert_eq!(3 * surface.vertices as usize, found.positions.len());
                 assert!(!(surface.triangles.is_empty() && surface.lines.is_empty()));
             }
-            // Where two steps fall between two ticks, the first of them is not seen here.
+            // If two steps fall between two ticks, the first of them is not seen here.
             assert!(compared >= 10, "{name}: {compared}");
         }
     }

@@ -58,7 +58,7 @@ fn a_turned_device_moves_the_handle_along_the_scene_and_feels_the_force_in_its_o
     let plain = moved("", [0.003, 0.002, -0.01]);
     let alike = moved(turned, [0.003, -0.01, -0.002]);
     assert_alike(&plain, &alike);
-    // The same motion of the device without the turn shears the block where the other compressed it.
+    // The same motion of the device without the turn shears the block; with the turn it compressed the block.
     let other = moved("", [0.003, -0.01, -0.002]);
     let forces = [&plain, &other].map(|run| run.devices[0].peak_force);
     assert!(

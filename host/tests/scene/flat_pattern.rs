@@ -72,7 +72,7 @@ fn changed(change: impl Fn(String) -> String, obj: &str) -> Result<LoadedScene, 
 fn solved(loaded: &LoadedScene) -> (Solution, Vec<String>) {
     let mut frames = Vec::new();
     let mut keep = |frame: Frame<'_>| {
-        frames.push(frame.snapshot.vtu());
+        frames.push(frame.grid.vtu());
         Ok::<(), Infallible>(())
     };
     let solution = solve(&World::new(loaded).unwrap(), true, &mut |_| {}, &mut keep).unwrap();

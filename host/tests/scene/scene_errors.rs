@@ -1,4 +1,5 @@
-//! Wrong scenes: the exact error line for each kind of mistake.
+//! Wrong scenes: the exact error line for each kind of mistake. If another case of the same kind is above, a case says
+//! the place and the finding alone, and ends in ` ...`.
 
 use host::scene::Scene;
 
@@ -80,7 +81,11 @@ fn check(cases: &str) {
         let places = BASE.matches(piece).count();
         assert_eq!(places, 1, "{piece:?} is not one place of the base");
         let found = error(&BASE.replace(piece, instead));
-        if found != expected {
+        let is_expected = match expected.strip_suffix(" ...") {
+            Some(begin) => found.starts_with(&format!("{begin}, allowed: ")),
+            None => found == expected,
+        };
+        if !is_expected {
             wrong.push(format!(
                 "{piece:?} -> {instead:?}\n  is  {found}\n  not {expected}"
             ));
@@ -109,10 +114,10 @@ young = 1e6
   x.toml:17: body[0].material.young: found -5, allowed: a number above 0
 young = 2e6
   -> young = 0
-  x.toml:24: body[0].region[0].young: found 0, allowed: a number above 0
+  x.toml:24: body[0].region[0].young: found 0 ...
 young = 1e6
   -> young = inf
-  x.toml:17: body[0].material.young: found inf, allowed: a number above 0
+  x.toml:17: body[0].material.young: found inf ...
 poisson = 0.3
   -> poisson = 0.5
   x.toml:18: body[0].material.poisson: found 0.5, allowed: a number above -1 and below 0.5
@@ -121,7 +126,7 @@ duration = 1.0
   x.toml:2: duration: found nan, allowed: a number above 0 and up to 86400 (s)
 duration = 1.0
   -> duration = 1e9
-  x.toml:2: duration: found 1e9, allowed: a number above 0 and up to 86400 (s)
+  x.toml:2: duration: found 1e9 ...
 -9.81]
   -> -inf]
   x.toml:3: gravity[2]: found -inf, allowed: a finite number
@@ -148,37 +153,37 @@ step_rate = 250.0
   x.toml:6: loop.blend: found 1.5, allowed: a number from 0 to 1
 [loop]
   -> [loop]¶proxy_stiffness = 0
-  x.toml:6: loop.proxy_stiffness: found 0, allowed: a number above 0
+  x.toml:6: loop.proxy_stiffness: found 0 ...
 [loop]
   -> [loop]¶proxy_damping = -1
   x.toml:6: loop.proxy_damping: found -1, allowed: a number not below 0
 [loop]
   -> [loop]¶hold_damping = -1
-  x.toml:6: loop.hold_damping: found -1, allowed: a number not below 0
+  x.toml:6: loop.hold_damping: found -1 ...
 cells = [4, 2]
   -> cells = [4, -2]
   x.toml:14: body[0].mesh.sheet.cells[1]: found -2, allowed: a whole number from 1 to 10000
 hand = {}
   -> max_force = 0¶hand = {}
-  x.toml:39: device[0].max_force: found 0, allowed: a number above 0
+  x.toml:39: device[0].max_force: found 0 ...
 frequency = 2
   -> frequency = 8
   x.toml:50: device[1].hand.sines[0].frequency: found 8, allowed: a number above 0 and up to 5 (Hz)
 frequency = 2
   -> frequency = 2, phase = nan
-  x.toml:50: device[1].hand.sines[0].phase: found nan, allowed: a finite number
+  x.toml:50: device[1].hand.sines[0].phase: found nan ...
 [1.5, 0.01, 0, 0]
   -> [1.5, nan, 0, 0]
-  x.toml:48: device[1].hand.waypoints[1][1]: found nan, allowed: a finite number
+  x.toml:48: device[1].hand.waypoints[1][1]: found nan ...
 [1, 1, 1]]
   -> [1, inf, 1]]
-  x.toml:23: body[0].region[0].box[1][1]: found inf, allowed: a finite number
+  x.toml:23: body[0].region[0].box[1][1]: found inf ...
 hand = {}
   -> hand.mass = 1e999
   x.toml:39: device[0].hand.mass: found 1e999, allowed: a number below 1.8e308
 hand = {}
   -> hand.mass = -99999999999999999999
-  x.toml:39: device[0].hand.mass: found -99999999999999999999, allowed: a number above 0
+  x.toml:39: device[0].hand.mass: found -99999999999999999999 ...
 ",
     );
 }
@@ -189,13 +194,13 @@ fn values_of_another_type_are_refused() {
         r#"
 young = 1e6
   -> young = "soft"
-  x.toml:17: body[0].material.young: found "soft", allowed: a number above 0
+  x.toml:17: body[0].material.young: found "soft" ...
 young = 1e6
   -> young = "a, expected b"
-  x.toml:17: body[0].material.young: found "a, expected b", allowed: a number above 0
+  x.toml:17: body[0].material.young: found "a, expected b" ...
 young = 1e6
   -> young = { a = 1 }
-  x.toml:17: body[0].material.young: found { a = 1 }, allowed: a number above 0
+  x.toml:17: body[0].material.young: found { a = 1 } ...
 name = "base"
   -> name = 3
   x.toml:1: name: found 3, allowed: a string
@@ -234,7 +239,7 @@ sines = [{
   x.toml:50: device[1].hand.sines[0]: found [1], allowed: a table
 [loop]
   -> loop = 3¶[lop]
-  x.toml:5: loop: found 3, allowed: a table
+  x.toml:5: loop: found 3 ...
 [[body]]
   -> [body]
   x.toml:12: body: found [body], allowed: a list of tables, each [[...]] or {...}, such as [[body]]
@@ -254,10 +259,10 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`, such as mesh.file = "liver.msh"
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = "file"
-  x.toml:14: body[0].mesh: found "file", allowed: a table, such as mesh.file = "liver.msh"
+  x.toml:14: body[0].mesh: found "file" ...
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.file = 3
-  x.toml:14: body[0].mesh.file: found 3, allowed: a string
+  x.toml:14: body[0].mesh.file: found 3 ...
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.file = ''
   x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
@@ -266,10 +271,10 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `scale`, `merge`, `order`, `flat_pattern`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = 3
-  x.toml:14: body[0].mesh.sheet: found 3, allowed: a table
+  x.toml:14: body[0].mesh.sheet: found 3 ...
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = [0.2, 0.1, [4, 2]]
-  x.toml:14: body[0].mesh.sheet: found [0.2, 0.1, [4, 2]], allowed: a table
+  x.toml:14: body[0].mesh.sheet: found [0.2, 0.1, [4, 2]] ...
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = { length = 0.2, width = 0.1 }
   x.toml:14: body[0].mesh.sheet: missing field `cells`
@@ -281,16 +286,16 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.sheet.pattern: found "crossed", allowed: `regular` or `alternating`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.plate = { width = 0.2, height = 0.1, radius = 0, cells = [4, 2] }
-  x.toml:14: body[0].mesh.plate.radius: found 0, allowed: a number above 0
+  x.toml:14: body[0].mesh.plate.radius: found 0 ...
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.plate = { width = 0.2, height = 0.1, radius = 0.01, cells = [4000, 2000] }
   x.toml:14: body[0].mesh.plate.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
 cells = [4, 2] }
   -> cells = [4, 2] }¶mesh.file = 'x'
-  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`, such as mesh.file = "liver.msh"
+  x.toml:14: body[0].mesh: found mesh ...
 cells = [4, 2]
   -> cells = [4000, 2000]
-  x.toml:14: body[0].mesh.sheet.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
+  x.toml:14: body[0].mesh.sheet.cells: found 4000 x 2000 = 8000000 ...
 "#,
     );
 }
@@ -304,7 +309,7 @@ step_rate = 250.0
   x.toml:10: host.solver: found "fast", allowed: `auto`, `frozen`, `incomplete`
 step_rate = 250.0
   -> step_rate = 250.0¶budget = 0
-  x.toml:10: host.budget: found 0, allowed: a number above 0
+  x.toml:10: host.budget: found 0 ...
 young = 1e6
   ->
   x.toml:16: body[0].material: missing field `young`
@@ -313,7 +318,7 @@ young = 1e6
   x.toml:17: body[0].material.yong: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`; did you mean `young`?
 young = 1e6
   -> "yo\nung" = 1
-  x.toml:17: body[0].material.yo...: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`; did you mean `young`?
+  x.toml:17: body[0].material.yo...: unknown field ...
 name = "base"
   ->
   x.toml:1: missing field `name`
@@ -371,7 +376,7 @@ publish_rate = 125.0
   x.toml:10: host.publish_rate: found 60.0, allowed: host.step_rate, 250.0, divided by a whole number
 publish_rate = 125.0
   -> publish_rate = 500.0
-  x.toml:10: host.publish_rate: found 500.0, allowed: host.step_rate, 250.0, divided by a whole number
+  x.toml:10: host.publish_rate: found 500.0 ...
 step_rate = 250.0
   -> step_rate = 60.0
   x.toml:10: host.publish_rate: found 125.0, allowed: host.step_rate, 60.0, divided by a whole number
@@ -389,7 +394,7 @@ name = "b"
   x.toml:32: body[0].handle[1].name: found "a", allowed: another name than that of body[0].handle[0]
 name = "b"
   -> name = "b\u0007"
-  x.toml:32: body[0].handle[1].name: found "b\u{7}", allowed: a name of 1 to 64 characters
+  x.toml:32: body[0].handle[1].name: found "b\u{7}" ...
 device = "right"
   -> device = "left"¶border = "clamped"
   x.toml:35: body[0].handle[1].border: found another border than that of body[0].handle[0], allowed: the same border: the device "left" holds both, as one rigid handle
@@ -401,10 +406,10 @@ group = "right"
   x.toml:31: body[0].handle[1]: found neither `group` nor `box`, allowed: exactly one of the two
 group = "right"
   -> group = ""
-  x.toml:33: body[0].handle[1].group: found "", allowed: a name of 1 to 64 characters
+  x.toml:33: body[0].handle[1].group: found "" ...
 group = "right"
   -> group = "right"¶box = [[0,0,0],[1,1,1]]
-  x.toml:31: body[0].handle[1]: found both `group` and `box`, allowed: exactly one of the two
+  x.toml:31: body[0].handle[1]: found both `group` and `box` ...
 device = "right"
   -> device = "right"¶border = "welded"
   x.toml:35: body[0].handle[1].border: found "welded", allowed: `hinged` or `clamped`
@@ -413,7 +418,7 @@ device = "right"
   x.toml:38: body[0].support[0].axes: found some axes, and a clamped border, allowed: all axes for a support that clamps the border
 box = [[0, 0, 0], [1, 1, 1]]
   ->
-  x.toml:22: body[0].region[0]: found neither `group` nor `box`, allowed: exactly one of the two
+  x.toml:22: body[0].region[0]: found neither `group` nor `box` ...
 [1, 1, 1]]
   -> [1, -1, 1]]
   x.toml:23: body[0].region[0].box: found y from 0.0 to -1.0, allowed: the lowest corner first, then the highest corner
@@ -431,7 +436,7 @@ hand = {}
   x.toml:39: device[0].hand.grip: found "tight", allowed: `relaxed`, `typical`, `firm`, `rigid`
 hand = {}
   -> hand = { grip = "rigid", task = "tap", direction = [0, 0, -1], depth = 0 }
-  x.toml:39: device[0].hand.depth: found 0, allowed: a number above 0
+  x.toml:39: device[0].hand.depth: found 0 ...
 hand = {}
   -> hand = { task = "tap" }
   x.toml:39: device[0].hand.task: found a task without a `direction`, allowed: a task with a `direction`
@@ -449,7 +454,7 @@ hand = {}
   x.toml:39: device[0].hand.task: found "pat", allowed: `tap`, `press_and_hold`, `rub`, `pull_apart`, `move_together`, `shake`
 hand = {}
   -> hand.recording = ''
-  x.toml:39: device[0].hand.recording: found "", allowed: the name of a file
+  x.toml:39: device[0].hand.recording: found "" ...
 [[device]]¶name = "right"¶model = "touch"¶
   -> [[device]]¶name = "c"¶model = "touch"¶hand = {}¶[[device]]¶name = "d"¶model = "touch"¶hand = {}¶[[device]]¶name = "e"¶model = "touch"¶hand = {}¶[[device]]¶name = "f"¶model = "touch"¶hand = {}¶[[device]]¶name = "g"¶model = "touch"¶hand = {}¶[[device]]¶name = "h"¶model = "touch"¶hand = {}¶[[device]]¶name = "i"¶model = "touch"¶hand = {}¶[[device]]¶name = "right"¶model = "touch"¶
   x.toml:36: device: found 9 entries, allowed: up to 8 entries

@@ -163,7 +163,7 @@ fn sheets_with_the_warning_err_by_what_the_warning_says() {
     ] {
         let ([across, in_plane], is_warned) = errors(&file);
         assert!(is_warned, "{name}");
-        // Half of the last digit of what was measured; where a limit acts, the last bits of a mesh decide on a percent.
+        // Half of the last digit of what was measured; if a limit acts, the last bits of a mesh decide on a percent.
         assert!((across - across_is).abs() < 0.01, "{name}: {across}");
         assert!((in_plane - in_plane_is).abs() < 0.01, "{name}: {in_plane}");
     }

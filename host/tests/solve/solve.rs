@@ -117,7 +117,7 @@ force = [{}, 0, 0]
         );
         let mut faces = Vec::new();
         let mut keep = |frame: Frame<'_>| {
-            faces = frame.snapshot.in_cells;
+            faces = frame.grid.in_cells;
             Ok::<(), Infallible>(())
         };
         let solution = solve(
@@ -246,7 +246,7 @@ rotation = [1e-3, 0, 0]
     };
     let expected = 0.1406 * 0.4e6 * 0.04_f64.powi(4) / 0.4 * 1e-3;
     let [coarse, fine] = [2, 4].map(|cells| torsion(cells) / expected - 1.0);
-    // The ends are held flat, where Saint-Venant's theory lets them warp: about one width of the ten is stiffer.
+    // The ends are held flat, whereas Saint-Venant's theory lets them warp: about one width of the ten is stiffer.
     assert!(fine > 0.0 && fine < 0.04, "{fine}");
     assert!(coarse > fine, "{coarse}: it converges from above");
 }
@@ -360,7 +360,7 @@ fn a_damped_motion_ends_in_equilibrium() {
 fn frames_come_evenly_and_hold_the_state() {
     let mut frames = Vec::new();
     let mut keep = |frame: Frame<'_>| {
-        frames.push((frame.number, frame.at, frame.snapshot));
+        frames.push((frame.number, frame.at, frame.grid));
         Ok::<(), Infallible>(())
     };
     let _ = solve(
@@ -375,7 +375,7 @@ fn frames_come_evenly_and_hold_the_state() {
         .map(|(number, at, _)| (*number, *at))
         .collect();
     assert_eq!(times, [(0, 0.0), (1, 0.5), (2, 1.0), (3, 1.5), (4, 2.0)]);
-    let names = |s: &meshio::write_vtu::Snapshot| {
+    let names = |s: &meshio::write_vtu::UnstructuredGrid| {
         let all = s.at_vertices.iter().chain(&s.in_cells);
         all.map(|(name, _)| name.clone()).collect::<Vec<_>>()
     };
@@ -388,8 +388,9 @@ fn frames_come_evenly_and_hold_the_state() {
         "poisson",
     ];
     assert_eq!(names(&frames[4].2), expected);
-    let top =
-        |s: &meshio::write_vtu::Snapshot| s.positions.iter().map(|p| p.z).fold(-1.0, f64::max);
+    let top = |s: &meshio::write_vtu::UnstructuredGrid| {
+        s.positions.iter().map(|p| p.z).fold(-1.0, f64::max)
+    };
     assert!((top(&frames[0].2) - 0.05).abs() < 1e-15);
     assert!(
         (top(&frames[1].2) - 0.10).abs() < 1e-15,

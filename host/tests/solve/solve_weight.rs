@@ -132,7 +132,7 @@ fn there_is_no_stage_of_its_own_where_one_thing_acts() {
 fn the_settled_body_is_a_frame() {
     let mut frames = Vec::new();
     let mut keep = |frame: Frame<'_>| {
-        let lowest = frame.snapshot.positions.iter().map(|p| p.z);
+        let lowest = frame.grid.positions.iter().map(|p| p.z);
         frames.push((frame.number, frame.at, lowest.fold(0.0, f64::min)));
         Ok::<(), Infallible>(())
     };

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = Options {
         port,
         say: Arc::new(|line| println!("{line}")),
-        moment: Arc::new(|_, picture| match picture {
+        draw: Arc::new(|_, picture| match picture {
             Picture::Csv => Ok(b"time_s\n0\n".to_vec()),
             _ => Err("The synthetic feed has no picture.".into()),
         }),

@@ -1,10 +1,10 @@
-//! What a viewer shows, wherever it comes from: a run or a log.
+//! The feed of a viewer: the frames of a run or of a log.
 
 use host::live::{Message, MessageError};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// What a person asks of a feed. A page sends these as JSON, such as `{"do":"seek","time_ns":1500000000}`.
+/// A command of a person to a feed. A page sends commands as JSON, such as `{"do":"seek","time_ns":1500000000}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Command {
@@ -12,7 +12,7 @@ pub enum Command {
     Play,
     /// A log: stop at the present moment.
     Pause,
-    /// A log: go forward by this number of ticks, or back where it is negative, and pause.
+    /// A log: go forward by this number of ticks, or back if it is negative, and pause.
     Step {
         /// The number of ticks.
         ticks: i64,
@@ -63,7 +63,7 @@ pub trait Feed: Send {
     /// The next message; `None` if none came within `wait`.
     ///
     /// # Errors
-    /// [`FeedError`] where no further message can come. A run that ends gives [`Message::End`] first.
+    /// [`FeedError`] if no further message can come. A run that ends gives [`Message::End`] first.
     fn next(&mut self, wait: Duration) -> Result<Option<Message>, FeedError>;
 
     /// Takes a command. A feed that cannot follow a command ignores it.

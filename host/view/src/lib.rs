@@ -16,8 +16,8 @@ pub mod feed;
 pub mod foxglove;
 pub mod history;
 pub mod live;
-pub mod moment;
 pub mod playback;
+pub mod still;
 pub mod stress;
 #[doc(hidden)]
 pub mod synthetic;

@@ -24,7 +24,7 @@ const RETRY: Duration = Duration::from_millis(250);
 pub struct LiveOptions {
     /// The socket of the run; `None` for the only run of this user.
     pub socket: Option<PathBuf>,
-    /// Waits for a run where there is none, and connects again when a run ends or the connection breaks off.
+    /// Waits for a run if there is none, and connects again when a run ends or the connection breaks off.
     pub wait: bool,
 }
 
@@ -45,7 +45,7 @@ impl LiveFeed {
     /// Connects to a run.
     ///
     /// # Errors
-    /// [`LiveError`] where there is no run or several, or the run does not let this user connect. A feed that waits begins
+    /// [`LiveError`] if there is no run or several, or the run does not let this user connect. A feed that waits begins
     /// without a run.
     pub fn open(options: &LiveOptions) -> Result<Self, LiveError> {
         let stream = match connect::connect(options.socket.as_deref()) {
@@ -82,7 +82,7 @@ impl LiveFeed {
         self.kept.take(message);
     }
 
-    /// What the end of the stream means. A feed that waits goes on without a connection.
+    /// The result of the end of the stream. A feed that waits continues without a connection.
     fn closed(&mut self, error: std::io::Error) -> Result<(), FeedError> {
         self.stream = None;
         match (self.options.wait, self.over) {

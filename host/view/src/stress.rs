@@ -7,7 +7,7 @@
 
 use host::live::{Frame, Hello, Vertices};
 use host::scene::{Scene, SceneError};
-use host::solve::snapshot::von_mises;
+use host::solve::grid::von_mises;
 use host::world::{Built, World};
 use physics::Vec3;
 use physics::mesh::Mesh;
@@ -103,7 +103,7 @@ impl Stresses {
     /// The von Mises stress (Pa) at each of the `vertices` of the body of this index.
     ///
     /// # Errors
-    /// [`StressError`] where the body has no stresses.
+    /// [`StressError`] if the body has no stresses.
     pub fn at_vertices(
         &mut self,
         body: usize,

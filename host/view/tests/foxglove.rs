@@ -27,7 +27,7 @@ fn open(server: &Server) -> TcpStream {
 
 type Client = WebSocket<TcpStream>;
 
-/// Opens a WebSocket; the status of the response where the server refuses.
+/// Opens a WebSocket; the status of the response if the server refuses.
 fn try_join(server: &Server, fields: &[(&'static str, &str)]) -> Result<Client, u16> {
     let mut request = server
         .address

@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use view::playback::Player;
 use view::terminal::model::Model;
-use view::web::{Moment, Picture};
+use view::web::{Draw, Picture};
 
 /// Writes a log of the built-in scene, 1.2 s with 50 frames a second. The host stalls from 0.2 s to 1.1 s, and the force of
 /// the devices is limited early, so that the log has events.
@@ -115,22 +115,22 @@ fn the_page_shows_the_moments_of_a_log() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let summary = write_log(&path);
-    let moment: Arc<Moment> = Arc::new(|messages, picture| {
+    let draw: Arc<Draw> = Arc::new(|messages, picture| {
         let mut model = Model::default();
         for message in messages {
             model.take(message.clone(), Instant::now());
         }
         let shown = model.shown().ok_or("there is no frame yet")?;
-        let svg = shown.moment().svg();
+        let svg = shown.still().svg();
         match picture {
             Picture::Svg => Ok(svg.into_bytes()),
             Picture::Png => host::plot::png(&svg).map_err(|error| error.to_string()),
-            Picture::Csv => Ok(shown.moment().vertices_csv().into_bytes()),
+            Picture::Csv => Ok(shown.still().vertices_csv().into_bytes()),
         }
     });
     let player = Player::open(&path, |_| ()).unwrap();
     let stop = Arc::new(AtomicBool::new(false));
-    let (server, address) = browser::server(Box::new(player), moment, &stop);
+    let (server, address) = browser::server(Box::new(player), draw, &stop);
     let rows = read_log(&std::fs::read(&path).unwrap()).unwrap();
     let mut index = LogIndex::open(File::open(&path).unwrap()).unwrap();
     let events = &index.overview().unwrap().events;

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use view::feed::Feed;
 use view::synthetic::Synthetic;
-use view::web::Moment;
+use view::web::Draw;
 
 /// Vertices along an edge of the sheet of the run: as many triangles as the boundary of a body of 6,000 tetrahedra.
 const EDGE: u32 = 37;
@@ -40,8 +40,8 @@ fn the_page_shows_what_was_sent_and_obeys_mouse_and_keyboard() {
         return;
     };
     let stop = Arc::new(AtomicBool::new(false));
-    let moment: Arc<Moment> = Arc::new(|_, _| Ok(b"time_s\n0\n".to_vec()));
-    let serve = |feed| browser::server(Box::new(feed), Arc::clone(&moment), &stop);
+    let draw: Arc<Draw> = Arc::new(|_, _| Ok(b"time_s\n0\n".to_vec()));
+    let serve = |feed| browser::server(Box::new(feed), Arc::clone(&draw), &stop);
     let (run, run_at) = serve(paced::Paced::new(EDGE, false, u64::MAX));
     let (log, log_at) = serve(paced::Paced::new(21, true, u64::MAX));
     script.args([&run_at, &log_at]);

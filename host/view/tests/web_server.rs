@@ -56,7 +56,7 @@ impl Server {
                 // The first line is the address. A test that is over reads no more.
                 let _ = sender.send(line.to_owned());
             }),
-            moment: Arc::new(|present, picture| match picture {
+            draw: Arc::new(|present, picture| match picture {
                 Picture::Csv => Ok(format!("messages\n{}\n", present.len()).into_bytes()),
                 _ => Err("There is no picture.".into()),
             }),

@@ -1,5 +1,5 @@
 //! An allocator that counts the calls of each thread.
-// An allocator needs unsafe code. This one only counts and passes the calls on.
+// An allocator needs unsafe code. This allocator only counts, and passes the calls on.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -40,7 +40,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Number of allocations, reallocations and frees by this thread so far. The number is zero, too, where [`Counting`] is
+/// Number of allocations, reallocations and frees by this thread so far. The number is zero, too, if [`Counting`] is
 /// not the allocator of the program.
 pub fn so_far() -> u64 {
     CALLS.get()

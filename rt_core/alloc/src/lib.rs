@@ -1,6 +1,6 @@
-//! Allocators that count: [`calls`] counts the calls of one thread, [`peak`] the bytes of the whole process. Each hands
-//! every call on to the system's allocator unchanged. The program counts the calls of the tick's thread in every run; the
-//! tests bound what a part allocates.
+//! Allocators that count: [`calls`] counts the calls of one thread, [`peak`] the bytes of the whole process. Both pass
+//! every call to the system's allocator unchanged. The program counts the calls of the tick's thread in every run. The
+//! tests bound the memory that a part allocates.
 //!
 //! A program registers one of the two allocators itself:
 //!
@@ -12,8 +12,8 @@
 //! assert_eq!(alloc_count::calls::count(|| drop(std::hint::black_box(Box::new(7)))), 2);
 //! ```
 //!
-//! Without that registration every count is zero. A test that claims a count of zero therefore also shows that the
-//! count of an allocation is not zero, and a program asks [`calls::are_counted`].
+//! Without that registration, every count is zero. A test that demands a count of zero therefore also shows that the
+//! count of an allocation is not zero. A program asks [`calls::are_counted`].
 
 pub mod calls;
 pub mod peak;

@@ -1,5 +1,5 @@
-//! An allocator that knows the bytes that the process holds, and the most that it has held.
-// An allocator needs unsafe code. This one only counts and passes the calls on.
+//! An allocator that counts the bytes that the process holds, and their peak.
+// An allocator needs unsafe code. This allocator only counts, and passes the calls on.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -41,9 +41,9 @@ unsafe impl GlobalAlloc for Peak {
     }
 }
 
-/// The most bytes that the process holds at once during `body`, beyond those that it held before, and the result of
-/// `body`. The number is zero, too, where [`Peak`] is not the allocator of the program. The count covers all threads: a
-/// binary that calls this function has one test.
+/// The peak of the bytes that the process holds during `body`, beyond those that it held before, and the result of
+/// `body`. The number is zero, too, if [`Peak`] is not the allocator of the program. The count covers all threads, so a
+/// binary that calls this function has one test only.
 pub fn peak<R>(body: impl FnOnce() -> R) -> (usize, R) {
     let before = NOW.load(Ordering::Relaxed);
     PEAK.store(before, Ordering::Relaxed);

@@ -29,7 +29,7 @@ fn calls_of_another_thread_are_not_counted() {
             wait();
             calls
         });
-        // The other thread allocates between the two.
+        // The other thread allocates between the two calls.
         let own = count(|| {
             wait();
             wait();

@@ -9,7 +9,7 @@ static ALLOCATOR: Peak = Peak;
 
 #[test]
 fn the_peak_is_what_exists_at_once() {
-    // Far above what the harness allocates meanwhile.
+    // Far above the memory that the harness allocates meanwhile.
     const BLOCK: usize = 1 << 24;
     let block = || black_box(vec![1_u8; BLOCK]);
     let near = |found: usize, blocks: usize| {
@@ -31,7 +31,7 @@ fn the_peak_is_what_exists_at_once() {
     );
     let (most, mut held) = peak(block);
     near(most, 1);
-    // What was held before does not count, a reallocation counts both blocks.
+    // Memory that was held before does not count. A reallocation counts both blocks.
     near(peak(|| ()).0, 0);
     near(peak(|| held.reserve_exact(BLOCK)).0, 2);
     assert_eq!(held.len(), BLOCK);

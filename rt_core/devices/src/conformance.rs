@@ -4,13 +4,13 @@
 //! violates:
 //!
 //! 1. The capabilities are constant, finite and consistent.
-//! 2. A state is valid: it is finite, its rotation has unit length, its rotation is the identity where none is sensed,
+//! 2. A state is valid: it is finite, its rotation has unit length, its rotation is the identity if none is sensed,
 //!    and its position and velocity are zero along axes that are not sensed.
 //! 3. The clock of the device never decreases.
 //! 4. Any time is accepted: the same time twice, a time far ahead, an earlier time.
 //! 5. Any wrench is accepted: a wrench beyond the largest, a wrench with a NaN. The states stay valid, and the motors
 //!    hold no more than their largest wrench, and no force along an axis that is not actuated.
-//! 6. No call inside a tick allocates, as far as the caller's counter can detect ([`Suite::watched`]).
+//! 6. No call inside a tick allocates, according to the caller's counter ([`Suite::watched`]).
 //! 7. The device may be dropped at any time, after a wrench as well as before its first reading.
 //!
 //! An error is a valid result of a call. The suite requires a minimal number of states ([`Suite::states`]).
@@ -64,7 +64,7 @@ impl<'a> Suite<'a> {
     /// Runs devices of `make`, each a new one, through the suite.
     ///
     /// # Panics
-    /// Where a device violates a property. The message has the property and the values found.
+    /// If a device violates a property. The message has the property and the values found.
     pub fn check<D: Device + ?Sized, B: DerefMut<Target = D>>(&self, mut make: impl FnMut() -> B) {
         self.steady_ticks(&mut *make());
         self.odd_times(&mut *make());

@@ -1,16 +1,17 @@
-//! Devices that answer only when they are asked, or that may block: a thread of its own for each.
+//! Devices that answer only when they are asked, or that may block. Each gets a thread of its own.
 //!
 //! Some protocols have no stream of states: the device sends its state in answer to a command ([WoodenHaptics], the
 //! Novint Falcon). Other devices can be reached only through calls that block or allocate (a vendor's library). Neither
-//! belongs in the tick. Such a device is an [`Exchange`]. [`Exchanged`] gives it a thread, and is the [`Device`] that
-//! the tick sees.
+//! kind belongs in the tick. A device of either kind is an [`Exchange`]. [`Exchanged`] gives the device a thread, and
+//! is the [`Device`] that the tick sees.
 //!
 //! The tick hands its wrench over and wakes the thread, which exchanges at once. The state that comes back waits in a
-//! ring for the next tick. A state is therefore older than a state that the device sends by itself, by at most one period
-//! of the tick.
+//! ring for the next tick. Such a state is therefore older than a state of a device that sends its states by itself, by
+//! at most one period of the tick.
 //!
-//! [`Poller`] decides what the thread does, and [`TickEnd`] what the tick reads and hands over. Both are state machines
-//! without a thread, a clock or a ring. The thread drives them by the real clock, and `sim::emulated` by virtual time.
+//! [`Poller`] decides the actions of the thread. [`TickEnd`] decides what the tick reads and hands over. Both are state
+//! machines without a thread, a clock or a ring. The thread drives them by the real clock, and `sim::emulated` by
+//! virtual time.
 //!
 //! [WoodenHaptics]: https://woodenhaptics.org
 
@@ -32,10 +33,10 @@ pub use tick_end::TickEnd;
 
 /// Number of wrenches, and of replies, that may wait. A healthy device is never behind by more than one.
 pub const SLOTS: usize = 4;
-/// Longest time that the end of a run waits for the release of a device. A thread that blocks longer, in a vendor's
-/// library, is left behind until the process ends.
+/// Longest time that the end of a run waits for the release of a device. If a vendor's library blocks the thread for
+/// longer, the thread stays until the process ends.
 const LAST_WAIT: Duration = Duration::from_secs(2);
-/// Time between two looks whether the thread has ended.
+/// Time between two checks whether the thread has ended.
 const POLL: Duration = Duration::from_micros(200);
 /// Error number for a device whose thread has ended (ESHUTDOWN).
 const ENDED: i32 = 108;
@@ -45,18 +46,18 @@ pub trait Exchange: Send {
     /// Sends `wrench` (N, N m on the hand, device axes), and returns the newest state of the device.
     ///
     /// # Errors
-    /// [`DeviceError::Disconnected`] if the device is gone: the thread then calls [`reopen`](Self::reopen) until the
-    /// device is back. Any other error is one missing state.
+    /// [`DeviceError::Disconnected`] if the device is gone. The thread then calls [`reopen`](Self::reopen) until the
+    /// device is back. Any other error counts as one missing state.
     fn exchange(&mut self, wrench: &Wrench) -> Result<DeviceState, DeviceError>;
 
-    /// Lets the device go: zero wrench, amplifiers off. Called at the end, whatever happened before.
+    /// Releases the device: zero wrench, amplifiers off. The thread calls this function at the end in every case.
     fn release(&mut self);
 
     /// Tries once to connect a lost device again, and brings it to the state in which it answers. Counters and clocks of
     /// the driver begin anew.
     ///
     /// # Errors
-    /// As [`exchange`](Self::exchange).
+    /// The same errors as those of [`exchange`](Self::exchange).
     fn reopen(&mut self) -> Result<(), DeviceError>;
 
     /// The source of the motion to force: the thread measures it, unless the device states it.
@@ -64,20 +65,21 @@ pub trait Exchange: Send {
         MotionSource::Thread
     }
 
-    /// Number of wrenches that the device refused so far. `None` if the device does not tell.
+    /// Number of wrenches that the device refused so far. `None` if the device does not report it.
     fn refused_wrenches(&self) -> Option<u64> {
         None
     }
 }
 
-/// Who knows the time from the reading of a device's encoders to the force that answers it (motion to force).
+/// The source of the motion to force: the time from the reading of a device's encoders to the force that answers this
+/// reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionSource {
-    /// The thread: the device never tells. The thread takes the time from the request for the state to the request that
-    /// brings the force (ns, clock of the program). The encoders are read a transfer after the first request, and the
-    /// force acts a transfer after the second.
+    /// The thread, for a device that never reports the time. The thread measures the time from the request for the
+    /// state to the request that brings the force (ns, clock of the program). The encoders are read a transfer after
+    /// the first request, and the force acts a transfer after the second.
     Thread,
-    /// The device, in its own clock (ns), where the last exchange showed the time.
+    /// The device, in its own clock (ns). `None` if the last exchange did not show the time.
     Device(Option<u64>),
 }
 
@@ -87,7 +89,7 @@ pub(crate) fn clock() -> impl FnMut() -> u64 + Send {
     move || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Opens a connection: gives `first`, which is open, at the first call, and calls `again` afterwards.
+/// Opens a connection. The first call returns `first`, which is open already. Later calls call `again`.
 pub(crate) fn first_then<T: Send>(
     first: T,
     mut again: impl FnMut() -> Result<T, i32> + Send,
@@ -96,14 +98,14 @@ pub(crate) fn first_then<T: Send>(
     move || first.take().map_or_else(&mut again, Ok)
 }
 
-/// Time without a wrench, of a loop of `period` (s), after which the poller commands zero: as the watchdog that such a
-/// loop asks of a device, ten milliseconds, or four periods of a slow loop.
+/// Time without a wrench after which the poller commands zero, for a loop of `period` (s). The time equals the watchdog
+/// that such a loop asks of a device: ten milliseconds, or four periods of a slow loop.
 pub fn let_go_after(period: f64) -> Duration {
     Duration::from_micros(watchdog_us(period).into())
 }
 
-/// The tick's end of a device that has a thread of its own. Dropping it releases the device, and waits up to two seconds
-/// until that is done. It must not be dropped inside the tick.
+/// The tick's end of a device that has a thread of its own. Dropping this end releases the device, and waits up to two
+/// seconds for the release. This end must not be dropped inside the tick.
 pub struct Exchanged {
     wrenches: Option<Producer<Handed>>,
     replies: Consumer<Reply>,

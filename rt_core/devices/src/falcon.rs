@@ -1,8 +1,8 @@
 //! The Novint Falcon, a device of three degrees of freedom behind an FTDI chip on USB.
 //!
 //! - [`geometry`]: from encoder counts to a position, and from a force to torques.
-//! - [`packet`]: the bytes of the firmware, and where packets begin and end.
-//! - [`boot`]: the upload of the firmware, whose file the user brings.
+//! - [`packet`]: the bytes of the firmware, and the limits of packets in a stream.
+//! - [`boot`]: the upload of the firmware, whose file the user provides.
 //! - [`connect`]: finds, opens and boots the device that a scene names.
 //! - [`driver`]: a Falcon as an [`Exchange`](crate::Exchange).
 //!

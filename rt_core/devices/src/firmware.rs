@@ -1,5 +1,5 @@
-//! What the drivers of the firmware protocol have in common, whatever carries its bytes: why a device is not used, whether it
-//! is that of its profile, the watchdog that it is asked for, and the session.
+//! The common part of the drivers of the firmware protocol, over any connection: the reasons to refuse a device, the
+//! comparison with its profile, the watchdog that the driver asks for, and the session.
 
 #![cfg_attr(
     not(test),
@@ -21,10 +21,10 @@ use std::num::NonZeroU32;
 
 /// Error number of a device that is not the one of the profile (ENODEV).
 pub(crate) const NO_DEVICE: i32 = 19;
-/// Error number of a device that says nothing (ETIMEDOUT).
+/// Error number of a device that does not answer (ETIMEDOUT).
 pub(crate) const TIMED_OUT: i32 = 110;
 
-/// Why a device is not used.
+/// The reason why a device is not used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GreetingError {
     /// The connection could not be opened, or ended during the greeting.
@@ -47,7 +47,7 @@ pub enum GreetingError {
         "the device sends states, but did not answer the greeting within a second. Check the line towards the device"
     )]
     Deaf,
-    /// The device sends reports that are not used.
+    /// The driver refuses the reports of the device.
     #[error("the device did not answer within a second: {0}")]
     Refused(HostError),
     /// The device speaks another version of the protocol.
@@ -68,7 +68,7 @@ pub enum GreetingError {
 }
 
 impl GreetingError {
-    /// The system's error number that says most.
+    /// The system's error number that describes the reason best.
     pub(crate) fn number(&self) -> i32 {
         match self {
             Self::Ended(number) => *number,
@@ -78,7 +78,8 @@ impl GreetingError {
     }
 }
 
-/// Checks that a device sends poses and is one of `profile`, with all of its force. Returns the limits that hold.
+/// Checks that a device sends poses, agrees with `profile` and has the whole force of the profile. Returns the limits
+/// that hold.
 pub(crate) fn check(model: &Model, profile: &Capabilities) -> Result<Capabilities, GreetingError> {
     if model.sends != Sends::Poses {
         let name = Name(model.name);
@@ -87,15 +88,16 @@ pub(crate) fn check(model: &Model, profile: &Capabilities) -> Result<Capabilitie
     Ok(Stated::of(model).agree(profile, 1.0)?)
 }
 
-/// The watchdog for a loop of a period (s): four ticks, so that a late tick is no silence, but not less than the
-/// device's own.
+/// The watchdog for a loop of a period (s): four ticks, so that a late tick does not count as silence, but not less
+/// than the device's own watchdog.
 pub(crate) fn watchdog_us(period: f64) -> u32 {
     // The conversion saturates.
     let ticks = (period * 4e6) as u32;
     ticks.clamp(WATCHDOG_US, WATCHDOG_MOST_US)
 }
 
-/// A session that no other host has, but by chance: the standard library draws the keys of its hashes at random.
+/// A session that another host can have only by chance. The number is random: the standard library draws the keys of
+/// its hashes at random.
 pub(crate) fn session() -> NonZeroU32 {
     let number = RandomState::new().hash_one(0_u8);
     NonZeroU32::new(number as u32).unwrap_or(NonZeroU32::MAX)

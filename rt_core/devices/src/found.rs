@@ -1,11 +1,11 @@
-//! Which devices are connected to this machine, and why a device cannot be used.
+//! The devices that are connected to this machine, and the reasons why a device cannot be used.
 //!
-//! All facts come from sysfs (`/sys/class/hidraw`, `/sys/bus/usb/devices`, `/sys/class/tty`) and from an attempt to open
-//! the file of the device (of a serial line, its rights alone), so nothing is sent to any device. The root of the file system is an argument, so that a test
-//! can make a tree of its own.
+//! All facts come from sysfs (`/sys/class/hidraw`, `/sys/bus/usb/devices`, `/sys/class/tty`) and from an attempt to
+//! open the file of the device. Of a serial line, only the rights are checked. Nothing is therefore sent to any device.
+//! The root of the file system is an argument, so that a test can make its own tree.
 //!
 //! - [`listed`]: the kernel's lists. [`known`]: the numbers of the devices that are known by name.
-//! - [`which`]: which one of several devices of a kind a connection names.
+//! - [`which`]: the choice of one of several devices of a kind.
 
 pub mod known;
 pub mod listed;
@@ -33,24 +33,24 @@ pub struct Found {
     pub name: String,
     /// Numbers of the USB device; `None` for a device on another bus.
     pub numbers: Option<(u16, u16)>,
-    /// Serial number; empty where the device states none.
+    /// Serial number; empty if the device states none.
     pub serial: String,
     /// The port of USB (`1-2.3`), which stays when the device is plugged in again; empty for a device on another bus.
     pub port: String,
     /// The file of the device.
     pub file: PathBuf,
-    /// Whether the device is also a keyboard, a mouse or a joystick. Such a device is hardly a haptic one.
+    /// Whether the device is also a keyboard, a mouse or a joystick. Such a device is hardly a haptic device.
     pub input: bool,
-    /// Why the device cannot be opened; `None` where it can.
+    /// The reason why the device cannot be opened; `None` if it can.
     pub trouble: Option<Trouble>,
     /// Whether the device is behind a hub, which it shares with other devices.
     pub behind_hub: bool,
 }
 
-/// Why a device cannot be opened.
+/// The reason why a device cannot be opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Trouble {
-    /// The account may not open the file. The text is what a udev rule for the device begins with.
+    /// The account may not open the file. The text is the beginning of a udev rule for the device.
     Permission(String),
     /// Another program has the device.
     Busy,
@@ -81,8 +81,9 @@ impl fmt::Display for Trouble {
     }
 }
 
-/// What to do where this account may not open a device: the udev rule that begins with `begin`. systemd gives the
-/// person at the seat the devices with the tag `uaccess` in `73-seat-late.rules`, so the rule must come before.
+/// The remedy if this account may not open a device: the udev rule that begins with `begin`. The rules
+/// `73-seat-late.rules` of systemd give devices with the tag `uaccess` to the person at the seat, so the rule must come
+/// before these.
 pub(crate) fn udev_rule(begin: &str) -> String {
     format!(
         "Let your account use it with a udev rule in /etc/udev/rules.d/70-palpate.rules (a number below 73: after that, \
@@ -90,7 +91,7 @@ pub(crate) fn udev_rule(begin: &str) -> String {
     )
 }
 
-/// The beginning of a udev rule for the hidraw devices with these numbers; with names of numbers where they are unknown.
+/// The beginning of a udev rule for the hidraw devices with these numbers. Unknown numbers have placeholders.
 pub(crate) fn hidraw_rule(numbers: Option<(u16, u16)>) -> String {
     match numbers {
         Some((vid, pid)) => format!(
@@ -203,7 +204,7 @@ fn serial(root: &Path) -> Vec<Found> {
     let all = listed::lines(root);
     let each = all.iter().map(|one| {
         let same = |other: &&Listed| (other.numbers, &other.serial) == (one.numbers, &one.serial);
-        // Lines with equal serial numbers have one link by their number, which leads to any of them.
+        // Lines with equal serial numbers share one link by their number. The link leads to any of them.
         let is_told_apart =
             !one.serial.is_empty() && all.iter().filter(same).all(|other| other.port == one.port);
         // In an address, an @ comes before the speed of the line.
@@ -230,15 +231,15 @@ fn line_rule((vid, pid): (u16, u16)) -> String {
     )
 }
 
-/// Why a serial line cannot be used. The line is not opened: that would raise its control lines, which restart many
-/// boards. Whether another program has the line is therefore not found.
+/// The reason why a serial line cannot be used. The line is not opened, because opening raises its control lines, which
+/// restart many boards. The function therefore cannot tell whether another program has the line.
 fn line_trouble(file: &Path, rule: impl Fn() -> String) -> Option<Trouble> {
     use rustix::fs::{Access, access};
     let refusal = access(file, Access::READ_OK | Access::WRITE_OK).err()?;
     Some(trouble_of(refusal, rule))
 }
 
-/// Why a file cannot be opened for reading and writing, by one program alone.
+/// The reason why this program alone cannot open a file for reading and writing.
 fn trouble(file: &Path, rule: impl Fn() -> String) -> Option<Trouble> {
     let refusal = match OpenOptions::new().read(true).write(true).open(file) {
         Ok(file) => rustix::fs::flock(&file, FlockOperation::NonBlockingLockShared).err()?,
@@ -633,7 +634,7 @@ mod tests {
         assert!(number < 73, "{refused}");
     }
 
-    /// What `look` finds under an account that is not the owner of anything.
+    /// The result of `look` under an account that owns no file.
     fn as_another_account<T: Send>(look: impl FnOnce() -> T + Send) -> T {
         let look = || {
             if rustix::process::geteuid().is_root() {

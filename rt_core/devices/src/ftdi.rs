@@ -1,12 +1,12 @@
 //! FTDI's USB serial chips (FT232 type): their requests, and their streams of bytes.
 //!
 //! The chip turns USB into a serial line. Requests on its control pipe set the line ([`Control`]). Bytes go out on one
-//! bulk pipe unchanged. Each packet that comes in begins with two bytes of modem status, at times followed by nothing
+//! bulk pipe unchanged. Each incoming packet begins with two bytes of modem status, and may contain nothing else
 //! ([`strip`]). The chip sends a packet when 62 bytes wait, when its latency timer ends, when a modem line changes, or
 //! when the event character arrives (FTDI AN232B-04).
 //!
-//! [`Usb`] is the raw connection ([`crate::usbfs`], or an emulator), [`Chip`] the chip on it, and a protocol takes
-//! any [`Ftdi`].
+//! [`Usb`] is the raw connection ([`crate::usbfs`], or an emulator). [`Chip`] is the chip on this connection. A
+//! protocol takes any [`Ftdi`].
 //!
 //! Sources: FTDI's application notes AN232B-04 (latency, event character) and AN232B-05 (baud rates), and the numbers
 //! of the requests as the drivers of Linux and libftdi document them.
@@ -21,7 +21,8 @@ pub const STATUS: usize = 2;
 /// Type of all requests here: vendor, to the device, without data.
 const OUT: u8 = 0x40;
 
-/// One of the chip's two buffers. The documents disagree on which number is which direction, so a driver purges both.
+/// One of the chip's two buffers. The documents disagree on the direction of each number, so a driver purges both
+/// buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Buffer {
     /// The buffer of request value 1.
@@ -69,7 +70,7 @@ pub struct Setup {
 }
 
 impl Control {
-    /// The request as it goes over USB, for a chip of one port.
+    /// The request in the form of USB, for a chip of one port.
     ///
     /// ```
     /// use devices::ftdi::Control;
@@ -103,7 +104,7 @@ impl Control {
         }
     }
 
-    /// The request in a setup, as the chip reads it; `None` where it is none of these.
+    /// The request in a setup, as the chip reads it; `None` for any other setup.
     pub fn from_setup(setup: Setup) -> Option<Self> {
         let [low, high] = setup.value.to_le_bytes();
         let line = |bit: u8| (high & bit != 0).then_some(low & bit != 0);
@@ -148,7 +149,7 @@ pub trait Usb: Send {
     /// The error number of the system.
     fn request(&mut self, setup: Setup) -> Result<(), i32>;
 
-    /// Waits at most for `wait` for one packet, and returns its length; zero where none came.
+    /// Waits at most for `wait` for one packet, and returns its length; zero if no packet came.
     ///
     /// # Errors
     /// The error number of the system.

@@ -5,12 +5,13 @@
 //! - **Writing** is the task of a separate thread for each device (`writer`), because the kernel makes a writer wait
 //!   for the device, for up to five seconds.
 //!
-//! The driver greets the device with a hello when it opens it, and, in place of wrenches, until the device has answered;
-//! so also where the device was restarted. Each wrench names the newest state that the driver has read ([`firmware_proto::host`]).
+//! The driver greets the device with a hello when it opens the device. Until the device has answered, hellos replace
+//! wrenches. The driver greets a restarted device in the same way. Each wrench names the newest state that the driver
+//! has read ([`firmware_proto::host`]).
 //!
-//! The answer says what the device can do. Where that is not what the profile says, the device is refused when it is
-//! opened ([`stated`](crate::stated)). A device whose answer comes later, or which comes back as another, is lost: it gets
-//! no wrench before its answer agrees.
+//! The answer states the capabilities of the device. If these disagree with the profile, the driver refuses to open the
+//! device ([`stated`](crate::stated)). A device whose answer comes later, or that comes back as another device, is
+//! lost: it gets no wrench before its answer agrees.
 //!
 //! A device that disappears is opened again by the writing thread as soon as it is back, without a restart of the run.
 //! Its selector finds it again, so a device that was opened by its numbers may come back under another path, and a device
@@ -24,7 +25,9 @@
 mod driver;
 mod reading;
 mod selector;
+mod tick_end;
 mod writer;
+mod writing;
 
 use crate::firmware::{GreetingError, check, session};
 use crate::found::{FindError, udev_rule};
@@ -41,6 +44,8 @@ use writer::{Open, Write, Writer};
 pub use driver::Hid;
 pub use reading::{Command, QUEUE, Reports};
 pub use selector::HidSelector;
+pub use tick_end::TickEnd;
+pub use writing::{Step, Writing};
 
 /// Error number of a device that is not connected (ENODEV).
 const NO_DEVICE: i32 = 19;
@@ -50,7 +55,7 @@ const GREETING: Duration = Duration::from_secs(1);
 /// Time between two looks for the answer.
 const LOOK: Duration = Duration::from_millis(1);
 
-/// Why a device could not be opened.
+/// The reason why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum HidError {
     /// There is not exactly one such device.
@@ -82,13 +87,13 @@ pub enum HidError {
     },
 }
 
-/// Fills a buffer with the next report that waits. Returns the length of the report, zero where no report waits, or the
+/// Fills a buffer with the next report that waits. Returns the length of the report, zero if no report waits, or the
 /// error number of the system. Never waits.
 pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
 /// Writes a command, or returns the error number of the system. May block.
 pub type WriteReport = dyn FnMut(&Command) -> Result<(), i32> + Send;
 
-/// What helps where a device cannot be opened: `rule` is the beginning of its udev rule.
+/// The remedy if a device cannot be opened. `rule` is the beginning of its udev rule.
 pub(crate) fn advice(error: &std::io::Error, rule: &str) -> String {
     match error.kind() {
         std::io::ErrorKind::ResourceBusy => "Another run has it open; end that run".to_owned(),
@@ -102,15 +107,9 @@ pub struct HidDevice {
     /// `None` while the device is lost.
     read: Option<Box<ReadReport>>,
     writer: Writer<Command, Box<ReadReport>>,
-    reports: Reports,
-    /// The limits that hold.
-    capabilities: Capabilities,
-    /// The name that the device stated first. A device of another name is another device.
-    name: Option<Name>,
+    end: TickEnd,
     /// The version of its firmware, as it stated it when it was opened.
     firmware: Option<FirmwareVersion>,
-    /// The system's error number, while the device is lost.
-    gone: Option<i32>,
 }
 
 /// The two ends of an open device.
@@ -135,7 +134,8 @@ fn ends(selector: &HidSelector) -> Result<Ends, HidError> {
     Ok((Box::new(read), Box::new(write)))
 }
 
-/// Greets a device, and waits for its answer, for a second at most. Returns what it states; `None` where it did not answer.
+/// Greets a device, and waits for its answer, for a second at most. Returns its statements; `None` if the device did
+/// not answer.
 fn answer(
     (read, write): &mut Ends,
     profile: &Capabilities,
@@ -145,7 +145,7 @@ fn answer(
     let start = Instant::now();
     while start.elapsed() < GREETING {
         let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        // What fails here fails again in the ticks, which report it.
+        // A failure here occurs again in the ticks, which report it.
         if let Some(hello) = reports.command(&Wrench::zero(), now_ns) {
             let _ = write(&numbered(&hello));
         }
@@ -185,20 +185,9 @@ impl HidDevice {
         })
     }
 
-    /// Whether the device may be the one of the profile, and the one of before. For the hot path.
-    fn agrees(&mut self) -> bool {
-        let Some(report) = self.reports.host().capabilities() else {
-            // It gets no wrench before it has answered.
-            return true;
-        };
-        let name = Name(report.model.name);
-        let first = *self.name.get_or_insert(name);
-        first == name && check(&report.model, &self.capabilities).is_ok()
-    }
-
     /// The name of the device's model; `None` before its first answer.
     pub fn name(&self) -> Option<Name> {
-        self.name
+        self.end.name
     }
 
     /// The version of the device's firmware, as it stated it when it was opened.
@@ -206,23 +195,12 @@ impl HidDevice {
         self.firmware
     }
 
-    /// The newest state that waits.
-    fn receive(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        let Some(read) = &mut self.read else {
-            return Err(DeviceError::Disconnected(NO_DEVICE));
-        };
-        self.reports
-            .newest(self.capabilities.sensed, now_ns, |buffer| {
-                read(buffer).map_err(DeviceError::Disconnected)
-            })
-    }
-
     /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
     /// block, and is called once, with the first hello, before this function returns. Either function returns the error
-    /// number of the system where the device is disconnected. The device is asked for its own watchdog.
+    /// number of the system if the device is disconnected. The device is asked for its own watchdog.
     ///
     /// # Errors
-    /// The error of the system, where it gave no thread for writing.
+    /// The error of the system, if it gave no thread for writing.
     pub fn over(
         read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
         write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
@@ -250,7 +228,7 @@ impl HidDevice {
         Self::start(first, Box::new(open), capabilities, 0, None)
     }
 
-    /// Starts the thread of a device that is open, and which has stated this model where it has been greeted before.
+    /// Starts the thread of a device that is open, and which has stated this model if it has been greeted before.
     fn start(
         (read, mut write): Ends,
         open: Open<Command, Box<ReadReport>>,
@@ -259,71 +237,62 @@ impl HidDevice {
         model: Option<Model>,
     ) -> std::io::Result<Self> {
         let session = session();
-        let mut reports = Reports::new(session, watchdog_us);
-        // Where this write fails, the tick greets the device again, and reports the failure.
-        let _ = write(&numbered(&reports.greet()));
+        let name = model.map(|model| Name(model.name));
+        let mut end = TickEnd::new(session, watchdog_us, capabilities, name);
+        // If this write fails, the tick greets the device again, and reports the failure.
+        let _ = write(&numbered(&end.greet()));
         let let_go = numbered(&release(session.get(), 0));
         Ok(Self {
             read: Some(read),
             writer: Writer::start(write, let_go, open)?,
-            reports,
-            capabilities,
-            name: model.map(|model| Name(model.name)),
+            end,
             firmware: model.map(|model| model.firmware),
-            gone: None,
         })
     }
 
     /// Counts of the reports so far, and the device's status.
     pub fn reports(&self) -> &Reports {
-        &self.reports
+        &self.end.reports
     }
 }
 
 impl Device for HidDevice {
     fn capabilities(&self) -> Capabilities {
-        self.capabilities
+        self.end.capabilities
     }
 
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        if let Some(number) = self.gone {
+        if let Some(error) = self.end.lost() {
             let Some(read) = self.writer.found() else {
-                return Err(DeviceError::Disconnected(number));
+                return Err(error);
             };
             self.read = Some(read);
-            self.gone = None;
+            self.end.reopened();
         }
-        let result = self.receive(now_ns);
-        if let Err(DeviceError::Disconnected(number)) = result {
-            self.gone = Some(number);
+        let read = &mut self.read;
+        let result = self.end.read(now_ns, |buffer| match read {
+            Some(read) => read(buffer),
+            None => Err(NO_DEVICE),
+        });
+        if self.end.lost().is_some() {
             self.writer.lose(&mut self.read);
         }
-        if self.agrees() {
-            result
-        } else {
-            Err(DeviceError::Disconnected(NO_DEVICE))
-        }
+        result
     }
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        if let Some(number) = self.gone {
-            return Err(DeviceError::Disconnected(number));
-        }
-        if !self.agrees() {
-            return Err(DeviceError::Disconnected(NO_DEVICE));
-        }
-        match self.reports.command(wrench, now_ns) {
+        match self.end.command(now_ns, wrench)? {
             Some(command) => self.writer.hand_on(numbered(&command)),
             None => Ok(()),
         }
     }
 
     fn motion_to_force_ns(&self) -> Option<u64> {
-        self.reports.shown_ns()
+        self.end.reports.shown_ns()
     }
 
     fn refused_wrenches(&self) -> Option<u64> {
-        Some(self.reports.refused_by_device)
+        Some(self.end.refused_wrenches())
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! [`Guide`] moves the free handle along one axis after another and records positions and forces. [`Guide::result`] fits
 //! the mass, damping and friction of [`DeviceModel`](crate::DeviceModel) to the record, with 95 % intervals.
-//! [`Identified::profile`] writes them into a device's file. All of it is computation over readings: the caller owns
+//! [`Identified::profile`] writes them into a device's file. The module only computes over readings: the caller owns
 //! the device and the tick.
 //!
 //! The handle must be free: with a hand on it, the numbers would be those of the device and the arm together. A hand
@@ -70,10 +70,10 @@ pub struct Identified {
     pub damping: Estimate,
     /// Coulomb friction (N): the mean over the axes.
     pub friction: Estimate,
-    /// Smallest change of a position coordinate (m): one encoder count, where the device moves in counts along the axes.
+    /// Smallest change of a position coordinate (m): one encoder count, if the device moves in counts along the axes.
     pub position_step: f64,
     /// Periods from the write of a force to its start on the handle, with any delay of the readings: 0 for a device
-    /// without delay, which the reading after the write already shows. `None` where the record does not tell; delays
+    /// without delay, which the reading after the write already shows. `None` if the record does not tell; delays
     /// above 5 are not tried.
     pub delay_periods: Option<f64>,
     /// Period of the ticks (s).
@@ -82,7 +82,7 @@ pub struct Identified {
     pub axes: Vec<AxisIdentified>,
 }
 
-/// Why a device was not identified. After each of them the force is zero.
+/// The reason why a device was not identified. After each of these errors, the force is zero.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum IdentifyError {
     /// The device has no number that the motion needs.

@@ -1,4 +1,4 @@
-//! Files that the program reads: a name that leads to something else is refused, where a read would wait for ever.
+//! Files that the program reads. A name that leads to something else is refused if a read of it would wait for ever.
 
 use rustix::fs::OFlags;
 use std::fs::{File, OpenOptions};
@@ -6,14 +6,14 @@ use std::io;
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-/// What the names of streams begin with that are open already, such as the shell's `<(...)`.
+/// The beginnings of the names of streams that are open already, such as the shell's `<(...)`.
 const OPEN: [&str; 3] = ["/dev/stdin", "/dev/fd/", "/proc/self/fd/"];
 
-/// Opens a file to be read. It does not wait: a named pipe may have nobody at its other end.
+/// Opens a file for reading. The function does not wait, because a named pipe may have no program at its other end.
 ///
 /// # Errors
-/// The error of the system; and for a pipe, a socket and a folder, a sentence that says what to give. Streams that are
-/// open already are taken as they are.
+/// The error of the system. For a pipe, a socket or a folder, the error states what to give instead. Streams that are
+/// open already are accepted unchanged.
 pub fn open(path: &Path) -> io::Result<File> {
     if path
         .to_str()
@@ -22,7 +22,7 @@ pub fn open(path: &Path) -> io::Result<File> {
         return File::open(path);
     }
     let refuse = |problem: &str| Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
-    // The system opens no socket, and says so without saying why.
+    // The system opens no socket, and its error does not name the reason.
     if path.metadata()?.file_type().is_socket() {
         return refuse("this is a socket; give a file");
     }

@@ -7,17 +7,17 @@
 //! - Drivers: [`hid`] and [`serial`] (real devices that use Palpate's firmware protocol), [`woodenhaptics`] and [`falcon`] (devices with
 //!   published protocols), [`replay`] (recorded readings). The driver of simulated devices is `sim::driver`, beside the
 //!   simulation.
-//! - [`transport`]: how bytes reach a device. [`ftdi`]: FTDI's USB serial chips. [`usbfs`]: USB devices through the
-//!   kernel. [`exchange`]: devices that may block, in a thread of their own.
-//! - [`stated`]: what a device states of itself, held against its profile.
+//! - [`transport`]: the connections that carry bytes. [`ftdi`]: FTDI's USB serial chips. [`usbfs`]: USB devices through
+//!   the kernel. [`exchange`]: devices that may block, in a thread of their own.
+//! - [`stated`]: the statements of a device about itself, compared with its profile.
 //! - [`plugin`]: any other device, by a shared library with a C interface.
-//! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
+//! - [`wire`]: the host's side of the firmware protocol, which converts the units of the device to SI.
 //! - [`panel`]: the operator's orders to arm and to stop the devices.
-//! - [`found`]: which devices are connected, and why a device cannot be used.
+//! - [`found`]: the connected devices, and the reasons why a device cannot be used.
 //! - [`identify`]: mass, damping and friction of a device, from a limited motion that its motors guide.
 //! - [`response`]: the delay from a force to the motion that the device reports.
 //! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
-//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
+//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper must pass.
 #![deny(unsafe_code)]
 
 pub mod conformance;

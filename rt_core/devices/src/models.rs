@@ -34,12 +34,12 @@ pub struct DeviceModel {
     pub driver_damping: f64,
     /// Usual rate of the device (Hz).
     pub rate_hz: u32,
-    /// Time from the command of a wrench to its rendering by the device (s), as measured; zero where it is unknown.
+    /// Time from the command of a wrench to its rendering by the device (s), as measured; zero if it is unknown.
     pub output_delay: f64,
-    /// The axes along which the handle moves, on a device of one or two degrees of freedom; `None` where the handle moves
+    /// The axes along which the handle moves, on a device of one or two degrees of freedom; `None` if the handle moves
     /// along all three.
     pub axes: Option<Axes>,
-    /// The rotation of the handle, where the device senses and actuates it.
+    /// The rotation of the handle, if the device senses and actuates it.
     pub rotation: Option<RotationModel>,
 }
 
@@ -62,8 +62,8 @@ pub struct RotationModel {
     pub driver_damping: f64,
 }
 
-/// The devices from which studies draw at random. A device that is added to this list changes what every seed draws, and
-/// so every figure of these studies.
+/// The devices from which studies draw at random. An additional device in this list changes the draws of every seed,
+/// and thus every figure of these studies.
 pub const STUDIED: [&str; 6] = [
     "falcon",
     "touch",
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(DeviceModel::named("tuch"), None);
     }
 
-    /// The account of energy takes no credit for what nobody has measured.
+    /// The account of energy takes no credit for a dissipation that was never measured.
     #[test]
     fn a_dissipation_that_is_estimated_counts_as_none() {
         let model = DeviceModel::named("virtuose6d").unwrap();

@@ -1,10 +1,10 @@
-//! The operator's panel: orders to arm and to stop the devices of a run, and the wrapper that hands the orders to the
+//! The operator's panel: orders to arm and to stop the devices of a run, and the wrapper that passes the orders to the
 //! tick.
 //!
 //! An order is a bit of the device's buttons ([`rt_core::engage`]). The log of the readings then holds the orders, and a
-//! replay needs no other record of them. An order may come from any thread and from a signal handler: the panel consists
-//! of atomic values. Of two orders that come between two ticks, the later one decides. Orders at given times serve
-//! rehearsals: the device hands them over in the tick at or after their time, under either clock.
+//! replay needs no other record of them. An order may come from any thread and from a signal handler, because the panel
+//! consists of atomic values. Of two orders that come between two ticks, the later one decides. Orders at given times
+//! serve rehearsals: the device passes each of them on in the tick at or after its time, under either clock.
 
 use rt_core::engage::{ARM_ORDER, OWN_BUTTONS, STOP_ORDER};
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Wrench};
@@ -52,8 +52,8 @@ impl Panel {
         self.stopped.store(1, Ordering::Relaxed);
     }
 
-    /// The values that the handlers of two signals set: the first is 1 after an order to stop and 0 after an order to arm,
-    /// and an order to arm then sets the second.
+    /// The values that the handlers of two signals set. The first value is 1 after an order to stop, and 0 after an
+    /// order to arm. An order to arm also sets the second value.
     pub fn for_handlers(&self) -> (Arc<AtomicUsize>, Arc<AtomicBool>) {
         (Arc::clone(&self.stopped), Arc::clone(&self.arms))
     }
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn all_but_the_orders_is_that_of_the_device() {
-        /// A device that tells everything.
+        /// A device that has every optional report.
         struct Talkative(Option<Wrench>);
         impl Device for Talkative {
             fn capabilities(&self) -> Capabilities {

@@ -1,10 +1,10 @@
-//! Devices of any other kind, by a shared library with a C interface.
+//! Devices of any other kind, through a shared library with a C interface.
 //!
 //! `plugin/palpate_device.h` is the interface, and `plugin/example.c` an example. Vendors' libraries allocate, lock and
-//! block, so a plug-in is never called by the tick: each of its devices has a thread of its own
-//! ([`exchange`](crate::exchange)). They may also end their process, so each device has a process of its own as well,
-//! with which the thread exchanges (`process`). A device that hangs, or whose states are no numbers, is a silent device
-//! to the tick, and a device whose process has ended is a lost one.
+//! block, so the tick never calls a plug-in. Each device of a plug-in has its own thread
+//! ([`exchange`](crate::exchange)). Vendors' libraries may also end their process, so each device also has its own
+//! process, with which the thread exchanges (`process`). A device that hangs, or whose states are no numbers, is a
+//! silent device to the tick. A device whose process has ended is a lost device.
 
 pub mod abi;
 mod library;
@@ -34,7 +34,7 @@ const NO_DEVICE: i32 = 19;
 /// This program.
 const THIS: &str = "/proc/self/exe";
 
-/// The driver `plugin`. Addresses: `FILE` or `FILE:ADDRESS`, where only the plug-in reads `ADDRESS`. A relative file is
+/// The driver `plugin`. Addresses: `FILE` or `FILE:ADDRESS`. Only the plug-in reads `ADDRESS`. A relative file is
 /// relative to the folder of the driver.
 #[derive(Clone, Debug)]
 pub struct Plugins {
@@ -69,7 +69,7 @@ impl Plugins {
     /// Opens a device, and starts its thread.
     ///
     /// # Errors
-    /// [`OpenError`], which names the file and what to do.
+    /// [`OpenError`], which names the file and the remedy.
     pub fn connect(&self, request: &Request<'_>) -> Result<Exchanged, OpenError> {
         let (path, address) = self.split(request.address);
         if request.address.split(':').next() == Some("") {
@@ -128,7 +128,7 @@ impl Driver for Plugins {
     }
 }
 
-/// Why a device that a plug-in has opened is not used.
+/// The reason why a device that a plug-in has opened is not used.
 #[derive(Debug, thiserror::Error)]
 pub enum PluginOpenError {
     /// The capabilities that the plug-in states are not those of a device.
@@ -150,7 +150,7 @@ pub enum PluginOpenError {
     Profile {
         /// The file.
         path: PathBuf,
-        /// What differs.
+        /// The difference.
         source: Mismatch,
     },
     /// The system gave no thread.
@@ -169,7 +169,7 @@ struct PluginDevice {
     name: Name,
     /// The limits that hold.
     limits: Capabilities,
-    /// Whether the person was told that the process has ended.
+    /// Whether the user was told that the process has ended.
     told: bool,
 }
 
@@ -186,7 +186,8 @@ impl PluginDevice {
         if let Err(number) = answer
             && !std::mem::replace(&mut self.told, true)
         {
-            // Nothing else of the run knows the cause. Once is enough: the process may end again and again.
+            // No other part of the run knows the cause. One message is enough, because the process may end again and
+            // again.
             let (path, why) = (self.path.display(), process.why(number));
             eprintln!(
                 "the plug-in {path} {why}. Its device is lost until a new process has opened it"
@@ -224,7 +225,7 @@ impl Exchange for PluginDevice {
         let started = Process::start(&self.program, &self.path, &self.address);
         let (process, name, found) = started.map_err(|_| gone)?;
         let stated = Stated::new(&name, &capabilities(&found).ok_or(gone)?);
-        // It must be the same device, and as strong as before.
+        // The device must be the same, and as strong as before.
         if stated.name != self.name || stated.agree(&self.limits, 1.0).is_err() {
             return Err(gone);
         }
@@ -233,13 +234,13 @@ impl Exchange for PluginDevice {
     }
 }
 
-/// A vector for a plug-in, which never sees a component that is not finite.
+/// A vector for a plug-in. A plug-in never gets a component that is not finite.
 fn finite(vector: &Vec3) -> [f64; 3] {
     let whole = vector.iter().all(|x| x.is_finite());
     if whole { (*vector).into() } else { [0.0; 3] }
 }
 
-/// The state that a plug-in filled in; `None` where it is no state.
+/// The state that a plug-in filled in; `None` if it is not a valid state.
 pub fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
     let mut pose = Pose::at(sensed.part(&Vec3::from(state.position)));
     let mut twist = Twist {
@@ -265,8 +266,8 @@ pub fn state_of(state: &abi::State, sensed: Freedom) -> Option<DeviceState> {
     state.is_finite().then_some(state)
 }
 
-/// What a device of a plug-in renders. A number without a meaning may have one in a later version, so it does not count as
-/// rendering.
+/// The rendering that a device of a plug-in reports. A number without a meaning may have one in a later version, so
+/// such a number does not count as rendering.
 fn rendering(number: u32) -> Rendering {
     let fault = number.checked_sub(abi::FAULT).map(u8::try_from);
     match (number, fault) {
@@ -276,7 +277,7 @@ fn rendering(number: u32) -> Rendering {
     }
 }
 
-/// The capabilities that a plug-in states; `None` where no device has them.
+/// The capabilities that a plug-in states; `None` if no device has them.
 pub fn capabilities(found: &abi::Capabilities) -> Option<Capabilities> {
     let (sensed, actuated) = (freedom(found.sensed)?, freedom(found.actuated)?);
     let positive = |x: f64| x.is_finite() && x > 0.0;
@@ -331,7 +332,7 @@ mod tests {
         }
     }
 
-    /// Numbers above zero, and a largest moment exactly where a rotation is actuated.
+    /// Numbers above zero, and a largest moment exactly if a rotation is actuated.
     #[test]
     fn capabilities_are_those_of_a_device() {
         let arm = abi::Capabilities {

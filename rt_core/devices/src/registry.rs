@@ -30,7 +30,7 @@ use std::path::Path;
 pub struct Connection {
     /// The name of the driver.
     pub driver: String,
-    /// The address, which only the driver reads; empty where there is none.
+    /// The address, which only the driver reads; empty if there is none.
     pub address: String,
 }
 
@@ -64,16 +64,17 @@ pub enum Kind {
     Real,
 }
 
-/// What a device says that it is.
+/// The identity that a device states.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// The name of its model.
     pub name: String,
-    /// The version of its firmware; `None` where the device states none.
+    /// The version of its firmware; `None` if the device states none.
     pub firmware: Option<String>,
 }
 
-/// What a driver tells of a device that it opens, beside errors: one sentence each, and what the device says that it is.
+/// The notes of a driver on a device that it opens, beside errors: one sentence each, and the identity that the device
+/// states.
 #[derive(Debug, Default)]
 pub struct Notes {
     told: RefCell<Vec<String>>,
@@ -86,7 +87,7 @@ impl Notes {
         self.told.borrow_mut().push(note);
     }
 
-    /// What the device says that it is; `None` where it says nothing.
+    /// The identity that the device states; `None` if it states none.
     pub fn identity(&self) -> Option<Identity> {
         self.identity.borrow().clone()
     }
@@ -104,16 +105,16 @@ pub struct Request<'a> {
     pub index: usize,
     /// The model of the device.
     pub model: &'a DeviceModel,
-    /// The name of the device in its profile, which a device that states a name must not contradict; empty where the
+    /// The name of the device in its profile, which a device that states a name must not contradict; empty if the
     /// caller knows none.
     pub name: &'a str,
     /// Period of the tick (s).
     pub period: f64,
-    /// The address of the device, which only the driver reads; empty where the scene gives none.
+    /// The address of the device, which only the driver reads; empty if the scene gives none.
     pub address: &'a str,
     /// The firmware that the scene names for the device.
     pub firmware: Option<&'a Path>,
-    /// Takes what the driver tells.
+    /// Takes the notes of the driver.
     pub notes: Option<&'a Notes>,
 }
 
@@ -125,20 +126,20 @@ pub trait Driver {
     /// The kind of its devices.
     fn kind(&self) -> Kind;
 
-    /// The protocol of its devices, where they are devices of one kind. A device's profile must then name this protocol.
+    /// The protocol of its devices, if they are devices of one kind. A device's profile must then name this protocol.
     fn protocol(&self) -> Option<&'static str> {
         None
     }
 
-    /// What an address names, as far as it can be known before anything is opened: the file of a device, a place in the
-    /// network. Two addresses that have a name in common reach one device, whatever their drivers. Empty where any number
-    /// of devices may have the address.
+    /// The names of the place to which an address leads, as known before any device is opened: the file of a device, or
+    /// a place in the network. Two addresses that have a name in common reach one device, whatever their drivers. Empty
+    /// if any number of devices may have the address.
     fn reaches(&self, address: &str) -> Vec<String>;
 
     /// Opens a device.
     ///
     /// # Errors
-    /// [`OpenError`], which has the address, or states what the device lacks.
+    /// [`OpenError`], which contains the address, or names what the device lacks.
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError>;
 }
 
@@ -160,7 +161,7 @@ impl dyn Driver + '_ {
     }
 }
 
-/// Why a device could not be opened.
+/// The reason why a device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// No driver of that name is registered.
@@ -265,7 +266,7 @@ impl Registry {
         found.map(|driver| &**driver)
     }
 
-    /// Whether two connections reach one device, as far as that can be known before anything is opened.
+    /// Whether two connections reach one device, as known before any device is opened.
     pub fn reach_the_same(&self, one: &Connection, other: &Connection) -> bool {
         let reached = |connection: &Connection| {
             let driver = self.driver(&connection.driver);
@@ -290,7 +291,8 @@ impl Registry {
     }
 }
 
-/// What a path names, for [`Driver::reaches`]: the file to which it leads, or itself where it leads nowhere.
+/// The name of a path for [`Driver::reaches`]: the file to which the path leads, or the path itself if it leads
+/// nowhere.
 pub(crate) fn file_of(path: &Path) -> String {
     let leads_to = std::fs::canonicalize(path);
     leads_to
@@ -300,7 +302,7 @@ pub(crate) fn file_of(path: &Path) -> String {
         .into_owned()
 }
 
-/// What a host and a port name, for [`Driver::reaches`]: all addresses of the host, and the text itself.
+/// The names of a host and a port for [`Driver::reaches`]: all addresses of the host, and the text itself.
 pub(crate) fn places_of(address: &str) -> Vec<String> {
     let found = address.to_socket_addrs().into_iter().flatten();
     let each = found.map(|place| {
@@ -334,8 +336,8 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Holds what a device states against its profile (see [`Stated::agree`]). Tells the person where the name is unknown
-    /// or the device is the weaker one, and returns the limits that hold.
+    /// Compares the statements of a device with its profile (see [`Stated::agree`]). Notes for the user whether the
+    /// name is unknown or the device is weaker, and returns the limits that hold.
     ///
     /// # Errors
     /// [`Mismatch`].
@@ -358,7 +360,7 @@ impl<'a> Request<'a> {
         Ok(limits)
     }
 
-    /// Holds the name that a device states against its profile (see [`Stated::name_agrees`]).
+    /// Compares the name that a device states with its profile (see [`Stated::name_agrees`]).
     ///
     /// # Errors
     /// [`Mismatch::Name`].
@@ -372,7 +374,7 @@ impl<'a> Request<'a> {
         Ok(())
     }
 
-    /// Tells the person the version of the firmware that a device states.
+    /// Notes for the user the version of the firmware that a device states.
     pub(crate) fn has_firmware(&self, version: Option<FirmwareVersion>) {
         if let (Some(notes), Some(version)) = (self.notes, version) {
             let FirmwareVersion {

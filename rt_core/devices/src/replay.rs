@@ -29,8 +29,8 @@ pub struct ReplayDevice<R> {
 }
 
 impl<R: Iterator<Item = Reading>> ReplayDevice<R> {
-    /// A device that returns `readings` in order, one per call, and then no more reports. `capabilities` are those of the
-    /// recorded device as it was driven, which its profile may exceed.
+    /// A device that returns `readings` in order, one per call, and then no more reports. `capabilities` are those with
+    /// which the device was driven during the recording. Its profile may exceed them.
     pub fn new(
         capabilities: Capabilities,
         readings: impl IntoIterator<Item = Reading, IntoIter = R>,
@@ -42,7 +42,7 @@ impl<R: Iterator<Item = Reading>> ReplayDevice<R> {
     }
 }
 
-/// A recorded device that returns the readings that its sender sends, so that a long recording needs no memory.
+/// A recorded device that returns the readings from a sender, so that a long recording needs no memory.
 pub fn fed(
     capabilities: Capabilities,
 ) -> (

@@ -1,13 +1,14 @@
 //! The delay from the command of a force to the motion that the device reports, from short pulses of force.
 //!
 //! A pulse begins at rest, and ends at the first state in which the handle has moved by two counts of its encoder. The time
-//! until that state is the delay to the **first motion**. It holds the way of the command to the device, the rise of the
-//! motors' force, the time in which the handle passes the counts, and the way of the state back. The handle passes
-//! between one and two counts in `t = sqrt(2 m x / (F - f))`, so mass and friction of the profile tell the rest, the
-//! **delay of the device**, up to half of a count and half of a tick.
+//! until that state is the delay to the **first motion**. This delay consists of the transfer of the command to the
+//! device, the rise of the motors' force, the time in which the handle passes the counts, and the transfer of the state
+//! back. The handle passes between one and two counts in `t = sqrt(2 m x / (F - f))`. With the mass and the friction of
+//! the profile, the rest follows: the **delay of the device**, up to half of a count and half of a tick.
 //!
-//! [`Pulses`] is the motion, one tick at a time: pulses along the first free axis in alternating directions, with a weak
-//! spring and damper between them that bring the handle back to its start. The motion ends by itself beyond its limits.
+//! [`Pulses`] computes the motion, one tick at a time: pulses along the first free axis in alternating directions.
+//! Between the pulses, a weak spring and a damper bring the handle back to its start. The motion ends by itself beyond
+//! its limits.
 #![cfg_attr(
     not(test),
     deny(
@@ -30,7 +31,7 @@ const FORCE: (f64, f64) = (0.3, 1.5);
 const LARGEST_DISTANCE: f64 = 0.02;
 /// Displacement at which the spring between two pulses has the force of a pulse (m).
 const SPRING: f64 = 0.01;
-/// Counts of the encoder that are a motion: one may be the noise of a handle that rests between two counts.
+/// Counts of the encoder that make a motion. One count may be the noise of a handle that rests between two counts.
 const COUNTS: f64 = 2.0;
 /// Longest pulse, and the time between two pulses (s).
 const LONGEST_PULSE: f64 = 0.15;
@@ -39,13 +40,13 @@ const REST: f64 = 0.3;
 const SILENT_TICKS: u32 = 5;
 /// Number of positions from which the speed follows.
 const SPAN: usize = 8;
-/// Why there is no delay.
+/// The reason why there is no delay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ResponseError {
     /// The device gave no state in several ticks.
     #[error("the device gave no state in {SILENT_TICKS} ticks in a row")]
     Silent,
-    /// The handle left the room of the motion.
+    /// The handle left the allowed range of the motion.
     #[error(
         "the handle moved by more than 20 mm: let nobody hold the device, and keep its way free"
     )]
@@ -83,13 +84,13 @@ pub struct Pulses {
     force: f64,
     model: DeviceModel,
     axis: Vec3,
-    /// Where the handle started, along the axis (m).
+    /// Position along the axis at which the handle started (m).
     start: Option<f64>,
     /// The newest positions along the axis, newest first (m).
     recent: [f64; SPAN],
     /// Ticks since the last pulse began or ended.
     ticks: u32,
-    /// The pulse that acts: its direction, and where it began (m).
+    /// The pulse that acts: its direction, and the position at which it began (m).
     pulse: Option<(f64, f64)>,
     done: usize,
     delays: Vec<f64>,
@@ -98,8 +99,8 @@ pub struct Pulses {
 }
 
 impl Pulses {
-    /// The motion of a device of this profile, which is read and written every `period` (s). The handle starts where the
-    /// first reading finds it.
+    /// The motion of a device of this profile, which is read and written every `period` (s). The handle starts at the
+    /// position of the first reading.
     pub fn new(model: &DeviceModel, period: f64) -> Self {
         let axis = match model.freedom() {
             Freedom::Three | Freedom::Six => Vec3::x(),
@@ -130,7 +131,7 @@ impl Pulses {
         }
     }
 
-    /// The force of a pulse (N), and the longest way of the handle (m).
+    /// The force of a pulse (N), and the largest displacement of the handle (m).
     pub fn limits(&self) -> (f64, f64) {
         (self.force, LARGEST_DISTANCE)
     }
@@ -140,7 +141,7 @@ impl Pulses {
         self.ended.is_some()
     }
 
-    /// The part of the motion that is done.
+    /// The fraction of the motion that is complete.
     pub fn progress(&self) -> f64 {
         self.done as f64 / PULSES as f64
     }

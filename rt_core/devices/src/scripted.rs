@@ -4,7 +4,7 @@
 use rt_core::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Wrench};
 
-/// A device whose calls run two functions. The functions themselves hold any data that an observer also reads.
+/// A device whose calls run two functions. The functions own any data that an observer also reads.
 pub struct Scripted<R, W> {
     capabilities: Capabilities,
     read: R,
@@ -44,7 +44,7 @@ where
     }
 }
 
-/// The capabilities of a small desktop device: 8 N within 0.1 m, counts of 10 um, and 1 N m where it has six degrees of
+/// The capabilities of a small desktop device: 8 N within 0.1 m, counts of 10 um, and 1 N m if it has six degrees of
 /// freedom.
 pub fn small(freedom: Freedom) -> Capabilities {
     Capabilities {

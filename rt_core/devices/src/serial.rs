@@ -4,11 +4,11 @@
 //!   [`firmware_proto::stream`].
 //! - [`Tty`], [`Tcp`]: the drivers `tty` and `tcp`, which open the device that a scene names.
 //!
-//! The device sends its states by itself; an exchange sends the wrench, and takes the newest state that has come. A
-//! report counts as over HID ([`crate::hid`]): the same bytes are a state, missing or corrupt.
+//! The device sends its states by itself. An exchange sends the wrench, and takes the newest state that has come. The
+//! rules for reports are those of HID ([`crate::hid`]): the same bytes are a state, missing or corrupt.
 //!
-//! The device names its own limits when it is greeted. They must agree with the profile that the scene names: a
-//! controller with another device's profile relies on a mass and on a damping that the device does not have.
+//! The device states its own limits when it is greeted. These limits must agree with the profile that the scene names.
+//! With another device's profile, a controller would rely on a mass and on a damping that the device does not have.
 
 pub mod connect;
 mod exchange;

@@ -1,8 +1,9 @@
-//! What a device states of itself, held against the profile that the scene names.
+//! The statements of a device about itself, compared with the profile that the scene names.
 //!
-//! The controller relies on the profile: on its mass, its damping and its limits. A device that states other axes, a much
-//! larger or smaller workspace, or less force is another device than that of the profile. Drivers whose devices state
-//! something check it when they open a device, before anything moves, and again whenever a device was lost or restarted.
+//! The controller relies on the mass, the damping and the limits of the profile. A device that states other axes, a
+//! much larger or smaller workspace, or less force is not the device of the profile. A driver whose devices make such
+//! statements checks them when it opens a device, before anything moves, and again after a device was lost or
+//! restarted.
 
 #![cfg_attr(
     not(test),
@@ -27,11 +28,11 @@ const UNITS: f64 = 1e6;
 const RADIUS_UNITS: f64 = 1e7;
 /// Largest ratio between the reach of a device and that of its profile. Makers measure the workspace in many ways.
 const REACH: f64 = 10.0;
-/// A plug-in may state less force than the profile, down to this part of it: a library may state what its device renders
-/// for ever, or in its weakest direction. The lower limit then holds.
+/// A plug-in may state less force than the profile, down to this fraction. A library may state the force that its
+/// device renders continuously, or in its weakest direction. The lower limit then holds.
 pub(crate) const LEAST: f64 = 0.5;
 
-/// The name of a device's model, as a report has it.
+/// The name of a device's model, as in a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Name(pub [u8; 16]);
 
@@ -45,16 +46,16 @@ impl Name {
         Self(name)
     }
 
-    /// Holds the name of the device against the name in its profile (empty where the caller knows none). Where both are
-    /// names of built-in devices, they must be those of the same device. A device of one's own may have any name: the
-    /// result then is a note for the person, where the names differ.
+    /// Compares the name of the device with the name in its profile (empty if the caller knows no name). If both are
+    /// names of built-in devices, they must belong to the same device. A user's own device may have any name. If the
+    /// names then differ, the result is a note for the user.
     ///
     /// # Errors
     /// [`Mismatch::Name`].
     pub fn agrees(&self, profile: &str) -> Result<Option<String>, Mismatch> {
         let own = self.text();
         let (stated, expected) = (plain(&own), plain(profile));
-        // Names of reports are cut.
+        // Names in reports are cut.
         let is_same = expected == stated || (own.len() == 16 && expected.starts_with(&stated));
         if profile.is_empty() || is_same {
             return Ok(None);
@@ -120,7 +121,7 @@ impl fmt::Display for AxisNames {
     }
 }
 
-/// What a device states of itself.
+/// The statements of a device about itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stated {
     /// The name of its model.
@@ -133,12 +134,12 @@ pub struct Stated {
     pub max_force: f64,
     /// The largest moment (N m).
     pub max_moment: f64,
-    /// The radius of the workspace (m); zero where the device states none.
+    /// The radius of the workspace (m); zero if the device states none.
     pub workspace_radius: f64,
 }
 
 impl Stated {
-    /// What a device of the firmware protocol states.
+    /// The statements of a device of the firmware protocol.
     pub fn of(model: &Model) -> Self {
         Self {
             name: Name(model.name),
@@ -150,7 +151,7 @@ impl Stated {
         }
     }
 
-    /// What a device of this name with these capabilities states.
+    /// The statements of a device of this name with these capabilities.
     pub(crate) fn new(name: &str, capabilities: &Capabilities) -> Self {
         Self {
             name: Name::new(name),
@@ -162,8 +163,8 @@ impl Stated {
         }
     }
 
-    /// Checks that this is a device of `profile` which has at least the part `least` of its largest force and moment.
-    /// Returns the limits that hold: the lower ones of both.
+    /// Checks that this device agrees with `profile`, and has at least the fraction `least` of the profile's largest
+    /// force and moment. Returns the limits that hold: the lower limit of each pair.
     ///
     /// # Errors
     /// [`Mismatch`].
@@ -205,7 +206,7 @@ impl Stated {
                 profile: expected,
             });
         }
-        // Both are the same but for rounding where they are equal; then the profile's own number holds.
+        // Limits that differ only by rounding count as equal. The profile's own number then holds.
         let lower = |device: f64, profile: f64| {
             if device + 1.0 / UNITS > profile {
                 profile
@@ -422,7 +423,7 @@ mod tests {
                 && refused.contains("another device's profile"),
             "{refused}"
         );
-        // A device of one's own, its cut name, and a profile of one's own.
+        // A user's own device, its cut name, and a user's own profile.
         assert_eq!(said("lab arm", "Lab arm"), "");
         assert_eq!(
             said("Laboratory arm 2", "Laboratory arm 2 of the third floor"),

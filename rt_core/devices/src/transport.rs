@@ -1,7 +1,8 @@
-//! How bytes reach a device: one interface for the reports of HID and for streams of bytes (pty, TCP, tty, USB serial).
+//! Transports carry bytes to and from a device: one interface for the reports of HID and for streams of bytes (pty,
+//! TCP, tty, USB serial).
 //!
-//! A transport may block, so only a thread of its own calls it ([`crate::exchange`]), never the tick. A transport knows
-//! no protocol. A protocol takes any transport, so a test can take the place of the kernel.
+//! A transport may block, so only the device's own thread calls it ([`crate::exchange`]), never the tick. A transport
+//! knows no protocol. A protocol takes any transport, so a test can replace the kernel.
 
 mod hidraw;
 mod packets;
@@ -17,21 +18,21 @@ use rustix::io::Errno;
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-/// Longest time that a write waits for room. A device that takes no bytes for so long is stuck.
+/// Longest time that a write waits for room. A device that takes no bytes for this time is stuck.
 const WRITE: Duration = Duration::from_millis(100);
 
-/// A connection to a device. Errors are error numbers of the system (`ENODEV` where the device is gone), because the
+/// A connection to a device. Errors are error numbers of the system (`ENODEV` if the device is gone), because the
 /// hot path formats and allocates nothing.
 pub trait Transport: Send {
     /// Waits for bytes from the device, at most for `wait`, and fills `buffer` from its start. Returns the number of
-    /// bytes; zero where none came in time. HID gives one report a call and cuts a longer report off. A stream gives
-    /// the bytes that are there, which may be a part of a packet, or several packets.
+    /// bytes; zero if none came in time. HID gives one report a call, and truncates a report that is longer than the
+    /// buffer. A stream gives the bytes that have come, which may be a part of a packet, or several packets.
     ///
     /// # Errors
     /// The error number of the system.
     fn read(&mut self, buffer: &mut [u8], wait: Duration) -> Result<usize, i32>;
 
-    /// Sends all of `bytes`. On HID they are one report, without a report number.
+    /// Sends all of `bytes`. On HID, the bytes are one report, without a report number.
     ///
     /// # Errors
     /// The error number of the system.
@@ -65,7 +66,7 @@ fn lock(file: &impl AsFd) -> std::io::Result<()> {
     }
 }
 
-/// The number of bytes of a read that does not wait; zero where nothing waits.
+/// The number of bytes of a read that does not wait; zero if nothing waits.
 fn now(result: Result<usize, Errno>) -> Result<usize, i32> {
     match result {
         Ok(count) => Ok(count),
@@ -74,8 +75,8 @@ fn now(result: Result<usize, Errno>) -> Result<usize, i32> {
     }
 }
 
-/// Waits until a file is ready for `events`, at most for `wait`. Returns whether it is. A file whose other end is gone
-/// counts as ready: the next call tells its error.
+/// Waits until a file is ready for `events`, at most for `wait`. Returns whether the file is ready. A file whose other
+/// end is gone counts as ready: the next call returns its error.
 pub(crate) fn wait_for(file: &impl AsFd, events: PollFlags, wait: Duration) -> Result<bool, i32> {
     let wait = Timespec::try_from(wait).unwrap_or(Timespec {
         tv_sec: i64::MAX,

@@ -1,9 +1,9 @@
-//! USB devices through the files that Linux has for them (usbfs), without a library.
+//! USB devices through the files of Linux (usbfs), without a library.
 //!
-//! A device is found in the kernel's list by its numbers ([`found`]), opened as `/dev/bus/usb/BBB/DDD`, and driven by
-//! four requests of the kernel: claim an interface, control transfer, bulk transfer, and release, which closing does. Bulk
-//! transfers complete in the interrupt thread of the host controller. The bytes of a tty, in contrast, pass through a
-//! worker of ordinary priority.
+//! The driver finds a device in the kernel's list by its numbers ([`found`]) and opens `/dev/bus/usb/BBB/DDD`. Four
+//! requests of the kernel drive the device: claim of an interface, control transfer, bulk transfer, and release.
+//! Closing the file makes the release. Bulk transfers complete in the interrupt thread of the host controller. The
+//! bytes of a tty, in contrast, pass through a worker of ordinary priority.
 //!
 //! Each read takes one packet. A longer read that times out would lose the packets that it already has.
 //!
@@ -60,7 +60,7 @@ impl fmt::Display for Selector {
     }
 }
 
-/// Why a USB device could not be opened.
+/// The reason why a USB device could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum UsbError {
     /// There is not exactly one such device.
@@ -79,7 +79,7 @@ pub enum UsbError {
         /// The error of the system.
         source: std::io::Error,
     },
-    /// The device is open but not ours.
+    /// The device is open, but another program uses its interface.
     #[error(
         "the USB device {selector} ({path}) is in use: {source}. End the other program that uses it; where a driver of \
          the kernel has it (`lsusb -t`, such as ftdi_sio), unbind it: echo -n INTERFACE | sudo tee \
@@ -97,7 +97,7 @@ pub enum UsbError {
 }
 
 impl UsbError {
-    /// The error number of the system; that of a missing device (ENODEV) where there is none.
+    /// The error number of the system; that of a missing device (ENODEV) if there is none.
     pub fn number(&self) -> i32 {
         match self {
             Self::Open { source, .. } | Self::Claim { source, .. } => {
@@ -115,10 +115,10 @@ pub struct UsbDevice {
 }
 
 impl UsbDevice {
-    /// Opens the one device that `selector` names, and takes its interface, also from a driver of the kernel.
+    /// Opens the one device that `selector` names, and takes its interface, even from a driver of the kernel.
     ///
     /// # Errors
-    /// [`UsbError`], which names the device and says what to do.
+    /// [`UsbError`], which names the device and the remedy.
     pub fn open(selector: &Selector) -> Result<Self, UsbError> {
         let path = selector.find(Path::new("/"))?;
         let file = File::options()
@@ -211,7 +211,7 @@ mod kernel {
         })
     }
 
-    /// Takes an interface, also from a driver of the kernel, but not from another program.
+    /// Takes an interface, even from a driver of the kernel, but not from another program.
     pub(super) fn claim(file: &File, interface: c_uint) -> Result<(), i32> {
         let mut claim = DisconnectClaim {
             interface,

@@ -1,6 +1,6 @@
 //! The host's side of the firmware protocol: from a device's report to a state, from a wrench to a report.
 //!
-//! The units of a device are converted to SI here.
+//! This module converts the units of a device to SI.
 #![cfg_attr(
     not(test),
     deny(
@@ -19,8 +19,8 @@ use rt_core::{
 
 pub use firmware_proto::host::DeviceClock;
 
-/// The state in a report, in SI units. Where the device senses no rotation (`sensed`), the report's orientation and
-/// angular velocity are ignored; so are positions and velocities along axes that the device does not sense.
+/// The state in a report, in SI units. If the device senses no rotation (`sensed`), the report's orientation and
+/// angular velocity are ignored. Positions and velocities along axes that the device does not sense are ignored, too.
 pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> DeviceState {
     let si = report.to_si();
     let mut pose = Pose::at(sensed.part(&Vec3::from(si.position)));
@@ -45,8 +45,8 @@ pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> D
     }
 }
 
-/// What a device of this condition renders of its wrenches: nothing in a fault, without power, or without a wrench in
-/// force.
+/// The rendering of a device in this condition. A device in a fault, without power, or without a wrench in force
+/// renders nothing.
 pub fn rendering_of(condition: &Condition) -> Rendering {
     let acting = status::POWERED | status::IN_FORCE;
     match condition.mode {
@@ -68,7 +68,7 @@ pub fn axes_of(freedom: Freedom) -> u8 {
     }
 }
 
-/// `wrench` (device axes) in the form that a report takes.
+/// `wrench` (device axes) in the form for a report.
 pub fn si_of(wrench: &Wrench) -> WrenchSi {
     WrenchSi {
         force: wrench.force.into(),
@@ -111,7 +111,7 @@ mod tests {
             (status::IN_FORCE, Rendering::LetGo),
         ] {
             assert_eq!(rendering(status, Mode::Active), rendered, "{status:#x}");
-            // A device in a fault renders nothing, whatever else it says.
+            // A device in a fault renders nothing, whatever its other statements.
             assert_eq!(rendering(status, Mode::Fault), Rendering::Fault(7));
         }
     }

@@ -5,8 +5,8 @@
 use fuzz_rules::device;
 use std::io;
 
-/// Runs a target on all its inputs. At least `reached` of them must reach what the rules of the target are about, so
-/// that the inputs are not all refused at the door.
+/// Runs a target on all its inputs. At least `reached` inputs must reach the rules of the target, so that the target
+/// does not refuse all inputs at once.
 fn replay(target: &str, reached: usize, run: impl Fn(&[u8]) -> usize) -> io::Result<()> {
     let inputs = corpus::inputs(target)?;
     let mut count = 0;

@@ -10,7 +10,7 @@ use std::process::Command;
 
 const FOLDER: &str = env!("CARGO_TARGET_TMPDIR");
 
-/// Builds a C source; `None` where the machine has no C compiler. Each test has a file of its own.
+/// Builds a C source; `None` if the machine has no C compiler. Each test has a file of its own.
 fn build(test: &str, source: &Path) -> Option<PathBuf> {
     let library = Path::new(FOLDER).join(format!("{test}.so"));
     let built = Command::new("cc")
@@ -64,7 +64,7 @@ fn made(test: &str, [loaded, open, exchange]: [&str; 3]) -> Option<PathBuf> {
 struct palpate_device {{ int unused; }};
 static struct palpate_device one;
 static int exchanges;
-static char mark[512]; /* a file that is made when the device is closed, where `open` names one */
+static char mark[512]; /* a file that is made when the device is closed, if `open` names one */
 static void nap(void) {{ struct timespec ms = {{0, 1000000}}; nanosleep(&ms, NULL); }}
 static void hang(void) {{ for (;;) nap(); }}
 static int opened(const char *address, palpate_device **device, palpate_capabilities *states, char *message, size_t length) {{
@@ -128,7 +128,7 @@ fn refused(library: &Path) -> String {
     open(library, "").map(drop).expect_err("it is refused")
 }
 
-/// Reads until `done` accepts a result. The test ends only when that happens: the thread of the device needs time.
+/// Reads until `done` accepts a result. The test waits without a limit, because the thread of the device needs time.
 fn until(
     device: &mut impl Device,
     wrench: &Wrench,
@@ -167,7 +167,7 @@ fn the_example_moves_under_its_force() {
         return;
     };
     let mut device = opened(&library, "");
-    // The spring of 50 N/m holds 1 N at 20 mm. Where the machine is busy, the thread commands zero now and then, for an
+    // The spring of 50 N/m holds 1 N at 20 mm. If the machine is busy, the thread commands zero now and then, for an
     // exchange of 1 ms: the mass of 0.1 kg then gets 10 mm/s, and swings by half a millimetre.
     until(&mut device, &push(), |result| {
         result.is_ok_and(|state| {
@@ -209,7 +209,7 @@ fn the_lower_limit_holds_and_is_told() {
     };
     let (found, notes) = held(&weak, "Example");
     assert_eq!((found.max_force, notes), (3.0, vec![]));
-    // A name that nobody knows is told.
+    // An unknown name is reported.
     let (_, notes) = held(&weak, "Novint Falcon");
     assert!(
         notes.len() == 1 && notes[0].contains("\"example\"") && notes[0].contains("Novint Falcon"),
@@ -303,7 +303,7 @@ fn a_plug_in_that_hangs_is_silent_and_holds_up_nobody() {
         return;
     };
     let mut device = opened(&library, "hang");
-    // The ring of wrenches fills, because nobody takes them any more.
+    // The ring of wrenches fills, because no thread takes them any more.
     while device.write(0, &push()) != Err(DeviceError::Busy) {
         let _ = device.read(0);
         std::thread::yield_now();
@@ -316,11 +316,11 @@ fn a_plug_in_that_hangs_is_silent_and_holds_up_nobody() {
         matches!(result, Err(DeviceError::Disconnected(110)))
     });
     until(&mut device, &push(), Result::is_ok);
-    // Neither the tick nor the end of the run waits for it.
+    // Neither the tick nor the end of the run waits for the plug-in.
     drop(device);
 }
 
-/// The device of a process that ended is lost, and a new process opens it again. The other device goes on.
+/// The device of a process that ended is lost, and a new process opens it again. The other device continues.
 #[test]
 fn a_plug_in_that_ends_its_process_ends_no_run() {
     let endings = [
@@ -519,7 +519,7 @@ fn a_plug_in_that_cannot_be_opened_says_why() {
     }
 }
 
-/// A motor that nobody switches off keeps its last current.
+/// A motor that is not switched off keeps its last current.
 #[test]
 fn the_end_of_a_run_closes_each_device() {
     let name_the_mark = r#"snprintf(mark, sizeof mark, "%s", address);"#;

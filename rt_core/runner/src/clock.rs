@@ -1,8 +1,7 @@
 //! The clock of the tick: monotonic time, and sleep until an absolute deadline.
 //!
 //! These are the only system calls of the loop itself. A sleep until an absolute time (rather than for a duration)
-//! keeps the grid of deadlines free of drift: whatever the duration of a tick, the next deadline stays where it was
-//! planned.
+//! keeps the grid of deadlines free of drift: the duration of a tick does not move the next deadline.
 //!
 //! On the hot path, the clock is read through the vDSO, without the kernel. Never sleep for a duration.
 
@@ -33,8 +32,8 @@ pub(crate) fn sleep_until(deadline_ns: u64) -> u64 {
         }
         match clock_nanosleep_absolute(ClockId::Monotonic, &deadline) {
             Ok(()) | Err(Errno::INTR) => {}
-            // The kernel refuses only invalid times. Should it ever refuse this one, to be on time matters more than
-            // the processor: wait actively.
+            // The kernel refuses only invalid times. If it ever refuses this time, punctuality matters more than the
+            // processor: wait actively.
             Err(_) => std::hint::spin_loop(),
         }
     }

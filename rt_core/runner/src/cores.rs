@@ -1,29 +1,29 @@
 //! The cores of the machine, the cores that the kernel isolates, and the core that the tick takes.
 //!
 //! An isolated core (`isolcpus`) is in no process's mask until a thread asks for the core by number, so the mask alone
-//! does not show it. The kernel lists the online and the isolated cores in `/sys/devices/system/cpu/online` and
-//! `isolated`. The format is that of the kernel's documentation (`Documentation/admin-guide/cputopology.rst`): numbers
-//! and ranges, separated by commas, such as `0-3,6`.
+//! does not show the isolated cores. The kernel lists the online and the isolated cores in
+//! `/sys/devices/system/cpu/online` and `isolated`. The format is that of the kernel's documentation
+//! (`Documentation/admin-guide/cputopology.rst`): numbers and ranges, separated by commas, such as `0-3,6`.
 //!
 //! The choice is a pure function of the two lists and the mask. `schedule` asks the system for the chosen core.
 
 use std::fmt::Write as _;
 use std::fs::read_to_string;
 
-/// Numbers from here on are errors in the list: no kernel counts so many cores, and a range is expanded in memory.
+/// Numbers from this one on are errors in the list: no kernel counts so many cores, and a range is expanded in memory.
 const MOST_CORES: usize = 1 << 16;
 
 /// The choice of a core for the tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CoreChoice {
-    /// The first isolated core that the system gives; without one, the last core of the process's mask.
+    /// The first isolated core that the system gives. Without an isolated core, the last core of the process's mask.
     #[default]
     Isolated,
     /// The last core of the process's mask, if the mask has at least two.
     Last,
     /// This core, even outside the process's mask (as an isolated core is).
     Id(usize),
-    /// No core: the system decides where the tick runs.
+    /// No core: the system chooses the core of the tick.
     Anywhere,
 }
 
@@ -127,7 +127,7 @@ fn isolated_too(isolated: &[usize]) -> String {
 /// The cores of a machine. Each list ascends.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cores {
-    /// The online cores; empty where the system does not tell.
+    /// The online cores; empty if the system does not list them.
     pub online: Vec<usize>,
     /// The online cores that the kernel isolates.
     pub isolated: Vec<usize>,
@@ -159,7 +159,7 @@ impl Cores {
     /// Checks a choice before the system is asked for a core.
     ///
     /// # Errors
-    /// [`NoSuchCore`] for a number that is not among the online cores. Where the system does not list its cores, any
+    /// [`NoSuchCore`] for a number that is not among the online cores. If the system does not list its cores, any
     /// number passes, and pinning will report an error.
     pub fn check(&self, choice: CoreChoice) -> Result<(), NoSuchCore> {
         match choice {
@@ -174,8 +174,8 @@ impl Cores {
         }
     }
 
-    /// The cores to try for the tick, best first, where `allowed` (ascending) is the process's mask. The last core of
-    /// the mask is a candidate only where the mask has another core for the rest of the process.
+    /// The cores to try for the tick, best first. `allowed` is the process's mask, ascending. The last core of the mask
+    /// is a candidate only if the mask has another core for the rest of the process.
     pub fn candidates(&self, choice: CoreChoice, allowed: &[usize]) -> Vec<usize> {
         let last = match allowed {
             [_, .., last] => Some(*last),
@@ -197,7 +197,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// A written list is read back, for any set of cores.
+        /// Any set of cores is read back from its written list.
         #[test]
         fn a_list_is_read_as_it_was_written(cores in btree_set(0..MOST_CORES, 0..40)) {
             let cores: Vec<_> = cores.into_iter().collect();

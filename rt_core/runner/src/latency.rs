@@ -1,8 +1,8 @@
 //! Histograms of times: the lateness of the tick, the duration of the tick, and the age of the local models.
 //!
-//! Memory and bounds of a histogram are fixed when it is made, and every page of it is written then. On the hot path,
-//! recording is an index and an increment: it never allocates, resizes or fails. Values beyond the bound are counted
-//! apart, but still enter count, mean and maximum, so no value is lost.
+//! A histogram gets its memory and its bounds when it is made, and every page of its memory is written then. On the hot
+//! path, recording is an index and an increment: it never allocates, resizes or fails. Values beyond the bound have a
+//! count of their own, and still enter count, mean and maximum, so no value is lost.
 
 mod recorder;
 
@@ -39,7 +39,7 @@ pub struct LatencyHistogram {
     sum: u64,
 }
 
-/// The summary of a histogram. Times in ns; all zero where no value was recorded.
+/// The summary of a histogram. Times in ns; all zero if no value was recorded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Number of values, including those beyond the bound.
@@ -48,7 +48,7 @@ pub struct Summary {
     pub overflow: u64,
     /// Smallest value, exact (ns).
     pub min: u64,
-    /// Median (ns). This and the next four are known to one part in a thousand.
+    /// Median (ns). The median and the next four quantiles are known to one part in a thousand.
     pub p50: u64,
     /// 90 % of the values lie at or below this one (ns).
     pub p90: u64,
@@ -73,7 +73,7 @@ impl LatencyHistogram {
                 "a lower bound of 1, an upper of 10 or more and 3 digits are always possible"
             )
         };
-        // Fresh memory is mapped on first use. Writing the memory here keeps that out of the tick.
+        // Fresh memory is mapped on first use. Writing the memory here keeps the mapping out of the tick.
         counts.clear();
         Self {
             counts,
@@ -111,7 +111,7 @@ impl LatencyHistogram {
     }
 
     /// The value at or below which a fraction `quantile` (from zero to one) of all values lies (ns). If that value lies
-    /// beyond the bound, the largest value. Zero where no value was recorded.
+    /// beyond the bound, the largest value. Zero if no value was recorded.
     pub(crate) fn value_at(&self, quantile: f64) -> u64 {
         let count = self.count();
         if count == 0 {
@@ -180,8 +180,8 @@ pub struct DeviceTimes {
     pub read: LatencyHistogram,
     /// Duration of each write (ns). A device with a thread of its own only hands its wrench over.
     pub write: LatencyHistogram,
-    /// Time from the reading of the encoders to the force that answers it (ns), in the clock of the device. Empty where
-    /// the device does not tell.
+    /// Time from the reading of the encoders to the force that answers it (ns), in the clock of the device. Empty if
+    /// the device does not report this time.
     pub motion_to_force: LatencyHistogram,
 }
 

@@ -4,13 +4,13 @@
 //!
 //! - The loop sleeps to **absolute deadlines**, measures its lateness on waking, and skips and counts the deadlines
 //!   that it missed ([`pace`], [`clock`]).
-//! - The loop **never waits** for another thread. All data pass through wait-free rings ([`mod@link`]), and a thread of
-//!   its own writes to a device that takes reports slowly (`devices::hid`).
+//! - The loop **never waits** for another thread. All data pass through wait-free rings ([`mod@link`]). A device that
+//!   takes reports slowly has its own thread, which writes the reports (`devices::hid`).
 //! - The loop allocates, locks and formats **nothing**. Its memory is touched and locked before the first tick
 //!   ([`memory`], [`ring`]); its histograms have fixed bounds ([`latency`]).
 //! - A resource that the system refuses (a core, a priority, locked memory) is **named with its cost**, and the run
 //!   continues ([`schedule`], [`degradation`]), unless the user requires the resource.
-//! - The tick takes an isolated core where there is one ([`cores`]). The other threads of the process **keep off** that
+//! - The tick takes an isolated core if there is one ([`cores`]). The other threads of the process **keep off** that
 //!   core ([`reserve`]).
 //! - The loop makes few, named **system calls**; the kernel can trap any other call ([`seccomp`]).
 //! - [`tick_loop::TickLoop`] is one tick with its rings and histograms, without clock or thread. Virtual time runs
@@ -28,6 +28,7 @@ pub mod memory;
 mod mutation;
 pub mod pace;
 pub mod packed_ring;
+pub mod published;
 pub mod reserve;
 pub mod ring;
 pub mod schedule;

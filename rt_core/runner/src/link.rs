@@ -15,14 +15,16 @@
 //!
 //! Neither side ever waits for the other. The writer refuses and counts a record that finds the ring full. The reader
 //! finds the gap in the sequence and counts the gap, too. The capacity of each ring covers a stall (five seconds by
-//! default) at the rate of that ring, and every slot is mapped before use. Where the reader is gone, the writer neither
+//! default) at the rate of that ring, and every slot is mapped before use. If the reader is gone, the writer neither
 //! writes nor counts, because no reader misses the record.
 //!
 //! On the hot path ([`TickEnd`]) there is no allocation, no lock and no waiting. The tick takes the newest model of a
 //! body in constant time, however many models wait.
 
 use crate::memory::MemoryRange;
-use crate::packed_ring::{PackedReader, PackedWriter, packed_ring, prefaulted_packed_ring};
+use crate::packed_ring::PackedReader;
+pub use crate::published::RingFull;
+use crate::published::{Ends, Inlets, Outlet};
 use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
 use rt_core::local_model::{ModelHead, PackedModel};
 use rt_core::publication::Publication;
@@ -93,36 +95,24 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     memory.extend(used);
     let (to_log, telemetry, used) = prefaulted(ticks, Telemetry::empty());
     memory.extend(used);
-    let mut to_tick = Vec::new();
-    let mut inlets = Vec::new();
-    let bodies = config.bodies.min(MAX_BODIES);
     let most = ModelHead::extent_of(config.handles.clamp(1, MAX_HANDLES));
-    for _ in 0..bodies {
-        let ((writer, reader), used) = prefaulted_packed_ring(models, most);
-        memory.extend(used);
-        to_tick.push(writer);
-        inlets.push(reader);
-    }
-    // Both threads of this ring may wait for a page, so the ring is not mapped in advance.
-    let (copies, to_replay) = packed_ring(models * bodies, most);
+    let models = Ends::new(config.bodies.min(MAX_BODIES), models, most);
+    memory.extend(models.memory);
     let tick = TickEnd {
         to_host,
         to_log,
-        inlets,
+        models: models.tick,
         counters: TickCounters::default(),
         memory,
     };
     let host = HostEnd {
         records: from_tick,
-        to_tick,
-        copies,
+        models: models.host,
         sequence: Sequence::from(0),
-        refused: 0,
-        refused_copies: 0,
     };
     let log = LogEnd {
         telemetry,
-        models: to_replay,
+        models: models.log,
         model: Box::new(LocalModel::empty()),
         sequence: Sequence::from(0),
     };
@@ -147,8 +137,7 @@ pub struct TickCounters {
 pub struct TickEnd {
     to_host: Producer<TickRecord>,
     to_log: Producer<Telemetry>,
-    /// By body: its models.
-    inlets: Vec<PackedReader<ModelHead>>,
+    models: Inlets<ModelHead>,
     counters: TickCounters,
     memory: Vec<MemoryRange>,
 }
@@ -166,24 +155,22 @@ impl TickEnd {
 
     /// Calls `accept` with the newest model of each body that has a new model, and discards the older models. The model
     /// stays in the ring while `accept` reads it. The time does not depend on the number of models that wait.
-    pub fn take_models(&mut self, mut accept: impl FnMut(usize, &PackedModel<'_>)) {
-        for (body, inlet) in self.inlets.iter_mut().enumerate() {
-            inlet.take_newest(|newest| accept(body, newest));
-        }
+    pub fn take_models(&mut self, accept: impl FnMut(usize, &PackedModel<'_>)) {
+        self.models.take(accept);
     }
 
     /// The counts since the start.
     pub fn counters(&self) -> TickCounters {
         TickCounters {
-            lost_models: self.inlets.iter().map(PackedReader::lost).sum(),
-            superseded_models: self.inlets.iter().map(PackedReader::superseded).sum(),
+            lost_models: self.models.lost(),
+            superseded_models: self.models.superseded(),
             ..self.counters
         }
     }
 
     /// Number of bodies that have a ring.
     pub fn bodies(&self) -> usize {
-        self.inlets.len()
+        self.models.bodies()
     }
 
     /// Whether the host's end is gone. No more models will then arrive.
@@ -202,28 +189,12 @@ impl TickEnd {
     }
 }
 
-/// The error for a model that could not be published. The tick continues with the previous model; so should the host.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the local model of body {body} was not published: its ring has places for {capacity} models, and all of them are \
-     taken (a ring without places does not exist)"
-)]
-pub struct RingFull {
-    /// Index of the body.
-    pub body: usize,
-    /// Capacity of the ring in models; zero where the link has no such body.
-    pub capacity: usize,
-}
-
 /// The host's end.
 #[derive(Debug)]
 pub struct HostEnd {
     records: Consumer<TickRecord>,
-    to_tick: Vec<PackedWriter<ModelHead>>,
-    copies: PackedWriter<ModelHead>,
+    models: Outlet<ModelHead>,
     sequence: Sequence,
-    refused: u64,
-    refused_copies: u64,
 }
 
 impl HostEnd {
@@ -236,7 +207,7 @@ impl HostEnd {
         })
     }
 
-    /// The newest record that has arrived since the last call; `None` where there is no new record. Older records are
+    /// The newest record that has arrived since the last call; `None` if there is no new record. Older records are
     /// discarded.
     pub fn newest(&mut self) -> Option<TickRecord> {
         let sequence = &mut self.sequence;
@@ -246,32 +217,16 @@ impl HostEnd {
         })
     }
 
-    /// Publishes a local model of a body. The sequence numbers of a body should start at one and increase by one.
+    /// Publishes a local model of a body, as [`Outlet::publish`] says.
     ///
     /// # Errors
-    /// [`RingFull`] where the ring is full (the tick has taken no model for the time of a stall), or where the body has
-    /// no ring. The refused model is counted.
+    /// [`RingFull`] if the model finds no place.
     pub fn publish(
         &mut self,
         body: usize,
         model: &impl Publication<Head = ModelHead>,
     ) -> Result<(), RingFull> {
-        let Some(ring) = self.to_tick.get_mut(body) else {
-            self.refused += 1;
-            return Err(RingFull { body, capacity: 0 });
-        };
-        // The copy for the log is pushed first. The log then finds the model before any tick that used the model.
-        if !self.copies.is_abandoned() && !self.copies.push(body as u8, model) {
-            self.refused_copies += 1;
-        }
-        if !ring.push(body as u8, model) {
-            self.refused += 1;
-            return Err(RingFull {
-                body,
-                capacity: ring.capacity(),
-            });
-        }
-        Ok(())
+        self.models.publish(body, model)
     }
 
     /// Number of ticks whose record never arrived.
@@ -281,12 +236,12 @@ impl HostEnd {
 
     /// Number of models that were refused.
     pub fn refused_models(&self) -> u64 {
-        self.refused
+        self.models.refused()
     }
 
     /// Number of models whose copy for the log found the ring full.
     pub fn refused_copies(&self) -> u64 {
-        self.refused_copies
+        self.models.refused_copies()
     }
 
     /// Whether the tick's end is gone, because the loop has ended. Its last records may still wait.

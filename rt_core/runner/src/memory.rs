@@ -1,9 +1,9 @@
-//! Memory that the tick can touch without a wait.
+//! Memory that the tick can access without a wait.
 //!
 //! A page that was never touched, or that was swapped out, costs a tick between a microsecond and many milliseconds.
-//! Before the first tick, the loop's own memory is therefore touched and, where the system allows, locked: the thread's
-//! stack, the loop's state (controller and devices) and the rings. Code and the pages of the shared allocator are not
-//! locked; the loop does not allocate.
+//! Before the first tick, the loop's own memory is therefore touched and, if the system allows, locked: the thread's
+//! stack, the loop's state (controller and devices) and the rings. The code and the pages of the shared allocator are
+//! not locked: the loop does not allocate.
 //!
 //! Nothing here belongs on the hot path. Unsafe code is in this module and in the trap of forbidden system calls
 //! (`trap`), nowhere else.
@@ -41,7 +41,7 @@ impl MemoryRange {
 /// The reason why memory could not be locked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LockError {
-    /// The request exceeds what an unprivileged process may lock.
+    /// The request exceeds the limit of an unprivileged process.
     #[error(
         "{wanted} bytes more are needed, and the limit is {limit} bytes in all (RLIMIT_MEMLOCK)"
     )]
@@ -77,7 +77,7 @@ impl LockedMemory {
     /// locked; freeing it earlier is harmless.
     ///
     /// # Errors
-    /// [`LockError`] where the system refuses. Ranges that were locked before stay locked.
+    /// [`LockError`] if the system refuses. Ranges that were locked before stay locked.
     #[allow(unsafe_code)]
     pub fn lock(&mut self, range: MemoryRange) -> Result<(), LockError> {
         if range.bytes == 0 {
@@ -100,11 +100,11 @@ impl LockedMemory {
     }
 
     /// Touches [`STACK_AHEAD`] bytes of the calling thread's stack below the caller, then locks them. The bytes stay
-    /// touched even if the lock is refused. Call this from the thread that will tick, near the frame that will run the
-    /// loop.
+    /// touched even if the system refuses the lock. Call this function from the thread that will tick, near the frame
+    /// that will run the loop.
     ///
     /// # Errors
-    /// [`LockError`] where the system refuses.
+    /// [`LockError`] if the system refuses.
     pub(crate) fn lock_stack(&mut self) -> Result<(), LockError> {
         with_stack_ahead(|stack| self.lock(stack))
     }
@@ -141,12 +141,12 @@ pub(crate) fn touch_stack() {
 )]
 fn with_stack_ahead<R>(see: impl FnOnce(MemoryRange) -> R) -> R {
     let mut stack = [0_u8; STACK_AHEAD];
-    // The compiler must not remove the array because nobody reads it.
+    // No code reads the array, and the compiler must not remove it for that reason.
     black_box(&mut stack);
     see(MemoryRange::of(&stack))
 }
 
-/// Why the system refused `wanted` bytes, where a process may lock `limit` bytes in all, or any number (`None`).
+/// The reason why the system refused `wanted` bytes. A process may lock `limit` bytes in all, or any number (`None`).
 fn reason(wanted: usize, errno: rustix::io::Errno, limit: Option<u64>) -> LockError {
     match (errno, limit) {
         // The limit is exhausted, or the process may not lock at all.
@@ -197,7 +197,8 @@ mod tests {
         assert_eq!(reason(9, Errno::NOMEM, None), refused(Errno::NOMEM));
     }
 
-    /// What Linux tells of the mapping that contains `address`: its size in memory (bytes), and whether it is locked.
+    /// The mapping that contains `address`, as Linux describes it: its size in memory (bytes), and whether it is
+    /// locked.
     fn mapping(address: usize) -> Option<(usize, bool)> {
         let maps = std::fs::read_to_string("/proc/self/smaps").ok()?;
         let mut resident = None;

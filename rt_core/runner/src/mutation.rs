@@ -1,4 +1,4 @@
-//! Faults that must never happen inside a tick, injected to show that each check can fail.
+//! Faults that must never happen inside a tick. Each is injected to show that its check can fail.
 //!
 //! The module is compiled under the feature `mutations` only. `PALPATE_MUTATION` names the fault, which strikes from
 //! tick [`FIRST`] on. `tests/mutate` runs each fault against the check that should find it.

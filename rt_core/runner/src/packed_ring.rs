@@ -1,15 +1,16 @@
-//! The ring of publications of one kind: a publication costs the parts that it has.
+//! The ring of publications of one kind. The cost of a publication depends on its size.
 //!
 //! The ring passes only the parts in use ([`rt_core::publication`]). It consists of three rings: one of heads, one of
 //! rows and one of blocks. The writer writes the rows and the blocks of a publication first, and its head last, so a
 //! reader that sees the head finds all parts. The reader frees the parts first and the head last.
 //!
 //! The rows of a publication lie one after another in memory, and so do its blocks. The writer skips the end of a ring
-//! that is too short for them. A ring never contains more than one skipped end. It has room for the largest publication
-//! that its configuration names in every slot of the ring of heads, and for one more in place of the skipped end. For
-//! such publications, their number alone decides whether one finds room. A larger publication finds room or is refused.
+//! that is too short for them. A ring never contains more than one skipped end. The rings of rows and blocks have room
+//! for one publication of the largest configured size for every slot of the ring of heads, and for one more in place of
+//! the skipped end. For publications up to this size, the number of waiting publications alone decides whether a
+//! publication finds room. A larger publication finds room or is refused.
 //!
-//! A head states where its parts end. The reader thus finds the newest publication in constant time, and reads it in
+//! A head states the end of its parts. The reader thus finds the newest publication in constant time, and reads it in
 //! place.
 
 use crate::memory::MemoryRange;
@@ -171,7 +172,7 @@ impl<T: Copy> PartWriter<T> {
 }
 
 impl<H: Head> PackedReader<H> {
-    /// Calls `see` with the newest publication, then frees all that wait. Does nothing where none waits. The time does not
+    /// Calls `see` with the newest publication, then frees all that wait. Does nothing if none waits. The time does not
     /// depend on their number. Publications that never arrived, and those before the newest, are counted.
     pub fn take_newest(&mut self, see: impl FnOnce(&Packed<'_, H>)) {
         let waiting = self.heads.slots();
@@ -229,7 +230,7 @@ impl<H: Head> PackedReader<H> {
     }
 }
 
-/// The last `count` parts of a ring, which lie one after another; fewer where there are not as many.
+/// The last `count` parts of a ring, which lie one after another; fewer if the ring contains fewer.
 fn last<'a, T>((first, second): (&'a [T], &'a [T]), count: usize) -> &'a [T] {
     let piece = if second.is_empty() { first } else { second };
     let before = piece.len().saturating_sub(count);

@@ -1,6 +1,6 @@
-//! A core for the tick alone: threads of this process that start later keep off the core.
+//! A core for the tick alone: threads of this process that start later do not use the core.
 //!
-//! A thread inherits the cores of the thread that starts it. The thread that sets up a run therefore gives one core up
+//! A thread inherits the cores of the thread that starts it. The thread that sets up a run therefore gives up one core
 //! before it starts any other thread. The tick's own thread then pins itself to that core. Only the kernel's parameters
 //! (`isolcpus`) keep other processes away.
 
@@ -16,8 +16,8 @@ pub struct Reserved {
 }
 
 impl Reserved {
-    /// Chooses a core for `choice` on `machine` and gives that core up, if the process has another. If the process has
-    /// only one core, or the system refuses, nothing changes: pinning will report it.
+    /// Chooses a core for `choice` on `machine`, and gives up that core if the process has another. If the process has
+    /// only one core, or if the system refuses, nothing changes: pinning will report the failure.
     pub fn new(choice: CoreChoice, machine: &Cores) -> Self {
         Self::take(choice, machine).unwrap_or(Self {
             core: choice,
@@ -27,7 +27,8 @@ impl Reserved {
 
     fn take(choice: CoreChoice, machine: &Cores) -> Option<Self> {
         let before = sched_getaffinity(None).ok()?;
-        // Only the system knows whether it gives a core outside the mask: this thread moves there and comes back.
+        // Only the system knows whether it gives a core outside the mask. This thread therefore moves to the core, and
+        // comes back.
         let core = pin(choice, machine).ok().flatten();
         let mut others = before;
         if let Some(core) = core {
@@ -44,7 +45,7 @@ impl Reserved {
         })
     }
 
-    /// The core to pin the tick to, or the original choice where no core could be chosen.
+    /// The core to pin the tick to, or the original choice if no core could be chosen.
     pub fn core(&self) -> CoreChoice {
         self.core
     }
@@ -54,7 +55,7 @@ impl Drop for Reserved {
     /// Gives the thread all its cores back.
     fn drop(&mut self) {
         if let Some(before) = &self.before {
-            // A system that gave the mask before gives it again. If not, one core less does no harm.
+            // A system that gave the mask before gives it again. If the system refuses, one core less does no harm.
             let _ = sched_setaffinity(None, before);
         }
     }
@@ -70,7 +71,7 @@ mod tests {
         cores.iter().map(|core| core.id).collect()
     }
 
-    /// Runs `f` in a thread of its own, for the mask belongs to the thread.
+    /// Runs `f` in a thread of its own, because the mask belongs to the thread.
     fn apart<T: Send + 'static>(f: impl FnOnce() -> T + Send + 'static) -> T {
         std::thread::spawn(f).join().expect("does not panic")
     }

@@ -1,7 +1,7 @@
 //! One ring: a fixed number of slots between one writer and one reader, mapped before use.
 //!
-//! The ring is wait-free in both directions (`rtrb`). The system only reserves the memory of a new ring. Therefore
-//! every slot is written once when the ring is made, and no push ever waits for a page.
+//! The ring is wait-free in both directions (`rtrb`). The system only reserves the memory of a new ring. Every slot is
+//! therefore written once when the ring is made, so no push ever waits for a page.
 
 use crate::memory::MemoryRange;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -51,7 +51,7 @@ pub(crate) fn drain<T>(ring: &mut Consumer<T>, see: impl FnMut(&T)) -> usize {
     drain_up_to(ring.slots(), ring, see)
 }
 
-/// As `drain`, limited to the oldest `waiting` records.
+/// Does what `drain` does, for the oldest `waiting` records only.
 pub(crate) fn drain_up_to<T>(
     waiting: usize,
     ring: &mut Consumer<T>,
@@ -74,7 +74,7 @@ pub(crate) fn drain_up_to<T>(
 }
 
 /// Calls `see` with the newest record of a ring and the number of records that waited, then frees all of them; `None`
-/// where none waits. The time does not depend on the number of records.
+/// if none waits. The time does not depend on the number of records.
 pub fn take_newest<T: Copy, R>(
     ring: &mut Consumer<T>,
     see: impl FnOnce(&T, u64) -> R,

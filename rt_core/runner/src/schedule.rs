@@ -1,7 +1,7 @@
-//! The core and the priority of the tick, and a processor that stays awake.
+//! The core and the priority of the tick, and a request that keeps the processor awake.
 //!
 //! Each function asks the system once, before the first tick, from the thread concerned, and checks the outcome. A
-//! refusal comes back as a [`Degradation`]; the run continues.
+//! function returns a refusal as a [`Degradation`], and the run continues.
 
 use crate::cores::{self, CoreChoice, Cores};
 use crate::degradation::Degradation;
@@ -20,17 +20,18 @@ use thread_priority::{
 /// (99).
 pub(crate) const DEFAULT_PRIORITY: u8 = 80;
 
-/// File by which the kernel takes a limit of the wake-up latency (us, as 32 bits), for as long as the file is open.
+/// File through which the kernel takes a limit of the wake-up latency (us, as 32 bits). The limit holds while the file
+/// is open.
 pub const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
 
 /// Length of the longest processor mask that this module supports.
 const MOST_CORES: usize = 1024;
 
 /// Pins the calling thread to the best core of `choice` that the system gives (on `machine`). Returns the core, or
-/// `None` where no pinning was asked for. If the system refuses every core, the thread keeps its cores.
+/// `None` if no pinning was asked for. If the system refuses every core, the thread keeps its cores.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread does not run on that core alone, or where the process's other threads have no
+/// A [`Degradation`] if the thread does not run on that core alone, or if the process's other threads have no
 /// other core.
 pub fn pin(choice: CoreChoice, machine: &Cores) -> Result<Option<usize>, Degradation> {
     if choice == CoreChoice::Anywhere {
@@ -43,8 +44,8 @@ pub fn pin(choice: CoreChoice, machine: &Cores) -> Result<Option<usize>, Degrada
     if candidates.is_empty() {
         return Err(not_pinned("this process may use one core only".into()));
     }
-    // An isolated core lies outside the mask. A core is therefore tried whether or not it is in the mask; the mask read
-    // back afterwards tells whether the system agreed.
+    // An isolated core lies outside the mask. A core is therefore tried whether or not it is in the mask. The mask,
+    // read back afterwards, tells whether the system agreed.
     let given = candidates
         .iter()
         .find(|&&core| try_core(core) && mask() == [core]);
@@ -80,7 +81,7 @@ fn not_pinned(reason: String) -> Degradation {
 }
 
 /// Gives the calling thread timers at full resolution: the kernel deliberately wakes ordinary threads up to 50 us late.
-/// This needs no privilege, and changes nothing under SCHED_FIFO.
+/// The call needs no privilege, and has no effect under SCHED_FIFO.
 pub(crate) fn sharpen_timers() {
     // Only systems without such a delay refuse.
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
@@ -90,7 +91,7 @@ pub(crate) fn sharpen_timers() {
 /// reports.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread does not get the priority.
+/// A [`Degradation`] if the thread does not get the priority.
 pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let asked = ThreadPriorityValue::try_from(priority)
@@ -130,7 +131,7 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     })
 }
 
-/// How the thread gets a realtime `priority` that the system refused. `may`: the account has CAP_SYS_NICE.
+/// The remedy for a refused realtime `priority`. `may` tells whether the account has CAP_SYS_NICE.
 fn remedy(priority: u8, may: bool, group: &Group) -> String {
     let Group { name, runtime } = group;
     if !(1..=99).contains(&priority) {
@@ -156,11 +157,11 @@ fn remedy(priority: u8, may: bool, group: &Group) -> String {
     )
 }
 
-/// The control group that shares out the processor's time to this process.
+/// The control group that gives this process its share of the processor's time.
 struct Group {
     /// Its path below the root group.
     name: String,
-    /// Its realtime time (us), where the kernel gives one out.
+    /// Its realtime budget (us), if the kernel has such budgets.
     runtime: Option<String>,
 }
 
@@ -204,7 +205,7 @@ impl KeepAwake {
     /// Asks for a wake-up latency of zero, at `path` ([`WAKE_LATENCY`], or a file in its place).
     ///
     /// # Errors
-    /// A [`Degradation`] where the system does not allow or does not know the request.
+    /// A [`Degradation`] if the system does not allow or does not know the request.
     pub fn hold(path: &Path) -> Result<Self, Degradation> {
         let ask = || {
             let mut request = OpenOptions::new().write(true).open(path)?;
@@ -229,7 +230,7 @@ impl KeepAwake {
 mod tests {
     use super::*;
 
-    /// Runs `f` in a thread of its own, for the mask belongs to the thread.
+    /// Runs `f` in a thread of its own, because the mask belongs to the thread.
     fn apart<T: Send + 'static>(f: impl FnOnce() -> T + Send + 'static) -> T {
         std::thread::spawn(f).join().expect("does not panic")
     }

@@ -1,16 +1,16 @@
-//! The tick's thread makes the system calls that are named here, and no others.
+//! The system calls of the tick's thread: those named here, and no others.
 //!
 //! [`confine`] asks the kernel (seccomp) to trap every other call of the calling thread. The trap (`trap.rs`) notes the
 //! call and refuses it. The loop sees the note at the end of the tick, commands no force and ends. The permitted calls
 //! are:
 //!
 //! - **inside a tick**: the clock, the sleep until an absolute deadline, one wake-up of a sleeping writer thread, and
-//!   under [`CallPolicy::Hid`] the calls that read a device. No write: a thread of the device's own writes
-//!   (`devices::hid`);
-//! - **at the end**: the return from a signal, and the calls of the C library when a thread ends. These are few and
-//!   harmless, and cannot be told apart from the same calls inside a tick;
-//! - **noted, then made all the same**: memory for the heap, and text on the standard error. To refuse memory would end
-//!   the whole process with the force still on, and the text tells what went wrong.
+//!   under [`CallPolicy::Hid`] the calls that read a device. Writes are not permitted: each device has its own thread
+//!   that writes (`devices::hid`);
+//! - **at the end**: the return from a signal, and the calls of the C library when a thread ends. These calls are few
+//!   and harmless, and cannot be distinguished from the same calls inside a tick;
+//! - **noted, then made all the same**: memory for the heap, and text on the standard error. A refusal of memory would
+//!   end the whole process with the force still on. The text tells the cause of the failure.
 //!
 //! The filter guards against mistakes, not against malice: it does not confine an attacker.
 
@@ -35,7 +35,7 @@ pub enum CallPolicy {
 /// removed. Threads that the calling thread starts later inherit the filter.
 ///
 /// # Errors
-/// [`FilterError`]; then nothing is filtered.
+/// [`FilterError`] if the kernel does not take the filter. No call is then trapped.
 pub fn confine(policy: CallPolicy) -> Result<(), FilterError> {
     let program = program(policy)?;
     trap::install()?;
@@ -66,7 +66,7 @@ fn rules(policy: CallPolicy) -> Result<Rules, seccompiler::BackendError> {
         let each = calls.iter().map(|call| (*call, Vec::new()));
         each.collect::<Rules>()
     };
-    // Inside a tick. The clock is a system call only where it cannot be read without the kernel.
+    // Inside a tick. The clock is a system call only if it cannot be read without the kernel.
     rules.extend(any(&[libc::SYS_clock_gettime]));
     if policy == CallPolicy::Hid {
         rules.extend(any(&[libc::SYS_read, libc::SYS_ppoll]));

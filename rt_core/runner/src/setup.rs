@@ -26,7 +26,7 @@ pub struct RunnerConfig {
     pub keep_awake: bool,
     /// The file in which the latency is requested: [`WAKE_LATENCY`], or a file that replaces it in tests.
     pub wake_latency: &'static str,
-    /// Whether to refuse to start where the system does not grant one of the items above.
+    /// Whether to refuse to start if the system does not grant one of the items above.
     pub require_grants: bool,
     /// The system calls that the thread may make; any other call ends the loop. `None`: the calls are not watched.
     pub calls: Option<CallPolicy>,
@@ -70,7 +70,7 @@ pub(crate) fn set_up(
 ) -> (Setup, Option<KeepAwake>) {
     let mut setup = Setup::default();
     sharpen_timers();
-    // The first reading of the clock finds out where the clock can be read without the kernel.
+    // The first reading of the clock finds the code that reads the clock without the kernel.
     now_ns();
     let machine = Cores::of_this_machine();
     match pin(config.core, &machine) {

@@ -1,13 +1,13 @@
-//! What a process does with signals for which it has no handler: which signals end it, and which it ignores.
+//! The signals for which a process has no handler: the signals that end the process, and those that it ignores.
 //!
-//! The module is unsafe, because the disposition of a signal is a matter of the C library.
+//! The module is unsafe, because only the C library sets the disposition of a signal.
 
 use libc::c_int;
 use std::io;
 
-/// The signals whose usual action ends a process, and after which a process can go on: requests of a person, of another
-/// program or of the kernel, and the timers. The signals of faults (SIGSEGV, SIGABRT and others) are not among them, nor
-/// SIGKILL, nor SIGUSR1 and SIGUSR2, which programs give meanings of their own.
+/// The signals that by default end a process, although the process could continue: requests of a person, of another
+/// program or of the kernel, and the timers. The list contains neither the signals of faults (SIGSEGV, SIGABRT and
+/// others), nor SIGKILL, nor SIGUSR1 and SIGUSR2, to which programs give meanings of their own.
 pub fn ending() -> Vec<c_int> {
     let mut signals = vec![
         libc::SIGHUP,
@@ -46,7 +46,7 @@ pub fn ignore(signal: c_int) -> io::Result<()> {
 pub fn is_ignored(signal: c_int) -> bool {
     let mut action = std::mem::MaybeUninit::<libc::sigaction>::zeroed();
     // SAFETY: without a new action the call only writes the present one, for which there is room. Zero is a valid value of
-    // every field, so the action is valid also where the call fails.
+    // every field, so the action is valid even if the call fails.
     let action = unsafe {
         libc::sigaction(signal, std::ptr::null(), action.as_mut_ptr());
         action.assume_init()

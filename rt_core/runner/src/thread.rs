@@ -1,13 +1,13 @@
 //! The thread of the tick.
 //!
 //! [`spawn`] starts the thread and returns once the thread is set up (core, priority, memory). The caller therefore
-//! knows before the first tick what the system did not grant. The module `body` has the code of the thread. The thread
-//! ends after a given number of ticks, on request, or by a panic. In each case it first commands zero force on every
-//! device. In strict mode the thread does not start without the grants that it requires, and a forbidden system call
-//! ends the loop in the same order.
+//! knows before the first tick which requests the system did not grant. The module `body` has the code of the thread.
+//! The thread ends after a given number of ticks, on request, or by a panic. In each case it first commands zero force
+//! on every device. In strict mode, the thread does not start without the grants that it requires, and a forbidden
+//! system call ends the loop in the same manner.
 //!
-//! The loop does not depend on the host. Without the host it continues to tick (the force fades to the safe hold) until
-//! it is asked to stop. Dropping the [`TickThread`] asks the loop to stop.
+//! The loop does not depend on the host. Without the host, the loop continues to tick until it is asked to stop, and
+//! the force fades to the safe hold. Dropping the [`TickThread`] asks the loop to stop.
 
 mod body;
 
@@ -37,7 +37,7 @@ pub const STACK: usize = 2 << 20;
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// A request that is not made yet.
+    /// A request that has not been made yet.
     pub fn new() -> Self {
         Self::default()
     }
@@ -59,7 +59,7 @@ impl Stop {
     }
 }
 
-/// Why the thread could not be started.
+/// The reason why the thread could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum SpawnError {
     /// The period is zero.
@@ -138,12 +138,12 @@ pub struct TickReport {
     pub kept_awake: bool,
     /// The system call that ended the run, if one did.
     pub forbidden_call: Option<ForbiddenCall>,
-    /// Number of allocations, reallocations and frees in the ticks. `None` where [`alloc_count::calls::Counting`] is not
+    /// Number of allocations, reallocations and frees in the ticks. `None` if [`alloc_count::calls::Counting`] is not
     /// the allocator of the program.
     pub allocator_calls: Option<u64>,
 }
 
-/// A run of virtual time: no deadline was missed, and nothing was asked of the system.
+/// The report of a run in virtual time: no deadline was missed, and the system got no request.
 impl From<TickLoop> for TickReport {
     fn from(done: TickLoop) -> Self {
         Self {
@@ -203,8 +203,8 @@ pub struct TickThread {
 /// before the first deadline. `stop` ends the loop from outside.
 ///
 /// # Errors
-/// [`SpawnError`] where the loop cannot run. [`TickThread::degradations`] lists what the system did not grant to a loop
-/// that runs.
+/// [`SpawnError`] if the loop cannot run. [`TickThread::degradations`] lists the requests that the system did not grant
+/// to a loop that runs.
 pub fn spawn(
     config: RunnerConfig,
     controller: impl Into<Box<Controller>>,
@@ -291,7 +291,7 @@ impl TickThread {
     /// Waits for the end of the loop. Does not ask the loop to end.
     ///
     /// # Errors
-    /// [`TickPanic`] where the loop ended by a panic, for example of a device.
+    /// [`TickPanic`] if the loop ended by a panic, for example of a device.
     pub fn join(mut self) -> Result<TickReport, TickPanic> {
         let ended = self.handle.take().map(JoinHandle::join);
         match ended {

@@ -1,7 +1,7 @@
 //! One tick with its rings and histograms, without a clock or a thread.
 //!
 //! Under the real clock, [`crate::thread`] calls `TickLoop::tick` once per deadline. Under virtual time, the host calls
-//! it with times of its own. Both run the same code.
+//! `TickLoop::tick` with its own times. Both run the same code.
 //!
 //! [`TickLoop::tick`] is the hot path: no allocation, no lock, and no system call except those of the devices.
 
@@ -66,8 +66,8 @@ impl TickLoop {
         }
     }
 
-    /// From now on, measures how long each device takes to be read and written, and keeps its motion to force. For the
-    /// real clock. Allocates the histograms.
+    /// From now on, measures the duration of each device's reads and writes, and keeps the device's motion to force.
+    /// Use this under the real clock. Allocates the histograms.
     pub fn measure_devices(&mut self) {
         self.latencies.devices = self.devices.iter().map(|_| DeviceTimes::new()).collect();
     }
@@ -119,7 +119,7 @@ impl TickLoop {
         telemetry
     }
 
-    /// Commands zero force on every device, twice, and ignores their errors. For the end of a run.
+    /// Commands zero force on every device, twice, and ignores the devices' errors. Call this at the end of a run.
     pub fn release(&mut self, now_ns: u64) {
         for _ in 0..2 {
             for device in &mut self.devices {
@@ -130,7 +130,7 @@ impl TickLoop {
     }
 }
 
-/// Records the time that a stage of the tick took, which ended at `now_ns`. `last_ns` is the end of the stage before.
+/// Records the duration of a stage of the tick. The stage ended at `now_ns`; `last_ns` is the end of the stage before.
 fn measure(times: &mut [DeviceTimes], last_ns: &mut u64, stage: Stage, now_ns: u64) {
     let took = now_ns.saturating_sub(*last_ns);
     *last_ns = now_ns;

@@ -1,8 +1,8 @@
 //! The response to a forbidden system call of the tick's thread.
 //!
 //! The kernel skips the call and sends the thread SIGSYS instead (`seccomp.rs`). The handler notes the call in
-//! the thread's own memory and answers EPERM. For the few calls in `MADE_ALL_THE_SAME`, the handler makes the call
-//! with a mark that the filter knows. The handler does nothing else: a handler must not allocate or lock either.
+//! the thread's own memory and answers EPERM. For the few calls in `MADE_ALL_THE_SAME`, the handler makes the call with
+//! a mark that the filter knows. The handler does nothing else, because a handler must not allocate or lock either.
 //!
 //! The module is unsafe, because it reads and answers the call in the registers that the kernel saved.
 
@@ -12,9 +12,9 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 /// A system call that the tick's thread made without permission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForbiddenCall {
-    /// The first such call, by the kernel's number on this architecture.
+    /// The first forbidden call, by the kernel's number on this architecture.
     pub number: i64,
-    /// Number of such calls until the loop ended.
+    /// Number of forbidden calls until the loop ended.
     pub count: u64,
 }
 
@@ -98,7 +98,7 @@ fn note(number: i64) {
     });
 }
 
-/// Names of the calls that stray into a tick most easily. Other calls are reported by number.
+/// Names of the calls that most easily get into a tick by mistake. Other calls are reported by number.
 fn name(number: i64) -> Option<&'static str> {
     let names = [
         (libc::SYS_brk, "brk"),
@@ -156,7 +156,7 @@ mod handler {
     use std::mem::MaybeUninit;
     use std::ptr::null_mut;
 
-    /// Installs the handler for SIGSYS in the process, where nothing else uses that signal. May be repeated.
+    /// Installs the handler for SIGSYS in the process, if nothing else uses that signal. May be repeated.
     pub(crate) fn install() -> Result<(), FilterError> {
         // SAFETY: zero is a valid value of every field: no flags, an empty mask.
         let mut action = unsafe { MaybeUninit::<libc::sigaction>::zeroed().assume_init() };
@@ -180,7 +180,7 @@ mod handler {
         answer(context, result(number, arguments));
     }
 
-    /// The kernel's answer to the call: minus an error number where the call failed.
+    /// The kernel's answer to the call: minus an error number if the call failed.
     fn result(number: i64, arguments: [i64; 6]) -> i64 {
         const REFUSED: i64 = -(libc::EPERM as i64);
         let [a, b, c, d, e, _] = arguments;
@@ -193,9 +193,9 @@ mod handler {
         if !passes {
             return REFUSED;
         }
-        // SAFETY: this thread asked for this very call and is waiting for its answer; only an argument that the call
-        // does not read differs. errno belongs to this thread and always exists. It is restored, because the
-        // interrupted code does not expect a change.
+        // SAFETY: this thread asked for this very call and waits for its answer. Only an argument that the call does
+        // not read differs. errno belongs to this thread and always exists. It is restored, because the interrupted
+        // code does not expect a change.
         unsafe {
             let errno = libc::__errno_location();
             let before = *errno;

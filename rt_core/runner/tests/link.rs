@@ -132,8 +132,8 @@ fn is_sized(model: &LocalModel) -> bool {
 }
 
 proptest! {
-    /// A ring of three models, and the copies of six for the log, under any order of writing and reading: only the
-    /// number of models that wait decides whether a model finds room, however many handles each has.
+    /// A ring of three models, and the copies of six for the log, under any order of writing and reading: the number of
+    /// waiting models alone decides whether a model finds room, whatever the number of handles of each.
     #[test]
     fn models_of_any_size_pass_whole_and_in_order(
         deeds in proptest::collection::vec((0..4_u8, 0..7_u8), 1..300),
@@ -257,7 +257,7 @@ fn each_end_sees_that_the_other_is_gone() {
     drop(log);
     drop(host);
     assert!(tick.host_is_gone() && tick.log_is_gone());
-    // Refusals no longer count, since nobody reads.
+    // Refusals no longer count, because there is no reader.
     for k in 0..20 {
         tick.push(&telemetry(k));
     }

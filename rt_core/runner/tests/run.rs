@@ -62,7 +62,7 @@ fn a_run_adds_up_and_ends_without_force() {
     // The model was published before the first tick.
     assert_eq!(times.model_age.len(), 1);
     assert_eq!(times.model_age[0].count(), 300);
-    // The two writes after the last tick belong to no tick. This device does not tell its motion to force.
+    // The two writes after the last tick belong to no tick. This device does not report its motion to force.
     assert_eq!(times.devices.len(), 1);
     let counts = |times: &DeviceTimes| {
         let histograms = [&times.read, &times.write, &times.motion_to_force];
@@ -81,7 +81,7 @@ fn a_run_adds_up_and_ends_without_force() {
     let mut pushed = false;
     let mut times_ns = Vec::new();
     log.drain(|record| {
-        // On a busy machine the ticks are late again and again, and the force does not come far.
+        // On a busy machine, the ticks are late again and again, and the force grows little.
         pushed |= record.devices[0].wrench.force.x > 0.0;
         assert_eq!(record.tick as usize, times_ns.len());
         times_ns.push(record.time_ns);
@@ -198,7 +198,7 @@ fn each_device_is_released_however_the_loop_ends_and_whatever_the_other_does() {
         match outcome {
             Ok(report) => {
                 assert_eq!((report.ticks, message), (ticks, ""), "{case}");
-                // Those of the release are not counted.
+                // The refusals of the release are not counted.
                 let refused = if case.contains("31") { 10 } else { 0 };
                 assert_eq!(report.refused_wrenches, refused, "{case}");
                 assert_eq!(report.ticks + report.missed_deadlines, report.slots);
@@ -296,7 +296,7 @@ fn a_tick_is_late_by_the_time_from_its_deadline_to_its_waking() {
 #[test]
 fn the_report_tells_of_each_device_and_of_no_model_before_the_first() {
     let (tick, mut host, _log) = ends();
-    // One device tells its motion to force in every third tick; the other one never does.
+    // One device reports its motion to force in every third tick; the other device never does.
     let device = |every, ns| {
         let read = |_| Ok(DeviceState::resting());
         Telling {
@@ -314,7 +314,7 @@ fn the_report_tells_of_each_device_and_of_no_model_before_the_first() {
             (host.publish(0, &pushing_both(1, 10_000_000))).expect("the ring is empty");
         }
         if k == 6 {
-            // Nothing is measured until it is asked for.
+            // The loop measures nothing until a caller asks for it.
             assert!(tick_loop.latencies.devices.is_empty());
             tick_loop.measure_devices();
         }
@@ -336,7 +336,7 @@ fn the_report_tells_of_each_device_and_of_no_model_before_the_first() {
     );
 }
 
-/// A device that tells its motion to force (ns) in every few ticks.
+/// A device that reports its motion to force (ns) in every few ticks.
 struct Telling<D> {
     device: D,
     every: u64,
@@ -545,7 +545,7 @@ fn each_refusal_of_the_system_is_named_once_and_the_run_continues() {
     }
 }
 
-/// A configuration that asks for a core that no machine has which runs this test.
+/// A configuration that asks for a core that no test machine has.
 fn without_core(require_grants: bool) -> RunnerConfig {
     RunnerConfig {
         core: CoreChoice::Id(1023),

@@ -1,6 +1,6 @@
 //! A strict loop: a forbidden call ends the loop in order and without force.
 //!
-//! The tests are skipped with a visible line where the kernel takes no filter of system calls.
+//! If the kernel takes no filter of system calls, the tests are skipped with a visible line.
 
 mod common;
 
@@ -36,7 +36,7 @@ fn strict() -> RunnerConfig {
 /// The end of a run, and the calls that its device received.
 type Ended = (Result<TickReport, TickPanic>, Arc<Mutex<Seen>>);
 
-/// A run over one device; `None` where this system cannot watch system calls. In every case, the last wrench
+/// A run over one device; `None` if this system cannot watch system calls. In every case, the last wrench
 /// is zero.
 fn run(trick: Trick) -> Option<Ended> {
     run_with(CallPolicy::Simulated, trick)
@@ -79,7 +79,7 @@ fn open() -> Result<(), Errno> {
     opened.map_err(|error| Errno::from_io_error(&error).expect("the system's error"))
 }
 
-/// Waits as a lock does that another thread holds. The number is another one, so the wait would end at once.
+/// Waits as for a lock that another thread holds. The expected number differs, so the wait would end at once.
 fn wait(flags: futex::Flags) -> Result<(), Errno> {
     match futex::wait(&FUTEX, flags, 0, None) {
         Err(Errno::AGAIN) => Ok(()),
@@ -170,7 +170,7 @@ fn the_first_of_several_stray_calls_is_named_and_both_devices_are_released() {
     let (second, seen_by_second) = puppet(Trick::Call(10, open));
     let stop = Arc::new(Stop::new());
     let Ok(thread) = spawn(strict(), controller(2), vec![first, second], tick, stop) else {
-        // Another test of this file tells why.
+        // Another test of this file shows the reason.
         return;
     };
     let report = thread.join().expect("nothing panics");

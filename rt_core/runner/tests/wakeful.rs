@@ -1,6 +1,6 @@
 //! The request for a processor that stays awake. The kernel respects the request for as long as its file is open, so
-//! the tests check that the file is open in every tick, with the right number in it. A plain file stands in for the
-//! kernel's, and `/proc/self/fd` tells which files are open.
+//! the tests check that the file is open in every tick, with the right number in it. A plain file replaces the kernel's
+//! file, and `/proc/self/fd` lists the open files.
 #![cfg(target_os = "linux")]
 
 mod common;

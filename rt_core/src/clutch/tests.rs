@@ -61,7 +61,7 @@ impl Rig {
     }
 }
 
-/// What takes the whole force of a device away.
+/// A change that takes the whole force of a device away.
 type Loss = (&'static str, fn(&mut Rig));
 
 const LOSSES: [Loss; 4] = [

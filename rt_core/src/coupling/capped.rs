@@ -1,10 +1,10 @@
-//! The coupling under `capped`: the part of a model that the devices can render, its wrenches in parts, and the cap on
-//! them.
+//! The coupling under `capped`: the part of a model that the devices can render, the wrenches of the model in parts,
+//! and the cap on these wrenches.
 //!
 //! A held force lags by half a tick, and by the ticks of the device's delay. The stiffness therefore resists a fraction
-//! of each step ([`Lead`]) as a damper would. The drift of the model goes on within the lag, too: the stiffness of a model
-//! is that of a step of the host, which inertia and dampers raise, and without the drift the lead would resist a motion by
-//! more than the body does. The drift acts for [`DRIFT`] of the lag.
+//! of each step ([`Lead`]) as a damper would. The drift of the model acts within the lag, too. The stiffness of a model
+//! is that of a step of the host, and inertia and dampers raise this stiffness. Without the drift, the lead would
+//! resist a motion by more than the body does. The drift acts for the fraction [`DRIFT`] of the lag.
 //!
 //! **A single count back** tells nothing of a velocity: a tremor on the edge of a count produces it, too. An estimate
 //! of the velocity is late by some ticks, so a damper that answers that count would meet the next count and push it
@@ -17,9 +17,10 @@ use crate::geometry::{Pose, Twist, Vec6, Wrench};
 use crate::local_model::{Lead, Parts};
 use crate::passivity::{Motion, Port};
 
-/// Fraction of the lag for which the drift acts in advance. The whole would be right for a model without age: at 1 kHz
-/// without latency, a motion at 4 Hz then feels 1.1 ms K of viscosity where 0.4 are right, and 1.9 with a half. But the
-/// drift of an old model is that of a former motion, and hosts whose models are 10 ms old shake with the whole.
+/// Fraction of the lag for which the drift acts in advance. The whole lag would be right for a model without age: at 1
+/// kHz without latency, a motion at 4 Hz then feels 1.1 ms K of viscosity, and 1.9 ms K with half the lag; 0.4 ms K
+/// would be exact. But the drift of an old model is that of a former motion. A host whose models are 10 ms old shakes
+/// with the whole lag.
 const DRIFT: f64 = 0.5;
 
 impl Coupling {
@@ -42,8 +43,8 @@ impl Coupling {
         self.lead = lead;
     }
 
-    /// The model's wrenches in parts, blended as the whole model is. Dampers act along the axes where `onward` is one,
-    /// and do not act where it is zero.
+    /// The model's wrenches in parts, blended as the whole model is. Dampers act along the axes for which `onward` is
+    /// one, and along no axis for which `onward` is zero.
     pub(super) fn parts(
         &self,
         devices: &[(Pose, Twist)],

@@ -1,11 +1,12 @@
-//! A body that parts into pieces: the energy of the rendered model and the account part with it, and weights change.
+//! A body that parts into pieces. The energy of the rendered model and the account part with the body, and weights
+//! change.
 //!
 //! The energy of the rendered model parts in the same proportions as the account ([`Division`]), so neither the energy
 //! nor the credit of a hand jumps against the other. A body that was whole and stays whole is not treated here.
 //!
 //! **Weights.** The weight on a handle is found anew when the topology changes. The tick passes from the former weight to
-//! the new one with the blend. A change of weight away from the place where a handle was lifted changes its potential;
-//! the account charges or credits the hand with the difference, as it does for a weight that comes and goes
+//! the new one with the blend. If the handle is away from the place where it was lifted, a change of its weight changes
+//! the potential. The account charges or credits the hand with the difference, as for a weight that comes and goes
 //! ([`crate::passivity`]).
 
 use super::Coupling;
@@ -15,7 +16,7 @@ use crate::local_model::{Lead, LocalModel, PieceEnergy};
 use crate::passivity::Division;
 
 impl LocalModel {
-    /// The piece of `newer` to which a piece of this model went, by the hands that both models name; `None` where no
+    /// The piece of `newer` to which a piece of this model went, by the hands that both models name; `None` if no
     /// hand of the piece is left.
     pub(super) fn successor_of(&self, piece: u8, newer: &Self) -> Option<u8> {
         if self.piece_count() == 1 && newer.piece_count() == 1 {
@@ -44,7 +45,7 @@ impl Coupling {
         self.to.piece_count() > 1
     }
 
-    /// Prepares the energies of the pending model. Where its pieces differ from those in use, this returns how the
+    /// Prepares the energies of the pending model. If its pieces differ from those in use, this returns how the
     /// pieces part. Call it before the hands that leave get their handles.
     pub(super) fn prepare_pieces(&mut self) {
         if self.pending.piece_count() == 1 {
@@ -52,7 +53,7 @@ impl Coupling {
         }
     }
 
-    /// How the pieces in use part into those of the pending model; `None` where the pieces stay.
+    /// How the pieces in use part into those of the pending model; `None` if the pieces stay.
     pub(super) fn division(&self) -> Option<Division> {
         let (to, pending) = (&self.to, &self.pending);
         let torn = to.piece_count() > 1 || pending.piece_count() > 1;

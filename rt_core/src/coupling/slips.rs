@@ -1,6 +1,6 @@
 //! The slips of the proxies that hold a body ([`crate::slip`]): when the body asks for them, and along which motion.
 //!
-//! Where the cap reduces the force of a piece, the proxies on it yield to the forces `F_i` of the springs. With the
+//! If the cap reduces the force of a piece, the proxies on it yield to the forces `F_i` of the springs. With the
 //! stiffness `K` between the handles, the energy `V` and the part `V_p` of it that the hands have paid for, each tick moves
 //! the proxies by
 //!
@@ -10,13 +10,13 @@
 //!
 //! where `W` weighs rotations against translations. The first term lets the missing energy decay within 0.1 s. The second is
 //! the steepest descent to the pose without force, for a body that stores energy which its proxies cannot take out. The
-//! slip `o_i` goes back where that releases energy, or where the hands have paid for the energy that it takes:
+//! slip `o_i` goes back if that releases energy, or if the hands have paid for the energy that it takes:
 //!
 //! ```text
 //! D_i = -o_i T / 0.5 s     if  sum(F_i . D_i) >= 0  or  V - sum(F_i . D_i) <= 0.8 H
 //! ```
 //!
-//! Slips act while the host is live alone: a force that fades is not that of the body.
+//! Slips act only while the host is live: a force that fades is not that of the body.
 
 use super::{Coupling, HostState};
 use crate::geometry::Vec6;
@@ -34,7 +34,7 @@ const AFFORDED: f64 = 0.8;
 /// The slips of the proxies on one body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slips {
-    /// What the body asks, by device.
+    /// The requests of the body, by device.
     asked: [Asked; MAX_DEVICES],
     /// Whether the body asks anything.
     asks: bool,
@@ -45,7 +45,8 @@ pub(super) struct Slips {
 }
 
 impl Slips {
-    /// Whether a body may have to ask for slips, or to end what it asked. A tick without slips pays for this question alone.
+    /// Whether a body may have to ask for slips, or to end an earlier request. A tick without slips pays for this
+    /// question alone.
     #[inline]
     pub(super) fn matter(&self) -> bool {
         self.any || self.asks
@@ -68,7 +69,7 @@ impl Coupling {
         self.slips.asks && self.state == HostState::Live && self.trust >= 1.0
     }
 
-    /// What the body asks of the slip of a device's proxy.
+    /// The request of the body to the slip of a device's proxy.
     pub(crate) fn asked(&self, device: usize) -> Asked {
         let asked = self
             .slips
@@ -156,7 +157,7 @@ impl Coupling {
         }
     }
 
-    /// Asks the slips of the proxies on a piece to go back, or to stay where the hands have not paid for the energy that
+    /// Asks the slips of the proxies on a piece to go back, or to stay if the hands have not paid for the energy that
     /// this takes. The piece stores `stored` (J), and its springs may spend `budget` (J).
     fn go_back(
         &mut self,

@@ -42,7 +42,7 @@ impl Parts {
     }
 }
 
-/// How far a held force lags behind the motion of a handle. The force acts as a damper would that makes up for the lag.
+/// The lag of a held force behind the motion of a handle. A damper makes up for the lag.
 #[derive(Clone, Copy, Debug)]
 pub struct Lead {
     /// The fraction of the handle's last step that the stiffness resists in advance: a displacement.
@@ -62,7 +62,7 @@ impl Lead {
 }
 
 impl LocalModel {
-    /// The extrapolated wrenches, split into the parts of springs and of dampers, where the drift has acted for `ahead`
+    /// The extrapolated wrenches, split into the parts of springs and of dampers, after the drift has acted for `ahead`
     /// (s).
     pub fn parts(
         &self,
@@ -122,7 +122,7 @@ impl LocalModel {
         parts
     }
 
-    /// Work of the springs from the reference to the present poses (J), where the drift has acted for `ahead` (s).
+    /// Work of the springs from the reference to the present poses (J), after the drift has acted for `ahead` (s).
     pub(crate) fn work(&self, deviations: &[Deviation; MAX_HANDLES], ahead: f64) -> f64 {
         let works = self.works(deviations, ahead);
         works.iter().fold(0.0, |sum, work| sum + work)

@@ -1,10 +1,11 @@
-//! The pieces of a torn body. A torn body is still one body with one local model. A **piece** is a part of the body that
-//! hangs together; each handle has the number of its piece ([`HandleReference::piece`](super::HandleReference::piece)).
-//! Hands on different pieces cannot pass energy to each other, so the model states the energies of each piece apart
-//! ([`ModelHead::pieces`](super::ModelHead::pieces)), and each piece has an account of its own ([`crate::passivity`]).
+//! The pieces of a torn body. A torn body is still one body with one local model. A **piece** is a connected part of
+//! the body. Each handle has the number of its piece ([`HandleReference::piece`](super::HandleReference::piece)). Hands
+//! on different pieces cannot pass energy to each other. The model therefore states the energies of each piece
+//! separately ([`ModelHead::pieces`](super::ModelHead::pieces)), and each piece has its own account
+//! ([`crate::passivity`]).
 //!
-//! In a whole body, the number of every piece is zero. The model's energies are then those of the body, and nothing here
-//! is computed.
+//! In a whole body, the number of every piece is zero. The model's energies are then those of the body, and this module
+//! computes nothing.
 
 use super::{Deviation, HandleReference, LocalModel, clip};
 use crate::MAX_HANDLES;
@@ -16,7 +17,7 @@ pub struct PieceEnergy {
     /// Energy that hands at rest could get back from the piece at the reference state, without the weight (J). The
     /// energies of all pieces add up to [`ModelHead::energy`](super::ModelHead::energy). Zero is always safe.
     pub stored: f64,
-    /// Energy that the piece has released of its own since the body parted into these pieces (J). The value only grows.
+    /// Energy that the piece itself has released since the body parted into these pieces (J). The value only grows.
     /// Zero is always safe.
     pub released: f64,
 }
@@ -39,7 +40,7 @@ impl LocalModel {
         count(self.handles())
     }
 
-    /// Energy that hands at rest could get back from each piece (J), where the drift has acted for `ahead` (s). This is
+    /// Energy that hands at rest could get back from each piece (J), after the drift has acted for `ahead` (s). This is
     /// [`Parts::stored`](super::Parts::stored) for each piece alone.
     pub(crate) fn stored_by_piece(
         &self,

@@ -1,5 +1,5 @@
 //! A local model as a publication ([`crate::publication`]): a head, a row for each handle, and the blocks between the
-//! handles. With one handle, a fiftieth of the room of a [`LocalModel`] is in use.
+//! handles. A model with one handle uses a fiftieth of the memory of a [`LocalModel`].
 
 use super::{
     HandleReference, LocalModel, ModelFault, PairBlocks, PieceEnergy, TearLimit, are_finite, pieces,
@@ -21,18 +21,18 @@ pub struct ModelHead {
     pub period: f64,
     /// The age at which the next model is due (s). The model was condensed for this time ahead.
     pub horizon: f64,
-    /// Energy that hands at rest could get back from the reference state, without the weight (J). It is the energy that
-    /// the body itself stores, and at most the tangent's `w^T K^-1 w / 2` of the wrenches on all handles. The cap on a
-    /// body's energy needs this value. Zero is always safe.
+    /// Energy that hands at rest could get back from the reference state, without the weight (J). This energy is the
+    /// one that the body itself stores, and is at most the tangent's `w^T K^-1 w / 2` of the wrenches on all handles.
+    /// The cap on a body's energy needs this value. Zero is always safe.
     pub energy: f64,
-    /// Energy that the body has released of its own since the first model, beyond the energy in that model (J). A strip
-    /// that sags further, for instance, gives the potential of its weight to the hands. The value only grows. Zero is
-    /// always safe.
+    /// Energy that the body itself has released since the first model, beyond the energy in that model (J). For
+    /// instance, a strip that sags further gives the potential of its weight to the hands. The value only grows. Zero
+    /// is always safe.
     pub released: f64,
     /// The energies of the pieces, by the number of the piece. Unused in a whole body, whose energies are `energy` and
     /// `released`.
     pub pieces: [PieceEnergy; MAX_HANDLES],
-    /// How far the model may be extrapolated before a tear goes on.
+    /// The limit of the extrapolation, beyond which a tear grows.
     pub tear_limit: TearLimit,
     /// Number of handles, as the model claims. It may exceed [`MAX_HANDLES`]; such a model is refused.
     pub handle_count: u8,
@@ -55,7 +55,7 @@ impl ModelHead {
         }
     }
 
-    /// The extent of a model of so many handles.
+    /// The extent of a model of `handles` handles.
     pub fn extent_of(handles: usize) -> Extent {
         let pairs = handles.saturating_mul(handles);
         Extent {
@@ -105,7 +105,7 @@ impl Publication for LocalModel {
 /// A local model as it lies in a ring.
 pub type PackedModel<'a> = Packed<'a, ModelHead>;
 
-/// A local model that was published, wherever its numbers lie.
+/// A published local model, wherever its numbers are stored.
 pub trait PublishedModel: Publication<Head = ModelHead> {
     /// The rows of blocks in use: those of the stiffness, and those of the damping.
     fn block_rows(&self) -> [impl Iterator<Item = &[Mat6]>; 2];
@@ -193,8 +193,8 @@ fn copy_rows<'a>(mine: &mut PairBlocks, theirs: impl Iterator<Item = &'a [Mat6]>
 #[allow(clippy::disallowed_methods)]
 fn copy_row(mine: &mut [Mat6], theirs: &[Mat6]) {
     if let Some(mine) = mine.get_mut(..theirs.len()) {
-        // It panics only for slices of different lengths. These have the same length by construction, so the compiler
-        // removes the panic; `tests/tests/no_panic.rs` shows that.
+        // The copy panics only for slices of different lengths. These slices have the same length by construction, so
+        // the compiler removes the panic; `tests/tests/no_panic.rs` proves that.
         mine.copy_from_slice(theirs);
     }
 }

@@ -1,15 +1,15 @@
-//! The tear limit: how far a model may be extrapolated before a tear goes on.
+//! The tear limit of a model: the extrapolation beyond which a tear grows.
 //!
-//! A tear goes on where the energy release rate `G` of its tip reaches the toughness `G_c` (A. A. Griffith, "The
-//! phenomena of rupture and flow in solids", 1921). From there on the force no longer grows with the stiffness of the
-//! model: the body gives way. A stiff model that the tick extrapolates beyond this point overestimates the force, and the
-//! next model takes the excess back. The hand would feel a saw at the publication rate.
+//! A tear grows if the energy release rate `G` of its tip reaches the toughness `G_c` (A. A. Griffith, "The phenomena
+//! of rupture and flow in solids", 1921). Beyond this point, the force no longer grows with the stiffness of the model,
+//! because the body gives way. If the tick extrapolated a stiff model beyond this point, the model would overestimate
+//! the force, and the next model would take the excess back. The hand would feel a sawtooth at the publication rate.
 //!
 //! The host therefore publishes, for the tip nearest to its start, `s = sqrt(G)` at the reference, the slope `q` of `s`
 //! by the displacements of the handles, and `s_c = sqrt(G_c)`. `G` is quadratic in the displacements, so `s` is linear
-//! in them where one load governs. The excess of a displacement `d` is `x = (s + q . d - s_c)+`. Where the reference is
-//! beyond the limit already (a running tear), it is `x = (q . d)+`: the force at the reference is the body's own, and
-//! only a further opening counts.
+//! in them if one load governs. The excess of a displacement `d` is `x = (s + q . d - s_c)+`. If the reference is
+//! beyond the limit already (a running tear), the excess is `x = (q . d)+`: the force at the reference is the body's
+//! own, and only a further opening counts.
 //!
 //! The tick replaces `d` by its projection onto the half-space `x = 0` in the metric of the stiffness. With
 //! `a = 1 / (q . K^-1 q)`, this projection is `d - a x K^-1 q`, and the wrenches and the energy become
@@ -18,10 +18,10 @@
 //! w = w_linear + a x q          V = V_linear - a x^2 / 2
 //! ```
 //!
-//! No inverse remains but the number `a`, which the host publishes. Beyond the limit, the stiffness is `K - a q q^T`. It
-//! is symmetric and, for this `a`, positive semidefinite: it is the stiffness of a body that yields along `q` alone. The
-//! wrench is continuous, and it has the energy `V` for its potential. Hands that turn back find the whole stiffness
-//! below the limit.
+//! No inverse remains but the number `a`, which the host publishes. Beyond the limit, the stiffness is `K - a q q^T`.
+//! This matrix is symmetric and, for this `a`, positive semidefinite: it is the stiffness of a body that yields along
+//! `q` alone. The wrench is continuous, and has the potential `V`. Hands that turn back find the whole stiffness below
+//! the limit.
 //!
 //! The certificate of the cap does not rely on these numbers. A model with a wrong limit gives a wrong force, and no
 //! energy that hands have not supplied.
@@ -36,7 +36,7 @@ use crate::geometry::Vec6;
 pub struct TearLimit {
     /// `s = sqrt(G)` at the reference (sqrt(J/m2)).
     pub root: f64,
-    /// `s_c = sqrt(G_c)` (sqrt(J/m2)). Zero where the model has no limit.
+    /// `s_c = sqrt(G_c)` (sqrt(J/m2)). Zero if the model has no limit.
     pub critical: f64,
     /// `a = 1 / (q . K^-1 q)` (m2), over the stiffness between all handles. A smaller value leaves a part of the
     /// stiffness along the slope. Zero is always safe.
@@ -72,7 +72,7 @@ impl TearLimit {
     }
 }
 
-/// What a limit adds to the parts of a model that is extrapolated beyond it.
+/// The additions to the parts of a model that is extrapolated beyond the limit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Beyond {
     /// `a x`: the wrench of the springs on each handle is `a x q_i` above the linear wrench.
@@ -91,8 +91,8 @@ impl LocalModel {
             .fold(0.0, |sum, along| sum + along)
     }
 
-    /// What the limit adds, where the displacements or the displacements with the `lead` of each handle are beyond it;
-    /// `None` elsewhere, and without a limit. No `lead` at all stands for zeros.
+    /// The additions, if the displacements, or the displacements with the `lead` of each handle, are beyond the limit;
+    /// `None` otherwise, and for a model without a limit. No `lead` means a lead of zero.
     pub(super) fn beyond_limit(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
@@ -108,7 +108,7 @@ impl LocalModel {
         (excess > 0.0 || further > 0.0).then(|| Beyond {
             spring: limit.area * excess,
             lead: limit.area * (further - excess),
-            // Where there is an excess, `q . d` is positive and no smaller.
+            // If there is an excess, `q . d` is positive and no smaller.
             work: if excess > 0.0 {
                 0.5 * limit.area * excess * (excess / along)
             } else {

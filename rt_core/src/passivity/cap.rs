@@ -1,10 +1,11 @@
-//! The cap: a bound on what a body may give back.
+//! The cap: a bound on the energy that a body may give back.
 //!
 //! No tick may spend more than the hands have supplied (`H`). The body therefore never gives back more energy than it
 //! got, even if the local models are late, wrong or contradictory. The cap is the passivity controller of B. Hannaford
 //! and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), with an upper bound on the energy as
 //! well (a tank, as in M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach", 2011).
-//! Credit that the present spring does not back is gradually forgotten, so it cannot be spent at once much later.
+//! The account gradually forgets credit that the present spring does not back, so this credit cannot be spent at once
+//! much later.
 //!
 //! Let `F_s` and `F_d` be the elastic and the viscous wrench on all handles, and `V` the energy that hands could get
 //! back. Let `R` be the work that the hands were spared by weights that their devices did not render. Each tick does:
@@ -14,39 +15,39 @@
 //! H <- H - (H - R+ - (2 V + E))+ T / 0.5 s              E: the allowance, 0.4 mJ
 //! G  = (H - R+)+                                        what this tick may spend
 //! F_s <- F_s min(1, G / (beta V))                       the force is reduced; beta = 0.3, more for late devices
-//! F_d <- F_d - c v                                      where V > G; c takes out the missing energy
-//! F_s <- F_s G / p                                      where p = |F_s| D > G: the certificate
-//! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        where that is less: dampers may go into debt by E
+//! F_d <- F_d - c v                                      if V > G; c takes out the missing energy
+//! F_s <- F_s G / p                                      if p = |F_s| D > G: the certificate
+//! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        if that is less: dampers may go into debt by E
 //! ```
 //!
 //! Here `D` bounds the motion of a hand in a tick, in any direction: the longest of its last steps, with a memory that
 //! decays. When a hand turns back within a tick, the damper of the previous tick pushes it along. Only the first quick
 //! step is a surprise.
 //!
-//! **The certificate** bounds what a tick may spend. It keeps `H >= -E` for all steps within `D`, whatever `V`, `K` and
-//! `w0` a model claims. The energy that came out is then at most the energy stored at the start, plus `2 E`, plus the
-//! part of the devices' own dissipation that is relied on. `V` decides only how early the force is reduced. A model
-//! that claims too much energy must not soften a hold that was paid for, so the force stays whole until the credit
-//! falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and credit vanish
-//! together with `V`, without a jump.
+//! **The certificate** bounds the energy that a tick may spend. It keeps `H >= -E` for all steps within `D`, for any
+//! `V`, `K` and `w0` that a model claims. The energy that came out is then at most the energy stored at the start, plus
+//! `2 E`, plus the part of the devices' own dissipation that is relied on. `V` decides only how early the force is
+//! reduced. A model that claims too much energy must not soften a hold that was paid for, so the force stays whole
+//! until the credit falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and
+//! credit vanish together with `V`, without a jump.
 //!
 //! **A force that stays reduced** becomes whole again by a slip of the proxies ([`crate::slip`]): `V` falls to
 //! `0.95 H / beta`, and `H` stays.
 //!
-//! **No jump of a hand at rest.** While no hand moves, `H`, `R` and `V` stay, except where a model changes or a body
-//! releases energy, so the factor `G / (beta V)` stays, too. Hands that move change it by `(1 / beta - 1) w . D / V`. Once a
-//! hand rests after a quick step, `D` decays, and the certificate lets the force back by a factor of at most
-//! `exp(T / 20 ms)` in a tick.
+//! **No jump of a hand at rest.** While no hand moves, `H`, `R` and `V` stay, unless a model changes or a body releases
+//! energy. The factor `G / (beta V)` then stays, too. A motion of the hands changes this factor by `(1 / beta - 1) w .
+//! D / V`. Once a hand rests after a quick step, `D` decays, and the certificate lets the force return by a factor of
+//! at most `exp(T / 20 ms)` in a tick.
 //!
 //! **Pieces.** Each piece of a torn body is capped by its own `H`, `R` and `V` (`passivity/pieces.rs`).
 //!
 //! **Counts.** The position that an encoder shows steps by a whole count when the hand reaches the edge of the count,
-//! and steps back when the hand leaves by the same edge. No work is done between, but `w . D`, with the force before
-//! each step, says that a spring gave `K D^2`. A hand that trembles on a stiff wall would thus empty the account, and
-//! the wall would become soft. Where a count comes after a rest, the account therefore takes the mean of the spring's
-//! force before and after the count. A hand can gain up to `K D^2 / 2` a count by that. Friction that is not relied on
-//! covers this gain up to `K = 2 (1 - eta) f_c / D`. The module [`super::edge`] treats the energy of dampers and late
-//! models at the same count.
+//! and steps back when the hand leaves by the same edge. The hand does no work between the two steps. But `w . D`, with
+//! the force before each step, shows that a spring gave `K D^2`. A hand that trembles on a stiff wall would thus empty
+//! the account, and the wall would become soft. If a count comes after a rest, the account therefore takes the mean of
+//! the spring's force before and after the count. A hand can gain up to `K D^2 / 2` a count by this correction. The
+//! friction that the account does not rely on covers this gain up to `K = 2 (1 - eta) f_c / D`. The module
+//! [`super::edge`] treats the energy of dampers and late models at the same count.
 //!
 //! `n` is the number of ticks since the device last moved: a damper dissipates least when the motion was even.
 //!
@@ -62,11 +63,11 @@ use crate::velocity::VelocityEstimator;
 /// direction of the hand.
 const CREEP: f64 = 1e-3;
 
-/// Angular rate (rad/s) below which a hand that only turns is not damped: that speed, 5 cm from the axis.
+/// Angular rate (rad/s) below which a hand that only turns is not damped: the speed [`CREEP`] at 5 cm from the axis.
 const TURNING_CREEP: f64 = 0.02;
 
 /// Fraction of the energy claimed by a model below which the force is reduced. A device that is late by a tick renders
-/// the force of another tick, while the hand speeds up: the backed fraction doubles, up to one. Where a slew limit
+/// the force of another tick, while the hand speeds up: the backed fraction doubles, up to one. If a slew limit
 /// bounds the fall of a force, the whole energy must be backed.
 const BACKED: f64 = 0.3;
 
@@ -116,8 +117,8 @@ impl Passivity {
         }
     }
 
-    /// Caps the wrenches on the handles of one piece, by the account of that `piece`. Returns what is withheld, or
-    /// `None` where the wrenches stay whole.
+    /// Caps the wrenches on the handles of one piece, by the account of that `piece`. Returns the withheld force, or
+    /// `None` if the wrenches stay whole.
     pub(super) fn cap_piece(
         &mut self,
         piece: &mut PieceAccount,
@@ -130,7 +131,7 @@ impl Passivity {
         let (holders, under_way) = self.holders(devices, motions);
         let spared = piece.spared.max(0.0);
         self.forget(piece, spared, stored);
-        // Commands under way will be rendered, whatever this tick decides.
+        // The devices will render the commands that are under way, whatever this tick decides.
         let left = piece.credit - spared - under_way;
         let budget = left.max(0.0);
         let backed = self.backed(&holders);
@@ -181,8 +182,8 @@ impl Passivity {
         (holders, under_way)
     }
 
-    /// Lets credit decay that the `stored` energy (J) does not back. The work that hands were `spared` (J) is no
-    /// credit.
+    /// Lets the credit decay that the `stored` energy (J) does not back. The work that the hands were `spared` (J) does
+    /// not count as credit.
     fn forget(&self, piece: &mut PieceAccount, spared: f64, stored: f64) {
         let backed = 2.0 * stored + self.config.allowance;
         piece.credit -= (piece.credit - spared - backed).max(0.0) * (self.config.period / FORGET);
@@ -249,8 +250,8 @@ impl Passivity {
     }
 
     /// Corrects the account for counts that came after a rest. The hand reached such a count slowly, and leaves it at
-    /// the same place: the force of the springs changes during the count, not after it. A hand can gain less by this
-    /// correction than the friction that is not relied on.
+    /// the same place: the force of the springs changes during the count, not after it. The gain of a hand by this
+    /// correction is less than the friction that the account does not rely on.
     fn settle_counts(&mut self, piece: &mut PieceAccount, holders: &Holders, elastic: &[Vec6]) {
         for (holder, elastic) in holders.iter().zip(elastic) {
             let Some(hand) = self.hands.get_mut(holder.device) else {
@@ -273,7 +274,7 @@ impl Passivity {
     }
 }
 
-/// Scales the elastic wrenches by `elastic_share` and the viscous ones by `viscous_share`. Returns the withheld force; `None` where
+/// Scales the elastic wrenches by `elastic_share` and the viscous ones by `viscous_share`. Returns the withheld force; `None` if
 /// both stay whole.
 fn withhold(
     [elastic_share, viscous_share]: [f64; 2],
@@ -297,7 +298,7 @@ fn withhold(
     (elastic_share < 1.0 || viscous_share < 1.0).then_some(withheld)
 }
 
-/// Takes from a velocity the part that a single count (m) produces. That the hand reached an edge does not tell its
+/// Takes from a velocity the part that a single count (m) produces. An edge that the hand has reached does not tell its
 /// speed, and a trembling hold would buzz under its damper.
 fn without_count(velocity: &mut Vec6, count: f64) {
     let quiet = count / VelocityEstimator::SPAN;
@@ -316,8 +317,8 @@ fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
     linear * reach + angular * turn
 }
 
-/// Adds damping that takes out the energy `missing` (J) within a tick, where the velocity of a hand is clear. The
-/// damping is proportional to what each device can render, by a fraction within the bounds. Returns that fraction.
+/// Adds damping that takes out the energy `missing` (J) within a tick, if the velocity of a hand is clear. The
+/// damping is proportional to what each device can render, by a fraction within the bounds. Returns this fraction.
 pub(super) fn damp<'a>(
     missing: f64,
     period: f64,

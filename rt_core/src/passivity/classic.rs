@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! E   = E_0 + supplied - raised
-//! F_d = -c v      where E < 0, with c v^2 T = -E over all hands, each c at most the damping
+//! F_d = -c v      if E < 0, with c v^2 T = -E over all hands, each c at most the damping
 //!                 that its device can render
 //! ```
 //!

@@ -1,14 +1,14 @@
-//! A hand that trembles on the edge of an encoder count, along one axis.
+//! The account of a hand that trembles on the edge of an encoder count, along one axis.
 //!
-//! The encoder shows a whole count `D` out and, a little later, the same count back. The hand itself has moved by some
-//! `a`, at most `D`, and nobody knows `a`. Let the device hold `w_1` on the path out and `w_2` on the path back. Its
-//! motor has then done the work `(w_1 - w_2) a`, but the account has been charged `(w_1 - w_2) D`. A tremor would empty
-//! the account of a hold that was paid for.
+//! The encoder shows a whole count `D` out and, a little later, the same count back. The hand itself has moved by an
+//! unknown distance `a`, at most `D`. Let the device hold `w_1` on the path out and `w_2` on the path back. Its motor
+//! has then done the work `(w_1 - w_2) a`, but the account has been charged `(w_1 - w_2) D`. A tremor would empty the
+//! account of a hold that was paid for.
 //!
 //! The mechanism's Coulomb friction `f_c` dissipated `2 f_c a` on the same path; let `f` be the part of `f_c` that has
 //! not been credited already. The true loss is then at most `(w_1 - w_2 - 2 f)+ a`, and it is safe to charge this loss
 //! with `D` for `a`. When the pair of counts is closed, the account gets the rest back. A closed pair never gains.
-//! Where counts came along another axis meanwhile, one slanting path may serve both axes. Each axis then relies on the
+//! If counts came along another axis meanwhile, one slanting path may serve both axes. Each axis then relies on the
 //! friction divided by the square root of three.
 
 /// Fraction of the friction on a slanting path that each of three axes may rely on: the inverse square root of three.
@@ -17,7 +17,7 @@ const SLANTING: f64 = 0.577_350_269_189_625_8;
 /// The last count along an axis, and its entries in the account.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Edge {
-    /// The count (m), signed; zero where no count waits to be closed.
+    /// The count (m), signed; zero if no count waits to be closed.
     by: f64,
     /// Gain of the account by the work of the held force (J).
     gained: f64,
@@ -33,7 +33,7 @@ pub(super) struct Edge {
 
 impl Edge {
     /// Takes a step (m) along the axis, not zero. The account gains `gain` (J) by this step; `credited` tells whether
-    /// friction was credited for it. `count` (m) is the encoder's.
+    /// friction was credited for the step. `count` (m) is the count of the encoder.
     pub(super) fn step(&mut self, by: f64, gain: f64, credited: bool, count: f64) {
         let single = by.abs() < 1.5 * count;
         let credited = f64::from(u8::from(credited));
@@ -57,8 +57,9 @@ impl Edge {
         self.slanting = true;
     }
 
-    /// Takes the `correction` (J) that the account has got for this tick's step. Returns the further gain (J) where the
-    /// step closes the pair. `friction` (N) is the mechanism's; a `fraction` of it is credited.
+    /// Takes the `correction` (J) that the account has got for this tick's step. Returns the further gain (J) if the
+    /// step closes the pair. `friction` (N) is that of the mechanism. The account credits a `fraction` of this
+    /// friction.
     pub(super) fn settle(&mut self, correction: f64, friction: f64, fraction: f64) -> f64 {
         self.corrected += correction;
         if !self.closed {
@@ -84,7 +85,7 @@ mod tests {
     const FRACTION: f64 = 0.4;
 
     /// The whole gain of the account for a count out under `out` (N) and back under `back` (N), with springs corrected
-    /// by `corrections` (J), beside the friction that is credited for the counts that are `credited`.
+    /// by `corrections` (J). The friction of the counts that are `credited` comes on top.
     fn pair(
         out: f64,
         back: f64,

@@ -29,7 +29,7 @@ impl Motion {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LastStep {
     pub(super) by: Vec3,
-    /// Ticks since then.
+    /// Ticks since that step.
     pub(super) since: u32,
 }
 
@@ -95,8 +95,8 @@ pub(crate) struct Hand {
     pub(super) rest_count: Vec3,
     /// Number of ticks in which the translation of this tick was made: more than one for a count after a rest.
     pub(crate) pace: f64,
-    /// One along each axis, or zero where the last step was a single count back: such a count tells nothing of a
-    /// velocity.
+    /// Zero along each axis whose last step was a single count back, because such a count tells no velocity; one along
+    /// the others.
     pub(crate) onward: Vec3,
     /// The last count along each axis.
     pub(super) edges: [Edge; 3],
@@ -149,8 +149,8 @@ impl Hand {
         -change.dot(&(pose.position - from))
     }
 
-    /// Work that the wrench held now will do (J) before it can vanish, while the hand moves on at `velocity`. The force
-    /// falls by the slew limit of the device at most.
+    /// Work (J) that the present wrench will do before it can vanish, while the hand moves on at `velocity`. The force
+    /// falls at the slew limit of the device at most.
     pub(super) fn lingering(&self, velocity: &Vec6) -> f64 {
         let [held, ..] = &self.held;
         let power = held

@@ -1,19 +1,19 @@
 //! The accounts of the pieces of a body, and how an account parts when a piece parts.
 //!
 //! A whole body has one account. When a body tears into pieces, hands on different pieces no longer pass energy to each
-//! other. One credit `H` for all of them would let a hand on one piece get what a hand on another piece has supplied.
-//! Each piece therefore has its own credit, and the cap treats each piece as it treats a body.
+//! other. With one credit `H` for all pieces, a hand on one piece could get the energy that a hand on another piece has
+//! supplied. Each piece therefore has its own credit, and the cap treats each piece as a body.
 //!
 //! **Division.** Pieces only divide. When a piece parts, its credit parts in proportion to the energy that each new
-//! piece stores, as the host publishes it; in equal parts where none stores any. A part keeps no more credit than the
-//! energy that the rendered model stores in it at this time, and the allowance: the hands have supplied the rest, too,
-//! but the tear has taken it. Without this bound the hands of a piece could get back energy that was lost, as long as
-//! the cap has not forgotten it. The work that weights have spared belongs to a hand and follows the hand. The hands of
-//! a piece can therefore get no more than they have paid for since and what the piece stored when it parted, plus the
-//! allowance of the cap.
+//! piece stores, as the host publishes it. If no new piece stores energy, the parts are equal. A part keeps no more
+//! credit than the allowance and the energy that the rendered model stores in it at this time. The hands have supplied
+//! the rest, too, but the tear has taken it. Without this bound, the hands of a piece could get back this lost energy
+//! until the cap has forgotten it. The work that weights have spared belongs to a hand and follows the hand. The hands
+//! of a piece can therefore get no more than the sum of three energies: the energy that the piece stored when it
+//! parted, the energy that the hands have supplied since, and the allowance of the cap.
 //!
-//! A piece that no hand of the former model holds begins with the allowance alone, for no hand has supplied its energy.
-//! Pieces that grow together, which no tear can cause, add their credits.
+//! A piece that no hand of the former model holds begins with the allowance alone, because no hand has supplied its
+//! energy. Pieces that grow together add their credits. No tear can cause that.
 
 use super::{Balance, Motion, Passivity};
 use crate::MAX_HANDLES;
@@ -27,13 +27,13 @@ pub(super) struct PieceAccount {
     pub(super) credit: f64,
     /// Energy that hands got since the last model that stated a released energy (J).
     pub(super) got: f64,
-    /// Energy that the models said to have released so far (J).
+    /// Energy that the piece has released so far, as the models claim (J).
     released: f64,
     /// Work that the hands were spared by weights that their devices did not render (J), signed.
     pub(super) spared: f64,
     /// Fraction of the devices' damping that takes out missing energy.
     pub(super) damped: f64,
-    /// What the cap found last.
+    /// The last result of the cap.
     pub(super) balance: Balance,
 }
 
@@ -64,7 +64,7 @@ impl PieceAccount {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Division {
     /// By former piece, the fraction of its energy that goes to each new piece. The fractions of a former piece add up
-    /// to one, or to zero where nothing is left of it.
+    /// to one, or to zero if no part of the piece is left.
     fractions: [[f64; MAX_HANDLES]; MAX_HANDLES],
     /// Whether each new piece comes from a former one.
     continues: [bool; MAX_HANDLES],
@@ -137,7 +137,7 @@ impl Division {
         divided
     }
 
-    /// The new piece with the largest part of a former piece; zero where there is none.
+    /// The new piece with the largest part of a former piece; zero if there is none.
     fn heir(&self, piece: usize) -> usize {
         let row = self.fractions.get(piece).into_iter().flatten();
         let (mut heir, mut most) = (0, 0.0);
@@ -194,7 +194,7 @@ impl Passivity {
         for (former, row) in former.iter().zip(&division.fractions) {
             for (part, fraction) in parts.iter_mut().zip(row) {
                 if *fraction > 0.0 {
-                    // The damper that takes out missing energy goes on in each part.
+                    // The damper that takes out missing energy continues in each part.
                     part.damped = part.damped.max(former.damped);
                 }
             }
@@ -204,14 +204,14 @@ impl Passivity {
         self.total();
     }
 
-    /// Begins the sums of released energy: what the first model after a parting states is where they begin.
+    /// Begins the sums of released energy at the values that the first model after a parting states.
     pub(crate) fn begin_released(&mut self, energies: &[PieceEnergy; MAX_HANDLES]) {
         for (piece, energy) in self.pieces.iter_mut().zip(energies) {
             piece.released = energy.released;
         }
     }
 
-    /// Takes the energy that each piece says to have released so far.
+    /// Takes the energy that each piece has released so far, as the model claims.
     pub(crate) fn release_by_piece(&mut self, energies: &[PieceEnergy; MAX_HANDLES]) {
         let each = self.pieces.iter_mut().zip(energies);
         for (piece, energy) in each.take(self.piece_count) {
@@ -219,7 +219,7 @@ impl Passivity {
         }
     }
 
-    /// Keeps the first `count` pieces. The others, which hands have left, are gone.
+    /// Keeps the first `count` pieces. The hands have left the other pieces.
     pub(crate) fn keep_pieces(&mut self, count: usize) {
         self.piece_count = count;
         for hand in &mut self.hands {

@@ -167,7 +167,7 @@ proptest! {
 
 #[test]
 fn after_a_standstill_of_the_loop_the_force_comes_back_smoothly() {
-    // Four fifths of the watchdog of a device: a gap of 8 ms is none, a longer one is.
+    // Four fifths of the watchdog of a device: a gap of 8 ms is no standstill, a longer gap is.
     let ms = 1_000_000;
     for (gap_ms, away) in [(8, false), (9, true), (1000, true)] {
         for state in [Some(here()), None] {
@@ -283,7 +283,7 @@ fn the_heat_counts_the_weight_of_the_grip() {
     assert_eq!(pushes::<1>(&mut limiter), [2.0]);
     let forces = pushes::<2000>(&mut limiter);
     assert_eq!(limiter.state(), SafetyState::Hot);
-    // The motors bear 1.5 N: 0.5 N of the grip, and 1 N of the scene.
+    // The motors withstand 1.5 N: 0.5 N for the grip, and 1 N for the scene.
     assert!((forces[1999] - 1.0).abs() < 1e-6, "{}", forces[1999]);
     assert_eq!(limiter.grip_force(), Vec3::new(0.5, 0.0, 0.0));
     // Ticks that were hot, and the first of them.
@@ -477,7 +477,8 @@ fn cool_motors_bear_the_grip_beside_the_largest_force() {
 
 #[test]
 fn a_graver_state_is_told_before_a_limit() {
-    // A force that returns is limited as well: the limit is told, unless a motion of the device makes the force fade.
+    // A force that returns is limited as well. The state names the limit, unless a motion of the device makes the force
+    // fade.
     for (state, told) in [
         (here(), SafetyState::Limited),
         (moving(1.5), SafetyState::TooFast),

@@ -1,4 +1,4 @@
-//! First-order adaptive windowing: a straight line through as many of the last positions as one line describes.
+//! First-order adaptive windowing: a straight line through the last positions, as far back as one line describes them.
 //!
 //! F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen, "Discrete-time adaptive windowing for velocity estimation" (2000).
 //! A line leads from the newest position `y_0` to the position `n` ticks ago. The window grows as long as every

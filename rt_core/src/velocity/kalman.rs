@@ -24,7 +24,7 @@ pub struct Gains {
     pub alpha: f64,
     /// Gain of the velocity, times the period.
     pub beta: f64,
-    /// Gain of the acceleration, times the period squared; zero where the acceleration is not estimated.
+    /// Gain of the acceleration, times the period squared; zero if the acceleration is not estimated.
     pub gamma: f64,
 }
 
@@ -64,9 +64,9 @@ impl Gains {
 
     /// The lag (ticks) of a velocity that grows steadily.
     ///
-    /// A steady acceleration leaves a steady error `e` of the prediction. Where the acceleration is not estimated,
+    /// A steady acceleration leaves a steady error `e` of the prediction. If the acceleration is not estimated,
     /// `beta e = a T^2` makes the velocity grow, and the position then requires `v T + a T^2 / 2 = v_e T + alpha e`,
-    /// with `v_e` the estimated velocity. Where the acceleration is estimated, `e` is zero.
+    /// with `v_e` the estimated velocity. If the acceleration is estimated, `e` is zero.
     pub fn lag(&self) -> f64 {
         if self.gamma > 0.0 {
             0.0

@@ -1,21 +1,17 @@
-//! Emulated devices on the transports of the kernel, so that a real driver finds them where it finds a real device.
+//! Emulated devices on the transports of the kernel, so that a real driver finds them as it finds a real device.
 //!
 //! The emulators themselves (`sim::emulate`) are computation: bytes and a time in, bytes out. This crate gives them a
 //! clock and a place: a [`Place`] is a pty, a TCP port, a HID device of the kernel's uhid or a USB gadget, and [`serve()`]
 //! passes bytes between the place and an emulator until it is told to stop. [`usb::Chip`] serves a Falcon, which also
-//! answers requests, as a USB gadget.
-//!
-//! [`Board`] runs real firmware in QEMU, and [`Paced`] makes an emulator of its line.
+//! answers requests, as a USB gadget. An [`Attended`] device is calibrated by a person, and serves one host after the other.
 #![deny(unsafe_code)]
 
-pub mod board;
-pub mod paced;
+pub mod attended;
 pub mod place;
 pub mod serve;
 pub mod uhid;
 pub mod usb;
 
-pub use board::{Board, BoardError, Truth};
-pub use paced::Paced;
+pub use attended::{Attended, ServeError};
 pub use place::{Place, PlaceError};
 pub use serve::{Served, serve};

@@ -1,4 +1,4 @@
-//! Where an emulated device is found: a pty, a TCP port, a HID device of the kernel, or a USB gadget.
+//! The place of an emulated device: a pty, a TCP port, a HID device of the kernel, or a USB gadget.
 
 use crate::uhid::{FILE, Identity, Uhid};
 use crate::usb::{GadgetError, HidGadget};
@@ -10,7 +10,7 @@ use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::time::Duration;
 
-/// Why a place could not be made.
+/// The reason why a place could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PlaceError {
     /// The system gave no pty.
@@ -37,7 +37,7 @@ pub enum PlaceError {
     Usb(#[from] GadgetError),
 }
 
-/// A place where a device is found, before a host has come.
+/// The place of a device, before a host has come.
 #[derive(Debug)]
 pub enum Place {
     /// A pty.
@@ -49,7 +49,7 @@ pub enum Place {
     },
     /// A port that listens.
     Tcp {
-        /// What listens.
+        /// The listener.
         listener: TcpListener,
         /// The port.
         port: u16,
@@ -58,14 +58,14 @@ pub enum Place {
     Uhid {
         /// The device.
         device: Uhid,
-        /// What the device says of itself.
+        /// The identity that the device states.
         identity: Identity,
     },
     /// A HID device on USB.
     Usb {
         /// The gadget.
         gadget: HidGadget,
-        /// What the device says of itself.
+        /// The identity that the device states.
         identity: Identity,
     },
 }
@@ -83,7 +83,7 @@ impl Place {
             let path = ptsname(&master, Vec::new())?;
             let path = path.to_string_lossy().into_owned();
             // The line discipline must neither echo nor change bytes, from the first byte on. Its settings outlive this
-            // opening. After it, the kernel tells whether a host has the other end open.
+            // opening. After this opening, the kernel tells whether a host has the other end open.
             let held = std::fs::OpenOptions::new()
                 .read(true)
                 .write(true)
@@ -131,7 +131,7 @@ impl Place {
         Ok(Self::Usb { gadget, identity })
     }
 
-    /// How a scene connects to the device.
+    /// The text by which a scene connects to the device.
     pub fn connection(&self) -> String {
         match self {
             Self::Pty { path, .. } => format!("tty:{path}"),
@@ -143,7 +143,7 @@ impl Place {
         }
     }
 
-    /// The end of the device, once a host has come; `None` where none has come within `wait`. A HID device needs no host.
+    /// The end of the device, once a host has come; `None` if none has come within `wait`. A HID device needs no host.
     ///
     /// # Errors
     /// The error of the system.
@@ -170,7 +170,7 @@ impl Place {
     }
 }
 
-/// Whether nobody has the other end of a pty open.
+/// Whether no program has the other end of a pty open.
 fn hung_up(master: &Stream) -> io::Result<bool> {
     let now = Timespec {
         tv_sec: 0,

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Length of the buffer for bytes from the host: a HID report of 64 bytes with its number, or a part of a stream.
 const BUFFER: usize = 256;
 
-/// Counts of what passed.
+/// Counts of the passed bytes and reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Served {
     /// Times that bytes came from the host.
@@ -19,8 +19,8 @@ pub struct Served {
     pub refused: u64,
 }
 
-/// Runs an emulator until `stop` is true or the transport ends. The emulator's time starts at zero. It is asked for
-/// bytes after each arrival, and once every `period` at least.
+/// Runs an emulator until `stop` is true or the transport ends. The emulator's time starts at zero. The server asks the
+/// emulator for bytes after each arrival, and once every `period` at least.
 ///
 /// # Errors
 /// The error number with which the transport ended, with the counts so far in `served`.

@@ -2,8 +2,8 @@
 //!
 //! A program writes events of a fixed layout to the file and reads events from it (Linux, `Documentation/hid/uhid.rst`
 //! and `include/uapi/linux/uhid.h`, read for the layout). The kernel then shows a HID device like any other, with its
-//! hidraw file. The device exists as long as the file is open. Whoever may open `/dev/uhid` may make any input device, so
-//! the file usually belongs to root.
+//! hidraw file. The device exists as long as the file is open. An account that may open `/dev/uhid` may make any input
+//! device, so the file usually belongs to root.
 
 use devices::Transport;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -36,7 +36,7 @@ const BUS_USB: u16 = 3;
 /// Error number for a request that the device does not serve (EIO).
 const REFUSED: u16 = 5;
 
-/// What a HID device says of itself.
+/// The identity that a HID device states.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// Name of the device, cut to 127 bytes.

@@ -1,8 +1,8 @@
 //! An emulated device as a USB gadget of the kernel, behind the host controller that the kernel emulates (`dummy_hcd`).
 //!
-//! The driver of the device then goes the whole way of a real device: usbcore, usbhid and hidraw for a HID device
-//! ([`hid`]), usbfs for a device behind an FTDI chip ([`chip`]). On a machine with a real device controller, the gadget
-//! appears at the other end of its cable.
+//! The driver of the device then uses all the layers that it uses for a real device: usbcore, usbhid and hidraw for a
+//! HID device ([`hid`]), usbfs for a device behind an FTDI chip ([`chip`]). On a machine with a real device controller,
+//! the gadget appears at the other end of its cable.
 //!
 //! - [`gadget`]: the gadget itself, as a folder of configfs.
 //! - [`hid`]: a HID device, by the kernel's function `hid`.

@@ -1,8 +1,8 @@
 //! Emulated devices on USB and on uhid, through the whole kernel: usbcore, usbhid and hidraw, or usbfs.
 //!
 //! The tests need root, and the modules `dummy_hcd`, `libcomposite`, `usb_f_hid`, `usb_f_fs`, `usbhid` and `uhid` of the
-//! kernel. Without them they are skipped, loudly; where the variable `PALPATE_NEEDS_KERNEL` is set, they fail. `tests/vm`
-//! boots a machine that has all. They run in real time, and end by events.
+//! kernel. Without root or a module, the tests are skipped with a loud line; if the variable `PALPATE_NEEDS_KERNEL` is
+//! set, they fail. `tests/vm` boots a machine that has all of these. The tests run in real time, and end by events.
 
 use devices::conformance::Suite;
 use devices::falcon::{Falcon, FalconDriver, Firmware as Image};
@@ -30,7 +30,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-/// Longest time between two questions for bytes of an emulator.
+/// Longest time between two requests for bytes of an emulator.
 const PERIOD: Duration = Duration::from_micros(500);
 /// Time after which a test has failed. An emulated processor is slow.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -40,7 +40,7 @@ const TICK: Duration = Duration::from_millis(1);
 const STATES: u32 = 300;
 /// The numbers that pid.codes leaves for tests.
 const NUMBERS: (u16, u16) = (0x1209, 0x0001);
-/// Where the kernel has the gadgets.
+/// The kernel's folder of gadgets.
 const GADGETS: &str = "/sys/kernel/config/usb_gadget";
 
 /// The tests share the controllers of the machine.
@@ -50,14 +50,14 @@ fn machine() -> MutexGuard<'static, ()> {
     MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The value, or `None` with a loud line where the machine cannot make it.
+/// The value, or `None` with a loud line if the machine cannot make it.
 fn made<T, E: std::fmt::Display>(result: Result<T, E>) -> Option<T> {
     match result {
         Ok(value) => Some(value),
         Err(error) => {
             let needed = std::env::var_os("PALPATE_NEEDS_KERNEL").is_some();
             assert!(!needed, "{error}");
-            // Not by the test's own output, which is hidden where the test passes.
+            // Not to the test's own output, which is hidden if the test passes.
             let _ = writeln!(
                 std::io::stderr(),
                 "\n!! SKIPPED: devices behind the kernel: {error}"
@@ -113,7 +113,7 @@ impl<E: Send + 'static> Server<E> {
         let stop = Arc::new(AtomicBool::new(false));
         let (shared, end) = (Arc::clone(&emulator), Arc::clone(&stop));
         let thread = std::thread::spawn(move || {
-            // Where it is allowed: the emulated hardware waits for no other program.
+            // The emulated hardware waits for no other program, if the system allows the priority.
             let _ = runner::schedule::realtime(40);
             let mut served = Served::default();
             serve(&shared, &end, &mut served);
@@ -354,7 +354,7 @@ fn round_trips(what: &str, numbers: (u16, u16)) {
     let path = &device.expect("it is connected").file;
     let mut hidraw = Hidraw::open(path).expect("root may open it");
     let mut buffer = [0; 64];
-    // Reports of before.
+    // Earlier reports.
     while hidraw.read(&mut buffer, TICK * 20) != Ok(0) {}
     for _ in 0..STATES {
         hidraw.write(&[0; 14]).expect("it is connected");
@@ -480,7 +480,7 @@ fn selector() -> Selector {
     }
 }
 
-/// An answer that waits in the chip is gone when the host empties the chip's buffer.
+/// When the host empties the chip's buffer, an answer that waits in the chip is lost.
 fn a_purge_drops_what_waits() {
     let mut chip = FtdiChip::new(UsbDevice::open(&selector()).expect("it is connected"));
     falcon::boot::packet_mode(&mut chip).expect("the chip takes requests");
@@ -537,7 +537,7 @@ fn exchanges() {
 
 /// Name of the test that a test runs in a process of its own.
 const KILLED: &str = "a_process_with_gadgets_is_killed";
-/// Tells that test what to make.
+/// Selects what that test makes.
 const MAKES: &str = "PALPATE_MAKES";
 
 #[test]

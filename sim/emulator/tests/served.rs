@@ -1,7 +1,7 @@
 //! Emulated devices behind the kernel: a driver opens each by its address, over a pty and over TCP of this machine.
 //!
-//! The tests run in real time and end by events: each passage of bytes is an event, and a test goes on until it has seen
-//! what it waits for. Only a test that fails waits for its time to be over.
+//! The tests run in real time and end by events: each passage of bytes is an event, and a test continues until it has
+//! seen the awaited event. Only a test that fails waits until its time is over.
 
 use devices::conformance::Suite;
 use devices::transport::Packets;
@@ -18,7 +18,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Longest time between two questions for bytes of an emulator.
+/// Longest time between two requests for bytes of an emulator.
 const PERIOD: Duration = Duration::from_micros(500);
 /// Time after which a test has failed.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -31,7 +31,7 @@ struct Inside<E> {
     passed: u64,
 }
 
-/// An emulator that two threads use: its server, and the test that looks at it. Its clock goes on between two hosts.
+/// An emulator that two threads use: its server, and the test that looks at it. Its clock continues between two hosts.
 struct Shared<E> {
     inside: Mutex<Inside<E>>,
     event: Condvar,
@@ -80,7 +80,7 @@ struct Server<E> {
 }
 
 impl<E: Emulator + Send + 'static> Server<E> {
-    /// Serves `emulator`. Where the bytes of the host have no framing of their own, they come in packets of `length`.
+    /// Serves `emulator`. If the bytes of the host have no framing of their own, they come in packets of `length`.
     fn start(mut place: Place, emulator: E, length: Option<usize>) -> Self {
         let connection = place.connection();
         let shared = Arc::new(Shared {
@@ -145,8 +145,8 @@ impl<E: Emulator + Send + 'static> Server<E> {
         device.unwrap_or_else(|error| panic!("{connection}: {error}"))
     }
 
-    /// Reads and writes once for each passage of bytes, until `done`. `done` sees the emulator and what was read, and
-    /// gives the next wrench.
+    /// Reads and writes once for each passage of bytes, until `done`. `done` sees the emulator and the result of the
+    /// read, and gives the next wrench.
     fn run(
         &self,
         device: &mut dyn Device,
@@ -209,7 +209,7 @@ fn pushed() -> Firmware {
     Firmware::new(device.expect("a sound model"), "omega3", Framing::Stream)
 }
 
-/// Goes on until a state has the pushed position and the device has the force of the host.
+/// Continues until a state has the pushed position and the device has the force of the host.
 fn works(server: &Server<Firmware>, device: &mut dyn Device) {
     let force = Vec3::new(0.3, -0.2, 0.25);
     let (mut moved, mut felt) = (false, false);

@@ -8,9 +8,9 @@ use rt_core::Vec3;
 /// Largest number of pieces of one step. A handle that slides to a stop and leaves again takes three pieces; the other
 /// pieces are for a direction that turns within the step. The remainder of the step is taken as the last piece.
 pub(super) const PIECES: u32 = 8;
-/// Fraction of the earlier speed that is rounding, where a step should end at rest.
+/// Fraction of the earlier speed that counts as rounding at the end of a step that should end at rest.
 pub(super) const ROUNDING: f64 = 1e-9;
-/// Fraction of the earlier speed that friction may take, where the other forces do not move the handle.
+/// Fraction of the earlier speed that friction may take, if the other forces do not move the handle.
 pub(super) const SMALL: f64 = 0.125;
 
 /// A slide along one direction that may come to rest.

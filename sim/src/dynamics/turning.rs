@@ -9,10 +9,10 @@
 //!
 //! The wrist's spring pulls back to the orientation at the start, which remains the aim of the hand. Its potential
 //! `4 k (1 - q_0)` is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees,
-//! 5 % The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let `q_1 - q_0 = h u q_m / 2`
-//! with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly `2 k q_m,v . u h`, the
-//! work of the mean moment. This [`MechanicalEnergy`] therefore closes up to rounding at any step, as that of the
-//! translation does.
+//! 5 % below at 63 degrees. The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let `q_1
+//! - q_0 = h u q_m / 2` with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly
+//! `2 k q_m,v . u h`, the work of the mean moment. This [`MechanicalEnergy`] therefore closes up to rounding at any
+//! step, as that of the translation does.
 //!
 //! Stops and starts are events, as in the translation.
 
@@ -24,7 +24,7 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion};
 use rt_core::Vec3;
 
 /// Largest number of iterations for the mean orientation of a step. Each iteration reduces the error by a factor of
-/// about `4 J / (h^2 k)`, some hundred thousand. The iterations end where only rounding changes.
+/// about `4 J / (h^2 k)`, some hundred thousand. The iterations end when only rounding changes.
 const ROUNDS: u32 = 12;
 /// Square of the relative change of the velocity that counts as rounding.
 const SETTLED: f64 = 1e-30;
@@ -89,7 +89,7 @@ impl Turning {
             }
             let mean = self.mean(left, motor);
             let before = self.velocity;
-            // The velocity at the end lies as far beyond the mean as the mean lies beyond the velocity before.
+            // The velocity at the end exceeds the mean by as much as the mean exceeds the velocity before.
             let goes_on = at_rest || before.dot(&(mean.velocity * 2.0 - before)) > 0.0;
             let rest = if self.friction <= 0.0 || goes_on {
                 None

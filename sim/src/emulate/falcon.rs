@@ -1,17 +1,18 @@
 //! An emulated Novint Falcon: its FTDI chip, its boot loader, its firmware, and its mechanism with a hand.
 //!
 //! - **Chip.** Bytes take ten bits each at the baud rate of the divisor. A packet goes to the host when 62 bytes wait,
-//!   when the event character has come, or when the latency timer ends, then also with its two status bytes alone.
+//!   when the event character has come, or when the latency timer ends. A packet of the latency timer may have only its
+//!   two status bytes.
 //! - **Boot loader.** A rising DTR with RTS low resets the board. The handshake and the image must come at their baud
-//!   rates; each byte is echoed. The firmware runs once the whole image has come unchanged.
-//! - **Firmware.** Each packet is answered by one. An axis finds its reference when its arm passes the count zero while
-//!   homing is on; before, its counter starts at zero wherever the arm was at power-on.
+//!   rates; each byte is echoed. The firmware runs after the whole image has come unchanged.
+//! - **Firmware.** The firmware answers each packet with one packet. An axis finds its reference when its arm passes
+//!   the count zero while homing is on. Before that, its counter starts at zero at the position of the arm at power-on.
 //! - **Mechanism.** The encoders count the arms by inverse kinematics. The torques of the motors act as the force that
 //!   does the same work.
 //!
-//! [`Faults`] are those that users report. **Our choices**, which no document gives: the time to an answer, how long
-//! torques are held when nobody writes ([`Settings::hold_ns`]), the reference at the count zero, and that a board
-//! ignores bytes at another baud rate.
+//! [`Faults`] are those that users report. **Our choices**, which no document gives: the time to an answer, the time
+//! for which torques are held without a new packet ([`Settings::hold_ns`]), the reference at the count zero, and a
+//! board that ignores bytes at another baud rate.
 
 use crate::device::SimDevice;
 use crate::emulate::Emulator;
@@ -30,13 +31,14 @@ pub const MODEM: [u8; STATUS] = [0x31, 0x60];
 const STALLED: i32 = 32;
 /// Longest step of the mechanism under one force (ns).
 const STEP_NS: u64 = 1_000_000;
-/// Longest time that the mechanism moves in one call (ns). In a longer gap the process was stopped, or the machine is too
-/// slow: the mechanism stands still for the rest, so that it never falls behind further with each call.
+/// Longest time that the mechanism moves in one call (ns). A longer gap means that the process was stopped, or that the
+/// machine is too slow. The mechanism then stands still for the rest of the gap, so that its delay never grows from
+/// call to call.
 const LONGEST_NS: u64 = 200_000_000;
 /// Number of letters of a packet that has no status: 14 bytes in all.
 const SHORT: usize = 13;
 
-/// Where an upload fails.
+/// The point at which an upload fails.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum UploadFault {
     /// The handshake is not answered.
@@ -63,21 +65,21 @@ pub enum UploadFault {
 pub struct Faults {
     /// Number of uploads that fail at first.
     pub failing_uploads: u32,
-    /// Where they fail.
+    /// The point at which these uploads fail.
     pub upload: UploadFault,
     /// Number of handshakes in each upload that are not answered at first.
     pub deaf_handshakes: u32,
-    /// One of this number of answers has 14 bytes: no status.
+    /// One answer in this number has 14 bytes: no status.
     pub short_every: u32,
-    /// One of this number of answers comes in two USB packets.
+    /// One answer in this number comes in two USB packets.
     pub split_every: u32,
-    /// One of this number of answers follows a USB packet of status bytes alone.
+    /// One answer in this number comes after a USB packet that has only status bytes.
     pub bare_every: u32,
-    /// One of this number of answers does not come.
+    /// One answer in this number does not come.
     pub lost_every: u32,
-    /// One of this number of answers comes late.
+    /// One answer in this number comes late.
     pub late_every: u32,
-    /// How late it is (ns).
+    /// The delay of a late answer (ns).
     pub late_ns: u64,
 }
 
@@ -106,9 +108,9 @@ impl Default for Settings {
 /// The activity of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Board {
-    /// It has no power.
+    /// The board has no power.
     Off,
-    /// The boot loader waits for a handshake. `greeted` says whether there was one.
+    /// The boot loader waits for a handshake. `greeted` tells whether there was a handshake.
     Rom {
         last: [u8; HELLO.len()],
         deaf: u32,
@@ -118,7 +120,7 @@ enum Board {
     Loading { next: Option<usize>, good: bool },
     /// The firmware runs.
     Running,
-    /// Nothing runs until the next reset.
+    /// No program runs until the next reset.
     Hung,
 }
 
@@ -171,7 +173,7 @@ pub struct Falcon {
     /// Whether an emergency stop keeps the motors without power.
     stopped: bool,
     buttons: u8,
-    /// The counts of the arms, as they truly are.
+    /// The true counts of the arms.
     counts: [i16; 3],
     /// The counts at power-on.
     zero: [i16; 3],
@@ -179,7 +181,7 @@ pub struct Falcon {
 }
 
 impl Falcon {
-    /// A Falcon without firmware, whose mechanism and hand are `device`, and whose firmware is `image`. Where the
+    /// A Falcon without firmware, whose mechanism and hand are `device`, and whose firmware is `image`. If the
     /// device starts out of reach of the mechanism, its encoders stay at zero until it is in reach.
     pub fn new(device: SimDevice, image: &[u8], settings: Settings) -> Self {
         let mut falcon = Self {
@@ -219,7 +221,7 @@ impl Falcon {
         &self.device
     }
 
-    /// The mechanism and the hand, for whoever guides the hand.
+    /// The mechanism and the hand, for code that guides the hand.
     pub fn device_mut(&mut self) -> &mut SimDevice {
         &mut self.device
     }
@@ -230,8 +232,8 @@ impl Falcon {
         (self.latency_ns / 1_000_000) as u8
     }
 
-    /// The earliest time (ns) at which the chip may have a packet for the host, as far as is known now. Bytes and requests
-    /// of the host, and the call of [`send`](Emulator::send) at this time, change it.
+    /// The earliest time (ns) at which the chip may have a packet for the host, from present knowledge. Bytes and
+    /// requests of the host change this time, and so does the call of [`send`](Emulator::send) at this time.
     pub fn due_ns(&self) -> u64 {
         let timer = self.sent_ns.saturating_add(self.latency_ns);
         // The board answers after the last byte of a packet.
@@ -268,7 +270,7 @@ impl Falcon {
         self.is_running() && self.command.homing
     }
 
-    /// Which axes have found their references.
+    /// Whether each axis has found its reference.
     pub fn homed(&self) -> [bool; 3] {
         self.homed
     }
@@ -301,13 +303,13 @@ impl Falcon {
         self.settings.faults = faults;
     }
 
-    /// Presses or releases an emergency stop in the supply of the motors. No packet tells.
+    /// Presses or releases an emergency stop in the supply of the motors. No packet reports the stop.
     pub fn stop(&mut self, stopped: bool, now_ns: u64) {
         self.advance(now_ns);
         self.stopped = stopped;
     }
 
-    /// Takes the power supply of the board away, or gives it back. The chip has its power from USB.
+    /// Switches the power supply of the board off or on. The chip has its power from USB.
     pub fn power(&mut self, on: bool, now_ns: u64) {
         self.advance(now_ns);
         self.reset(if on { Board::RESET } else { Board::Off });
@@ -537,7 +539,7 @@ impl Falcon {
         if let Some(first) = self.outgoing.get_mut(before) {
             first.bare = now(faults.bare_every);
         }
-        // The place of the cut wanders over the packet.
+        // The place of the cut moves over the packet from answer to answer.
         let cut = before + (answers / faults.split_every.max(1)) as usize % (LENGTH - 1);
         if now(faults.split_every)
             && let Some(last) = self.outgoing.get_mut(cut)

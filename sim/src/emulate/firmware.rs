@@ -22,18 +22,18 @@ use firmware_proto::stream::{Decoder, PACKET, packet};
 use rt_core::{Capabilities, Device, Vec3, Wrench};
 use std::collections::VecDeque;
 
-/// Time between two settings of the amplifiers (ns). The watchdog acts at most so late.
+/// Time between two settings of the amplifiers (ns), and largest delay of the watchdog.
 pub const LOOP_NS: u64 = 50_000;
 /// Largest number of reports that wait for the host.
 pub const WAITING: usize = 64;
-/// Longest time that the firmware runs in one call (ns). In a longer gap the process was stopped: the firmware runs for
-/// this time, in which every watchdog lets go, and the rest is a jump of its clock.
+/// Longest time that the firmware runs in one call (ns). A longer gap means that the process was stopped. The firmware
+/// then runs for this time, in which every watchdog lets go, and its clock jumps over the rest.
 const LONGEST_NS: u64 = 200_000_000;
 
-/// The way in which reports are sent.
+/// The framing of the reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Framing {
-    /// Each alone: HID.
+    /// Single reports: HID.
     Report,
     /// In packets, in a stream of bytes.
     Stream,
@@ -69,7 +69,8 @@ pub struct Firmware {
 
 impl Firmware {
     /// A device that starts at time zero, whose mechanism and hand are `device`. It has found its reference at once, and
-    /// sends states at the rate of its device model. Of `name`, the first 16 characters of printable ASCII are sent.
+    /// sends states at the rate of its device model. The device sends the first 16 printable ASCII characters of
+    /// `name`.
     pub fn new(device: SimDevice, name: &str, framing: Framing) -> Self {
         let rate = device.model().rate_hz;
         let model = model_of(&device.capabilities(), rate, name);
@@ -117,7 +118,7 @@ impl Firmware {
         &self.device
     }
 
-    /// The mechanism and the hand, for whoever guides the hand.
+    /// The mechanism and the hand, for code that guides the hand.
     pub fn device_mut(&mut self) -> &mut SimDevice {
         &mut self.device
     }
@@ -142,8 +143,8 @@ impl Firmware {
         self.protocol.counters()
     }
 
-    /// Longest time from the last wrench of a host to the moment at which the watchdog let go (ns); zero where it never
-    /// did.
+    /// Longest time from the last wrench of a host to the moment at which the watchdog let go (ns); zero if the
+    /// watchdog never let go.
     pub fn let_go_ns(&self) -> u64 {
         self.let_go_ns
     }
@@ -158,7 +159,7 @@ impl Firmware {
         self.buttons = buttons;
     }
 
-    /// Cuts the power of the amplifiers, or gives it back. The firmware goes on, and its states say so.
+    /// Switches the power of the amplifiers off or on. The firmware continues, and its states report the power.
     pub fn power(&mut self, on: bool, now_ns: u64) {
         self.run(now_ns);
         self.powered = on;
@@ -179,7 +180,7 @@ impl Firmware {
         self.actuate();
     }
 
-    /// Ends a fault, and with it the session.
+    /// Ends a fault and the session.
     pub fn reset(&mut self, now_ns: u64) {
         self.run(now_ns);
         if self.protocol.reset() {
@@ -207,7 +208,7 @@ impl Firmware {
         self.decoder = Decoder::new();
         self.outgoing.clear();
         if self.framing == Framing::Stream {
-            // The zero ends whatever came before.
+            // The zero ends all earlier bytes.
             self.outgoing.push_back(0);
         }
         self.start_ns = self.now_ns;
@@ -247,7 +248,7 @@ impl Firmware {
         }
     }
 
-    /// Gives a report to the firmware, which counts those that it refuses.
+    /// Gives a report to the firmware, which counts refused reports.
     fn take(&mut self, report: &[u8]) {
         let time_us = self.time_us();
         if let Ok(Accepted::Wrench) = self.protocol.receive(report, time_us) {

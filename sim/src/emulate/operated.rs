@@ -1,8 +1,8 @@
 //! An emulated Falcon in the hand of an operator who homes it.
 //!
-//! A Falcon has no state and no force before its axes have passed their references: a person pulls the grip out and pushes
-//! it in once. The operator of this module does so soon after a host has asked for homing, and again where the device has
-//! lost its references.
+//! A Falcon has no state and no force before its axes have passed their references. To home it, a person pulls the grip
+//! out and pushes it in once. The operator of this module homes the device soon after a host has asked for homing, and
+//! again if the device has lost its references.
 
 use super::Emulator;
 use super::falcon::Falcon;
@@ -25,12 +25,12 @@ pub struct Operated {
     falcon: Falcon,
     /// The time of the hand (s) before which the operator does not home the device again.
     busy_s: f64,
-    /// Whether the hand has a motion of its own, which begins when the device is homed.
+    /// Whether the hand has its own motion, which begins when the device is homed.
     moves: bool,
 }
 
 impl Operated {
-    /// The Falcon in the hand of an operator. A device in nobody's hand is never homed.
+    /// The Falcon in the hand of an operator. A free device is never homed.
     pub fn new(falcon: Falcon) -> Self {
         Self {
             falcon,
@@ -65,7 +65,7 @@ impl Operated {
         self.falcon.control(setup, now_ns)
     }
 
-    /// Lets the operator look at the device, and home it where it asks for homing.
+    /// Lets the operator look at the device, and home it if it asks for homing.
     fn attend(&mut self) {
         let now = self.falcon.device().moved_s();
         let homed = self.falcon.homed() == [true; 3];

@@ -1,10 +1,10 @@
-//! A WoodenHaptics, emulated: its firmware and its mechanism over a simulated device.
+//! An emulated WoodenHaptics: its firmware and its mechanism over a simulated device.
 //!
 //! The emulator has the kinematics of [`devices::woodenhaptics`]. Its encoders show the joint angles of the true
 //! position, rounded to counts, in 16 bits. Its motors hold currents, and the force on the hand follows from the
-//! currents and the pose by virtual work. It sends one report when it is switched on and one for each report that it
-//! receives; reports that it receives before it could send are drained to the newest. It cuts the motors half a second
-//! after the last report.
+//! currents and the pose by virtual work. The emulator sends one report when it is switched on, and one report for each
+//! report that it receives. If several reports come before it can send, it answers only the newest. It cuts the motors
+//! half a second after the last report.
 //!
 //! The mechanics are those of the simulated device: a point mass without end stops. The motors make the force of their
 //! currents up to the largest force of the device model. A pose that the links do not reach has the angles of the last
@@ -29,7 +29,7 @@ pub struct WoodenHaptics {
     now_ns: u64,
     /// Counts of the joints at the true position, rounded.
     counts: [i64; 3],
-    /// What a counter shows beyond the counts of its joint.
+    /// The difference of each counter from the counts of its joint.
     offsets: [i64; 3],
     /// Counters d, e, f, whose encoders do not turn.
     wrist: [i16; 3],
@@ -48,7 +48,7 @@ impl WoodenHaptics {
     /// A device that is switched on now, in the pose of `device`: the counters are zero there.
     ///
     /// # Errors
-    /// [`GeometryError`] where a parameter is out of its range.
+    /// [`GeometryError`] if a parameter is out of its range.
     pub fn new(device: SimDevice, geometry: &Geometry, form: Form) -> Result<Self, GeometryError> {
         let mut new = Self {
             device,
@@ -81,7 +81,7 @@ impl WoodenHaptics {
         self.actuate();
     }
 
-    /// Presses or releases an emergency stop in the supply of the motors. No report tells.
+    /// Presses or releases an emergency stop in the supply of the motors. No report shows the stop.
     pub fn stop(&mut self, stopped: bool, now_ns: u64) {
         self.run(now_ns);
         self.stopped = stopped;
@@ -108,7 +108,7 @@ impl WoodenHaptics {
         &self.device
     }
 
-    /// The simulated device, for whoever guides its hand.
+    /// The simulated device, for code that guides its hand.
     pub fn device_mut(&mut self) -> &mut SimDevice {
         &mut self.device
     }
@@ -140,7 +140,7 @@ impl WoodenHaptics {
         self.offsets = self.counts.map(i64::wrapping_neg);
     }
 
-    /// The angles of the joints at the true position (rad); `None` where the links do not reach it.
+    /// The angles of the joints at the true position (rad); `None` if the links do not reach it.
     fn angles(&self) -> Option<[f64; 3]> {
         self.kinematics.inverse(&self.device.position())
     }
@@ -185,8 +185,7 @@ impl WoodenHaptics {
 }
 
 impl Emulator for WoodenHaptics {
-    /// A report of a wrong length or with an unknown command has no effect; the amplifiers do not take it for a sign of
-    /// life.
+    /// A report of a wrong length or with an unknown command has no effect; it does not keep the amplifiers on.
     fn receive(&mut self, bytes: &[u8], now_ns: u64) {
         self.run(now_ns);
         let Ok(report) = CurrentReport::decode(bytes, self.form) else {
@@ -342,7 +341,7 @@ mod tests {
         device.run(last + CUT_NS);
         assert!(!device.is_powered());
         assert_eq!(device.device().force(), Vec3::zeros());
-        // Where the next call is late, the cut is at its time all the same.
+        // If the next call is late, the cut is at its time all the same.
         let work = device.device().energy().motor_work;
         late.run(last + CUT_NS + 50 * MS);
         let moved = late.device().energy().motor_work - work;

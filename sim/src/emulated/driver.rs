@@ -4,15 +4,14 @@ use super::link::{IMAGE, Link};
 use crate::DeviceModel;
 use crate::protocol::Protocol;
 use core::num::NonZeroU32;
-use devices::exchange::{Handed, Poller, RETRY_NS, Reply, SLOTS, Step, TickEnd, let_go_after};
+use devices::exchange::{Handed, Poller, Reply, SLOTS, Step, TickEnd, let_go_after};
 use devices::falcon::{Falcon, Firmware, Settings, Tries};
 use devices::ftdi::Chip;
-use devices::hid::Reports;
 use devices::serial::Serial;
 use devices::woodenhaptics::{Setup, WoodenHaptics};
-use devices::{Exchange, Transport};
-use rt_core::Reading;
-use rt_core::{DeviceError, Freedom, Vec3, Wrench};
+use devices::{Exchange, Transport, hid};
+use firmware_proto::report::LENGTH;
+use rt_core::{Reading, Vec3, Wrench};
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -28,10 +27,10 @@ pub enum Driver {
 }
 
 impl Driver {
-    /// Opens the device behind `link` for a loop of `period` (s). It brings a Falcon its firmware.
+    /// Opens the device behind `link` for a loop of `period` (s). The driver uploads the firmware to a Falcon.
     ///
     /// # Panics
-    /// Where the device does not answer, which none does without a fault.
+    /// If the device does not answer, which none does without a fault.
     pub fn open(protocol: Protocol, model: &DeviceModel, period: f64, link: &Link) -> Self {
         let let_go = let_go_after(period);
         // The watchdog that the driver asks of a device is as long.
@@ -50,13 +49,12 @@ impl Driver {
         };
         match protocol {
             Protocol::Reports => {
-                let mut reports = Reports::new(SESSION, watchdog_us);
-                // Where this write fails, the tick greets the device again.
-                let _ = link.clone().write(&reports.greet());
+                let mut end = hid::TickEnd::new(SESSION, watchdog_us, model.capabilities(), None);
+                // If this write fails, the tick greets the device again.
+                let _ = link.clone().write(&end.greet());
                 Driver::Reports(Box::new(Hid {
-                    reports,
-                    sensed: model.freedom(),
-                    retry_ns: None,
+                    end,
+                    writing: hid::Writing::default(),
                 }))
             }
             Protocol::Stream => {
@@ -114,11 +112,11 @@ impl Driver {
         }
     }
 
-    /// Number of wrenches that the device refused; `None` where it does not tell.
+    /// Number of wrenches that the device refused; `None` if the device does not report it.
     pub fn refused_wrenches(&self) -> Option<u64> {
         match self {
             Self::Exchanged(thread) => thread.end.refused_wrenches(),
-            Self::Reports(hid) => Some(hid.reports.refused_by_device),
+            Self::Reports(hid) => Some(hid.end.refused_wrenches()),
         }
     }
 
@@ -142,7 +140,7 @@ pub struct Thread {
 }
 
 impl Thread {
-    /// Lets the thread work until `to_ns`, or until what it has begun by then is done.
+    /// Lets the thread work until `to_ns`, or until it has finished the work that it has begun by then.
     fn run(&mut self, link: &Link, to_ns: u64) {
         while link.now_ns() < to_ns {
             let newest = self.wrenches.drain(..).next_back();
@@ -181,36 +179,48 @@ impl Thread {
     }
 }
 
-/// The driver over HID, whose writing thread writes at once.
+/// The driver over HID: [`devices::hid::HidDevice`] in virtual time. Its writing thread is never late.
 pub struct Hid {
-    reports: Reports,
-    sensed: Freedom,
-    retry_ns: Option<u64>,
+    end: hid::TickEnd,
+    writing: hid::Writing,
 }
 
 impl Hid {
+    /// Lets the writing thread work, to which the tick hands `newest` on.
+    fn work(&mut self, link: &Link, now_ns: u64, newest: Option<[u8; LENGTH]>) {
+        let lost = self.end.lost().is_some();
+        match self.writing.next(now_ns, lost, newest) {
+            hid::Step::Write(command) => {
+                // A failure is that of a device that is gone, which the next read tells.
+                let _ = link.clone().write(&command);
+            }
+            hid::Step::Wait(_) => {}
+            hid::Step::Reopen => {
+                let is_open = link.open().is_ok();
+                self.writing.reopened(now_ns, is_open);
+                if is_open {
+                    self.end.reopened();
+                }
+            }
+        }
+    }
+
     fn read(&mut self, link: &Link, now_ns: u64) -> Reading {
         link.run(now_ns);
-        if let Some(retry_ns) = self.retry_ns {
-            if now_ns < retry_ns || link.open().is_err() {
-                return Err(DeviceError::NoReport);
-            }
-            self.retry_ns = None;
+        self.work(link, now_ns, None);
+        if let Some(error) = self.end.lost() {
+            return Err(error);
         }
-        let next = |buffer: &mut [u8]| link.read_now(buffer).map_err(DeviceError::Disconnected);
-        let result = self.reports.newest(self.sensed, now_ns, next);
-        if let Err(DeviceError::Disconnected(_)) = result {
-            self.retry_ns = Some(now_ns + RETRY_NS);
+        let result = self.end.read(now_ns, |buffer| link.read_now(buffer));
+        if self.end.lost().is_some() {
+            self.work(link, now_ns, None);
         }
         result
     }
 
     fn write(&mut self, link: &Link, now_ns: u64, wrench: &Wrench) {
-        if self.retry_ns.is_none()
-            && let Some(command) = self.reports.command(wrench, now_ns)
-        {
-            // A failure is that of a device that is gone, which the next read tells.
-            let _ = link.clone().write(&command);
+        if let Ok(Some(command)) = self.end.command(now_ns, wrench) {
+            self.work(link, now_ns, Some(command));
         }
     }
 }

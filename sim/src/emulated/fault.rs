@@ -29,7 +29,7 @@ pub enum Kind {
     Stopped,
     /// The process of the host ends without a last word.
     Killed,
-    /// The commands are lost, and the device's own watchdog lets go. Its states arrive, where it sends them by itself.
+    /// The commands are lost, and the device's own watchdog lets go. Its states arrive, if it sends them by itself.
     Deaf,
     /// The commands of 20 ms are lost.
     BrieflyDeaf,

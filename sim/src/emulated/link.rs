@@ -1,7 +1,7 @@
 //! The connection between a driver and an emulated device, with a fault on it.
 //!
-//! The world of a run is the device, the bytes on their way, and the time. Everything that a driver does takes its time
-//! there. The fault changes the packets on their way, or the device itself.
+//! The world of a run is the device, the bytes on their way, and the time. Every action of a driver takes its time in
+//! this world. The fault changes the packets on their way, or the device itself.
 
 use super::fault::{Injected, Kind};
 use crate::emulate::falcon::{Falcon, Settings};
@@ -37,7 +37,7 @@ const HOMING_NS: u64 = 100_000_000;
 /// The image that the Falcon takes.
 pub(super) const IMAGE: [u8; 64] = [0x5A; 64];
 
-/// What an observer of the device sees.
+/// The observations of the device.
 #[derive(Clone, Debug)]
 pub struct Seen {
     /// Force at the fault (N).
@@ -254,7 +254,7 @@ impl World {
         }
     }
 
-    /// What the fault does to the device itself.
+    /// Applies the effect of the fault on the device itself.
     fn begin(&mut self) {
         let now_ns = self.now_ns;
         match (&mut self.emulated, self.fault.kind) {
@@ -320,7 +320,7 @@ impl World {
         }
     }
 
-    /// Takes what the device has sent.
+    /// Takes the bytes that the device has sent.
     fn collect(&mut self) {
         let mut piece = [0; 64];
         while let Some(count) = self.emulated.end().send(self.now_ns, &mut piece) {
@@ -356,7 +356,7 @@ impl World {
         };
         for packet in passed {
             for _ in 0..copies {
-                // The kernel drops the newest where nobody reads. A stream has room for as many here.
+                // The kernel drops the newest report if there is no reader. A stream has room for as many reports here.
                 if self.arrived.len() < QUEUE {
                     self.arrived.push_back(packet.clone());
                 }
@@ -422,24 +422,24 @@ impl Link {
         self.world().now_ns
     }
 
-    /// Lets time pass, in which nobody talks to the device.
+    /// Lets time pass without an exchange with the device.
     pub fn run(&self, to_ns: u64) {
         self.world().run(to_ns);
     }
 
-    /// What an observer of the device has seen so far.
+    /// The observations of the device so far.
     pub fn seen(&self) -> Seen {
         self.world().seen.clone()
     }
 
-    /// The operator presses the button for calibration, where the device has such a button.
+    /// The operator presses the button for calibration, if the device has such a button.
     pub fn press(&self) {
         if let Emulated::WoodenHaptics(device) = &mut self.world().emulated {
             device.press_calibration();
         }
     }
 
-    /// What only the simulation knows of the device.
+    /// The quantities of the device that only the simulation knows.
     pub fn probe(&self) -> Option<Probe> {
         self.world().emulated.device().probe()
     }
@@ -450,13 +450,13 @@ impl Link {
         if world.is_unplugged() {
             return Err(NO_DEVICE);
         }
-        // What came before the connection was opened is lost.
+        // Bytes from before the connection was opened are lost.
         world.collect();
         world.arrived.clear();
         Ok(self.clone())
     }
 
-    /// The next report that has come; zero where none waits.
+    /// The next report that has come; zero if none waits.
     pub(crate) fn read_now(&self, buffer: &mut [u8]) -> Result<usize, i32> {
         let mut world = self.world();
         let now_ns = world.now_ns;

@@ -1,6 +1,6 @@
 //! A recorded motion, band-limited to voluntary motion.
 //!
-//! The limitation is done once, when the trajectory is built:
+//! The band is limited once, when the trajectory is built:
 //!
 //! 1. A cubic Hermite curve joins the samples. Its slope at each sample is that of the parabola through the sample and
 //!    its neighbours (Catmull–Rom for even spacing). The curve is sampled every millisecond.

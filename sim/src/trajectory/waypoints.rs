@@ -30,7 +30,7 @@ impl Waypoints {
         })
     }
 
-    /// A motion that repeats; it must end where it begins.
+    /// A motion that repeats. The motion must end at its start.
     pub(super) fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         check_timed(waypoints, 2)?;
         let path = Self::new(waypoints)?;

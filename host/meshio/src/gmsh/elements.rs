@@ -2,7 +2,7 @@
 
 use super::input::Input;
 use super::sections::{Sections, dimension, head, total};
-use crate::error::{GmshError, Place, Wanted};
+use crate::error::{GmshError, Place};
 
 /// A kind of element.
 #[derive(Debug, PartialEq, Eq)]
@@ -16,7 +16,7 @@ pub(super) struct Kind {
     order: u8,
 }
 
-/// The supported kinds, those of a sheet first.
+/// The supported kinds.
 static KINDS: [Kind; 7] = [
     kind(15, "points", 0, 1, 0),
     kind(1, "2-node lines", 1, 2, 1),
@@ -26,7 +26,6 @@ static KINDS: [Kind; 7] = [
     kind(4, "4-node tetrahedra", 3, 4, 1),
     kind(11, "10-node tetrahedra of second order", 3, 10, 2),
 ];
-const OF_SHEETS: usize = 3;
 
 const fn kind(code: u32, name: &'static str, dim: u8, nodes: usize, order: u8) -> Kind {
     Kind {
@@ -98,17 +97,13 @@ pub(super) fn of_dimension(blocks: &[Block], dim: u8) -> impl Iterator<Item = El
 }
 
 /// The kind of elements that a file names by its number.
-pub(super) fn kind_of(code: u32, place: Place, wanted: Wanted) -> Result<&'static Kind, GmshError> {
-    let known = match wanted {
-        Wanted::Sheet => KINDS.get(..OF_SHEETS).unwrap_or_default(),
-        Wanted::Any => &KINDS,
-    };
-    let kind = known.iter().find(|kind| kind.code == code);
-    kind.ok_or_else(|| unsupported(place, code, wanted))
+pub(super) fn kind_of(code: u32, place: Place) -> Result<&'static Kind, GmshError> {
+    let kind = KINDS.iter().find(|kind| kind.code == code);
+    kind.ok_or_else(|| unsupported(place, code))
 }
 
 /// Reads the section.
-pub(super) fn read(input: &mut Input, wanted: Wanted) -> Result<Vec<Block>, GmshError> {
+pub(super) fn read(input: &mut Input) -> Result<Vec<Block>, GmshError> {
     let (head, block_count, count) = head(input)?;
     // "2 1 2 1" and "1 1 2 3" with their lines' ends: a block is left out if it has no elements.
     let mut blocks = input.room(block_count, 16);
@@ -120,7 +115,7 @@ pub(super) fn read(input: &mut Input, wanted: Wanted) -> Result<Vec<Block>, Gmsh
         let code: u32 = input.int("an element type")?;
         let in_block: usize = input.size("a number of elements")?;
         input.end()?;
-        let kind = kind_of(code, start.place(), wanted)?;
+        let kind = kind_of(code, start.place())?;
         if dim != kind.dim {
             let expected = format!("dimension {} for elements of type {code}", kind.dim);
             return Err(input.refuse(&start, &expected, dim));
@@ -171,52 +166,43 @@ pub(super) fn highest_dimension(sections: &Sections) -> Result<u8, GmshError> {
             first: sections.place(solid.at),
             first_name: solid.kind.name,
         },
-        None => unsupported(sections.place(other.at), other.kind.code, Wanted::Sheet),
+        None => GmshError::Element {
+            place: sections.place(other.at),
+            code: other.kind.code,
+            name: other.kind.name,
+            expected: "3-node triangles, 2-node lines or points",
+            advice: FIRST_ORDER,
+        },
     })
 }
 
+const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
+
 /// The error for elements of other types. It names the types that users are likely to have, with advice.
-fn unsupported(place: Place, code: u32, wanted: Wanted) -> GmshError {
-    const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
+fn unsupported(place: Place, code: u32) -> GmshError {
     const TRIANGLES: &str = "set Mesh.RecombineAll = 0 and mesh again";
-    const SURFACE: &str = "mesh the surface only, with `gmsh -2`";
     const TETRAHEDRA: &str = "mesh again with tetrahedra: neither recombined nor in layers";
     const LOWER_ORDER: &str = "set Mesh.ElementOrder = 1 or 2 and mesh again";
-    let (expected, order, volume, other) = match wanted {
-        Wanted::Sheet => (
-            "3-node triangles, 2-node lines or points",
-            FIRST_ORDER,
-            SURFACE,
-            "mesh again with triangles of first order",
-        ),
-        Wanted::Any => (
-            "tetrahedra, triangles, lines or points, of first or second order",
-            LOWER_ORDER,
-            TETRAHEDRA,
-            "mesh again with triangles or tetrahedra of first or second order",
-        ),
-    };
     let (name, advice) = match code {
         3 => ("4-node quadrangles", TRIANGLES),
-        4 => ("4-node tetrahedra", SURFACE),
-        5 => ("8-node hexahedra", volume),
-        6 => ("6-node prisms", volume),
-        7 => ("5-node pyramids", volume),
-        8 => ("3-node lines of second order", FIRST_ORDER),
-        9 => ("6-node triangles of second order", FIRST_ORDER),
+        5 => ("8-node hexahedra", TETRAHEDRA),
+        6 => ("6-node prisms", TETRAHEDRA),
+        7 => ("5-node pyramids", TETRAHEDRA),
         10 => ("9-node quadrangles of second order", FIRST_ORDER),
-        11 => ("10-node tetrahedra of second order", SURFACE),
         16 => ("8-node quadrangles of second order", FIRST_ORDER),
-        20 | 21 => ("triangles of third order", order),
-        26 => ("4-node lines of third order", order),
+        20 | 21 => ("triangles of third order", LOWER_ORDER),
+        26 => ("4-node lines of third order", LOWER_ORDER),
         29 => ("20-node tetrahedra of third order", LOWER_ORDER),
-        _ => ("another kind", other),
+        _ => (
+            "another kind",
+            "mesh again with triangles or tetrahedra of first or second order",
+        ),
     };
     GmshError::Element {
         place,
         code,
         name,
-        expected,
+        expected: "tetrahedra, triangles, lines or points, of first or second order",
         advice,
     }
 }

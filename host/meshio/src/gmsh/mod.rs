@@ -8,10 +8,10 @@
 //! - A file without tetrahedra is a sheet. 3-node triangles become its triangles, in the order of the file. 2-node
 //!   lines and points only name vertices. Any other element is an error, because a mesh without the element would
 //!   have holes.
-//! - A file with tetrahedra of 4 or 10 nodes is a solid, if the caller accepts solids. Triangles, lines and
+//! - A file with tetrahedra of 4 or 10 nodes is a solid. Triangles, lines and
 //!   points only name vertices. They must have the order of the tetrahedra; otherwise their groups would
 //!   lack the vertices at the middles of edges.
-//! - A file whose lines are its cells of highest dimension is a thread, if one is asked for. Points only name vertices.
+//! - A file whose lines are its cells of highest dimension is a thread. Points only name vertices.
 //! - Vertices are the nodes that a line of a thread, a triangle of a sheet, or a cell of a solid, uses, in the file's
 //!   order; others (the centre of an arc) are dropped, from groups too.
 //! - A named physical group of points or curves becomes a vertex group, of curves in a thread also a group of lines; of
@@ -25,19 +25,17 @@
 //! The file is hostile until checked. Every number is parsed, and every count is compared with the data that follow.
 //! Memory is allocated in proportion to the size of the text, never to a number in the text.
 
-mod assemble;
+pub(crate) mod assemble;
 mod elements;
 mod fields;
 mod groups;
 mod input;
 mod sections;
-pub(crate) mod solid;
-mod thread;
 mod version2;
 
-use crate::error::{GmshError, Wanted};
+use crate::error::GmshError;
 use crate::lines::Unexpected;
-use physics::mesh::{Mesh, TriMesh};
+use physics::mesh::Mesh;
 
 /// Largest number of named physical groups in a file.
 pub const MAX_GROUPS: usize = crate::error::MAX_GROUPS;
@@ -55,32 +53,17 @@ impl From<Unexpected> for GmshError {
     }
 }
 
-/// Reads a sheet from the text of an MSH file. Coordinates are taken as metres.
+/// Reads a mesh from the bytes of an MSH file: a solid if there is a tetrahedron in the file, a thread if there is nothing
+/// but lines and points, otherwise a sheet. Coordinates are taken as metres. With a distance, vertices within it are
+/// merged.
 ///
 /// # Errors
-/// The first [`GmshError`] found. A tetrahedron is an error.
-pub fn parse(text: &str) -> Result<TriMesh, GmshError> {
-    parse_bytes(text.as_bytes())
-}
-
-/// As [`parse`], from the bytes of a file, text or binary.
-///
-/// # Errors
-/// As [`parse`]; [`GmshError::NotText`] if the bytes of a text file are not UTF-8.
-pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
-    assemble::sheet(&sections::read(bytes, Wanted::Sheet)?, None)
-}
-
-/// As [`parse_bytes`], a solid if there is a tetrahedron in the file, a thread if there is nothing but lines and points,
-/// otherwise a sheet. With a distance, vertices within it are merged.
-///
-/// # Errors
-/// As [`parse_bytes`], except that tetrahedra are allowed.
-pub(crate) fn parse_mesh(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, GmshError> {
-    let sections = sections::read(bytes, Wanted::Any)?;
+/// The first [`GmshError`] found.
+pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, GmshError> {
+    let sections = sections::read(bytes)?;
     Ok(match elements::highest_dimension(&sections)? {
-        3 => Mesh::Solid(solid::mesh(&sections, merge)?),
-        1 => Mesh::Thread(thread::mesh(&sections, merge)?),
+        3 => Mesh::Solid(assemble::solid(&sections, merge)?),
+        1 => Mesh::Thread(assemble::thread(&sections, merge)?),
         _ => Mesh::Sheet(assemble::sheet(&sections, merge)?),
     })
 }

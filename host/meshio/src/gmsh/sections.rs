@@ -4,7 +4,7 @@ use super::elements::{self, Block};
 use super::fields::{self, Data};
 use super::input::Input;
 use super::{MAX_GROUPS, MAX_TAGS, version2};
-use crate::error::{GmshError, Place, Wanted};
+use crate::error::{GmshError, Place};
 use crate::lines::{Fields, Lines};
 use crate::text::shortened;
 use physics::Vec3;
@@ -92,7 +92,7 @@ enum Version {
 }
 
 /// Reads all sections.
-pub(super) fn read(bytes: &[u8], wanted: Wanted) -> Result<Sections, GmshError> {
+pub(super) fn read(bytes: &[u8]) -> Result<Sections, GmshError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let (version, mut input) = begin(bytes)?;
     let input = &mut input;
@@ -147,8 +147,8 @@ pub(super) fn read(bytes: &[u8], wanted: Wanted) -> Result<Sections, GmshError> 
                     .unexpected("$Nodes: save with Mesh.SaveParametric = 0, or in version 4.1")
                     .into());
             }
-            ("$Elements", Version::Four) => sections.blocks = elements::read(input, wanted)?,
-            ("$Elements", Version::Two) => elements = version2::elements(input, wanted)?,
+            ("$Elements", Version::Four) => sections.blocks = elements::read(input)?,
+            ("$Elements", Version::Two) => elements = version2::elements(input)?,
             ("$ElementData", _) => {
                 let data = fields::read(input, &sections.data)?;
                 sections.data.extend(data);

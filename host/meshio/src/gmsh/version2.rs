@@ -6,7 +6,7 @@
 use super::elements::{Block, Kind, kind_of};
 use super::input::Input;
 use super::sections::{Entity, Node, Sections};
-use crate::error::{GmshError, Wanted};
+use crate::error::GmshError;
 use physics::Vec3;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -50,7 +50,7 @@ pub(super) fn nodes(input: &mut Input) -> Result<Vec<Node>, GmshError> {
 }
 
 /// Reads the section `$Elements`.
-pub(super) fn elements(input: &mut Input, wanted: Wanted) -> Result<Elements, GmshError> {
+pub(super) fn elements(input: &mut Input) -> Result<Elements, GmshError> {
     const TYPE: &str = "an element type";
     const TAGS: &str = "a number of tags";
     let count = count(input, "the number of elements")?;
@@ -65,7 +65,7 @@ pub(super) fn elements(input: &mut Input, wanted: Wanted) -> Result<Elements, Gm
         if !input.is_binary() {
             number = tag(input, "an element's tag")?;
         }
-        let kind = kind_of(input.int(TYPE)?, at.place(), wanted)?;
+        let kind = kind_of(input.int(TYPE)?, at.place())?;
         // In a binary file these numbers precede the elements of one kind.
         let before = input.mark();
         let mut in_block: usize = 1;

@@ -3,9 +3,10 @@
 //! All attributes are read, because the place of an attribute depends on the size of those before it. Only fields of
 //! cells are kept.
 
-use super::cursor::{Cursor, Line};
+use super::cursor::Cursor;
 use super::{Items, items};
 use crate::error::{MAX_FIELDS, MeshFileError, Place};
+use crate::lines::Fields;
 use crate::vtk_array::{Array, Scalar};
 use crate::vtk_fields::check_name;
 
@@ -19,7 +20,7 @@ pub(super) struct CellArray<'a> {
 /// Reads all attributes, from their first line `line`. Returns those of cells with one component.
 pub(super) fn read<'a>(
     cursor: &mut Cursor<'a>,
-    line: Line<'a>,
+    line: Fields<'a>,
 ) -> Result<Vec<CellArray<'a>>, MeshFileError> {
     let mut found = Vec::new();
     let mut next = Some(line);
@@ -58,10 +59,10 @@ pub(super) fn read<'a>(
 /// Reads `SCALARS name type [components]`, then the name of a table of colours, then the numbers.
 fn scalars<'a>(
     cursor: &mut Cursor<'a>,
-    mut line: Line<'a>,
+    mut line: Fields<'a>,
     tuples: usize,
 ) -> Result<Option<CellArray<'a>>, MeshFileError> {
-    let place = line.place;
+    let place = line.place();
     let name = decoded(line.word("a name")?);
     let items = items(&mut line)?;
     let components = if line.rest().is_empty() {
@@ -76,7 +77,7 @@ fn scalars<'a>(
         .word("LOOKUP_TABLE")?
         .eq_ignore_ascii_case("LOOKUP_TABLE")
     {
-        return Err(whole.unexpected("LOOKUP_TABLE and a name"));
+        return Err(whole.unexpected("LOOKUP_TABLE and a name").into());
     }
     table.word("the name of a table of colours")?;
     let count = components.checked_mul(tuples);
@@ -92,7 +93,7 @@ fn scalars<'a>(
 /// the arrays that are wanted according to their number of components.
 pub(super) fn field<'a>(
     cursor: &mut Cursor<'a>,
-    mut line: Line<'a>,
+    mut line: Fields<'a>,
     is_wanted: impl Fn(usize) -> bool,
 ) -> Result<Vec<CellArray<'a>>, MeshFileError> {
     let mut found = Vec::new();
@@ -103,7 +104,7 @@ pub(super) fn field<'a>(
             cursor.skip_paragraph();
             line = cursor.expect("an array of the field")?;
         }
-        let (whole, place) = (line, line.place);
+        let (whole, place) = (line, line.place());
         let name = decoded(line.word("an array's name")?);
         let components = line.count("a number of components")?;
         let tuples = line.count("a number of tuples")?;
@@ -116,7 +117,9 @@ pub(super) fn field<'a>(
         let array = cursor.array(&line, count, scalar)?;
         if is_wanted(components) {
             if found.len() == MAX_FIELDS {
-                return Err(whole.unexpected(&format!("at most {MAX_FIELDS} arrays")));
+                return Err(whole
+                    .unexpected(&format!("at most {MAX_FIELDS} arrays"))
+                    .into());
             }
             found.push(CellArray { place, name, array });
         }
@@ -127,7 +130,7 @@ pub(super) fn field<'a>(
 /// Reads any other attribute of `tuples` points or cells.
 fn pass_over<'a>(
     cursor: &mut Cursor<'a>,
-    mut line: Line<'a>,
+    mut line: Fields<'a>,
     tuples: usize,
 ) -> Result<(), MeshFileError> {
     let whole = line;
@@ -143,7 +146,7 @@ fn pass_over<'a>(
     };
     let Some(components) = known else {
         let expected = "an attribute of points or cells, such as SCALARS, VECTORS or FIELD";
-        return Err(whole.unexpected(expected));
+        return Err(whole.unexpected(expected).into());
     };
     line.word("a name")?;
     let components = match components {

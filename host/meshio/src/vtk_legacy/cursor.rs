@@ -2,7 +2,8 @@
 
 use super::Items;
 use crate::error::{MeshFileError, Place};
-use crate::text::{newlines, quoted, quoted_bytes};
+use crate::lines::Fields;
+use crate::text::{newlines, quoted_bytes};
 use crate::vtk_array::{Array, Origin, Scalar, nth_word, words};
 use std::borrow::Cow;
 
@@ -19,13 +20,6 @@ pub(super) struct Cursor<'a> {
     /// the file for each place would take a time quadratic in the length of the file.
     lines: usize,
     counted: usize,
-}
-
-/// The rest of a line of text.
-#[derive(Clone, Copy)]
-pub(super) struct Line<'a> {
-    pub(super) place: Place,
-    rest: &'a str,
 }
 
 impl<'a> Cursor<'a> {
@@ -55,7 +49,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// The next line that is not blank, if any.
-    pub(super) fn next(&mut self) -> Result<Option<Line<'a>>, MeshFileError> {
+    pub(super) fn next(&mut self) -> Result<Option<Fields<'a>>, MeshFileError> {
         let rest = self.rest();
         self.at += rest.len() - rest.trim_ascii_start().len();
         if self.rest().is_empty() {
@@ -69,14 +63,14 @@ impl<'a> Cursor<'a> {
             .ok_or_else(|| {
                 MeshFileError::syntax(place, "a line of text with a keyword", quoted_bytes(line))
             })?;
-        Ok(Some(Line {
-            place,
-            rest: text.trim(),
+        Ok(Some(match place {
+            Place::Byte(at) => Fields::at_byte(at, text),
+            Place::Line(at) | Place::Item { line: at, .. } => Fields::at_line(at, text),
         }))
     }
 
     /// The next line that is not blank. Without one, the error names `expected`.
-    pub(super) fn expect(&mut self, expected: &str) -> Result<Line<'a>, MeshFileError> {
+    pub(super) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, MeshFileError> {
         let line = self.next()?;
         line.ok_or_else(|| MeshFileError::syntax(self.place(), expected, "the end of the file"))
     }
@@ -97,7 +91,7 @@ impl<'a> Cursor<'a> {
     /// Skips an array of `count` items after `line`, which must have ended.
     pub(super) fn skip_items(
         &mut self,
-        line: &Line,
+        line: &Fields<'_>,
         count: Option<usize>,
         items: Items,
     ) -> Result<(), MeshFileError> {
@@ -132,7 +126,7 @@ impl<'a> Cursor<'a> {
         }
         let expected = "as many texts after this line as it says";
         Err(MeshFileError::syntax(
-            line.place,
+            line.place(),
             expected,
             "the end of the file",
         ))
@@ -141,7 +135,7 @@ impl<'a> Cursor<'a> {
     /// Reads an array of `count` numbers after `line`, which must have ended.
     pub(super) fn array(
         &mut self,
-        line: &Line,
+        line: &Fields<'_>,
         count: Option<usize>,
         scalar: Scalar,
     ) -> Result<Array<'a>, MeshFileError> {
@@ -149,7 +143,7 @@ impl<'a> Cursor<'a> {
         let too_few = |found: String| {
             let claimed = count.map_or_else(|| "too many".to_owned(), |count| count.to_string());
             let expected = format!("{claimed} numbers after this line, as it says");
-            MeshFileError::syntax(line.place, expected, found)
+            MeshFileError::syntax(line.place(), expected, found)
         };
         let offset = self.at;
         let rest = self.rest();
@@ -201,50 +195,5 @@ fn text_length(text: &[u8], count: usize) -> Result<usize, usize> {
     match nth_word(text, last) {
         Some(word) => Ok(word.end),
         None => Err(words(text).count()),
-    }
-}
-
-impl<'a> Line<'a> {
-    pub(super) fn rest(&self) -> &'a str {
-        self.rest
-    }
-
-    /// The error that the rest of the line is not `expected`.
-    pub(super) fn unexpected(&self, expected: &str) -> MeshFileError {
-        let found = if self.rest.is_empty() {
-            "the end of the line".to_owned()
-        } else {
-            quoted(self.rest)
-        };
-        MeshFileError::syntax(self.place, expected, found)
-    }
-
-    /// The next word.
-    pub(super) fn word(&mut self, expected: &str) -> Result<&'a str, MeshFileError> {
-        if self.rest.is_empty() {
-            return Err(self.unexpected(expected));
-        }
-        let (word, rest) = self
-            .rest
-            .split_once(char::is_whitespace)
-            .unwrap_or((self.rest, ""));
-        self.rest = rest.trim_start();
-        Ok(word)
-    }
-
-    /// The next word as a count.
-    pub(super) fn count(&mut self, expected: &str) -> Result<usize, MeshFileError> {
-        let before = *self;
-        let word = self.word(expected)?;
-        word.parse().map_err(|_| before.unexpected(expected))
-    }
-
-    /// Checks that the line has ended.
-    pub(super) fn end(&self) -> Result<(), MeshFileError> {
-        if self.rest.is_empty() {
-            Ok(())
-        } else {
-            Err(self.unexpected("the end of the line"))
-        }
     }
 }

@@ -4,8 +4,9 @@
 pub(crate) mod dense;
 pub(crate) mod vtk;
 
+use meshio::{Choices, MeshFileError, read_mesh, read_mesh_as};
 use physics::mesh::generate_box::solid_box;
-use physics::mesh::{Field, Group, Mesh, TetMesh};
+use physics::mesh::{Field, Group, Mesh, TetMesh, TriMesh};
 use proptest::prelude::*;
 
 /// Any number that a field may hold.
@@ -74,6 +75,38 @@ pub(crate) fn solid() -> impl Strategy<Value = TetMesh> {
             mesh.cell_fields = cell_fields;
             mesh
         })
+}
+
+/// The group of this name.
+pub(crate) fn named<'a>(groups: &'a [Group], name: &str) -> &'a Group {
+    let group = groups.iter().find(|group| group.name == name);
+    group.unwrap_or_else(|| panic!("no group {name:?}"))
+}
+
+/// The sheet that a file is expected to hold.
+pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    read_mesh(name, bytes).map(expect_sheet)
+}
+
+/// The sheet with a flat pattern that a file is expected to hold.
+pub(crate) fn read_with_pattern(
+    name: &str,
+    bytes: &[u8],
+    texture_unit: f64,
+) -> Result<TriMesh, MeshFileError> {
+    let choices = Choices {
+        merge: None,
+        texture_unit: Some(texture_unit),
+    };
+    read_mesh_as(name, bytes, choices).map(expect_sheet)
+}
+
+fn expect_sheet(mesh: Mesh) -> TriMesh {
+    match mesh {
+        Mesh::Sheet(mesh) => mesh,
+        Mesh::Thread(_) => panic!("a thread"),
+        Mesh::Solid(_) => panic!("a solid"),
+    }
 }
 
 /// The solid that a file is expected to hold.

@@ -7,7 +7,7 @@
 //! edge make up the moment of the clamp.
 //!
 //! Ghosts have the numbers after the vertices: those of each handle, then those of each support. They follow from the
-//! constraints alone, and each change of the constraints lays them again. All that speaks of vertices leaves them
+//! constraints alone, and each change of the constraints lays them again. Lists of vertices leave the ghosts
 //! out.
 
 use super::constraints::Constraints;
@@ -19,7 +19,7 @@ use crate::element::bending::{BentSheet, BorderSide};
 /// The number of a ghost that has not been laid.
 const UNLAID: u32 = u32::MAX;
 
-/// What a handle or a support does with the border of a sheet that bends.
+/// The effect of a handle or a support on the border of a sheet that bends.
 ///
 /// It concerns the edges of the border of which the handle or the support holds both ends. A triangle that is held as a
 /// whole is rigid in both cases, and clamps the triangles beside it.

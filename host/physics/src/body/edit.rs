@@ -56,10 +56,10 @@ impl Clone for Sheet {
     }
 }
 
-/// What an edit did to a body.
+/// The effect of an edit on a body.
 #[derive(Clone, Debug)]
 pub struct BodyEdit {
-    /// What the edit did to the surface. Its vertices are nodes of the body.
+    /// The effect of the edit on the surface. Its vertices are nodes of the body.
     pub surface: Done,
     /// The change of the kinetic energy (J).
     pub kinetic: f64,

@@ -135,7 +135,7 @@ impl Body {
         Ok(())
     }
 
-    /// Places the ghosts: if `old` has the same edge clamped, as there, and else where they continue the sheet.
+    /// Places the ghosts. The ghost of an edge that `old` clamps, too, keeps its position; any other ghost continues the sheet.
     fn place_ghosts(&mut self, old: &Self, map: &BodyMap) {
         for clamp in self.constraints.clamps() {
             let node = clamp.ghost as usize;

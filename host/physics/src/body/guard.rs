@@ -60,7 +60,7 @@ impl Energy {
         )
     }
 
-    /// From the sum of kinetic and elastic energy, and the energy of the loads (J).
+    /// The sum of `own`, the kinetic and elastic energy, and the energy of the loads (J).
     pub(crate) fn new(own: f64, loads: f64) -> Self {
         let total = own + loads;
         Self {

@@ -192,7 +192,7 @@ impl<T: Precision> Stepper<T> {
     /// (N/s). `missed` is unchanged if no step was taken since the last model. The equation of the step gives `K u`, so
     /// no product is needed.
     fn see_missed(&mut self, body: &Body, missed: &mut [Vec3]) {
-        let Some(step) = self.stepped.take() else {
+        let Some(step) = self.last.stepped.take() else {
             return;
         };
         if !step.whole {
@@ -202,15 +202,15 @@ impl<T: Precision> Stepper<T> {
         let h = step.length;
         let drag = body.model.config.mass_damping;
         let stiffness_factor = 1.0 + body.model.config.stiffness_damping / h;
-        for place in self.taken_places() {
-            let node = self.node[place] as usize;
+        for place in self.places.taken() {
+            let node = self.places.node[place] as usize;
             let (old, new) = (to_vec(&self.history[place][0]), body.state.v[node]);
             let inertia = (old - new) / h - new * drag;
             let external = body.model.external[node] * body.model.load_factor;
-            let before = to_vec(&self.began[place]);
-            let acting = before + external + inertia * self.mass[place];
-            let fallen = (acting - to_vec(&self.residual[place])) / stiffness_factor;
-            missed[node] = (to_vec(&self.force[place]) - before + fallen) / h;
+            let before = to_vec(&self.last.began[place]);
+            let acting = before + external + inertia * self.places.mass[place];
+            let fallen = (acting - to_vec(&self.cg.residual[place])) / stiffness_factor;
+            missed[node] = (to_vec(&self.elements.force[place]) - before + fallen) / h;
         }
     }
 
@@ -218,8 +218,8 @@ impl<T: Precision> Stepper<T> {
         let count = shapes.reduction.columns.len();
         shapes.reduction.take_arms(body);
         let cold = shapes.references.contains(&0.0);
-        if shapes.state != self.state {
-            shapes.state = self.state;
+        if shapes.state != self.elements.count {
+            shapes.state = self.elements.count;
             shapes.current = 0;
         }
         // A body that has not moved keeps its shapes.
@@ -286,8 +286,8 @@ impl<T: Precision> Stepper<T> {
         let free = reduction.places.free();
         let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
         let motion = reduction.columns[column];
-        for place in self.taken_places() {
-            let node = self.node[place] as usize;
+        for place in self.places.taken() {
+            let node = self.places.node[place] as usize;
             let row = reduction.places.of(node);
             let u = if row < free {
                 Vec3::new(shape[3 * row], shape[3 * row + 1], shape[3 * row + 2])
@@ -299,13 +299,12 @@ impl<T: Precision> Stepper<T> {
                     _ => Vec3::zeros(),
                 }
             };
-            self.u[place] = to_node(&u);
-            self.residual[place] = to_node(&(u * (-mass_factor * body.model.mass[node])));
+            self.cg.u[place] = to_node(&u);
+            self.cg.residual[place] = to_node(&(u * (-mass_factor * body.model.mass[node])));
         }
         let factor = T::of(-stiffness_factor);
-        for set in &mut self.elements {
-            set.product(self.team, factor, &self.u, &mut self.residual);
-        }
+        self.elements
+            .product(&*self.team, factor, &self.cg.u, &mut self.cg.residual);
     }
 
     /// Stores a column, its product with the stiffness on the handle nodes, and its products with the residual on the free
@@ -326,17 +325,17 @@ impl<T: Precision> Stepper<T> {
         let shape = &mut all[3 * free * column..3 * free * (column + 1)];
         rest.clear();
         rest.resize(3 * free, 0.0);
-        for place in self.taken_places() {
-            let row = places.of(self.node[place] as usize);
-            let u = to_vec(&self.u[place]);
-            let residual = to_vec(&self.residual[place]);
+        for place in self.places.taken() {
+            let row = places.of(self.places.node[place] as usize);
+            let u = to_vec(&self.cg.u[place]);
+            let residual = to_vec(&self.cg.residual[place]);
             if row < free {
                 shape[3 * row..3 * row + 3].copy_from_slice(u.as_slice());
-                if place < self.free {
+                if place < self.places.free {
                     rest[3 * row..3 * row + 3].copy_from_slice(residual.as_slice());
                 }
             } else if row - free < holder.len() {
-                let force = -residual - u * (mass_factor * self.mass[place]);
+                let force = -residual - u * (mass_factor * self.places.mass[place]);
                 pulls[column * holder.len() + row - free] = force / stiffness_factor;
             }
         }

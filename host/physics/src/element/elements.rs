@@ -82,6 +82,15 @@ pub(crate) fn renumber<const N: usize>(elements: &mut [[u32; N]], place: &[u32])
     }
 }
 
+/// The places of the nodes of each element.
+pub(crate) fn placed<const N: usize>(
+    elements: &[[u32; N]],
+    place: &[u32],
+) -> impl Iterator<Item = [u32; N]> {
+    let at = |node: u32| place[node as usize];
+    elements.iter().map(move |nodes| nodes.map(at))
+}
+
 /// The slots of the blocks of each element in `matrix`. The result is empty if `matrix` lacks a block.
 pub(crate) fn slots<const N: usize>(
     elements: impl Iterator<Item = [u32; N]>,

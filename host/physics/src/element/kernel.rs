@@ -30,7 +30,7 @@ pub(crate) trait Kernel<T>: Counted + fmt::Debug + Send {
     }
 }
 
-/// What the two computations of a kernel cost, for reports and benchmarks. Each element states its counts in a file of
+/// The cost of the two computations of a kernel, for reports and benchmarks. Each element states its counts in a file of
 /// their own, beside its kernel.
 pub(crate) trait Counted {
     /// The cost of `linearize` without displacements and forces, or `None` if it has not been counted.

@@ -6,9 +6,7 @@
 //!   kinds.
 //! - `parts`: a large set as several kernels, for several cores.
 //! - [`torn`]: how sets follow the edits of a torn surface.
-//! - [`tet`]: the common parts of linear and quadratic tetrahedra: shape functions, any law in exact form, any
-//!   isotropic law in vectors.
-//! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
+//! - [`tet`]: linear and quadratic tetrahedra: any law in exact form, any isotropic law and Hooke's law in vectors.
 //! - [`triangle`]: membranes, with or without a grain.
 //! - [`truss`]: bars of a thread, a suture or a net.
 //! - [`bending`]: the resistance of a sheet to bending.
@@ -24,8 +22,6 @@ pub(crate) mod parts;
 pub(crate) mod placed;
 pub mod precision;
 pub mod tet;
-pub mod tet10;
-pub mod tet4;
 pub mod torn;
 pub mod triangle;
 pub mod truss;
@@ -42,9 +38,8 @@ use assembled::Assembled;
 use kernel::Kernel;
 use parts::{Divided, Listed, cut};
 use precision::Precision;
-use tet::principal;
-use tet4::Tet;
-use tet10::QuadraticTet;
+use tet::cell::{Four, QuadraticTet, Ten, Tet};
+use tet::{hooke, principal};
 use triangle::triangles::{self, Triangle};
 
 /// A set of elements as the list from which a kernel for vector instructions is made. Nodes are in the set's numbering.
@@ -83,11 +78,15 @@ impl VectorForm {
     /// The kernel of the elements, with the slots of their blocks in `matrix`.
     fn generic_kernel<T: Real>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
         match self {
-            Self::HookeanTets(frame, tets) => tet4::kernel(frame, tets, matrix),
-            Self::HookeanQuadraticTets(frame, tets) => tet10::kernel(frame, &tets, matrix),
-            Self::IsotropicTets(law, tets) => principal::linear_kernel(law, &tets, matrix),
+            Self::HookeanTets(frame, tets) => hooke::kernel::<T, Four, _, _>(frame, &tets, matrix),
+            Self::HookeanQuadraticTets(frame, tets) => {
+                hooke::kernel::<T, Ten, _, _>(frame, &tets, matrix)
+            }
+            Self::IsotropicTets(law, tets) => {
+                principal::kernel::<T, Four, _, _>(law, &tets, matrix)
+            }
             Self::IsotropicQuadraticTets(law, tets) => {
-                principal::quadratic_kernel(law, &tets, matrix)
+                principal::kernel::<T, Ten, _, _>(law, &tets, matrix)
             }
             Self::CorotationalTriangles(triangles) => triangles::kernel(&triangles, matrix),
         }

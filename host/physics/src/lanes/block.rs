@@ -18,34 +18,102 @@ const WINDOW: usize = 128;
 /// Number of preceding elements with which the next one should have no node in common.
 const APART: usize = 8;
 
-/// Three vectors for each element of a block, padded like nodes. Component `i` of vector `a` of element `lane` is
+/// `M` vectors for each element of a block, padded like nodes. Component `i` of vector `a` of element `lane` is
 /// `[a][lane][i]`.
-pub type Vectors<T> = [[Node<T>; LANES]; 3];
+pub type Vectors<T, const M: usize> = [[Node<T>; LANES]; M];
 
-/// Sets `differences` to the vectors `of` at each element's last three nodes minus the vector at its first node.
+/// Sets `differences` to the vectors `of` at each element's last `M = N - 1` nodes minus the vector at its first node.
 #[inline(always)]
-pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], differences: &mut Vectors<T>) {
+pub(crate) fn gather<T: Real, const N: usize, const M: usize>(
+    nodes: &[[u32; N]; LANES],
+    of: &[Node<T>],
+    differences: &mut Vectors<T, M>,
+) {
     for lane in 0..LANES {
-        let [n0, n1, n2, n3] = nodes[lane];
-        let first = of[n0 as usize];
-        differences[0][lane] = less(of[n1 as usize], first);
-        differences[1][lane] = less(of[n2 as usize], first);
-        differences[2][lane] = less(of[n3 as usize], first);
+        let nodes = &nodes[lane];
+        let first = of[nodes[0] as usize];
+        for a in 0..M {
+            differences[a][lane] = less(of[nodes[a + 1] as usize], first);
+        }
     }
 }
 
-/// Adds `vectors` to the vectors `to` at each element's last three nodes, and subtracts their sum from the vector at
-/// its first node.
+/// Adds `vectors` to the vectors `to` at each element's last `M = N - 1` nodes, and subtracts their sum from the vector
+/// at its first node.
 #[inline(always)]
-pub fn scatter<T: Real>(nodes: &[[u32; 4]; LANES], vectors: &Vectors<T>, to: &mut [Node<T>]) {
+pub(crate) fn scatter<T: Real, const N: usize, const M: usize>(
+    nodes: &[[u32; N]; LANES],
+    vectors: &Vectors<T, M>,
+    to: &mut [Node<T>],
+) {
     for lane in 0..LANES {
-        let [n0, n1, n2, n3] = nodes[lane].map(|node| node as usize);
-        let [v1, v2, v3] = [vectors[0][lane], vectors[1][lane], vectors[2][lane]];
-        to[n1] = plus(to[n1], v1);
-        to[n2] = plus(to[n2], v2);
-        to[n3] = plus(to[n3], v3);
-        to[n0] = less(to[n0], plus(plus(v1, v2), v3));
+        let nodes = nodes[lane].map(|node| node as usize);
+        let mut sum = vectors[0][lane];
+        to[nodes[1]] = plus(to[nodes[1]], sum);
+        for a in 1..M {
+            let vector = vectors[a][lane];
+            to[nodes[a + 1]] = plus(to[nodes[a + 1]], vector);
+            sum = plus(sum, vector);
+        }
+        to[nodes[0]] = less(to[nodes[0]], sum);
     }
+}
+
+/// The vectors of one element, as rows. The padding, which is zero, is read as well: if one entry in four is skipped,
+/// the compiler processes the last lanes one by one.
+#[inline(always)]
+pub(crate) fn vectors_at<T: Real, const M: usize>(
+    vectors: &Vectors<T, M>,
+    lane: usize,
+) -> [[T; 3]; M] {
+    let mut rows = [[T::ZERO; 3]; M];
+    for a in 0..M {
+        let node = &vectors[a][lane];
+        rows[a] = [node[0] + node[3], node[1], node[2]];
+    }
+    rows
+}
+
+/// A vector, padded like a node.
+#[inline(always)]
+pub(crate) fn node<T: Real>(v: [T; 3]) -> Node<T> {
+    [v[0], v[1], v[2], T::ZERO]
+}
+
+/// The 3 x 3 matrix of one element, stored row by row.
+#[inline(always)]
+pub(crate) fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> [[T; 3]; 3] {
+    let mut m = [[T::ZERO; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            m[i][j] = rows[3 * i + j][lane];
+        }
+    }
+    m
+}
+
+/// Sets row `a` of the matrix of one element.
+#[inline(always)]
+pub(crate) fn put<T: Real>(rows: &mut [Lanes<T>; 9], lane: usize, a: usize, value: [T; 3]) {
+    for i in 0..3 {
+        rows[3 * a + i][lane] = value[i];
+    }
+}
+
+/// The quaternion of one element.
+#[inline(always)]
+pub(crate) fn quaternion_at<T: Real>(rows: &[Lanes<T>; 4], lane: usize) -> [T; 4] {
+    [rows[0][lane], rows[1][lane], rows[2][lane], rows[3][lane]]
+}
+
+/// The sum over all lanes.
+#[inline(always)]
+pub(crate) fn sum<T: Real>(lanes: &Lanes<T>) -> T {
+    let mut sum = T::ZERO;
+    for &lane in lanes {
+        sum += lane;
+    }
+    sum
 }
 
 #[inline(always)]

@@ -351,7 +351,7 @@ pub(super) fn forward(
     work: &mut Work,
     r: &mut [Node<f32>],
 ) {
-    let (rows, x) = work.one();
+    let (rows, x) = work.parts();
     let mut start = 0;
     for block in &supernodes.blocks {
         let end = start + lines(block);
@@ -377,7 +377,7 @@ pub(super) fn backward(
     work: &mut Work,
     r: &mut [Node<f32>],
 ) {
-    let (rows, x) = work.one();
+    let (rows, x) = work.parts();
     let mut end = panels.pairs.len();
     for block in supernodes.blocks.iter().rev() {
         let start = end - lines(block);

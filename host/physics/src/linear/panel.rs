@@ -58,7 +58,7 @@ pub struct Panels {
 enum Numbers {
     /// In f32.
     Single { values: Vec<Line>, work: Work },
-    /// In 16 bits, in the pieces of a large factor.
+    /// In 16 bits, in the forests of a large factor.
     Packed {
         packed: Packed,
         subtrees: Box<Subtrees>,
@@ -171,16 +171,16 @@ impl Panels {
     /// The panels of `factor`, with its present numbers.
     pub fn new(factor: &Factor) -> Self {
         let ranges = subtrees::cut(factor.supernodes());
-        Self::in_pieces(factor, ranges)
+        Self::in_forests(factor, ranges)
     }
 
-    /// The panels of `factor` in one piece, with numbers in f32 whatever the size of the factor.
+    /// The panels of the whole `factor`, with numbers in f32 whatever the size of the factor.
     pub(crate) fn single(factor: &Factor) -> Self {
-        Self::in_pieces(factor, None)
+        Self::in_forests(factor, None)
     }
 
-    /// The panels of `factor`, in 16 bits and in pieces if there are any.
-    fn in_pieces(factor: &Factor, ranges: Option<Vec<Range<usize>>>) -> Self {
+    /// The panels of `factor`, in 16 bits and in forests if there are any.
+    fn in_forests(factor: &Factor, ranges: Option<Vec<Range<usize>>>) -> Self {
         let supernodes = factor.supernodes().clone();
         let blocks = &supernodes.blocks;
         let lines = match ranges {
@@ -327,11 +327,6 @@ impl Panels {
         Cost::write(written) + Cost::read(read).again() + Cost::flops(flops)
     }
 
-    /// The supernodes.
-    pub fn supernodes(&self) -> &Supernodes {
-        &self.supernodes
-    }
-
     /// Solves in place, in f32. `r` contains the right-hand side by places and becomes the solution.
     ///
     /// Places past those of the factor are not changed. If `r` is shorter than the factor, the function does nothing.
@@ -347,24 +342,6 @@ impl Panels {
         match &mut self.numbers {
             Numbers::Single { values, work } => sweep::solve(&self.supernodes, values, work, r),
             Numbers::Packed { packed, subtrees } => subtrees.solve(team, packed, r),
-        }
-    }
-
-    /// [`solve`](Self::solve) for three right-hand sides. Each pass reads the panels of a small factor once for all
-    /// three.
-    pub fn solve_three(&mut self, r: [&mut [Node<f32>]; 3]) {
-        if r.iter().any(|r| r.len() < self.build.local.len()) {
-            return;
-        }
-        match &mut self.numbers {
-            Numbers::Single { values, work } => {
-                sweep::solve_three(&self.supernodes, values, work, r);
-            }
-            Numbers::Packed { packed, subtrees } => {
-                for r in r {
-                    subtrees.solve(&Alone, packed, r);
-                }
-            }
         }
     }
 }

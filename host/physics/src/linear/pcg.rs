@@ -6,7 +6,7 @@
 use super::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
 
-/// What stops the iteration.
+/// The conditions that end the iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
     /// Stop when the residual is below this fraction of the initial residual.

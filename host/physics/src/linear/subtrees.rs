@@ -1,14 +1,15 @@
-//! Solves with a large factor in pieces that several cores compute at once.
+//! Solves with a large factor in parts of its elimination tree, which several cores compute at once.
 //!
 //! The columns of a factor form a tree (see `supernodes`). Columns in separate subtrees do not depend on each other. A
-//! large factor is cut into **pieces** of whole subtrees and the **top**, the columns above them. The forward pass
-//! goes through all pieces at once and then through the top, the backward pass through the top and then through all
-//! pieces (for instance A. Gupta and V. Kumar, "Parallel algorithms for forward elimination and backward substitution
+//! large factor is cut into **forests** and the **top**. A forest consists of whole subtrees, and the top of the columns
+//! above them. The forward pass
+//! goes through all forests at once and then through the top, the backward pass through the top and then through all
+//! forests (for instance A. Gupta and V. Kumar, "Parallel algorithms for forward elimination and backward substitution
 //! in direct solution of sparse linear systems", 1995). The supernodes of the top are taken level by level of their
 //! tree. The panels of a level are computed at once, and a large panel in groups of columns.
 //!
-//! A piece works on a copy of its places and on sums of its own for the places of the top. The top adds these sums in
-//! the order of the pieces. The cut depends on the factor alone, so the result is the same for any number of threads.
+//! A forest works on a copy of its places and on sums of its own for the places of the top. The top adds these sums in
+//! the order of the forests. The cut depends on the factor alone, so the result is the same for any number of threads.
 //!
 //! The backward pass begins where the forward pass ended, so that one thread finds the panels that it read last in the
 //! cache.
@@ -23,9 +24,9 @@ use core::ops::Range;
 /// Factors with fewer cache lines in f32 are not cut: 4 MiB. A solve takes about a tenth of a millisecond there.
 const LEAST: usize = 65_536;
 
-/// A piece has at most the total over this number. More and smaller pieces take one thread
+/// A forest has at most the total over this number. More and smaller forests take one thread
 /// some hundredths longer.
-const PIECES: usize = 8;
+const FORESTS: usize = 8;
 
 /// Cache lines of a group of columns: 128 KiB, some microseconds. Smaller groups take one thread some
 /// hundredths longer.
@@ -33,7 +34,7 @@ const GROUP: usize = 2048;
 
 /// Supernodes with places and rows of their own.
 #[derive(Clone, Debug)]
-struct Piece {
+struct Forest {
     /// The supernodes. Their places are numbered from zero, and places of the top follow.
     supernodes: Supernodes,
     /// The places of the factor.
@@ -82,7 +83,7 @@ struct Front {
     work: Work,
 }
 
-/// The supernodes above all pieces.
+/// The supernodes above all forests.
 #[derive(Clone, Debug)]
 struct Top {
     /// The supernodes, level by level. No supernode is below another supernode of its level.
@@ -92,10 +93,10 @@ struct Top {
     r: Vec<Node<f32>>,
 }
 
-/// A large factor in pieces.
+/// A large factor in forests.
 #[derive(Clone, Debug)]
 pub(super) struct Subtrees {
-    pieces: Vec<Piece>,
+    forests: Vec<Forest>,
     top: Top,
 }
 
@@ -108,7 +109,7 @@ fn work(supernodes: &Supernodes) -> Work {
     )
 }
 
-/// The supernodes of the pieces, as ranges that ascend; the supernodes in no range are those of the top. `None` for a
+/// The supernodes of the forests, as ranges that ascend; the supernodes in no range are those of the top. `None` for a
 /// small factor, or one without separate subtrees.
 pub(super) fn cut(supernodes: &Supernodes) -> Option<Vec<Range<usize>>> {
     let blocks = &supernodes.blocks;
@@ -116,7 +117,7 @@ pub(super) fn cut(supernodes: &Supernodes) -> Option<Vec<Range<usize>>> {
         return None;
     }
     let sizes: Vec<usize> = blocks.iter().map(lines).collect();
-    let most = sizes.iter().sum::<usize>() / PIECES;
+    let most = sizes.iter().sum::<usize>() / FORESTS;
     // The first supernode, the number of supernodes and the size of each subtree.
     let mut first: Vec<usize> = (0..blocks.len()).collect();
     let mut count = vec![1; blocks.len()];
@@ -133,7 +134,7 @@ pub(super) fn cut(supernodes: &Supernodes) -> Option<Vec<Range<usize>>> {
             size[parent] += size[at];
         }
     }
-    // A subtree can be a piece if its supernodes follow each other.
+    // A subtree can belong to a forest if its supernodes follow each other.
     let small = |at: usize| size[at] <= most && at + 1 - first[at] == count[at];
     let mut ranges: Vec<(Range<usize>, usize)> = Vec::new();
     for at in 0..blocks.len() {
@@ -151,8 +152,8 @@ pub(super) fn cut(supernodes: &Supernodes) -> Option<Vec<Range<usize>>> {
     (ranges.len() > 1).then(|| ranges.into_iter().map(|(range, _)| range).collect())
 }
 
-impl Piece {
-    /// The piece of the supernodes in `range`. `top` gives the place in the top of each place.
+impl Forest {
+    /// The forest of the supernodes in `range`. `top` gives the place in the top of each place.
     fn new(supernodes: &Supernodes, range: Range<usize>, top: &[u32], start: &[u32]) -> Self {
         let blocks = &supernodes.blocks[range.clone()];
         let first = blocks[0].first;
@@ -260,7 +261,7 @@ impl Front {
     /// Computes the rows of the forward step.
     fn forward(&mut self, team: &dyn Team, packed: &Packed, r: &[Node<f32>]) {
         let scales = packed.slice(0..0, self.columns.clone());
-        let (rows, columns) = self.work.one();
+        let (rows, columns) = self.work.parts();
         let rows = &mut rows[..strips(&self.block)];
         scales.begin(&self.block, r, rows, columns);
         let columns = &*columns;
@@ -285,7 +286,7 @@ impl Front {
     /// Computes the columns of the backward step.
     fn backward(&mut self, team: &dyn Team, packed: &Packed, r: &[Node<f32>]) {
         let scales = packed.slice(0..0, self.columns.clone());
-        let (rows, columns) = self.work.one();
+        let (rows, columns) = self.work.parts();
         // The last number that is collected may be past the last strip.
         scales.collect(&self.block, &self.below, r, rows);
         let rows = &rows[..strips(&self.block)];
@@ -295,7 +296,7 @@ impl Front {
     /// The places of the supernode take the columns.
     fn unpack(&mut self, packed: &Packed, r: &mut [Node<f32>]) {
         let scales = packed.slice(0..0, self.columns.clone());
-        let (_, columns) = self.work.one();
+        let (_, columns) = self.work.parts();
         scales.unpack(&self.block, columns, r);
     }
 
@@ -379,7 +380,7 @@ impl Top {
             let r = &self.r;
             team::each(team, fronts, &|front| front.forward(team, packed, r));
             for front in fronts {
-                let (rows, _) = front.work.one();
+                let (rows, _) = front.work.parts();
                 add_below(&front.block, &front.below, rows, &mut self.r);
             }
         }
@@ -411,7 +412,7 @@ impl Top {
 }
 
 impl Subtrees {
-    /// The pieces of the supernodes in each of `ranges` (see [`cut`]). The panels of `supernodes` begin at the cache
+    /// The forests of the supernodes in each of `ranges` (see [`cut`]). The panels of `supernodes` begin at the cache
     /// lines `start`.
     pub(super) fn new(supernodes: &Supernodes, ranges: Vec<Range<usize>>, start: &[u32]) -> Self {
         let blocks = &supernodes.blocks;
@@ -431,9 +432,9 @@ impl Subtrees {
                 places.push(place);
             }
         }
-        let piece = |range| Piece::new(supernodes, range, &top, start);
+        let forest = |range| Forest::new(supernodes, range, &top, start);
         Self {
-            pieces: ranges.into_iter().map(piece).collect(),
+            forests: ranges.into_iter().map(forest).collect(),
             top: Top::new(supernodes, &numbers, (&top, places), start),
         }
     }
@@ -441,15 +442,15 @@ impl Subtrees {
     /// Solves for one right-hand side in place.
     pub(super) fn solve(&mut self, team: &dyn Team, packed: &Packed, r: &mut [Node<f32>]) {
         let before = &*r;
-        team::each(team, &mut self.pieces, &|piece| {
-            piece.forward(packed, before);
+        team::each(team, &mut self.forests, &|forest| {
+            forest.forward(packed, before);
         });
         let top = &mut self.top;
         for (node, &place) in top.r.iter_mut().zip(&top.places) {
             *node = r[place as usize];
         }
-        for piece in &self.pieces {
-            for (sum, &place) in piece.r[piece.own.len()..].iter().zip(&piece.outer) {
+        for forest in &self.forests {
+            for (sum, &place) in forest.r[forest.own.len()..].iter().zip(&forest.outer) {
                 add(&mut top.r[place as usize], sum);
             }
         }
@@ -459,38 +460,38 @@ impl Subtrees {
             r[place as usize] = *node;
         }
         let top = &self.top.r;
-        each_piece(team, &mut self.pieces, 0, r, &|piece, own| {
-            piece.backward(packed, top, own);
+        each_forest(team, &mut self.forests, 0, r, &|forest, own| {
+            forest.backward(packed, top, own);
         });
     }
 
-    /// Memory of the pieces (bytes).
+    /// Memory of the forests (bytes).
     pub(super) fn bytes(&self) -> usize {
-        self.pieces.iter().map(Piece::bytes).sum::<usize>() + self.top.bytes()
+        self.forests.iter().map(Forest::bytes).sum::<usize>() + self.top.bytes()
     }
 }
 
-/// Calls `work` for each of `pieces`, from the last on, with its places in `r`, which begins at place `first`.
-fn each_piece(
+/// Calls `work` for each of `forests`, from the last on, with its places in `r`, which begins at place `first`.
+fn each_forest(
     team: &dyn Team,
-    pieces: &mut [Piece],
+    forests: &mut [Forest],
     first: usize,
     r: &mut [Node<f32>],
-    work: &(impl Fn(&mut Piece, &mut [Node<f32>]) + Sync),
+    work: &(impl Fn(&mut Forest, &mut [Node<f32>]) + Sync),
 ) {
-    match pieces {
+    match forests {
         [] => {}
-        [piece] => {
-            let own = piece.own.start - first..piece.own.end - first;
-            work(piece, &mut r[own]);
+        [forest] => {
+            let own = forest.own.start - first..forest.own.end - first;
+            work(forest, &mut r[own]);
         }
-        pieces => {
-            let (lower, upper) = pieces.split_at_mut(pieces.len() / 2);
+        forests => {
+            let (lower, upper) = forests.split_at_mut(forests.len() / 2);
             let middle = upper[0].own.start;
             let (below, above) = r.split_at_mut(middle - first);
             team.join(
-                &mut || each_piece(team, upper, middle, above, work),
-                &mut || each_piece(team, lower, first, below, work),
+                &mut || each_forest(team, upper, middle, above, work),
+                &mut || each_forest(team, lower, first, below, work),
             );
         }
     }

@@ -1,4 +1,4 @@
-//! The forward and the backward pass through panels, for one right-hand side or for three at once.
+//! The forward and the backward pass through panels, for one right-hand side.
 //!
 //! The compiler turns the loops into vector instructions. The outer loop is over the lanes of a line, the inner loop
 //! over the columns of a block, whose number is a constant.
@@ -10,9 +10,6 @@ use multiversion::multiversion;
 
 /// Numbers in a cache line, and rows of a strip of a panel.
 pub(crate) const LANES: usize = 16;
-
-/// The largest number of right-hand sides at once.
-const MOST: usize = 3;
 
 /// Columns of a block of a panel: those of two nodes.
 pub(super) const PAIR: usize = 6;
@@ -75,22 +72,16 @@ pub(crate) fn lines(block: &Supernode) -> usize {
 
 /// Adds a block of columns times `x` to the rows from its first strip on.
 #[inline(always)]
-fn forward_block<const C: usize, const K: usize>(
-    lines: &[Line],
-    x: [&[f32]; K],
-    rows: &mut [&mut [[f32; LANES]]; K],
-) {
-    let x: [[f32; C]; K] = x.map(|x| x.first_chunk::<C>().copied().unwrap_or([0.0; C]));
+fn forward_block<const C: usize>(lines: &[Line], x: &[f32], rows: &mut [[f32; LANES]]) {
+    let x = x.first_chunk::<C>().copied().unwrap_or([0.0; C]);
     for (strip, lines) in lines.as_chunks::<C>().0.iter().enumerate() {
-        for k in 0..K {
-            let row = &mut rows[k][strip];
-            for lane in 0..LANES {
-                let mut sum = row[lane];
-                for c in 0..C {
-                    sum += lines[c].0[lane] * x[k][c];
-                }
-                row[lane] = sum;
+        let row = &mut rows[strip];
+        for lane in 0..LANES {
+            let mut sum = row[lane];
+            for c in 0..C {
+                sum += lines[c].0[lane] * x[c];
             }
+            row[lane] = sum;
         }
     }
 }
@@ -105,37 +96,19 @@ pub(super) fn sum(line: [f32; LANES]) -> f32 {
 
 /// Sets `x` to a block of columns, transposed, times the rows from its first strip on.
 #[inline(always)]
-fn backward_block<const C: usize, const K: usize>(
-    lines: &[Line],
-    x: [&mut [f32]; K],
-    rows: [&[[f32; LANES]]; K],
-) {
-    let mut sums = [[[0.0_f32; LANES]; C]; K];
+fn backward_block<const C: usize>(lines: &[Line], x: &mut [f32], rows: &[[f32; LANES]]) {
+    let mut sums = [[0.0_f32; LANES]; C];
     for (strip, lines) in lines.as_chunks::<C>().0.iter().enumerate().rev() {
-        let rows: [[f32; LANES]; K] = core::array::from_fn(|k| rows[k][strip]);
-        for k in 0..K {
-            for lane in 0..LANES {
-                for c in 0..C {
-                    sums[k][c][lane] += lines[c].0[lane] * rows[k][lane];
-                }
+        let row = rows[strip];
+        for lane in 0..LANES {
+            for c in 0..C {
+                sums[c][lane] += lines[c].0[lane] * row[lane];
             }
         }
     }
-    for (x, sums) in x.into_iter().zip(sums) {
-        for (x, line) in x.iter_mut().zip(sums) {
-            *x = sum(line);
-        }
+    for (x, line) in x.iter_mut().zip(sums) {
+        *x = sum(line);
     }
-}
-
-/// Calls the block's kernel for its width.
-macro_rules! by_width {
-    ($width:expr, $kernel:ident($($argument:expr),*)) => {
-        match $width {
-            TRIPLE => $kernel::<TRIPLE, K>($($argument),*),
-            _ => $kernel::<PAIR, K>($($argument),*),
-        }
-    };
 }
 
 /// Packs the three components of each node one after the other. Each node writes four numbers, and the next node
@@ -165,37 +138,31 @@ pub(super) fn rows(strips: usize) -> Vec<f32> {
     vec![0.0; LANES * (strips + 2)]
 }
 
-/// The rows and columns of the current supernode, for each right-hand side.
+/// The rows and columns of the current supernode.
 #[derive(Clone, Debug)]
 pub(crate) struct Work {
     /// Rows, with room to begin at a cache line.
-    rows: [Vec<f32>; MOST],
-    columns: [Vec<f32>; MOST],
-}
-
-impl Work {
-    /// The rows and the columns of one right-hand side.
-    pub(crate) fn one(&mut self) -> (&mut [[f32; LANES]], &mut [f32]) {
-        let ([rows, ..], [columns, ..]) = (&mut self.rows, &mut self.columns);
-        (aligned(rows), columns)
-    }
+    rows: Vec<f32>,
+    columns: Vec<f32>,
 }
 
 impl Work {
     /// Room for supernodes of up to `width` columns and `strips` strips.
     pub(crate) fn new(width: usize, strips: usize) -> Self {
         Self {
-            rows: core::array::from_fn(|_| rows(strips)),
-            columns: core::array::from_fn(|_| vec![0.0; width + 4]),
+            rows: rows(strips),
+            columns: vec![0.0; width + 4],
         }
     }
-}
 
-impl Work {
+    /// The rows and the columns.
+    pub(crate) fn parts(&mut self) -> (&mut [[f32; LANES]], &mut [f32]) {
+        (aligned(&mut self.rows), &mut self.columns)
+    }
+
     /// Memory of the workspace (bytes).
     pub(crate) fn bytes(&self) -> usize {
-        let both = self.rows.iter().chain(&self.columns);
-        both.map(|numbers| size_of_val(numbers.as_slice())).sum()
+        size_of_val(self.rows.as_slice()) + size_of_val(self.columns.as_slice())
     }
 }
 
@@ -208,62 +175,57 @@ pub(super) fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {
 
 /// The forward pass through the panels `values` of `supernodes`.
 #[inline(always)]
-fn forward_pass<const K: usize>(
+fn forward_pass(
     supernodes: &Supernodes,
     values: &[Line],
-    rows: &mut [&mut [[f32; LANES]]; K],
-    columns: &mut [&mut [f32]; K],
-    r: &mut [&mut [Node<f32>]; K],
+    rows: &mut [[f32; LANES]],
+    columns: &mut [f32],
+    r: &mut [Node<f32>],
 ) {
     let mut rest = values;
     for block in &supernodes.blocks {
         let width = 3 * block.width();
         let strips = strips(block);
-        for k in 0..K {
-            begin(block, r[k], &mut rows[k][..strips], columns[k]);
-        }
+        begin(block, r, &mut rows[..strips], columns);
         for (column, count) in column_blocks(width) {
             let strip = column / LANES;
             let lines;
             (lines, rest) = rest.split_at(count * (strips - strip));
-            let x = columns.each_ref().map(|columns| &columns[column..]);
-            let mut rows = rows.each_mut().map(|rows| &mut rows[strip..strips]);
-            by_width!(count, forward_block(lines, x, &mut rows));
+            let (x, rows) = (&columns[column..], &mut rows[strip..strips]);
+            match count {
+                TRIPLE => forward_block::<TRIPLE>(lines, x, rows),
+                _ => forward_block::<PAIR>(lines, x, rows),
+            }
         }
-        for k in 0..K {
-            add_below(block, supernodes.below_of(block), rows[k], r[k]);
-        }
+        add_below(block, supernodes.below_of(block), rows, r);
     }
 }
 
 /// The backward pass through the panels `values` of `supernodes`.
 #[inline(always)]
-fn backward_pass<const K: usize>(
+fn backward_pass(
     supernodes: &Supernodes,
     values: &[Line],
-    rows: &mut [&mut [[f32; LANES]]; K],
-    columns: &mut [&mut [f32]; K],
-    r: &mut [&mut [Node<f32>]; K],
+    rows: &mut [[f32; LANES]],
+    columns: &mut [f32],
+    r: &mut [Node<f32>],
 ) {
     let mut rest = values;
     for block in supernodes.blocks.iter().rev() {
         let width = 3 * block.width();
         let strips = strips(block);
-        for k in 0..K {
-            collect(block, supernodes.below_of(block), r[k], rows[k]);
-        }
+        collect(block, supernodes.below_of(block), r, rows);
         for (column, count) in column_blocks_reversed(width) {
             let strip = column / LANES;
             let lines;
             (rest, lines) = rest.split_at(rest.len() - count * (strips - strip));
-            let x = columns.each_mut().map(|x| &mut x[column..column + count]);
-            let rows = rows.each_ref().map(|rows| &rows[strip..strips]);
-            by_width!(count, backward_block(lines, x, rows));
+            let (x, rows) = (&mut columns[column..column + count], &rows[strip..strips]);
+            match count {
+                TRIPLE => backward_block::<TRIPLE>(lines, x, rows),
+                _ => backward_block::<PAIR>(lines, x, rows),
+            }
         }
-        let own = block.first as usize..block.end as usize;
-        for k in 0..K {
-            unpack(columns[k], &mut r[k][own.clone()]);
-        }
+        unpack(columns, &mut r[block.first as usize..block.end as usize]);
     }
 }
 
@@ -332,23 +294,7 @@ pub(crate) fn clear_padding(supernodes: &Supernodes, r: &mut [Node<f32>]) {
     }
 }
 
-#[inline(always)]
-fn both_ways<const K: usize>(
-    supernodes: &Supernodes,
-    values: &[Line],
-    rows: [&mut [f32]; K],
-    mut columns: [&mut [f32]; K],
-    mut r: [&mut [Node<f32>]; K],
-) {
-    let mut rows = rows.map(aligned);
-    forward_pass(supernodes, values, &mut rows, &mut columns, &mut r);
-    backward_pass(supernodes, values, &mut rows, &mut columns, &mut r);
-    for r in r {
-        clear_padding(supernodes, r);
-    }
-}
-
-/// Solves for one right-hand side in place.
+/// Solves in place.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
@@ -359,23 +305,8 @@ pub(crate) fn solve(
     work: &mut Work,
     r: &mut [Node<f32>],
 ) {
-    let [rows, ..] = &mut work.rows;
-    let [columns, ..] = &mut work.columns;
-    both_ways(supernodes, values, [rows], [columns], [r]);
-}
-
-/// Solves for three right-hand sides in place.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
-)]
-pub(crate) fn solve_three(
-    supernodes: &Supernodes,
-    values: &[Line],
-    work: &mut Work,
-    r: [&mut [Node<f32>]; 3],
-) {
-    let rows = work.rows.each_mut().map(Vec::as_mut_slice);
-    let columns = work.columns.each_mut().map(Vec::as_mut_slice);
-    both_ways(supernodes, values, rows, columns, r);
+    let (rows, columns) = work.parts();
+    forward_pass(supernodes, values, rows, columns, r);
+    backward_pass(supernodes, values, rows, columns, r);
+    clear_padding(supernodes, r);
 }

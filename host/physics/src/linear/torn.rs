@@ -20,8 +20,8 @@
 //!
 //! The columns `X` and the Cholesky factor of the small `Sigma` are kept. An edit computes the columns of its own
 //! nodes and of the nodes at which these are tied, three solves with the old factor each. The motions of other nodes, and
-//! with them the columns, stay the same functions over the sheet: only their rows of `Sigma` change. All matrices are those at the state of the
-//! factor, for the Schur complement of two different states may be indefinite. The sum is positive definite for any `X`
+//! with them the columns, stay the same functions over the sheet: only their rows of `Sigma` change. All matrices are those
+//! at the state of the factor, because the Schur complement of two different states may be indefinite. The sum is positive definite for any `X`
 //! and any positive definite `Sigma`. Errors of the old factor therefore cost iterations only.
 //!
 //! Nodes past the capacity have their own blocks alone.

@@ -260,36 +260,39 @@ impl TriMesh {
     /// # Errors
     /// The first [`MeshError`] found.
     pub fn validate(&self) -> Result<(), MeshError> {
-        check_counts(self)?;
+        let vertices = self.positions.len();
+        check_counts(vertices, ("triangles", self.triangles.len()))?;
+        if self.triangles.is_empty() {
+            return Err(MeshError::Empty);
+        }
         check_coordinates(&self.positions)?;
         check_indices(self)?;
         check_shapes(self)?;
         let adjacency = Adjacency::new(&self.triangles)?;
         check_duplicates(&adjacency)?;
-        check_all_used(self)?;
+        if let Some(vertex) = unused(vertices, self.triangles.as_flattened().iter()) {
+            return Err(MeshError::Unused { vertex });
+        }
         if let Some(pattern) = &self.flat_pattern {
             pattern.check(&self.triangles, &adjacency)?;
         }
-        check_groups(&self.vertex_groups, self.positions.len())?;
+        check_groups(&self.vertex_groups, vertices)?;
         check_groups(&self.triangle_groups, self.triangles.len())?;
         check_fields(&self.triangle_fields, self.triangles.len())
     }
 }
 
-fn check_counts(mesh: &TriMesh) -> Result<(), MeshError> {
-    for (entities, found) in [
-        ("vertices", mesh.positions.len()),
-        ("triangles", mesh.triangles.len()),
-    ] {
+/// Checks that vertices and elements (triangles, cells or lines), by their number, can be numbered.
+pub(super) fn check_counts(
+    vertices: usize,
+    (entities, elements): (&'static str, usize),
+) -> Result<(), MeshError> {
+    for (entities, found) in [("vertices", vertices), (entities, elements)] {
         if found > MAX_COUNT {
             return Err(MeshError::TooMany { entities, found });
         }
     }
-    if mesh.triangles.is_empty() {
-        Err(MeshError::Empty)
-    } else {
-        Ok(())
-    }
+    Ok(())
 }
 
 pub(super) fn check_coordinates(positions: &[Vec3]) -> Result<(), MeshError> {
@@ -378,15 +381,14 @@ fn check_duplicates(adjacency: &Adjacency) -> Result<(), MeshError> {
     }
 }
 
-fn check_all_used(mesh: &TriMesh) -> Result<(), MeshError> {
-    let mut used = vec![false; mesh.positions.len()];
-    for &vertex in mesh.triangles.iter().flatten() {
+/// The first of `vertices` vertices that is not `named` by an element.
+pub(super) fn unused<'a>(vertices: usize, named: impl Iterator<Item = &'a u32>) -> Option<u32> {
+    let mut used = vec![false; vertices];
+    for &vertex in named {
         used[vertex as usize] = true;
     }
-    match (0_u32..).zip(used).find(|&(_, used)| !used) {
-        Some((vertex, _)) => Err(MeshError::Unused { vertex }),
-        None => Ok(()),
-    }
+    let unused = used.iter().position(|used| !used);
+    unused.map(|vertex| vertex as u32)
 }
 
 /// Checks that no two vertices have exactly the same position (m).

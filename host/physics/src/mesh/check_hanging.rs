@@ -1,8 +1,10 @@
 //! The check for vertices on edges to which they do not belong.
 //!
 //! Where a coarse element meets two finer ones, the middle vertex of the finer ones lies on the edge of the coarse one and
-//! is not connected to it. The mesh has a slit there that nobody sees. The lines of a thread may cross and touch. Vertices are found by a tree of planes, each
-//! across the longest side of the vertices that it divides, in a time proportional to `n log n`.
+//! is not connected to it. The mesh then has an invisible slit. The lines of a thread may cross and touch.
+//!
+//! A tree of planes finds the vertices, each plane across the longest side of the vertices that it divides, in a time
+//! proportional to `n log n`.
 
 use super::check::MIN_HEIGHT_RATIO;
 use super::{Adjacency, Cells, MeshError, TetMesh, TriMesh};

@@ -3,7 +3,7 @@
 //! They correspond to the checks of a sheet (see [`check`](super::check)). A mesh that fails a check would make
 //! the physics divide by zero, read out of bounds, give a vertex no stiffness or take one body for two.
 
-use super::check::{Location, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
+use super::check::{Location, MIN_EDGE_RATIO, check_coordinates, check_counts, unused};
 use super::check_named::{check_fields, check_groups};
 use super::check_neighbours::{check_faces, check_midsides};
 use super::{Cells, MeshError, TetMesh};
@@ -200,34 +200,24 @@ impl TetMesh {
     /// # Errors
     /// The first [`SolidError`] found.
     pub fn validate(&self) -> Result<(), SolidError> {
-        check_counts(self)?;
+        let vertices = self.positions.len();
+        check_counts(vertices, ("cells", self.cells.len()))?;
+        if self.cells.is_empty() {
+            return Err(SolidError::Empty);
+        }
         check_coordinates(&self.positions)?;
         check_indices(self)?;
         check_shapes(self)?;
         check_faces(&self.cells)?;
         if let Cells::Quadratic(cells) = &self.cells {
-            check_midsides(cells, self.positions.len())?;
+            check_midsides(cells, vertices)?;
         }
-        check_all_used(self)?;
-        check_groups(&self.vertex_groups, self.positions.len())?;
+        if let Some(vertex) = unused(vertices, self.cells.vertices().flatten()) {
+            return Err(SolidError::Unused { vertex });
+        }
+        check_groups(&self.vertex_groups, vertices)?;
         check_groups(&self.cell_groups, self.cells.len())?;
         Ok(check_fields(&self.cell_fields, self.cells.len())?)
-    }
-}
-
-fn check_counts(mesh: &TetMesh) -> Result<(), SolidError> {
-    for (entities, found) in [
-        ("vertices", mesh.positions.len()),
-        ("cells", mesh.cells.len()),
-    ] {
-        if found > MAX_COUNT {
-            return Err(MeshError::TooMany { entities, found }.into());
-        }
-    }
-    if mesh.cells.is_empty() {
-        Err(SolidError::Empty)
-    } else {
-        Ok(())
     }
 }
 
@@ -326,15 +316,4 @@ fn least_determinant(positions: &[Vec3], cell: &[u32]) -> f64 {
     let determinants =
         corners.map(|corner| (sum * NEAR + corner * (1.0 - 4.0 * NEAR)).determinant());
     determinants.into_iter().fold(f64::INFINITY, f64::min)
-}
-
-fn check_all_used(mesh: &TetMesh) -> Result<(), SolidError> {
-    let mut used = vec![false; mesh.positions.len()];
-    for &vertex in mesh.cells.vertices().flatten() {
-        used[vertex as usize] = true;
-    }
-    match (0_u32..).zip(used).find(|&(_, used)| !used) {
-        Some((vertex, _)) => Err(SolidError::Unused { vertex }),
-        None => Ok(()),
-    }
 }

@@ -1,9 +1,9 @@
-//! What every mesh of lines is checked for before anything computes with it.
+//! The checks of a mesh of lines, made before any computation uses the mesh.
 //!
-//! As for sheets (see [`check`](super::check)): the checks are those without which the physics divides by zero, reads
-//! out of bounds or gives a vertex no stiffness at all.
+//! They correspond to the checks of a sheet (see [`check`](super::check)). A mesh that fails a check would make the physics
+//! divide by zero, read out of bounds or give a vertex no stiffness.
 
-use super::check::{Location, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
+use super::check::{Location, MIN_EDGE_RATIO, check_coordinates, check_counts, unused};
 use super::check_named::{check_fields, check_groups};
 use super::{LineMesh, MeshError};
 use crate::Vec3;
@@ -14,7 +14,7 @@ use thiserror::Error;
 /// Vertices and lines are named by their index, from zero.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ThreadError {
-    /// What sheets are checked for as well: coordinates, vertices at one place, groups, fields.
+    /// A check that all meshes have in common: coordinates, vertices at one place, groups, fields.
     #[error(transparent)]
     Common(#[from] MeshError),
     /// There is no line.
@@ -49,7 +49,7 @@ pub enum ThreadError {
         line: u32,
         /// Its length (m).
         found: f64,
-        /// What it must exceed (m).
+        /// The length that it must exceed (m).
         least: f64,
     },
     /// Two lines have the same ends.
@@ -69,7 +69,7 @@ pub enum ThreadError {
 }
 
 impl ThreadError {
-    /// What a person should look at: of several lines or vertices, the last.
+    /// The place of the fault: of several lines or vertices, the last.
     pub fn location(&self) -> Location {
         match *self {
             Self::Common(ref error) => error.location(),
@@ -103,31 +103,21 @@ impl LineMesh {
     /// # Errors
     /// The first [`ThreadError`] found.
     pub fn validate(&self) -> Result<(), ThreadError> {
-        check_counts(self)?;
+        let vertices = self.positions.len();
+        check_counts(vertices, ("lines", self.lines.len()))?;
+        if self.lines.is_empty() {
+            return Err(ThreadError::Empty);
+        }
         check_coordinates(&self.positions)?;
         check_ends(self)?;
         check_lengths(self)?;
         check_duplicates(&self.lines)?;
-        check_all_used(self)?;
-        check_groups(&self.vertex_groups, self.positions.len())?;
+        if let Some(vertex) = unused(vertices, self.lines.as_flattened().iter()) {
+            return Err(ThreadError::Unused { vertex });
+        }
+        check_groups(&self.vertex_groups, vertices)?;
         check_groups(&self.line_groups, self.lines.len())?;
         Ok(check_fields(&self.line_fields, self.lines.len())?)
-    }
-}
-
-fn check_counts(mesh: &LineMesh) -> Result<(), ThreadError> {
-    for (entities, found) in [
-        ("vertices", mesh.positions.len()),
-        ("lines", mesh.lines.len()),
-    ] {
-        if found > MAX_COUNT {
-            return Err(MeshError::TooMany { entities, found }.into());
-        }
-    }
-    if mesh.lines.is_empty() {
-        Err(ThreadError::Empty)
-    } else {
-        Ok(())
     }
 }
 
@@ -174,17 +164,6 @@ fn check_duplicates(lines: &[[u32; 2]]) -> Result<(), ThreadError> {
     });
     match pairs.min() {
         Some((line, first)) => Err(ThreadError::Duplicate { line, first }),
-        None => Ok(()),
-    }
-}
-
-fn check_all_used(mesh: &LineMesh) -> Result<(), ThreadError> {
-    let mut used = vec![false; mesh.positions.len()];
-    for &vertex in mesh.lines.iter().flatten() {
-        used[vertex as usize] = true;
-    }
-    match (0_u32..).zip(used).find(|&(_, used)| !used) {
-        Some((vertex, _)) => Err(ThreadError::Unused { vertex }),
         None => Ok(()),
     }
 }

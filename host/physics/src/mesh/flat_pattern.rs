@@ -1,12 +1,12 @@
 //! Flat patterns: the rest shapes of the triangles of a sheet, cut out of flat cloth and sewn together.
 //!
-//! A garment is made of flat pieces. Each triangle of its mesh has a flat shape at rest, which the positions of the
+//! A garment is made of flat **panels**. Each triangle of its mesh has a flat shape at rest, which the positions of the
 //! mesh do not show: the mesh is the sewn garment, in any shape. A flat pattern gives each triangle its three corners in
-//! the plane of the cloth. A vertex on a seam has other coordinates in each of the pieces that meet there. (Narain, Samii
+//! the plane of the cloth. A vertex on a seam has other coordinates in each of the panels that meet there. (Narain, Samii
 //! and O'Brien, "Adaptive anisotropic remeshing for cloth simulation", 2012, call these coordinates the material space.)
 //!
-//! The two sides of a seam may differ in length: the cloth is eased or gathered there. Pieces may overlap in the plane,
-//! and may lie there with either face up, because only lengths and angles within triangles matter. Inside a piece,
+//! The two sides of a seam may differ in length: the cloth is eased or gathered there. Panels may overlap in the plane,
+//! and may lie there with either face up, because only lengths and angles within triangles matter. Inside a panel,
 //! however, a triangle that lies on its neighbour is a fault of the pattern.
 
 use super::check::{MAX_COORDINATE, MIN_HEIGHT_RATIO};
@@ -83,7 +83,7 @@ pub enum PatternError {
     /// A triangle lies on its neighbour in the pattern.
     #[error(
         "triangle {triangle} is mirrored in the flat pattern and lies on triangle {neighbour}; unfold the pattern there, \
-         or, if a seam joins the two triangles, move their pieces apart in the pattern"
+         or, if a seam joins the two triangles, move their panels apart in the pattern"
     )]
     Mirrored {
         /// The later triangle.

@@ -1,7 +1,7 @@
 //! Line meshes: positions, lines of two vertices each, named groups, and values per line.
 //!
-//! A thread, a suture or a net of threads. Lines may branch and may come in several pieces. How thick a line is, no
-//! vertex says: a cross-section is a value per line, or one of the scene's.
+//! A thread, a suture or a net of threads. Lines may branch and may come in several pieces. The
+//! vertices do not tell the thickness of a line: a cross-section is a value per line, or one value of the scene.
 
 use super::{Bounds, Field, Group};
 use crate::Vec3;
@@ -29,34 +29,6 @@ impl LineMesh {
     /// A group of lines that came from a file has a group of vertices of the same name.
     pub fn group(&self, name: &str) -> Option<&Group> {
         self.vertex_groups.iter().find(|group| group.name == name)
-    }
-
-    /// The group of lines called `name`.
-    pub fn line_group(&self, name: &str) -> Option<&Group> {
-        self.line_groups.iter().find(|group| group.name == name)
-    }
-
-    /// The values per line called `name`.
-    pub fn field(&self, name: &str) -> Option<&Field> {
-        self.line_fields.iter().find(|field| field.name == name)
-    }
-
-    /// The rest positions of a line's ends (m), or `None` if there is no such line.
-    pub fn ends(&self, line: u32) -> Option<[Vec3; 2]> {
-        let [a, b] = *self.lines.get(line as usize)?;
-        let at = |vertex: u32| self.positions.get(vertex as usize).copied();
-        Some([at(a)?, at(b)?])
-    }
-
-    /// The rest length of one line (m), or `None` if there is no such line.
-    pub fn line_length(&self, line: u32) -> Option<f64> {
-        let [a, b] = self.ends(line)?;
-        Some((b - a).norm())
-    }
-
-    /// The rest length of the whole mesh (m).
-    pub fn length(&self) -> f64 {
-        (0_u32..).map_while(|line| self.line_length(line)).sum()
     }
 
     /// The smallest axis-aligned box that holds the mesh at rest, or `None` if it has no vertices.

@@ -194,22 +194,6 @@ impl TriMesh {
         self.vertex_groups.iter().find(|group| group.name == name)
     }
 
-    /// The group of triangles called `name`.
-    pub fn triangle_group(&self, name: &str) -> Option<&Group> {
-        self.triangle_groups.iter().find(|group| group.name == name)
-    }
-
-    /// The vertices whose rest position lies in the box from `min` to `max` (m), faces included,
-    /// ascending. A box whose `min` exceeds its `max` on any axis contains no vertex.
-    pub fn vertices_in_box(&self, min: Vec3, max: Vec3) -> Vec<u32> {
-        let inside = |p: &Vec3| (0..3).all(|axis| (min[axis]..=max[axis]).contains(&p[axis]));
-        let numbered = (0_u32..).zip(&self.positions);
-        numbered
-            .filter(|(_, p)| inside(p))
-            .map(|(vertex, _)| vertex)
-            .collect()
-    }
-
     /// The positions of a triangle's vertices (m), or `None` if there is no such triangle.
     pub fn corners(&self, triangle: u32) -> Option<[Vec3; 3]> {
         let [a, b, c] = *self.triangles.get(triangle as usize)?;

@@ -83,16 +83,6 @@ impl TetMesh {
         self.vertex_groups.iter().find(|group| group.name == name)
     }
 
-    /// The group of cells called `name`.
-    pub fn cell_group(&self, name: &str) -> Option<&Group> {
-        self.cell_groups.iter().find(|group| group.name == name)
-    }
-
-    /// The values per cell called `name`.
-    pub fn field(&self, name: &str) -> Option<&Field> {
-        self.cell_fields.iter().find(|field| field.name == name)
-    }
-
     /// The smallest axis-aligned box that contains the mesh at rest, or `None` for a mesh without vertices.
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::of(&self.positions)

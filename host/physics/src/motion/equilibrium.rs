@@ -2,8 +2,9 @@
 //!
 //! Handles, supports and loads change linearly from their present to their final values, in one load step unless the
 //! options ask for more. Loads change either all together, by a factor that gravity shares, or by vertex, while gravity
-//! stays: a body that settles under its weight first is loaded afterwards. A load step that does not converge is halved, and the size grows again after a success (the
-//! usual incremental procedure: Crisfield, "Non-linear finite element analysis of solids and structures", chapter 9).
+//! stays: a body that settles under its weight first is loaded afterwards. A load step that does not converge is halved,
+//! and the size grows again after a success (the usual incremental procedure: Crisfield, "Non-linear finite element analysis
+//! of solids and structures", chapter 9).
 //! A search that ends early leaves the body at the last load step that succeeded. The velocities of the body are zero
 //! afterwards.
 

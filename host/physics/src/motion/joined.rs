@@ -7,7 +7,7 @@
 
 use super::stepper::Equation;
 use crate::Vec3;
-use crate::body::Body;
+use crate::body::{Body, BodyMap};
 use crate::element::precision::Precision;
 
 /// A node of a joined body.
@@ -30,72 +30,128 @@ pub trait Joints: Send {
 
     /// Calls `add` with the product (N) of `K` with the displacements `of` nodes (m), for each joined node.
     fn product(&self, of: &dyn Fn(At) -> Vec3, add: &mut dyn FnMut(At, Vec3));
+
+    /// Follows a body whose mesh has been replaced: `map` leads from its new vertices to the old ones. Returns whether the
+    /// joints hold on. If not, which is the default, the bodies are joined no longer.
+    fn follow(&mut self, _body: usize, _map: &BodyMap) -> bool {
+        false
+    }
 }
 
-/// Solves the equations of bodies and the joints between them. `out_of_time` is called after each iteration. If it returns
-/// true, the step continues with the solution so far.
+/// Room for the work of [`solve`], which is reused from step to step.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    forces: Vec<(At, Vec3)>,
+    /// The norm of the residual on free axes (N), and of the forces of the joints (N), of each body.
+    left: Vec<f64>,
+    loads: Vec<f64>,
+}
+
+impl Workspace {
+    /// Computes the forces of the joints, and their norm for each body.
+    fn load<T: Precision>(&mut self, bodies: &[Option<Equation<'_, T>>], joints: &dyn Joints) {
+        self.forces.clear();
+        let forces = &mut self.forces;
+        joints.forces(
+            &|node| at(bodies, node, Equation::displacement),
+            &mut |node, force| forces.push((node, force)),
+        );
+        self.loads.clear();
+        self.loads.resize(bodies.len(), 0.0);
+        for (at, force) in &self.forces {
+            self.loads[at.body] = self.loads[at.body].hypot(force.norm());
+        }
+    }
+
+    /// Whether the residual of each body is small.
+    fn is_solved<T: Precision>(&self, bodies: &[Option<Equation<'_, T>>]) -> bool {
+        let mut each = bodies.iter().zip(&self.left).zip(&self.loads);
+        each.all(|((body, left), load)| body.as_ref().is_none_or(|body| *left <= body.goal(*load)))
+    }
+}
+
+/// The value at a node of the bodies; zero for a body that takes no part.
+fn at<'a, T>(
+    bodies: &[Option<Equation<'a, T>>],
+    at: At,
+    of: impl Fn(&Equation<'a, T>, u32) -> Vec3,
+) -> Vec3 {
+    let body = bodies.get(at.body).and_then(Option::as_ref);
+    body.map_or_else(Vec3::zeros, |body| of(body, at.node))
+}
+
+/// Solves the equations of bodies and the joints between them. A body without an equation stands still: the others feel it
+/// as held. `out_of_time` is called after each iteration. If it returns true, the step continues with the solution so far.
 ///
-/// The iterations end if the residual of each body is below the goal of its equation, or after the most iterations of the
-/// first one.
+/// The iterations end if the residual of each body is small against its loads and the forces of its joints, or after the most
+/// iterations of the first one. Nothing is allocated once `room` has served a step with as many joints.
 pub fn solve<T: Precision>(
-    mut bodies: Vec<Equation<'_, T>>,
+    bodies: &mut [Option<Equation<'_, T>>],
     joints: &dyn Joints,
+    room: &mut Workspace,
     mut out_of_time: impl FnMut() -> bool,
 ) {
-    let mut forces: Vec<(At, Vec3)> = Vec::new();
-    let at = |bodies: &[Equation<'_, T>], at: At| bodies[at.body].displacement(at.node);
-    joints.forces(&|node| at(&bodies, node), &mut |node, force| {
-        forces.push((node, force));
-    });
-    for (at, force) in &forces {
-        bodies[at.body].load(at.node, force);
+    room.load(bodies, joints);
+    for (at, force) in &room.forces {
+        if let Some(body) = &mut bodies[at.body] {
+            body.load(at.node, force);
+        }
     }
-    let limits: Vec<(f64, usize)> = bodies.iter().map(Equation::limits).collect();
-    let mut left: Vec<f64> = bodies.iter_mut().map(Equation::residual).collect();
-    let most = limits.first().map_or(0, |(_, most)| *most);
-    let is_solved = |left: &[f64]| {
-        let mut pairs = left.iter().zip(&limits);
-        pairs.all(|(left, (goal, _))| left <= goal)
-    };
+    room.left.clear();
+    let residuals = bodies.iter_mut();
+    room.left
+        .extend(residuals.map(|body| body.as_mut().map_or(0.0, Equation::residual)));
+    let most = bodies.iter().flatten().next().map_or(0, Equation::most);
     let (mut iterations, mut rz) = (0, 1.0);
-    while !is_solved(&left) && iterations < most {
-        let next: f64 = bodies.iter_mut().map(Equation::precondition).sum();
+    while !room.is_solved(bodies) && iterations < most {
+        let next: f64 = bodies
+            .iter_mut()
+            .flatten()
+            .map(Equation::precondition)
+            .sum();
         let beta = if iterations == 0 { 0.0 } else { next / rz };
         rz = next;
-        for body in &mut bodies {
+        for body in bodies.iter_mut().flatten() {
             body.direct(beta);
         }
-        forces.clear();
+        room.forces.clear();
+        let products = &mut room.forces;
         joints.product(
-            &|at| bodies[at.body].direction(at.node),
-            &mut |at, force| forces.push((at, force)),
+            &|node| at(bodies, node, Equation::direction),
+            &mut |at, force| products.push((at, force)),
         );
-        for (at, product) in &forces {
-            bodies[at.body].add_product(at.node, product);
+        for (at, product) in &room.forces {
+            if let Some(body) = &mut bodies[at.body] {
+                body.add_product(at.node, product);
+            }
         }
-        let curvature: f64 = bodies.iter_mut().map(Equation::curvature).sum();
+        let curvature: f64 = bodies.iter_mut().flatten().map(Equation::curvature).sum();
         // The matrix is positive definite. Any other curvature is underflow, or a state that has diverged.
-        if !(rz > 0.0 && curvature > 0.0 && (rz / curvature).is_finite()) {
-            bodies.iter_mut().for_each(Equation::stop);
-            break;
+        let is_sound = rz > 0.0 && curvature > 0.0 && (rz / curvature).is_finite();
+        if !is_sound {
+            bodies.iter_mut().flatten().for_each(Equation::stop);
         }
-        for (body, left) in bodies.iter_mut().zip(&mut left) {
-            *left = body.advance(rz / curvature);
+        for (body, left) in bodies.iter_mut().zip(&mut room.left) {
+            if let Some(body) = body.as_mut().filter(|_| is_sound) {
+                *left = body.advance(rz / curvature);
+            }
         }
-        iterations += 1;
-        if out_of_time() {
+        room.load(bodies, joints);
+        iterations += usize::from(is_sound);
+        if !is_sound || out_of_time() {
             break;
         }
     }
-    forces.clear();
-    joints.forces(&|node| at(&bodies, node), &mut |node, force| {
-        forces.push((node, force));
-    });
-    let mut own = Vec::new();
-    for (number, (body, left)) in bodies.into_iter().zip(left).enumerate() {
-        own.clear();
-        let here = forces.iter().filter(|(at, _)| at.body == number);
-        own.extend(here.map(|(at, force)| (at.node, *force)));
-        body.solved(&own, iterations, left);
+    let each = bodies.iter_mut().zip(room.left.iter().zip(&room.loads));
+    for (number, (body, (left, load))) in each.enumerate() {
+        if let Some(body) = body {
+            let own = room.forces.iter().filter(|(at, _)| at.body == number);
+            body.solved(
+                own.map(|(at, force)| (at.node, *force)),
+                *load,
+                iterations,
+                *left,
+            );
+        }
     }
 }

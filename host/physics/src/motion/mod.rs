@@ -6,10 +6,9 @@
 //! - [`constraint`]: laws over the differences of nodes, in the equation of a step.
 //! - [`joined`]: bodies that are joined, solved together.
 //! - [`tearing`]: the tears of a sheet, after each step.
-//! - `step`: the same step with an assembled matrix. [`AssembledStepper`]: the same in four calls.
+//! - `step`: the same step with an assembled matrix.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 
-mod assembled;
 pub mod constraint;
 pub mod equilibrium;
 pub mod integrator;
@@ -21,7 +20,6 @@ mod step;
 pub mod stepper;
 pub mod tearing;
 
-pub use assembled::AssembledStepper;
 pub use constraint::cohesion::Cohesion;
 pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
 pub use integrator::{Integrator, IntegratorOptions, StepReport, TimeScheme};

@@ -32,7 +32,7 @@ const ARMIJO: f64 = 1e-4;
 const FINE: f64 = 1e-6;
 /// Fraction of the motion that rounding may leave open: two of its digits must be right.
 const MOST_OPEN: f64 = 0.01;
-/// Mass added to a static matrix, as a fraction of the mean diagonal. It keeps parts without support in place, where
+/// Mass added to a static matrix, as a fraction of the mean diagonal. It keeps parts without support in place, if
 /// the matrix would otherwise be singular. The residual does not contain this mass.
 const STATIC_SHIFT: f64 = 1e-11;
 
@@ -93,9 +93,9 @@ impl NewtonReport {
 /// Where the guided axes go in a solve.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Guide<'a> {
-    /// By this fraction of their remaining displacement.
+    /// They move by this fraction of their remaining displacement.
     By(f64),
-    /// To these places, by node (m).
+    /// They move to these positions, by node (m).
     To(&'a [Vec3]),
 }
 

@@ -39,7 +39,10 @@ impl Body {
     pub fn solve(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
         self.check_step(h, targets)?;
         self.lay_out_step(h, targets)?;
-        let report = self.solve_step(h);
+        let factors = self.step_factors(h);
+        let budget = self.model.config.budget();
+        let displacement = &mut self.state.displacement;
+        let report = self.assembly.solve(displacement, factors, &budget);
         self.end_step(h, targets, report)
     }
 
@@ -53,7 +56,7 @@ impl Body {
     }
 
     /// Sets the displacements that handles and supports prescribe, the start of the iterations, and the residual there.
-    pub(crate) fn lay_out_step(&mut self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
+    fn lay_out_step(&mut self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
         if self.assembly.at != Some(self.state.motions) {
             return Err(StepError::NotAssembled);
         }
@@ -71,18 +74,8 @@ impl Body {
         Ok(())
     }
 
-    /// Solves the step that has been laid out.
-    pub(crate) fn solve_step(&mut self, h: f64) -> SolveReport {
-        let factors = self.step_factors(h);
-        self.assembly.solve(
-            &mut self.state.displacement,
-            factors,
-            &self.model.config.budget(),
-        )
-    }
-
     /// Takes the solved step, as far as the energy allows.
-    pub(crate) fn end_step(
+    fn end_step(
         &mut self,
         h: f64,
         targets: &[HandlePose],

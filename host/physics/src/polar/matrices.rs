@@ -18,12 +18,6 @@ pub(crate) fn outer<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
     sum
 }
 
-/// `a^T b`, which is the same sum as [`outer`].
-#[inline(always)]
-pub(crate) fn transposed_times<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
-    outer(a, b)
-}
-
 #[inline(always)]
 pub(crate) fn product_of<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
     let mut product = [[T::ZERO; 3]; 3];

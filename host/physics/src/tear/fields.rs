@@ -1,10 +1,10 @@
 //! Stretch, stress and energy density in the triangles about a tip.
 //!
 //! The law is that of the membrane: `F = R U`, `S = 2 mu (U - I) + lambda tr(U - I) I`, `P = R S`. The rotation `R` turns
-//! with the sheet in space. What remains of it in the plane, the **spin**, is needed for the gradient of the
-//! displacement: `H = Q U - I` with `Q` the rotation by the spin. The spin of a triangle differs from that of its
+//! with the sheet in space. The **spin** is the part of this rotation in the plane. The gradient of the
+//! displacement needs it: `H = Q U - I` with `Q` the rotation by the spin. The spin of a triangle differs from that of its
 //! neighbour by the angle that is left when the neighbour is unfolded about the shared edge. The mean over the patch is
-//! taken off. So a turn of the sheet in space, and a fold or a roll of it, add nothing to `H`.
+//! subtracted. So a turn of the sheet in space, and a fold or a roll of it, add nothing to `H`.
 //!
 //! In a sheet that is bent in two directions these angles do not sum to zero about a vertex (Gauss). The spins are then
 //! those with the least sum of squares of what remains at the edges: no way through the patch is preferred, and the path of
@@ -128,11 +128,11 @@ impl Stretched {
 #[derive(Clone, Debug)]
 pub(super) struct Field {
     pub(super) triangles: Vec<Stretched>,
-    /// Of each triangle, the angle of its middle about the tip (rad), counted on along the patch.
+    /// The angle of the middle of each triangle about the tip (rad), counted on along the patch.
     pub(super) angles: Vec<f64>,
     pub(super) nodes: Vec<Node>,
-    /// Room for the [spins](Patch::even_spins): of each triangle what the spin leaves at its edges, the direction of a search
-    /// and the change of the remainder along it.
+    /// Room for the [spins](Patch::even_spins): for each triangle the remainder at its edges, the direction of a search, and
+    /// the change of the remainder along this direction.
     search: Vec<[f64; 3]>,
     pub(super) young: f64,
     pub(super) poisson: f64,

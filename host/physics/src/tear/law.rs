@@ -1,6 +1,6 @@
 //! The laws of tearing, by name, and the parameters of a sheet that can tear.
 //!
-//! Both laws start a tear where the largest principal stress reaches the strength. They differ in what drives a tip that
+//! Both laws start a tear if the largest principal stress reaches the strength. They differ in what drives a tip that
 //! exists. [`TearLaw::Toughness`] compares the energy release rate with the toughness (Griffith 1921); its result does
 //! not depend on the size of the triangles. [`TearLaw::Thesis`] compares the stress at the tip with the strength, as
 //! Le Gouis et al. 2017 do. The stress at a tip grows with finer triangles, and with it the result of this law.

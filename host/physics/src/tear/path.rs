@@ -37,9 +37,9 @@ pub const MOST_BY_TURN: f64 = 27.0 / 16.0;
 /// Stress intensities at a tip (Pa m^(1/2)).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Intensity {
-    /// Of the opening mode, `K_I`.
+    /// The intensity of the opening mode, `K_I`.
     pub k1: f64,
-    /// Of the sliding mode, `K_II`. It is positive if the face on the left of the tear's direction slides along this
+    /// The intensity of the sliding mode, `K_II`. It is positive if the face on the left of the tear's direction slides along this
     /// direction.
     pub k2: f64,
 }

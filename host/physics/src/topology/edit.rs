@@ -63,7 +63,7 @@ pub struct Moved {
     pub weights: [f64; 3],
 }
 
-/// What an edit did.
+/// The effect of an edit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Done {
     /// The new tip, and the tip of the growth to the other side. [`NONE`] if the tear ended at a border, and if
@@ -83,7 +83,7 @@ pub struct Done {
     pub parted: bool,
 }
 
-/// Why an edit was refused. The surface is as it was.
+/// The reason why an edit was refused. The surface is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum EditError {
     /// The reserve is used up.
@@ -175,7 +175,7 @@ impl Surface {
     /// the tear gets the new vertex.
     ///
     /// # Errors
-    /// [`EditError`]. The surface then stays as it was.
+    /// [`EditError`]. The surface is then unchanged.
     pub fn edit(&mut self, edit: &Edit) -> Result<Done, EditError> {
         self.begin();
         let done = self.apply(edit);

@@ -1,4 +1,4 @@
-//! What an edit changes: the list of changed triangles, and the values from before, by which a refused edit is undone.
+//! The changes of an edit: the list of changed triangles, and the values from before, by which a refused edit is undone.
 
 use super::surface::{Reserve, Shape, Surface, copied};
 

@@ -3,7 +3,7 @@
 use super::NONE;
 use super::surface::{Reserve, Surface, copied};
 
-/// The pieces of a surface: which triangles hang together by edges. Pieces are numbered in the order of their first
+/// The pieces of a surface: the triangles that are connected by edges. Pieces are numbered in the order of their first
 /// triangles, so they are counted from zero and the first triangle of the surface is in piece 0.
 #[derive(Debug)]
 pub struct Pieces {

@@ -14,7 +14,7 @@ use super::surface::{Shape, Surface, angle, cross, length, minus, smallest_angle
 /// Snapping makes no angle smaller than this (rad, 10 degrees), nor smaller than the smallest angle about the vertex.
 const SMALLEST_ANGLE: f64 = PI / 18.0;
 
-/// By how much the angles about a vertex may differ from a full turn (rad), and two lengths of an edge relatively, where
+/// By how much the angles about a vertex may differ from a full turn (rad), and two lengths of an edge relatively, if
 /// triangles count as flat together: far above rounding, far below a dart or a gathered seam.
 const FLAT: f64 = 1e-6;
 

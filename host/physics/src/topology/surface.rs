@@ -20,7 +20,7 @@ pub struct Reserve {
     pub triangles: usize,
 }
 
-/// Where a vertex comes from.
+/// The origin of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Origin {
     /// The surface was made with the vertex.
@@ -191,7 +191,7 @@ impl Surface {
 
     /// The triangles that the latest edit changed (corners, shape or a neighbour), ascending, new ones included.
     ///
-    /// What is computed from a triangle and its neighbours' corners, such as bending, changes for the neighbours of these
+    /// A quantity that depends on the corners of neighbours, such as bending, changes for the neighbours of these
     /// triangles, too. An edit that was refused leaves the list empty.
     pub fn touched(&self) -> &[u32] {
         self.journal.touched()

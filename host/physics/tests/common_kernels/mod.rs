@@ -1,7 +1,7 @@
 //! Builds the elements and the node vectors of the realtime step from meshes.
 #![allow(dead_code)]
 
-use physics::element::tet4::Tet;
+use physics::element::tet::cell::Tet;
 use physics::material::law::Lame;
 use physics::mesh::{Cells, TetMesh};
 use physics::{Mat3, Node, Real, SolidMaterial, Vec3};
@@ -39,8 +39,8 @@ pub(crate) fn tets(mesh: &TetMesh) -> Vec<Tet> {
         let lame = Lame::new(material.young, material.poisson);
         Tet {
             nodes: *nodes,
-            gradients: [-(g[0] + g[1] + g[2]), g[0], g[1], g[2]],
-            volume: edges.determinant() / 6.0,
+            gradients: [g],
+            volumes: [edges.determinant() / 6.0],
             lambda: lame.lambda,
             mu: lame.mu,
         }

@@ -2,8 +2,11 @@
 
 use physics::Precision;
 use physics::element::bending;
-use physics::element::tet4::{self, Tet, Tets};
-use physics::element::tet10::{self, QuadraticTet, QuadraticTets};
+use physics::element::tet::cell::{QuadraticTet, Tet};
+use physics::element::tet::hooke::{
+    LINEAR_ENDS_FLOPS, POINT_ENERGY_FLOPS, POINT_LINEARIZE_FLOPS, POINT_PRODUCT_FLOPS,
+    QUADRATIC_ENDS_FLOPS, QuadraticTets, TURN_FLOPS, Tets,
+};
 use physics::element::triangle::triangles::{self, Triangle, Triangles};
 use physics::lanes::block::LANES;
 use physics::material::law::Frame;
@@ -15,6 +18,11 @@ use physics::{
 };
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+const LINEAR_LINEARIZE_FLOPS: usize = LINEAR_ENDS_FLOPS + POINT_LINEARIZE_FLOPS;
+const LINEAR_PRODUCT_FLOPS: usize = LINEAR_ENDS_FLOPS + POINT_PRODUCT_FLOPS;
+const QUADRATIC_LINEARIZE_FLOPS: usize = QUADRATIC_ENDS_FLOPS + 4 * POINT_LINEARIZE_FLOPS;
+const QUADRATIC_PRODUCT_FLOPS: usize = QUADRATIC_ENDS_FLOPS + 4 * POINT_PRODUCT_FLOPS;
 
 thread_local! {
     static OPERATIONS: Cell<usize> = const { Cell::new(0) };
@@ -133,20 +141,14 @@ fn fill(nodes: usize) -> usize {
 
 #[test]
 fn the_stated_operations_of_a_tetrahedron_are_the_counted_ones() {
-    let gradients = [
-        Vec3::repeat(-10.0),
-        Vec3::x() * 10.0,
-        Vec3::y() * 10.0,
-        Vec3::z() * 10.0,
-    ];
     let one = Tet {
         nodes: [0, 1, 2, 3],
-        gradients,
-        volume: 1e-3 / 6.0,
+        gradients: [[Vec3::x() * 10.0, Vec3::y() * 10.0, Vec3::z() * 10.0]],
+        volumes: [1e-3 / 6.0],
         lambda: 1e4,
         mu: 8e3,
     };
-    let mut tets = Tets::<Counted>::new([one; LANES].into_iter());
+    let mut tets = Tets::<Counted>::new(&[one; LANES]);
     let mut force = vec![[Counted(0.0); 4]; 4];
     let d = displaced(1.0);
     // The first pass finds the rotations. The second starts from these rotations and takes one Newton iteration for
@@ -154,7 +156,7 @@ fn the_stated_operations_of_a_tetrahedron_are_the_counted_ones() {
     for _ in 0..2 {
         tets.linearize(&d, &mut force);
     }
-    let expected = LANES * (tet4::LINEARIZE_FLOPS + fill(4) + 1);
+    let expected = LANES * (LINEAR_LINEARIZE_FLOPS + fill(4) + 1);
     let found = operations(|| {
         tets.linearize(&d, &mut force);
     });
@@ -166,16 +168,16 @@ fn the_stated_operations_of_a_tetrahedron_are_the_counted_ones() {
         tets.linearize(&displaced(3.0), &mut force);
     });
     assert!(found > expected);
-    assert_eq!((found - expected) % (LANES * tet4::TURN_FLOPS), 0);
+    assert_eq!((found - expected) % (LANES * TURN_FLOPS), 0);
 
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
-    assert_eq!(found, LANES * (tet4::PRODUCT_FLOPS + fill(4)));
+    assert_eq!(found, LANES * (LINEAR_PRODUCT_FLOPS + fill(4)));
 
     let mut fixed = tets.in_frame(Frame::Fixed);
     let found = operations(|| {
         fixed.linearize(&d, &mut force);
     });
-    let expected = tet4::PRODUCT_FLOPS + tet4::ENERGY_FLOPS + fill(4) + 1;
+    let expected = LINEAR_PRODUCT_FLOPS + POINT_ENERGY_FLOPS + fill(4) + 1;
     assert_eq!(found, LANES * expected);
 }
 
@@ -200,15 +202,15 @@ fn the_stated_operations_of_a_quadratic_tetrahedron_are_the_counted_ones() {
         tets.linearize(&d, &mut force);
     });
     // The energies are summed at the end.
-    assert_eq!(found, LANES * (tet10::LINEARIZE_FLOPS + fill(10) + 1));
+    assert_eq!(found, LANES * (QUADRATIC_LINEARIZE_FLOPS + fill(10) + 1));
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
-    assert_eq!(found, LANES * (tet10::PRODUCT_FLOPS + fill(10)));
+    assert_eq!(found, LANES * (QUADRATIC_PRODUCT_FLOPS + fill(10)));
 
     let mut fixed = tets.in_frame(Frame::Fixed);
     let found = operations(|| {
         fixed.linearize(&d, &mut force);
     });
-    let expected = tet10::PRODUCT_FLOPS + tet10::ENERGY_FLOPS + fill(10) + 1;
+    let expected = QUADRATIC_PRODUCT_FLOPS + 4 * POINT_ENERGY_FLOPS + fill(10) + 1;
     assert_eq!(found, LANES * expected);
 }
 
@@ -394,7 +396,7 @@ fn costs_are_those_of_the_data() {
     let single = Stepper::<f32>::new(&body, StepperOptions::default()).unwrap();
     let (elements, nodes) = (384, 125);
     let product = stepper.cost(Part::Product).unwrap();
-    assert_eq!(product.flops, elements * tet4::PRODUCT_FLOPS);
+    assert_eq!(product.flops, elements * LINEAR_PRODUCT_FLOPS);
     // An element has four node numbers and ten numbers of eight bytes; 384 elements fill twelve blocks. The pass also
     // reads the vector, and clears and writes the result.
     assert_eq!(product.read, elements * (16 + 80) + 2 * nodes * 32);
@@ -404,7 +406,7 @@ fn costs_are_those_of_the_data() {
     assert_eq!(half.read, elements * (16 + 40) + 2 * nodes * 16);
     assert_eq!(half.flops, product.flops);
     let linearize = stepper.cost(Part::Linearize).unwrap();
-    assert_eq!(linearize.flops, elements * tet4::LINEARIZE_FLOPS);
+    assert_eq!(linearize.flops, elements * LINEAR_LINEARIZE_FLOPS);
     // An element has its node numbers, nine gradients and a scale, four numbers of a quaternion, and the ratio of the
     // moduli.
     assert_eq!(linearize.read, elements * (16 + 8 * 15) + 2 * nodes * 32);

@@ -538,7 +538,7 @@ fn wrong_patterns_are_refused() {
             neighbour: 0
         }
     );
-    assert!(error.to_string().contains("move their pieces apart"));
+    assert!(error.to_string().contains("move their panels apart"));
 }
 
 /// A mesh with a pattern of two pieces whose sides at the seam differ in length, with random shapes inside.

@@ -319,25 +319,6 @@ fn the_solution_is_symmetric_and_linear() {
 }
 
 #[test]
-fn three_solves_at_once_are_three_solves_in_turn() {
-    for (name, body) in bodies() {
-        let factor = factor_of(&body, None);
-        let mut panels = Panels::new(&factor);
-        let mut random = Random(17);
-        let mut vector =
-            || -> Vec<f64> { (0..factor.unknowns()).map(|_| random.signed()).collect() };
-        let mut together = [(); 3].map(|()| padded(&vector()));
-        let mut in_turn = together.clone();
-        panels.solve_three(together.each_mut().map(Vec::as_mut_slice));
-        for r in &mut in_turn {
-            panels.solve(r);
-        }
-        // The sums have the same terms in the same order.
-        assert_eq!(together, in_turn, "{name}");
-    }
-}
-
-#[test]
 fn places_past_the_factor_are_unchanged_and_a_short_vector_is_unchanged() {
     let body = solid([6, 5, 7]);
     let factor = factor_of(&body, None);
@@ -481,7 +462,6 @@ fn nothing_is_allocated_after_construction() {
         let mut panels = Panels::new(&factor);
         let mut exact = right_side(factor.unknowns());
         let mut rough = padded(&exact);
-        let mut three = [rough.clone(), rough.clone(), rough.clone()];
         let made = count(|| drop(Panels::new(&factor)));
         assert_ne!(made, 0, "the counter counts");
         let found = count(|| {
@@ -491,7 +471,6 @@ fn nothing_is_allocated_after_construction() {
                     .unwrap();
                 panels.refresh(&factor).unwrap();
                 panels.solve(&mut rough);
-                panels.solve_three(three.each_mut().map(Vec::as_mut_slice));
                 factor.solve(&mut exact);
             }
         });

@@ -43,18 +43,6 @@ fn a_square_is_a_mesh_and_answers_for_itself() {
     assert_eq!(mesh.validate(), Ok(()));
     assert_eq!(mesh.group("low").unwrap().members, [0, 1]);
     assert_eq!(mesh.group("all"), None);
-    assert_eq!(mesh.triangle_group("all").unwrap().members, [0, 1]);
-    assert_eq!(mesh.triangle_group("low"), None);
-}
-
-#[test]
-fn a_box_contains_the_vertices_in_it_and_on_its_faces() {
-    let mesh = changed(|positions, _| positions[2].z = 0.5).unwrap();
-    let all = |min, max| mesh.vertices_in_box(min, max);
-    assert_eq!(all(Vec3::zeros(), Vec3::new(1.0, 1.0, 0.5)), [0, 1, 2, 3]);
-    assert_eq!(all(Vec3::zeros(), Vec3::new(1.0, 1.0, 0.4)), [0, 1, 3]);
-    assert_eq!(all(Vec3::new(0.5, 0.0, 0.0), Vec3::new(2.0, 0.0, 0.0)), [1]);
-    assert!(all(Vec3::new(1.0, 1.0, 1.0), Vec3::zeros()).is_empty());
 }
 
 #[test]

@@ -2,8 +2,9 @@
 //!
 //! A thread is cut at one of its bars. The bar becomes a law of this test between the two pieces.
 
+use alloc_count::calls::{are_counted, count};
 use physics::mesh::LineMesh;
-use physics::motion::joined::{self, At, Joints};
+use physics::motion::joined::{self, At, Joints, Workspace};
 use physics::{
     Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Mat3, Stepper, StepperOptions,
     ThreadMaterial, Vec3,
@@ -109,6 +110,7 @@ impl Joints for Spring {
 
 #[test]
 fn two_joined_bodies_move_as_one() {
+    assert!(are_counted());
     let mut whole = thread(0, 2 * HALF);
     let mut parts = [thread(0, HALF), thread(HALF, HALF)];
     let mut alone = stepper(&whole);
@@ -122,6 +124,7 @@ fn two_joined_bodies_move_as_one() {
     };
     let (mut moved, mut worst, mut missing, mut turnover) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     let before = whole.node_positions().to_vec();
+    let mut room = Workspace::default();
     for step in 0..300 {
         let angle = 0.03 * f64::from(step);
         let hand = HandlePose::at(Vec3::new(
@@ -138,9 +141,12 @@ fn two_joined_bodies_move_as_one() {
             steppers[i].constrain(&mut parts[i], targets[i]).unwrap();
             spring.begin(i, &parts[i], H);
         }
-        let lent = steppers.iter_mut();
-        let lent = lent.map(|stepper| stepper.equation().unwrap().unwrap());
-        joined::solve(lent.collect(), &spring, || false);
+        let mut lent = steppers
+            .each_mut()
+            .map(|stepper| stepper.equation().unwrap());
+        let calls = count(|| joined::solve(&mut lent, &spring, &mut room, || false));
+        // The first step makes the room.
+        assert!(calls == 0 || step == 0, "{step}: {calls}");
         for i in 0..2 {
             let report = steppers[i].finish(&mut parts[i], || false).unwrap();
             assert!(
@@ -175,4 +181,65 @@ fn an_equation_is_lent_after_constrain_only() {
     assert!(stepper.equation().is_err());
     stepper.predict(&body, H).unwrap();
     assert!(stepper.equation().is_err());
+}
+
+#[test]
+fn a_body_without_an_equation_is_felt_as_held() {
+    // The second piece is joined, but takes no step. The first one ends as a thread whose last vertex is tied to it.
+    let (mut free, mut still) = (thread(0, HALF), thread(HALF, HALF));
+    let mut stepper = stepper(&free);
+    let ends = [&free, &still].map(|body| body.node_positions().to_vec());
+    let mut spring = Spring {
+        rest: (ends[1][0] - ends[0][HALF as usize - 1]).norm(),
+        ends: [ends[0][HALF as usize - 1], ends[1][0]],
+        force: Vec3::zeros(),
+        stiffness: Mat3::zeros(),
+    };
+    let mut room = Workspace::default();
+    let hand = HandlePose::at(Vec3::zeros());
+    for _ in 0..12_000 {
+        stepper.predict(&free, H).unwrap();
+        stepper.constrain(&mut free, &[hand]).unwrap();
+        spring.begin(0, &free, H);
+        spring.begin(1, &still, H);
+        let mut lent = [stepper.equation().unwrap(), None];
+        joined::solve(&mut lent, &spring, &mut room, || false);
+        assert!(stepper.finish(&mut free, || false).unwrap().converged);
+    }
+    // The thread hangs between its hand and the still piece: the spring carries its part of the weight.
+    spring.begin(0, &free, H);
+    let speed = free
+        .node_velocities()
+        .iter()
+        .map(|v| v.norm())
+        .fold(0.0, f64::max);
+    assert!(speed < 1e-6, "{speed}");
+    assert!(
+        spring.force.z > 0.0 && spring.force.norm() > 1e-3,
+        "{}",
+        spring.force
+    );
+
+    // The second piece steps again, and hangs on the first one in the end.
+    let mut steppers = [stepper, self::stepper(&still)];
+    for _ in 0..24_000 {
+        for (i, body) in [&mut free, &mut still].into_iter().enumerate() {
+            steppers[i].predict(body, H).unwrap();
+            steppers[i].constrain(body, &[hand][i..]).unwrap();
+            spring.begin(i, body, H);
+        }
+        let mut lent = steppers
+            .each_mut()
+            .map(|stepper| stepper.equation().unwrap());
+        joined::solve(&mut lent, &spring, &mut room, || false);
+        assert!(steppers[0].finish(&mut free, || false).unwrap().converged);
+        assert!(steppers[1].finish(&mut still, || false).unwrap().converged);
+    }
+    let weight: f64 = still.node_masses().iter().sum::<f64>() * 9.81;
+    spring.begin(1, &still, H);
+    assert!(
+        (spring.force.norm() - weight).abs() < 1e-3 * weight,
+        "{} {weight}",
+        spring.force
+    );
 }

@@ -3,6 +3,9 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+#[global_allocator]
+static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
+
 mod beam;
 mod calculix;
 mod equilibrium;

@@ -2,8 +2,8 @@
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    AssembledStepper, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, SolidLaw,
-    SolidMaterial, StepError, Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, StepError,
+    Stepper, StepperOptions, Vec3,
 };
 
 const H: f64 = 2e-3;
@@ -98,20 +98,6 @@ fn four_calls_over_two_bodies_are_a_step_of_each() {
 }
 
 #[test]
-fn four_calls_of_the_assembled_step_are_the_step() {
-    let (mut one, mut other) = (bar(SolidLaw::Corotational), bar(SolidLaw::Corotational));
-    let mut stepper = AssembledStepper::default();
-    for step in 1..=20 {
-        let expected = one.step(H, &poses(step)).unwrap();
-        stepper.predict(&mut other, H).unwrap();
-        stepper.constrain(&mut other, &poses(step)).unwrap();
-        stepper.solve(&mut other).unwrap();
-        assert_eq!(stepper.finish(&mut other).unwrap(), expected);
-    }
-    assert!(bits(&one) == bits(&other));
-}
-
-#[test]
 fn calls_out_of_order_are_refused_and_move_nothing() {
     let mut body = bar(SolidLaw::Corotational);
     let before = bits(&body);
@@ -144,15 +130,5 @@ fn calls_out_of_order_are_refused_and_move_nothing() {
     other.release(1).unwrap();
     let finished = stepper.finish(&mut other, || false);
     assert_eq!(finished.map(|_| ()), missing("finish", "solve"));
-
-    let mut assembled = AssembledStepper::default();
-    assert_eq!(assembled.solve(&mut body), missing("solve", "constrain"));
-    assembled.predict(&mut body, H).unwrap();
-    let finished = assembled.finish(&mut body);
-    assert_eq!(finished.map(|_| ()), missing("finish", "solve"));
-    assert_eq!(
-        assembled.predict(&mut body, f64::NAN).is_err(),
-        stepper.predict(&body, 0.0).is_err()
-    );
     assert_eq!(bits(&body), before);
 }

@@ -7,6 +7,7 @@ use physics::{
     Alone, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Precision,
     Preconditioner, SolidLaw, SolidMaterial, Stepper, StepperOptions, Team, Vec3,
 };
+use std::sync::Arc;
 
 /// Does the second piece of work first.
 #[derive(Debug)]
@@ -71,14 +72,14 @@ fn cloth() -> Body {
 }
 
 /// The bits of the positions and of the force on the hand after some steps.
-fn bits<T: Precision>(body: &Body, kind: Preconditioner, team: &'static dyn Team) -> Vec<u64> {
+fn bits<T: Precision>(body: &Body, kind: Preconditioner, team: impl Team + 'static) -> Vec<u64> {
     let mut body = body.clone();
     let options = StepperOptions {
         preconditioner: kind,
         ..StepperOptions::default()
     };
     let mut stepper = Stepper::<T>::new(&body, options).unwrap();
-    stepper.team = team;
+    stepper.team = Arc::new(team);
     let mut poses = [
         HandlePose::at(Vec3::x() * -0.05),
         HandlePose::at(Vec3::x() * 0.05),
@@ -98,14 +99,14 @@ fn bits<T: Precision>(body: &Body, kind: Preconditioner, team: &'static dyn Team
 }
 
 fn same_for_all<T: Precision>(name: &str, body: &Body, kind: Preconditioner) {
-    let alone = bits::<T>(body, kind, &Alone);
-    assert_eq!(bits::<T>(body, kind, &Turned), alone, "{name}");
+    let alone = bits::<T>(body, kind, Alone);
+    assert_eq!(bits::<T>(body, kind, Turned), alone, "{name}");
     for threads in 2..=4 {
         let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads);
         let on_pool = pool
             .build()
             .unwrap()
-            .install(|| bits::<T>(body, kind, &Pool));
+            .install(|| bits::<T>(body, kind, Pool));
         assert_eq!(on_pool, alone, "{name}, {threads} threads");
     }
 }

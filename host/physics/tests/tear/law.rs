@@ -385,7 +385,7 @@ fn a_roll_of_the_sheet_changes_rate_and_path_little() {
         patch.measure(x, &RUBBER).unwrap();
         (patch.driving().rate(), patch.intensity())
     };
-    // Chords of the cells of 6 mm are shorter than arcs of a radius of 0.5 m by 6e-6, where the strains are 2e-2.
+    // Chords of the cells of 6 mm are shorter than arcs of a radius of 0.5 m by 6e-6; the strains are 2e-2.
     let rolled = |x: &Vec3| Vec3::new(0.5 * (x.x / 0.5).sin(), x.y, 0.5 * (x.x / 0.5).cos());
     let (a, b) = (
         measure(&x),
@@ -624,7 +624,7 @@ fn no_triangle_at_the_tip_is_preferred_in_a_sheet_bent_in_two_directions() {
     let (flat, tip, x) = strip(12, 0.2, 0.02, Vec3::zeros());
     let at = flat.mesh.positions[tip.vertex as usize];
     for (along, across) in [(2.0, 2.0), (2.0, -2.0)] {
-        // Radii of 0.25 m, where the patch reaches 0.03 m to each side.
+        // Radii of 0.25 m; the patch reaches 0.03 m to each side.
         let bent = |x: &Vec3| {
             let [dx, dy] = [x.x - at.x, x.y - at.y];
             Vec3::new(x.x, x.y, along * dx * dx + across * dy * dy)
@@ -638,7 +638,7 @@ fn no_triangle_at_the_tip_is_preferred_in_a_sheet_bent_in_two_directions() {
         println!("{found:?}");
         assert!(found.len() > 4);
         for mode in &found {
-            // The spins are found to 1e-8 rad, where the strains are 2e-2.
+            // The spins are found to 1e-8 rad; the strains are 2e-2.
             assert!((mode.k1 - found[0].k1).abs() < 1e-6 * found[0].k1);
             assert!((mode.k2 - found[0].k2).abs() < 1e-6 * found[0].k1);
         }

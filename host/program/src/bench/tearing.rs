@@ -48,7 +48,7 @@ enum PartName {
     Strength,
     /// The account of the energy of a tear
     Energy,
-    /// What tears do to a mesh
+    /// The effect of tears on a mesh
     Meshes,
     /// The force over a tear of the cloth scene
     Figure,

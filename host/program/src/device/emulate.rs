@@ -7,36 +7,23 @@ use super::super::signals::Ending;
 use super::super::{CommandError, load};
 use super::DeviceCommandError;
 use devices::DeviceFile;
-use devices::transport::Packets;
-use devices::woodenhaptics::report::LENGTH;
-use devices::woodenhaptics::{Form, Geometry};
 use emulator::uhid::Identity;
-use emulator::{Place, Served, serve};
+use emulator::{Attended, Place, Served};
 use host::run::simulated_hand;
 use host::scene::NamedDevice;
 use host::world::World;
-use rt_core::Device;
 use runner::schedule::realtime;
-use sim::emulate::firmware::{Firmware, Framing};
-use sim::emulate::{Emulator, WoodenHaptics};
+use sim::emulate::Framing;
 use sim::{Hand, SimDevice, Trajectory, Tremor};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 /// Period of the estimate of the velocity of the handle (s).
-const PERIOD_S: f64 = 1e-3;
-/// Period at which the emulated device is asked for its state, when no bytes come.
-const PERIOD: Duration = Duration::from_micros(500);
+const PERIOD: f64 = 1e-3;
 /// The numbers of an emulated HID device with the firmware protocol: those that pid.codes leaves for tests.
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;
 /// Priority of the emulated device under SCHED_FIFO, if allowed: below the threads that exchange with devices.
 const PRIORITY: u8 = 40;
-/// Time without bytes after which the next bytes are those of another host (ns). A host exchanges every 10 ms at least.
-const GONE_NS: u64 = 200_000_000;
-/// Time after the first bytes of a host at which the operator presses the button for calibration (ns).
-const PRESS_NS: u64 = 300_000_000;
 
 /// Arguments of `palpate device emulate`.
 #[derive(Clone, Debug, clap::Args)]
@@ -79,193 +66,13 @@ pub(super) struct EmulateArguments {
 
 /// The protocols that can be emulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum ProtocolName {
+enum ProtocolName {
     /// The firmware protocol of Palpate.
     Firmware,
     /// That of WoodenHaptics.
     Woodenhaptics,
     /// That of the Novint Falcon, on usb alone.
     Falcon,
-}
-
-impl ProtocolName {
-    /// How a scene connects to a device at a place.
-    pub(crate) fn connect(self, address: &str) -> String {
-        match (self, address.strip_prefix("hid:")) {
-            (Self::Firmware | Self::Falcon, _) => address.to_owned(),
-            // HID is the usual transport of this device, which is found by its numbers. Of several, each is named by its
-            // serial number.
-            (Self::Woodenhaptics, Some(numbers)) => match numbers.rsplit_once(':') {
-                Some((_, serial)) => format!("woodenhaptics:{serial}"),
-                None => "woodenhaptics".to_owned(),
-            },
-            (Self::Woodenhaptics, None) => format!("woodenhaptics:{address}"),
-        }
-    }
-}
-
-/// An emulated device of any protocol but that of the Falcon.
-pub(crate) enum Emulated {
-    Firmware(Box<Sessions>),
-    WoodenHaptics(Box<Operated>),
-}
-
-/// A device of the firmware protocol, whose hand may begin its motion anew with each session.
-pub(crate) struct Sessions {
-    device: Firmware,
-    moves: bool,
-    session: u32,
-}
-
-impl Emulator for Sessions {
-    fn receive(&mut self, bytes: &[u8], now_ns: u64) {
-        self.device.receive(bytes, now_ns);
-        if !self.moves {
-            return;
-        }
-        let session = self.device.session();
-        if std::mem::replace(&mut self.session, session) != session {
-            self.device.device_mut().hold_hand();
-        }
-        if self.device.is_commanded() {
-            self.device.device_mut().begin_hand();
-        }
-    }
-
-    fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize> {
-        self.device.send(now_ns, report)
-    }
-}
-
-impl Emulator for Emulated {
-    fn receive(&mut self, bytes: &[u8], now_ns: u64) {
-        match self {
-            Self::Firmware(device) => device.receive(bytes, now_ns),
-            Self::WoodenHaptics(device) => device.receive(bytes, now_ns),
-        }
-    }
-
-    fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize> {
-        match self {
-            Self::Firmware(device) => device.send(now_ns, report),
-            Self::WoodenHaptics(device) => device.send(now_ns, report),
-        }
-    }
-}
-
-impl Emulated {
-    /// The mechanism `device` with its protocol. `name` is the name that the device tells.
-    ///
-    /// # Errors
-    /// [`DeviceCommandError::NotEmulated`] for the protocol of the Falcon.
-    pub(crate) fn new(
-        device: SimDevice,
-        name: &str,
-        protocol: ProtocolName,
-        framing: Framing,
-    ) -> Result<Self, DeviceCommandError> {
-        let refused = |problem: String| DeviceCommandError::NotEmulated(problem);
-        match protocol {
-            ProtocolName::Firmware => Ok(Self::Firmware(Box::new(Sessions {
-                device: Firmware::new(device, name, framing),
-                moves: false,
-                session: 0,
-            }))),
-            ProtocolName::Woodenhaptics => {
-                let device = WoodenHaptics::new(device, &Geometry::default(), Form::Short);
-                Ok(Self::WoodenHaptics(Box::new(Operated {
-                    device: device.map_err(|error| refused(error.to_string()))?,
-                    first_ns: None,
-                    last_ns: 0,
-                    pressed: false,
-                    moves: false,
-                })))
-            }
-            ProtocolName::Falcon => Err(refused("a Falcon is emulated on usb alone".to_owned())),
-        }
-    }
-
-    /// Lets the hand begin its motion when a host commands the device, anew with each host.
-    fn moving(mut self) -> Self {
-        match &mut self {
-            Self::Firmware(device) => {
-                device.moves = true;
-                device.device.device_mut().hold_hand();
-            }
-            Self::WoodenHaptics(device) => {
-                device.moves = true;
-                device.device.device_mut().hold_hand();
-            }
-        }
-        self
-    }
-
-    /// The force that the motors hold (N).
-    pub(crate) fn force(&self) -> f64 {
-        let device = match self {
-            Self::Firmware(device) => device.device.device(),
-            Self::WoodenHaptics(device) => device.device.device(),
-        };
-        device.probe().map_or(0.0, |probe| probe.held.force.norm())
-    }
-
-    /// A new host has come.
-    fn begin(&mut self) {
-        if let Self::WoodenHaptics(device) = self {
-            device.begin();
-        }
-    }
-
-    /// Lets time pass without a host: a device does not wait for one to let go.
-    fn run(&mut self, now_ns: u64) {
-        match self {
-            Self::Firmware(device) => device.device.run(now_ns),
-            Self::WoodenHaptics(device) => device.device.run(now_ns),
-        }
-    }
-}
-
-/// A device with the operator who calibrates it, soon after a host has come.
-pub(crate) struct Operated {
-    device: WoodenHaptics,
-    first_ns: Option<u64>,
-    last_ns: u64,
-    pressed: bool,
-    /// Whether the hand has a motion of its own, which begins after the calibration.
-    moves: bool,
-}
-
-impl Operated {
-    /// A new host has come.
-    fn begin(&mut self) {
-        (self.first_ns, self.pressed) = (None, false);
-        if self.moves {
-            self.device.device_mut().hold_hand();
-        }
-    }
-}
-
-impl Emulator for Operated {
-    fn receive(&mut self, bytes: &[u8], now_ns: u64) {
-        // Hosts of a HID device follow each other without another sign.
-        if now_ns.saturating_sub(self.last_ns) > GONE_NS {
-            self.begin();
-        }
-        self.last_ns = now_ns;
-        let first = *self.first_ns.get_or_insert(now_ns);
-        if self.moves && self.pressed && !self.device.awaits_counters() {
-            self.device.device_mut().begin_hand();
-        }
-        if !self.pressed && now_ns.saturating_sub(first) >= PRESS_NS {
-            self.pressed = true;
-            self.device.press_calibration();
-        }
-        self.device.receive(bytes, now_ns);
-    }
-
-    fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize> {
-        self.device.send(now_ns, report)
-    }
 }
 
 /// The place that `--on` names, for a device that is called `model`.
@@ -332,7 +139,7 @@ impl Simulated {
             let tremor = Tremor::new(arguments.tremor, arguments.seed.unwrap_or(1));
             hand = hand.with_tremor(tremor.map_err(|error| refused(format!("--tremor: {error}")))?);
         }
-        let device = SimDevice::new(file.model, (!arguments.free).then_some(hand), PERIOD_S);
+        let device = SimDevice::new(file.model, (!arguments.free).then_some(hand), PERIOD);
         Ok(Self {
             device: device.map_err(|error| refused(error.to_string()))?,
             name,
@@ -363,7 +170,7 @@ impl Simulated {
         let seed = arguments.seed.unwrap_or(loaded.scene.seed);
         let (hand, start) = simulated_hand(&World::new(&loaded)?, index, seed)?;
         let moves = hand.is_some();
-        let device = SimDevice::new(loaded.models[index], hand, PERIOD_S)
+        let device = SimDevice::new(loaded.models[index], hand, PERIOD)
             .and_then(|device| device.starting_at(start));
         Ok(Self {
             device: device.map_err(|error| refused(error.to_string()))?,
@@ -372,52 +179,6 @@ impl Simulated {
             moves,
         })
     }
-}
-
-/// Serves a device at a place to one host after the other, until `stop`. `packets`: the place gives a stream of bytes, and
-/// the protocol has packets of one length. `see` is given the device after each arrival of bytes (true), and from time to
-/// time (false).
-///
-/// # Errors
-/// The transport cannot wait for a host; if the place gives reports (`reports`), also the end of the transport.
-pub(crate) fn serve_at(
-    emulated: &mut Emulated,
-    place: &mut Place,
-    (packets, reports): (bool, bool),
-    stop: &AtomicBool,
-    served: &mut Served,
-    see: &mut dyn FnMut(&Emulated, bool),
-) -> Result<(), DeviceCommandError> {
-    let start = Instant::now();
-    let now_ns = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-    while !stop.load(Ordering::Relaxed) {
-        let host = place.host(PERIOD).map_err(DeviceCommandError::Host)?;
-        let Some(mut transport) = host else {
-            emulated.run(now_ns());
-            see(emulated, false);
-            continue;
-        };
-        emulated.begin();
-        let mut shifted = Later {
-            device: emulated,
-            by_ns: now_ns(),
-            see,
-        };
-        // A host that goes away ends its connection, and the next may come.
-        let ended = if packets {
-            let mut packets = Packets::new(&mut *transport, LENGTH);
-            serve(&mut shifted, &mut packets, PERIOD, stop, served)
-        } else {
-            serve(&mut shifted, &mut *transport, PERIOD, stop, served)
-        };
-        drop(transport);
-        if let Err(number) = ended
-            && reports
-        {
-            return Err(DeviceCommandError::Ended(number));
-        }
-    }
-    Ok(())
 }
 
 pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
@@ -448,29 +209,26 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
         moves,
         ..
     } = simulated;
-    let mut emulated = Emulated::new(device, &name, protocol, framing)?;
+    let mut emulated = match protocol {
+        ProtocolName::Woodenhaptics => Attended::woodenhaptics(device, framing)
+            .map_err(|error| DeviceCommandError::NotEmulated(error.to_string()))?,
+        _ => Attended::firmware(device, &name, framing),
+    };
     if moves {
         emulated = emulated.moving();
     }
     let mut place = place(arguments, &name, protocol)?;
-    outln!("connect = \"{}\"", protocol.connect(&place.connection()));
+    outln!("connect = \"{}\"", emulated.connection(&place));
     errln!("emulating {name} until Ctrl-C");
     // The device stands for hardware, which no other program delays. A refusal makes it as late as any program.
     let _ = realtime(PRIORITY);
     let mut served = Served::default();
-    let reports = arguments.has_reports();
-    let packets = protocol == ProtocolName::Woodenhaptics && !reports;
-    serve_at(
-        &mut emulated,
-        &mut place,
-        (packets, reports),
-        &ending.stop().flag(),
-        &mut served,
-        &mut |_, _| (),
-    )?;
+    let stop = ending.stop().flag();
+    let unseen = &mut |_: &Attended, _| ();
+    let ended = emulated.serve(&mut place, &stop, &mut served, unseen);
+    ended.map_err(DeviceCommandError::from)?;
     report(&served);
-    if let Emulated::Firmware(device) = &emulated {
-        let device = &device.device;
+    if let Some(device) = emulated.as_firmware() {
         errln!(
             "the watchdog let go {} time{}, at most {:.2} ms after the last wrench",
             device.counters().watchdog,
@@ -493,24 +251,4 @@ fn report(served: &Served) {
         served.sent,
         served.refused
     );
-}
-
-/// An emulator whose time begins later: one device lives on over several connections.
-struct Later<'a> {
-    device: &'a mut Emulated,
-    by_ns: u64,
-    see: &'a mut dyn FnMut(&Emulated, bool),
-}
-
-impl Emulator for Later<'_> {
-    fn receive(&mut self, bytes: &[u8], now_ns: u64) {
-        self.device
-            .receive(bytes, now_ns.saturating_add(self.by_ns));
-        (self.see)(self.device, true);
-    }
-    fn send(&mut self, now_ns: u64, report: &mut [u8; 64]) -> Option<usize> {
-        let sent = self.device.send(now_ns.saturating_add(self.by_ns), report);
-        (self.see)(self.device, false);
-        sent
-    }
 }

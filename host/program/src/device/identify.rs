@@ -60,7 +60,7 @@ struct IdentifiedJson {
     damping: [f64; 3],
     /// Coulomb friction, with the ends of its 95 % interval (N).
     friction: [f64; 3],
-    /// Time from the command of a force to its rendering, with the delay of the readings (s); `None` where the motion does
+    /// Time from the command of a force to its rendering, with the delay of the readings (s); `None` if the motion does
     /// not tell it.
     delay: Option<f64>,
 }

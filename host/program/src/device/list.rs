@@ -34,7 +34,7 @@ struct ListedDevice {
     connect: String,
     /// Name of the device, as it states it.
     name: String,
-    /// Serial number; empty where the device states none.
+    /// Serial number; empty if the device states none.
     serial: String,
     /// The port of USB, which stays when the device is plugged in again; empty for a device on another bus.
     port: String,
@@ -42,7 +42,7 @@ struct ListedDevice {
     file: String,
     /// Whether the device is behind a hub, which it shares with other devices.
     behind_hub: bool,
-    /// Why the device cannot be opened; `None` where it can.
+    /// Why the device cannot be opened; `None` if it can.
     trouble: Option<String>,
 }
 

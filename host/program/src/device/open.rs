@@ -19,7 +19,7 @@ pub(super) struct Opened {
     pub(super) device: AnyDevice,
     /// Its profile.
     pub(super) file: DeviceFile,
-    /// What it says that it is.
+    /// The identity that the device states.
     pub(super) identity: Option<Identity>,
 }
 

@@ -105,7 +105,7 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
     }
     drop(device);
     bar.finish_and_clear();
-    print(&probed);
+    out!("{}", probed.words());
     if let Some(path) = &arguments.json {
         write_json(path, &probed)?;
     }
@@ -119,7 +119,7 @@ pub(super) fn run(arguments: &ProbeArguments) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Moves the device by pulses of force, until the end or until `stop` is requested. `None` where it was.
+/// Moves the device by pulses of force, until the end or until `stop` is requested. `None` if the end came first.
 fn pulses(
     device: &mut dyn Device,
     model: &DeviceModel,
@@ -143,91 +143,4 @@ fn pulses(
         }
     }
     pulses.result()
-}
-
-fn print(probed: &Probed) {
-    outln!("{}: {} ticks without force", probed.connect, probed.ticks);
-    let line = |title: &str, text: String| outln!("  {title:<10} {text}");
-    let device = &probed.device;
-    let stated = device.name.as_deref().map_or_else(
-        || "states no name".to_owned(),
-        |name| format!("calls itself {name:?}"),
-    );
-    let firmware = device.firmware.as_deref().unwrap_or("not stated");
-    line(
-        "device",
-        format!("{stated}, firmware {firmware}; profile {}", device.profile),
-    );
-    let moment = match device.max_moment {
-        0.0 => String::new(),
-        moment => format!(" and {moment:.3} N m"),
-    };
-    line(
-        "limits",
-        format!(
-            "{:.2} N{moment}; workspace of {:.0} mm about the middle",
-            device.max_force,
-            1e3 * device.workspace_radius
-        ),
-    );
-    line(
-        "states",
-        format!(
-            "read {:.1} times a second, at {:.0} ticks a second (the profile: {:.0} states a second)",
-            probed.rate, probed.tick_rate, device.profile_rate
-        ),
-    );
-    line(
-        "ticks",
-        format!(
-            "{} with a state, {} without, {} with an error; at most {} in a row without a state",
-            probed.states, probed.missing, probed.errors, probed.longest_silence
-        ),
-    );
-    if let Some(error) = &probed.last_error {
-        line("error", error.clone());
-    }
-    if let Some(interval) = probed.interval {
-        line(
-            "interval",
-            format!(
-                "median {:.3} ms, 99 % {:.3}, longest {:.3} (clock of the device)",
-                1e3 * interval.median,
-                1e3 * interval.p99,
-                1e3 * interval.longest
-            ),
-        );
-    }
-    if let Some(step) = probed.step {
-        line(
-            "step",
-            format!(
-                "{:.4} mm, the smallest displacement between two states",
-                1e3 * step
-            ),
-        );
-    }
-    if let Some(span) = probed.span {
-        let [x, y, z] = span.map(|length| 1e3 * length);
-        line("moved", format!("{x:.2} x {y:.2} x {z:.2} mm"));
-    }
-    if let Some(motion) = &probed.motion {
-        let [least, median, most] = motion.first_motion.map(|time| 1e3 * time);
-        line(
-            "motion",
-            format!(
-                "first seen {median:.1} ms after a force of {:.2} N ({least:.1} to {most:.1}, {} pulses)",
-                motion.force, motion.pulses
-            ),
-        );
-        line(
-            "delay",
-            format!(
-                "{:.1} ms, up to {:.1} ms either way (without the motion itself, by the mass of the profile)",
-                1e3 * motion.delay,
-                1e3 * motion.bound
-            ),
-        );
-    }
-    line("verdict", probed.verdict());
 }

@@ -1,16 +1,12 @@
 //! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind.
 
-use super::scene::{cell, log, write_scene};
-use super::{CommandError, Common, Declared, Format, Values, Written, judged, number, scheme_of};
+use super::scene::{show, write_scene};
+use super::{CommandError, Common, Declared, Format, Values, judged, number, scheme_of};
 use crate::{build, progress_bar};
-use host::atomic_file::write_atomically;
-use host::plot::write_picture;
 use host::scene::spec::SchemeName;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use study::stress::hold::verdict::{Failure, failures};
 use study::stress::hold::{Holds, SCHEMES, Study, holds, judge};
-use study::stress::scene::picture;
 
 /// Arguments of `palpate stress hold`.
 #[derive(Clone, Debug, clap::Args)]
@@ -81,57 +77,6 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
     if let Some(path) = &arguments.write {
         write_scene(path, &study.written(cell, wanted)?)?;
     }
-    // The verdict compares with `linear`.
-    let mut schemes: Vec<_> = SCHEMES.into_iter().collect();
-    schemes.retain(|(name, _)| *name == wanted || *name == SchemeName::Linear);
-    schemes.sort_by_key(|(name, _)| *name != wanted);
-    let names: Vec<_> = schemes.iter().map(|(scheme, _)| *scheme).collect();
-    let traces = study.traces(cell, &names)?;
-    let result = study.result(cell, &traces, &schemes);
-    let title = match (&result.draw, &result.case) {
-        (Some(draw), _) => {
-            cell::print_specimen(cell, arguments.common.cells.seed, draw);
-            format!(
-                "Cell {cell}: {}, {}",
-                draw.kind.name(),
-                draw.hands[0].device
-            )
-        }
-        (None, case) => {
-            let title = format!("Cell {cell}: {}", case.as_deref().unwrap_or_default());
-            outln!("{title}");
-            title
-        }
-    };
-    if let (Some(run), Some((_, scheme))) = (traces.runs.first(), schemes.first()) {
-        let outcome = &result.schemes[*scheme];
-        let failed: Vec<_> = failures(&result, scheme)
-            .into_iter()
-            .map(Failure::name)
-            .collect();
-        let verdict = if failed.is_empty() {
-            "within all limits".to_owned()
-        } else {
-            format!("beyond the limits of {}", failed.join(", "))
-        };
-        cell::print_outcome(&format!("{scheme}: {verdict}"), outcome, &traces.reference);
-        outln!("  one count  changes the force by {:.3} N", traces.count);
-        let mut written = Written::default();
-        written.write(arguments.common.plot.as_ref(), |path| {
-            let subtitle = format!(
-                "\"{scheme}\": hold error {:.1} %, run error {:.1} % of the peak, ripple {:.3} N, capped {:.1} %",
-                100.0 * outcome.force_errors.hold_error,
-                100.0 * outcome.force_errors.run_error,
-                outcome.force_errors.worst_ripple,
-                100.0 * outcome.capped
-            );
-            let svg = picture::cell(&title, &subtitle, run, &traces.reference);
-            write_picture(path, &svg)
-        });
-        written.write(arguments.log.as_ref(), |path| {
-            write_atomically(path, log(run, &traces.reference).as_bytes())
-        });
-        written.end()?;
-    }
-    Ok(())
+    let files = [&arguments.common.plot, &arguments.log];
+    show(&study.again(cell, wanted)?, files)
 }

@@ -1,7 +1,6 @@
 //! `palpate stress`: studies to run before a person touches a device. They run in virtual time, on all cores and in
 //! shards.
 
-mod endings;
 mod faults;
 mod hold;
 mod scene;
@@ -21,7 +20,7 @@ use std::num::NonZero;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use study::stress::jobs::{Cells, JobError, Options, Progress, Shard};
-use study::stress::{self, Verdict, connections};
+use study::stress::{self, Verdict, connections, endings};
 
 /// Arguments of `palpate stress`.
 #[derive(Clone, Debug, clap::Args)]
@@ -162,7 +161,9 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
         Study::Connections(asked) => asked.run(connections::RUNS, |seed, runs| {
             connections::Study { seed, runs }
         }),
-        Study::Endings(asked) => endings::run(asked),
+        Study::Endings(asked) => asked.run(endings::RUNS, |seed, runs| {
+            endings::Study::new(seed, runs, asked.quick)
+        }),
         Study::Hold(arguments) => hold::run(arguments),
         Study::Scene(arguments) => scene::run(arguments),
         Study::Seeds(arguments) => seeds::run(arguments),

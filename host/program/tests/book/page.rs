@@ -408,7 +408,7 @@ fn cargo(line: &str) -> Result<(), String> {
         "rt_core",
         "rt_core/runner",
         "sim",
-        "sim/emulator",
+        "tests/qemu_board",
         "tests",
     ];
     for pair in words.windows(2) {

@@ -1,5 +1,4 @@
 //! What a run that was killed leaves in the folder of its frames, and what the next run makes of it.
-#![cfg(unix)]
 
 use std::collections::BTreeSet;
 use std::error::Error;

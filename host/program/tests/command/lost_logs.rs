@@ -1,5 +1,4 @@
 //! The remaining part of a log after its process was killed, or after its disk was full.
-#![cfg(unix)]
 
 use host::log::Log;
 use host::run::replay::{replay, scene_of};

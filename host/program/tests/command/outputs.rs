@@ -1,5 +1,4 @@
 //! No output destroys a file: what the program refuses before its work, and how it ends when it cannot write or print.
-#![cfg(unix)]
 
 use std::error::Error;
 use std::fs::{self, File};

@@ -139,11 +139,11 @@ fn walls_and_faults_are_studied_on_a_device_of_the_users_own() {
 }
 
 #[test]
-fn worlds_of_one_rate_and_trouble_print_warnings_of_their_scene() {
+fn trials_of_one_rate_and_trouble_print_warnings_of_their_scene() {
     let folder = tempfile::tempdir().unwrap();
     write_files(folder.path());
-    let worlds = "--schemes linear --rate 90 --trouble stalls,losses --runs 2 --json s.jsonl";
-    let output = palpate(folder.path(), &format!("stress scene scene.toml {worlds}"));
+    let trials = "--schemes linear --rate 90 --trouble stalls,losses --runs 2 --json s.jsonl";
+    let output = palpate(folder.path(), &format!("stress scene scene.toml {trials}"));
     let (shown, said) = (text(output.stdout), text(output.stderr));
     assert_eq!(output.status.code(), Some(0), "{said}");
     // The strip is mounted: the study turns its forces into the axes of the device.

@@ -1,10 +1,10 @@
-//! `palpate stress scene` resumes, and prints one complete world.
+//! `palpate stress scene` resumes, and prints one complete trial.
 
 use std::path::Path;
 use std::process::Command;
 
 #[test]
-fn the_program_resumes_and_shows_one_world_whole() {
+fn the_program_resumes_and_shows_one_trial_whole() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/stress/sheet.toml");
     let [json, plot, log] = ["cells.jsonl", "cell.svg", "cell.csv"].map(|n| folder.path().join(n));
@@ -24,10 +24,10 @@ fn the_program_resumes_and_shows_one_world_whole() {
     };
     let two = ["--runs", "2", "--schemes", "linear,capped"];
     let first = palpate(&two, &[("--json", &json)]);
-    let passed = "passive, bounded and true to the body under capped: all 2 worlds\n";
+    let passed = "passive, bounded and true to the body under capped: all 2 trials\n";
     assert!(first.starts_with(passed), "{first}");
     assert!(first.contains("| all | capped | 2 | 100.0 |"), "{first}");
-    // Two worlds have no quantiles.
+    // Two trials have no quantiles.
     let errors = first.lines().filter(|line| line.starts_with("| all |"));
     assert!(errors.clone().all(|line| line.contains("most")), "{first}");
     assert_eq!(errors.count(), 4, "{first}");
@@ -42,7 +42,7 @@ fn the_program_resumes_and_shows_one_world_whole() {
         &["--cell", "1", "--scheme", "linear"],
         &[("--plot", &plot), ("--log", &log)],
     );
-    assert!(shown.starts_with("world 1 of seed 1\n"), "{shown}");
+    assert!(shown.starts_with("trial 1 of seed 1\n"), "{shown}");
     assert!(
         shown.contains("\nlinear: passive, bounded, true to the body"),
         "{shown}"
@@ -56,7 +56,7 @@ fn the_program_resumes_and_shows_one_world_whole() {
 }
 
 #[test]
-fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
+fn without_a_scene_file_each_trial_draws_its_body_and_can_be_written() {
     let folder = tempfile::tempdir().expect("a folder");
     let written = folder.path().join("cell.toml");
     let palpate = |arguments: &[&str]| {
@@ -70,8 +70,8 @@ fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
         (text(output.stdout), text(output.stderr))
     };
     let file = written.to_str().expect("a path");
-    let world = ["stress", "scene", "--trouble", "stalls", "--cell", "1"];
-    let (shown, told) = palpate(&[&world[..], &["--write", file]].concat());
+    let trial = ["stress", "scene", "--trouble", "stalls", "--cell", "1"];
+    let (shown, told) = palpate(&[&trial[..], &["--write", file]].concat());
     assert!(shown.contains("\ncapped: "), "{shown}");
     // The stalls are those of the option that is told.
     assert!(
@@ -92,5 +92,5 @@ fn without_a_scene_file_each_world_draws_its_body_and_can_be_written() {
         "nothing",
     ];
     let (table, _) = palpate(&[&["stress", "scene"], &two[..]].concat());
-    assert!(table.contains("\ndrawn bodies: 1 worlds"), "{table}");
+    assert!(table.contains("\ndrawn bodies: 1 trials"), "{table}");
 }

@@ -1,6 +1,5 @@
 //! `palpate run --csv, --force-displacement, --vtu` and `palpate solve --csv, --force-displacement`: files, messages and
 //! exit codes.
-#![cfg(unix)]
 
 use crate::solve_support;
 

@@ -16,7 +16,7 @@ fn scene(young: &str, hand: &str) -> String {
     )
 }
 
-/// Runs `palpate` with `arguments` in `folder`, where `scene` is the file `scene.toml`.
+/// Runs `palpate` with `arguments` in `folder`, in which `scene` is the file `scene.toml`.
 fn palpate(folder: &Path, scene: &str, arguments: &[&str]) -> Output {
     fs::write(folder.join("scene.toml"), scene).unwrap();
     Command::new(env!("CARGO_BIN_EXE_palpate"))

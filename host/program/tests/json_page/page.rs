@@ -31,8 +31,7 @@ const HEAD: &str = "\
 <!-- Generated from the sources by `PALPATE_RENEW=1 cargo test --release -p palpate --test json_page`. Do not edit. -->
 
 `--json FILE` writes what a command prints, and more, for programs. This page lists every field, with the unit of every
-number that has one. [The report](../report/src/files.md) lists the files of the studies (`palpate compare`, `sweep`, `bench` and
-`stress`).
+number that has one. [The report](../report/src/files.md) lists the files of the studies (`palpate sweep`, `bench` and `stress`).
 
 The field `schema` names the layout: its number changes when the meaning of a field changes. New fields may
 be added without a change of the number, so a program should ignore fields that it does not know. A number that is not

@@ -24,7 +24,7 @@ pub struct Body {
     /// The material of the body.
     #[serde(deserialize_with = "check::table")]
     pub material: Material,
-    /// Parts of another material. Where regions overlap, the last one applies.
+    /// Parts of another material. If regions overlap, the last one applies.
     #[serde(default, rename = "region", deserialize_with = "check::tables")]
     pub regions: Vec<Region>,
     /// Rayleigh damping.
@@ -200,7 +200,7 @@ pub struct Handle {
     pub border: BorderName,
 }
 
-/// What a handle or a support does with the border of a sheet that bends.
+/// The effect of a handle or a support on the border of a sheet that bends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BorderName {

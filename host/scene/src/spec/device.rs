@@ -39,7 +39,7 @@ pub struct Device {
     /// Limit on the slew of the force (N/s), for a device that needs one.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_slew: Option<f64>,
-    /// The force that the motors bear for ever (N): the limit on the root of the mean square of the force. Default: no
+    /// The force that the motors can hold without an end (N): the limit on the root mean square of the force. Default: no
     /// limit.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub continuous_force: Option<f64>,
@@ -71,11 +71,11 @@ pub struct Device {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Engage {
-    /// What arms the device. Default: a simulated device without `arm_button` is armed at the start; any other device
+    /// The way in which the device is armed. Default: a simulated device without `arm_button` is armed at the start; any other device
     /// waits for an order.
     #[serde(deserialize_with = "check::optional_word")]
     pub arm: Option<ArmName>,
-    /// The button that arms the device, beside the order.
+    /// The button that arms the device, in addition to the order.
     #[serde(deserialize_with = "check::optional_button")]
     pub arm_button: Option<usize>,
     /// The button that the hand holds while the device renders force.
@@ -90,7 +90,7 @@ pub struct Engage {
     pub ramp: Option<f64>,
 }
 
-/// What arms a device.
+/// The way in which a device is armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ArmName {

@@ -10,7 +10,7 @@ use serde::Deserialize;
 pub struct Mesh {
     /// A generator or a file.
     pub source: MeshSource,
-    /// Files only: metres per unit of the file, by which every coordinate is multiplied.
+    /// Files only: metres per unit of the file. Every coordinate is multiplied by this number.
     pub scale: Option<f64>,
     /// Files only: the distance within which doubled vertices are merged (m), after the scale.
     pub merge: Option<f64>,

@@ -63,7 +63,7 @@ impl Tear {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TearLawName {
-    /// A tear grows where it releases `toughness` of energy per area, in the direction of the largest hoop stress.
+    /// A tear grows if it releases `toughness` of energy per area, in the direction of the largest hoop stress.
     #[default]
     Toughness,
     /// A tear grows where the principal stress at a vertex exceeds `strength` (thesis, chapter 4).
@@ -93,7 +93,7 @@ pub struct Notch {
     /// How many equal cuts there are: a perforation has many.
     #[serde(default = "one", deserialize_with = "check::cuts")]
     pub count: usize,
-    /// From each cut of the row to the next one (m).
+    /// The step from each cut of the row to the next one (m).
     #[serde(default, deserialize_with = "check::optional_finite3")]
     pub step: Option<[f64; 3]>,
 }

@@ -9,7 +9,7 @@ use crate::engine::background::Background;
 use crate::engine::change::{ChangeError, Edit, Made, Rebuild};
 use crate::engine::hands::{Joining, Regrip};
 use crate::engine::stats::StepFault;
-use physics::HandlePose;
+use physics::{BodyMap, HandlePose};
 use rt_core::{MAX_DEVICES, Pose};
 
 impl HostBody {
@@ -54,11 +54,15 @@ impl HostBody {
         Ok(())
     }
 
-    /// Lands the change that is under way, if its solver is ready. Returns whether it has landed.
+    /// Lands the change that is under way, if its solver is ready. Returns whether it has landed. If the mesh of the body
+    /// has been replaced, `follow` is called with the map from the new body to the old one.
     ///
     /// # Errors
     /// [`StepFault`] for a change that cannot be made. The change is over then, and the body continues as it was.
-    pub(in crate::engine) fn land(&mut self) -> Result<bool, StepFault> {
+    pub(in crate::engine) fn land(
+        &mut self,
+        follow: &mut dyn FnMut(&BodyMap),
+    ) -> Result<bool, StepFault> {
         if self.joining.is_none() {
             return Ok(false);
         }
@@ -80,6 +84,9 @@ impl HostBody {
             return Err(ChangeError::Lost.into());
         };
         let spent = self.continue_as(made?, &joining)?;
+        if spent.replaced {
+            follow(&spent.map);
+        }
         rebuild.keep(spent);
         if let Some(background) = &mut self.background {
             background.drop(rebuild);
@@ -127,7 +134,7 @@ impl HostBody {
         self.hands.regrip(hands);
         Ok(Made {
             body: core::mem::replace(&mut stepping.body, body),
-            solver: core::mem::replace(&mut stepping.solver, solver),
+            solver: stepping.solver.replace(solver),
             map,
             replaced,
             hands: made_hands,

@@ -10,7 +10,7 @@ pub use stages::{Stage, in_words, stages};
 
 use super::choice::{Choice, choose};
 use super::stiff::Renderable;
-use super::virtual_coupling::Link;
+use super::virtual_coupling::Spring;
 use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName, Starts, TearLawName};
 use crate::world::{self, Grasp, Kind, TearSpec, World};
@@ -45,11 +45,11 @@ pub struct BodyPlan {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
-    /// The time over which models foresee the response of the body to its hands (s): the horizon, or the memory of the
-    /// filter on the paths of the handles where that is longer.
+    /// The time over which models predict the response of the body to its hands (s): the horizon, or the memory of the
+    /// filter on the paths of the handles if that is longer.
     pub response: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
-    pub links: Option<Vec<Link>>,
+    pub links: Option<Vec<Spring>>,
     /// What each device of the scene can render of the body; empty under schemes that bound no stiffness.
     #[serde(skip)]
     pub renderable: Vec<Renderable>,
@@ -97,7 +97,7 @@ impl BodyPlan {
         // A publication keeps the host busy, so the next comes with the first step after its latency.
         let busy = (host.latency * host.step_rate - 1e-9).ceil() / host.step_rate;
         let period = (1.0 / host.publish_rate).max(busy);
-        // The newest record of a hand is a tick old when a model is made of it. That tick matters where a model serves for a
+        // The newest record of a hand is a tick old when a model is made of it. That tick matters if a model serves for a
         // few ticks; models that serve for long are as good without it, and quieter.
         let tick = 1.0 / scene.realtime.rate;
         let serves = period + host.latency;
@@ -147,16 +147,16 @@ pub fn publishes_energy(scene: &Scene) -> bool {
 
 /// The link between the device and the proxy of each handle: with the scene's parameters, or with those that the
 /// device's driver recommends.
-pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
+pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Spring> {
     let scene = &loaded.scene;
     let each = world::grasps(scene, body).into_iter().map(|grasp| {
         let index = grasp.device;
         let device = &scene.devices[index];
-        let recommended = Link::recommended(&loaded.models[index]);
+        let recommended = Spring::recommended(&loaded.models[index]);
         // A metre of the scene is `1 / motion_scale` metres of the device. Forces scale inversely.
         let scale = device.motion_scale * device.motion_scale;
         let realtime = &scene.realtime;
-        Link {
+        Spring {
             stiffness: realtime
                 .proxy_stiffness
                 .unwrap_or(recommended.stiffness / scale),
@@ -173,7 +173,7 @@ pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
 const CALM: f64 = 0.2;
 
 /// What each device of the scene can render of one body, in the units of the scene: the stiffness `2 f_c / delta`, or
-/// `2 b / T` in ticks of `T` where that is more ([`super::stiff`]), and the damping. The bodies that a device holds share
+/// `2 b / T` in ticks of `T` if that is more ([`super::stiff`]), and the damping. The bodies that a device holds share
 /// them. A device whose friction and damping are not known has no limit of the stiffness.
 pub fn renderable(loaded: &LoadedScene) -> Vec<Renderable> {
     let scene = &loaded.scene;

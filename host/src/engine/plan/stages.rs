@@ -159,7 +159,7 @@ fn solve(scene: &Scene, bodies: &[BodyPlan]) -> String {
     )
 }
 
-/// The plans of the bodies that tear, with the names of the bodies where the scene has several.
+/// The plans of the bodies that tear, with the names of the bodies if the scene has several.
 fn torn(bodies: &[BodyPlan]) -> impl Iterator<Item = (String, &TearPlan)> {
     let named = |body: &BodyPlan| match bodies {
         [_] => String::new(),

@@ -27,7 +27,7 @@ fn springs() -> SeriesSprings {
     SeriesSprings::of(&[0, 1], &LIMITS).expect("devices with limits")
 }
 
-/// The limits by motion; a large one where there is none.
+/// The limits by motion; a large one if there is none.
 fn limits() -> Vector {
     Vector::from_fn(|slot, _| {
         let limit = LIMITS[slot / 6];

@@ -1,18 +1,18 @@
 //! Tests of springs in series against known results.
 
-use super::{Link, VirtualCoupling};
+use super::{Spring, VirtualCoupling};
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
 use rt_core::local_model::{Deviation, PairBlocks};
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Twist, Vec3, Vec6, Wrench};
 
-const LINK: Link = Link {
+const LINK: Spring = Spring {
     stiffness: 3000.0,
     damping: 20.0,
 };
 const LENGTH: f64 = 0.05;
 const SIZE: usize = 6 * MAX_HANDLES;
 
-/// A matrix over all handles; zero where there is no handle.
+/// A matrix over all handles; zero if there is no handle.
 type Whole = SMatrix<f64, SIZE, SIZE>;
 type Stacked = SVector<f64, SIZE>;
 
@@ -63,7 +63,7 @@ fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
     model
 }
 
-fn through(model: &LocalModel, link: Link) -> LocalModel {
+fn through(model: &LocalModel, link: Spring) -> LocalModel {
     let mut coupling = VirtualCoupling::new(vec![link; usize::from(model.head.handle_count)]);
     coupling.set_length(LENGTH);
     *coupling.through(model)
@@ -78,7 +78,7 @@ fn stacked(model: &LocalModel, of: impl Fn(&HandleReference) -> Vec6) -> Stacked
 }
 
 /// The springs' stiffness in a body's coordinates.
-fn springs(link: Link) -> Whole {
+fn springs(link: Spring) -> Whole {
     let each = |c, _| link.stiffness * if c % 6 < 3 { 1.0 } else { LENGTH * LENGTH };
     Whole::from_diagonal(&Stacked::from_fn(each))
 }
@@ -101,7 +101,7 @@ fn a_spring_before_a_spring_is_both_in_series() {
     near(coupled.stiffness[0][0][(0, 0)], 750.0);
     near(coupled.damping[0][0][(0, 0)], 4.0 * 0.5625 + 20.0 * 0.0625);
     near(coupled.handles[0].wrench.force.x, -1.5);
-    // Where the body does not resist, the proxy coincides with the device.
+    // If the body does not resist, the proxy coincides with the device.
     assert_eq!(coupled.handles[0].wrench.force.y, 0.5);
     assert_eq!(coupled.stiffness[0][0][(1, 1)], 0.0);
     assert_eq!(coupled.damping[0][0][(1, 1)], 0.0);
@@ -182,7 +182,7 @@ fn stiff_springs_leave_the_body_as_it_is() {
     let model = model(2, 12, 1e4);
     let body = whole(&model.stiffness);
     let error = |stiffness: f64| {
-        let link = Link {
+        let link = Spring {
             stiffness,
             damping: 20.0,
         };

@@ -17,7 +17,7 @@ pub struct TickView<'a> {
     pub lateness_ns: u64,
     /// The devices, in the scene's order.
     pub devices: &'a [DeviceTelemetry],
-    /// Where each device is (m, device axes); `None` where it gave no state that is believed.
+    /// Where each device is (m, device axes); `None` if it gave no state that is believed.
     pub places: [Option<Vec3>; MAX_DEVICES],
     /// The bodies, in the scene's order.
     pub bodies: &'a [BodyTelemetry],

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use rt_core::Vec3;
 use rt_core::safety::SafetyState;
 
-/// Frames of ticks with these values, cut where a value says so. Each frame has a message of the log.
+/// Frames of ticks with these values, cut after each value that says so. Each frame has a message of the log.
 fn frames(values: &[(f64, u8, usize, bool)], cuts: bool) -> Vec<Frame> {
     let mut gatherer = gatherer(Clock::Real);
     let mut frames = Vec::new();

@@ -1,6 +1,6 @@
 //! Where the sockets of runs are.
 //!
-//! Each run has a file `PID.sock` in the folder `palpate` of `$XDG_RUNTIME_DIR`, or in `/tmp/palpate-UID` where the system
+//! Each run has a file `PID.sock` in the folder `palpate` of `$XDG_RUNTIME_DIR`, or in `/tmp/palpate-UID` if the system
 //! gives no such folder. Only the owner can write the folder, and only the owner and the group can enter it.
 
 use super::SocketError;
@@ -30,7 +30,7 @@ pub fn of_this_process() -> PathBuf {
     folder.join(format!("{}.{ENDING}", std::process::id()))
 }
 
-/// The sockets in `folder`, newest first. A folder that does not exist, or that somebody else can write, has none.
+/// The sockets in `folder`, newest first. A folder that does not exist, or that another user can write, has none.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -54,11 +54,11 @@ pub fn sockets_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(dated.into_iter().map(|(_, path)| path).collect())
 }
 
-/// Makes `folder` if it does not exist, and checks that nobody else can write it. Removes the sockets of processes that
+/// Makes `folder` if it does not exist, and checks that no other user can write it. Removes the sockets of processes that
 /// no longer exist.
 ///
 /// # Errors
-/// [`SocketError`] where the folder cannot be made, or is somebody else's.
+/// [`SocketError`] if the folder cannot be made, or belongs to another user.
 pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
     let failed = |source| SocketError::Folder {
         folder: folder.to_owned(),
@@ -89,7 +89,7 @@ pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
     Ok(())
 }
 
-/// Whether a folder belongs to this user and nobody else can write it. `data` is not that of the target of a link: somebody
+/// Whether a folder belongs to this user and no other user can write it. `data` is not that of the target of a link: somebody
 /// else could have made the link.
 fn is_ours(data: &fs::Metadata) -> bool {
     data.is_dir() && data.uid() == geteuid().as_raw() && data.mode() & 0o022 == 0

@@ -82,7 +82,7 @@ impl Listener {
     /// replaced.
     ///
     /// # Errors
-    /// [`SocketError`], also where another process listens at `path`.
+    /// [`SocketError`], also if another process listens at `path`.
     pub fn bind(path: Option<&Path>) -> Result<Self, SocketError> {
         let path = if let Some(path) = path {
             path.to_owned()

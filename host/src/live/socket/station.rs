@@ -1,4 +1,4 @@
-//! What all viewers of a run are sent. A message is encoded once for all viewers that need the same bytes.
+//! The messages for all viewers of a run. A message is encoded once for all viewers that need the same bytes.
 
 use super::super::frame::{Frame, Hello, Vertices};
 use super::super::message::Message;

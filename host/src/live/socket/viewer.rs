@@ -1,4 +1,4 @@
-//! What one viewer has received, and what it receives next: `Hello`, the surfaces, and then frames.
+//! One viewer: the messages that it has received, and the next one. `Hello` comes first, then the surfaces and the frames.
 //!
 //! At most one message is under way to a viewer, and one frame waits. Later frames are merged into the frame that waits,
 //! so a viewer that is slow or stopped costs two messages of memory, and loses no spike.

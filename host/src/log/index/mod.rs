@@ -10,7 +10,7 @@ mod open;
 mod search;
 
 pub use decode::Decoded;
-pub use search::{BodyMoment, Place};
+pub use search::{BodyFrameAt, TickAt};
 
 use super::LogError;
 use super::overview::Overview;
@@ -70,7 +70,7 @@ struct Chunk {
     length: u64,
     /// Time of the earliest message (ns).
     from_ns: u64,
-    /// The channels of its messages; `None` where they are not known yet.
+    /// The channels of its messages; `None` if they are not known yet.
     channels: Option<Vec<u16>>,
     /// The file ends within this chunk.
     cut: bool,
@@ -132,7 +132,7 @@ impl<R: Read + Seek> LogIndex<R> {
     /// The content of a chunk. The chunks read last are kept in memory.
     ///
     /// # Errors
-    /// [`IndexError`] where the file cannot be read, or the chunk is damaged.
+    /// [`IndexError`] if the file cannot be read, or the chunk is damaged.
     pub fn chunk(&mut self, number: usize) -> Result<Arc<Decoded>, IndexError> {
         if let Some(at) = self.cache.iter().position(|(kept, _)| *kept == number) {
             let entry = self.cache.remove(at);

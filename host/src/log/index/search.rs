@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 /// The place of a tick in the log. Places are in the order of the ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
+pub struct TickAt {
     chunk: usize,
     row: usize,
 }
 
 /// A body after a host step.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BodyMoment {
+pub struct BodyFrameAt {
     /// The step and the topology epoch.
     pub frame: BodyFrame,
     /// Positions (m), three numbers a vertex.
@@ -33,8 +33,8 @@ impl<R: Read + Seek> LogIndex<R> {
     /// The tick at a place that this log gave.
     ///
     /// # Errors
-    /// [`IndexError`] where the chunk cannot be read again.
-    pub fn row(&mut self, place: Place) -> Result<Option<TickRow>, IndexError> {
+    /// [`IndexError`] if the chunk cannot be read again.
+    pub fn row(&mut self, place: TickAt) -> Result<Option<TickRow>, IndexError> {
         let chunk = self.chunk(place.chunk)?;
         Ok(chunk.ticks.get(place.row).cloned())
     }
@@ -43,7 +43,7 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn first(&mut self) -> Result<Option<Place>, IndexError> {
+    pub fn first(&mut self) -> Result<Option<TickAt>, IndexError> {
         self.first_in(0..self.chunks.len())
     }
 
@@ -51,7 +51,7 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn last(&mut self) -> Result<Option<Place>, IndexError> {
+    pub fn last(&mut self) -> Result<Option<TickAt>, IndexError> {
         self.last_in(0..self.chunks.len(), u64::MAX)
     }
 
@@ -59,10 +59,10 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn next(&mut self, place: Place) -> Result<Option<Place>, IndexError> {
+    pub fn next(&mut self, place: TickAt) -> Result<Option<TickAt>, IndexError> {
         let row = place.row + 1;
         if row < self.chunk(place.chunk)?.ticks.len() {
-            return Ok(Some(Place { row, ..place }));
+            return Ok(Some(TickAt { row, ..place }));
         }
         self.first_in(place.chunk + 1..self.chunks.len())
     }
@@ -71,9 +71,9 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn previous(&mut self, place: Place) -> Result<Option<Place>, IndexError> {
+    pub fn previous(&mut self, place: TickAt) -> Result<Option<TickAt>, IndexError> {
         match place.row.checked_sub(1) {
-            Some(row) => Ok(Some(Place { row, ..place })),
+            Some(row) => Ok(Some(TickAt { row, ..place })),
             None => self.last_in(0..place.chunk, u64::MAX),
         }
     }
@@ -82,7 +82,7 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn tick_at(&mut self, time_ns: u64) -> Result<Option<Place>, IndexError> {
+    pub fn tick_at(&mut self, time_ns: u64) -> Result<Option<TickAt>, IndexError> {
         self.last_in(0..self.chunks.len(), time_ns)
     }
 
@@ -90,7 +90,11 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn frame_at(&mut self, name: &str, time_ns: u64) -> Result<Option<BodyMoment>, IndexError> {
+    pub fn frame_at(
+        &mut self,
+        name: &str,
+        time_ns: u64,
+    ) -> Result<Option<BodyFrameAt>, IndexError> {
         let clouds = self.channels.named::<Cloud>(name);
         let frames = self.channels.named::<BodyFrame>(name);
         let (Some(clouds), Some(frames)) = (clouds, frames) else {
@@ -116,7 +120,7 @@ impl<R: Read + Seek> LogIndex<R> {
                 let facts =
                     all.find(|(channel, frame)| *channel == frames && frame.time_ns == *time);
                 if let Some((_, frame)) = facts {
-                    return Ok(Some(BodyMoment {
+                    return Ok(Some(BodyFrameAt {
                         frame: *frame,
                         positions: Arc::clone(positions),
                     }));
@@ -165,15 +169,15 @@ impl<R: Read + Seek> LogIndex<R> {
     /// [`IndexError`].
     pub fn ticks_from(
         &mut self,
-        from: Place,
-        mut see: impl FnMut(Place, &TickRow) -> bool,
+        from: TickAt,
+        mut see: impl FnMut(TickAt, &TickRow) -> bool,
     ) -> Result<(), IndexError> {
         let mut start = from.row;
         for number in from.chunk..self.chunks.len() {
             if self.may_have_ticks(number) {
                 let chunk = self.chunk(number)?;
                 for (row, tick) in chunk.ticks.iter().enumerate().skip(start) {
-                    if !see(Place { chunk: number, row }, tick) {
+                    if !see(TickAt { chunk: number, row }, tick) {
                         return Ok(());
                     }
                 }
@@ -194,10 +198,10 @@ impl<R: Read + Seek> LogIndex<R> {
     fn first_in(
         &mut self,
         chunks: impl Iterator<Item = usize>,
-    ) -> Result<Option<Place>, IndexError> {
+    ) -> Result<Option<TickAt>, IndexError> {
         for chunk in chunks {
             if self.may_have_ticks(chunk) && !self.chunk(chunk)?.ticks.is_empty() {
-                return Ok(Some(Place { chunk, row: 0 }));
+                return Ok(Some(TickAt { chunk, row: 0 }));
             }
         }
         Ok(None)
@@ -208,7 +212,7 @@ impl<R: Read + Seek> LogIndex<R> {
         &mut self,
         chunks: impl DoubleEndedIterator<Item = usize>,
         time_ns: u64,
-    ) -> Result<Option<Place>, IndexError> {
+    ) -> Result<Option<TickAt>, IndexError> {
         for chunk in chunks.rev() {
             // The models of a chunk may be older than its ticks, but no tick is older than the chunk says.
             let later = self.chunks.get(chunk);
@@ -218,7 +222,7 @@ impl<R: Read + Seek> LogIndex<R> {
             let decoded = self.chunk(chunk)?;
             let before = decoded.ticks.partition_point(|row| row.time_ns <= time_ns);
             if let Some(row) = before.checked_sub(1) {
-                return Ok(Some(Place { chunk, row }));
+                return Ok(Some(TickAt { chunk, row }));
             }
         }
         Ok(None)

@@ -1,4 +1,4 @@
-use super::{IndexError, LogIndex, Place};
+use super::{IndexError, LogIndex, TickAt};
 use crate::live::gather::Gatherer;
 use crate::log::overview::{MOST_EVENTS, Overview, OverviewBuilder};
 use crate::log::tests::{header, log, telemetry};
@@ -116,7 +116,7 @@ fn every_cut_plays_to_where_it_ends() {
 fn a_search_finds_the_last_tick_before_a_time() {
     let bytes = log(230);
     let mut log = open(&bytes);
-    let mut places: Vec<Place> = Vec::new();
+    let mut places: Vec<TickAt> = Vec::new();
     let first = log.first().expect("sound").expect("ticks");
     log.ticks_from(first, |place, _| {
         places.push(place);

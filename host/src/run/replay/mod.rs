@@ -1,8 +1,8 @@
 //! Replay: a logged run is run again and compared bit for bit. Device input, local models, times and the limits of the
 //! devices come from the log.
 //!
-//! A replay runs the tick: the same [`TickLoop`] on the controller that the scene describes. It does not run the
-//! physics, because the models come from the log. So a replay does not depend on the machine that computes it, and a
+//! A replay is a [`Session`] of the scene, with the log in place of devices and host. It does not run the physics, because
+//! the models come from the log. So a replay does not depend on the machine that computes it, and a
 //! run under the real clock replays as a run under virtual time does. A log whose writer was killed replays up to its
 //! last tick.
 //!
@@ -15,17 +15,17 @@ mod waiting;
 
 pub use compare::{Difference, Field, Value};
 
+use super::devices;
 use super::observer::{Observed, Observers};
-use super::{devices, prepare};
+use super::prepare::{Timing, connect};
+use super::session::Session;
 use crate::atomic_file::AtomicFileError;
 use crate::log::Log;
 use crate::log::index::{IndexError, LogIndex};
 use crate::record::{ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use crate::world::World;
-use rt_core::{Capabilities, Controller, TickTime};
-use runner::link::{LinkConfig, LogRecord, link};
-use runner::tick_loop::TickLoop;
+use rt_core::{Capabilities, MAX_HANDLES, TickTime};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -99,7 +99,7 @@ pub trait Recorded {
     /// Gives `see` the models and the ticks of a part, in order. No tick precedes, by parts, a model that it used.
     ///
     /// # Errors
-    /// [`ReplayError::Log`] where the part cannot be read; the error of `see`.
+    /// [`ReplayError::Log`] if the part cannot be read; the error of `see`.
     fn part(&mut self, number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError>;
 }
 
@@ -187,7 +187,7 @@ impl ReplayReport {
 /// The scene that a log contains.
 ///
 /// # Errors
-/// [`ReplayError`] where this version does not take the scene, or the log is empty.
+/// [`ReplayError`] if this version does not take the scene, or the log is empty.
 pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, ReplayError> {
     // This check comes first: a log whose writer was killed in its first moments has no scene either.
     let mut empty = true;
@@ -211,7 +211,7 @@ pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, Repla
 /// Replays a log on a scene, usually its own ([`scene_of`]). `progress` is given the fraction done.
 ///
 /// # Errors
-/// [`ReplayError`] where the log lacks what a replay needs, or the scene cannot be built.
+/// [`ReplayError`] if the log lacks what a replay needs, or the scene cannot be built.
 pub fn replay(
     log: impl Recorded,
     loaded: &LoadedScene,
@@ -247,15 +247,11 @@ fn replay_any(
     let mut done = |number: usize| progress(0.5 * number as f64 / parts.max(1) as f64);
     let ticks = check(log, &mut done)?;
     let (feeds, devices) = devices::replayed(loaded, log.limits());
-    let config = prepare::controller(&World::new(loaded)?, &devices)?;
-    // At most one model per body and one record wait in the rings at a time.
-    let (end, mut host, _) = link(&LinkConfig {
-        bodies: scene.bodies.len(),
-        stall: 0.0,
-        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
-    });
-    let mut tick = TickLoop::new(Controller::new(&config), devices, end);
-
+    // At most one model per body and one record wait in the rings at a time. The scene may have fewer devices than the
+    // scene of the log.
+    let (tick, end, records) = connect(&World::new(loaded)?, devices, MAX_HANDLES, 0.0)?;
+    // The times are those of the log.
+    let mut session = Session::beside(end, (tick, records), Timing::default());
     let mut report = ReplayReport {
         schema: SCHEMA,
         scene: scene.name.clone(),
@@ -272,27 +268,25 @@ fn replay_any(
         log.part(number, &mut |models, rows| {
             waiting.extend(models.iter().map(|model| (place(model), model.clone())));
             for row in rows {
+                session.host.drain(|_| ());
                 for (body, sequence) in taken(row, &mut in_use) {
                     if let Some(model) = waiting.take((body, sequence)) {
                         // The link refuses the model if this scene has no such body. The comparison then reports a
                         // difference.
-                        let _ = host.publish(body, &model.model());
+                        let _ = session.host.publish(body, &model.model());
                     }
                 }
                 for (feed, reading) in feeds.iter().zip(&row.readings) {
-                    // The loop holds the device as long as the feed.
+                    // The session holds the device as long as the feed.
                     let _ = feed.send(reading.reading());
                 }
-                let telemetry = tick.timed(
-                    TickTime {
-                        now_ns: row.time_ns,
-                        lateness_ns: row.lateness_ns,
-                    },
-                    || row.took_ns,
-                );
-                observers.take(LogRecord::Tick(&telemetry));
+                let time = TickTime {
+                    now_ns: row.time_ns,
+                    lateness_ns: row.lateness_ns,
+                };
+                let telemetry = session.tick_at(time, row.took_ns);
+                session.records(|record| observers.take(record));
                 let now = TickRow::from(&telemetry);
-                host.drain(|_| ());
                 if let Some(difference) = compare::first_difference(row, &now) {
                     report.differing += 1;
                     report.first.get_or_insert(difference);

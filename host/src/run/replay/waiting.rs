@@ -20,7 +20,7 @@ impl<T> Default for Waiting<T> {
 }
 
 impl<T> Waiting<T> {
-    /// Takes a model that a tick begins to use; `None` where the log lacks it. The models before it are dropped.
+    /// Takes a model that a tick begins to use; `None` if the log lacks it. The models before it are dropped.
     pub(super) fn take(&mut self, (body, sequence): (usize, u64)) -> Option<T> {
         let models = self.0.get_mut(&body)?;
         let later = models.split_off(&sequence);

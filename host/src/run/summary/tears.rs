@@ -42,7 +42,7 @@ pub struct TearSummary {
     pub blocked: usize,
     /// The change of the body's energy by edits (J).
     pub edits: f64,
-    /// The force of the device that pulled hardest while the body tore; `None` where no edge opened or no device holds the
+    /// The force of the device that pulled hardest while the body tore; `None` if no edge opened or no device holds the
     /// body.
     pub force: Option<TearForce>,
     /// Whether a tear rests because the room for vertices is used up.

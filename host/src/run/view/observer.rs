@@ -29,11 +29,11 @@ pub(crate) struct ViewObserver {
     rate: Rate,
     frames: Frames,
     log: LogTail,
-    /// What tears.
+    /// The edits of the sheets that tear.
     tears: TearEvents,
     snapshots: Reader,
     sender: UpdateSender,
-    /// What the thread of the viewers has not taken.
+    /// The surfaces and the frame that the thread of the viewers has not taken.
     waiting: Option<(Vec<Surface>, Box<Frame>)>,
     /// Surfaces of a frame that was dropped when the last viewer left. The next viewer needs them.
     owed: Vec<Surface>,

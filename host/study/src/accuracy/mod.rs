@@ -42,7 +42,7 @@ pub struct Point {
 /// One quantity on a sequence of refined meshes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Series {
-    /// A short name, by which programs find the series.
+    /// A short name, for programs that look for the series.
     pub name: &'static str,
     /// Problem, elements and quantity, for readers.
     pub title: String,

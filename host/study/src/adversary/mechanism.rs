@@ -32,7 +32,7 @@ pub struct Outcome {
     /// The number of samples up to that maximum.
     pub at: usize,
     /// The maximum over time of the work done on the hand, as a fraction of the energy that the mechanism had
-    /// dissipated by then. The fraction is -1 where the controller does nothing, 0 where it makes up for all losses,
+    /// dissipated by then. The fraction is -1 if the controller does nothing, 0 if it makes up for all losses,
     /// and positive beyond.
     pub fraction: f64,
 }

@@ -1,15 +1,15 @@
 //! An adversary: a search for the motion of a hand that gets the most energy out of a controller.
 //!
 //! The controller is a black box ([`Rendering`]): it takes a position in each tick, returns a force, and can be reset
-//! to its start. A controller of the user's own can take its place. The hand is perfectly stiff and imposes the motion.
+//! to its start. A user can put another controller in its place. The hand is perfectly stiff and imposes the motion.
 //! Between two ticks, a straight line costs the least energy. The work done on the hand over a step `D` under the held
 //! force `F` is therefore exactly `F D - b D^2 / T - f_c |D|`. The device's mass has no effect: a hand that stops has
-//! given back the kinetic energy that it took. This is the account of the **port** ([`Mechanism::play`]); the controller's
+//! given back the kinetic energy that it took. This is the account of the **port** ([`Mechanism::play`]). The controller's
 //! own account is not used.
 //!
 //! The search ([`Adversary::search`]) has a budget in ticks and goes from coarse to fine. It sweeps frequencies, draws
 //! seeded motions from families ([`Family`]: sinusoids, chirps, cycles of steps, strokes and taps, strokes along the
-//! edges of encoder counts), evolves their parameters, and then evolves the bare samples. Where the force depends on
+//! edges of encoder counts), evolves their parameters, and then evolves the bare samples. If the force depends on
 //! the position alone, dynamic programming ([`best_among`]) finds the best motion directly; the search can start from
 //! that motion.
 //!

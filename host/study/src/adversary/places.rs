@@ -1,4 +1,4 @@
-//! The best motion among given positions, where the held force depends only on the last position.
+//! The best motion among given positions, if the held force depends only on the last position.
 
 use super::mechanism::Mechanism;
 

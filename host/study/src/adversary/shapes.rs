@@ -17,7 +17,7 @@ pub struct Limits {
     pub acceleration: f64,
     /// Largest number of samples.
     pub longest: usize,
-    /// Encoder count (m); zero where there are no counts.
+    /// Encoder count (m); zero if there are no counts.
     pub count: f64,
 }
 
@@ -126,7 +126,7 @@ impl Shape {
             let fraction = libm::log(period / 2.0) / libm::log(longest / 2.0);
             amplitudes.into_iter().map(move |amplitude| {
                 let mut genes = [0.25; GENES];
-                // Long motions, with long ramps in and out where they are deep.
+                // Long motions, with long ramps in and out if they are deep.
                 genes[0] = 0.4;
                 genes[1] = if amplitude < 1.0 { 0.9 } else { 0.2 };
                 (genes[2], genes[4]) = (1.0, amplitude);

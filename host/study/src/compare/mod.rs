@@ -9,20 +9,22 @@
 //! used.
 
 mod measure;
+mod picture;
 mod record;
 mod table;
 #[cfg(test)]
 mod tests;
+mod words;
 
 pub use measure::{BodyMeasures, DeviceMeasures, ForceError, Measures};
 pub use record::{BodyRecord, DeviceRecord, Record};
 pub use table::csv;
 
-use crate::StudyError;
 use crate::stress::scene::draw::Draw;
 use crate::stress::scene::trial::Trial;
 use crate::stress::scene::{SCHEMES, reference};
 use crate::workers;
+use crate::{Results, StudyError};
 use host::engine::faults::HostFault;
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
@@ -42,7 +44,7 @@ pub const SCHEMA: &str = "palpate.compare/1";
 /// Largest difference of the ratio of two rates from a whole number, relative.
 const WHOLE: f64 = 1e-9;
 
-/// What is compared.
+/// The options of a comparison.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
     /// The schemes; all of them if there are none.
@@ -81,10 +83,8 @@ pub struct Comparison {
     pub step_rate: f64,
     /// Time from reading the hands to the arrival of the model (s).
     pub latency: f64,
-    /// Time from which force errors, RMS forces and ripple are measured (s). A run starts without a model: its force fades
-    /// in over `loop.recovery` from the arrival of the first model, and the hand moves meanwhile. The reference has its
-    /// force at once. If no other time was given, this is the arrival at the slowest rate plus twice the recovery, but at
-    /// most half of the run.
+    /// Time from which force errors, RMS forces and ripple are measured (s): the time that was given, or the arrival of the
+    /// first model at the slowest rate plus twice `loop.recovery`, in which the force fades in, but at most half of the run.
     pub measured_from: f64,
     /// The faults that the host made on purpose.
     pub faults: Vec<String>,
@@ -99,6 +99,16 @@ pub struct Comparison {
     /// The reference, tick by tick.
     #[serde(skip)]
     pub reference_record: Option<Record>,
+}
+
+impl Results for Comparison {
+    fn tables(&self) -> String {
+        words::words(self)
+    }
+
+    fn picture(&self) -> Option<String> {
+        Some(picture::picture(self))
+    }
 }
 
 /// One run.

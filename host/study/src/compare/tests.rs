@@ -280,7 +280,7 @@ fn the_reference_tears_as_the_run_does() {
 }
 
 #[test]
-fn worlds_in_which_a_body_tears_are_run() {
+fn scenes_in_which_a_body_tears_are_run() {
     let loaded = Scene::load_texts("cloth.toml", CLOTH, &BTreeMap::new());
     let choice = Choice {
         rates: vec![250.0],

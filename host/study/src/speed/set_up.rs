@@ -1,4 +1,4 @@
-//! The cost of a frozen path besides its steps: its memory, the time before the steps, and the time beside them.
+//! The cost of a frozen path in addition to its steps: its memory, the time before the steps, and the time beside them.
 
 use super::clock::cpu_time;
 use super::path::Method;

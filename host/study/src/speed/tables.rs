@@ -9,7 +9,7 @@ use crate::Results;
 use crate::elsewhere::{SPEED, Steps};
 
 impl Results for Speed {
-    /// The tables of which [`Live`] has put nothing.
+    /// The tables that [`Live`] has not put.
     fn tables(&self) -> String {
         let mut text = String::new();
         put_times(&mut text, self);

@@ -7,7 +7,7 @@
 //!
 //! The energy is the sum of kinetic energy, elastic energy and the potential of the loads. It may never exceed its
 //! initial value. Under implicit Euler, and for linear bodies, it may never rise again once it has fallen. TR-BDF2 and
-//! the linearized step do not guarantee this for nonlinear bodies, where they return some energy between steps: a
+//! the linearized step do not guarantee this for nonlinear bodies. Some energy may return between steps: a
 //! hundredth is allowed.
 
 mod contrasts;

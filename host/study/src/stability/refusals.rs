@@ -22,7 +22,7 @@ enum Request {
     Far(f64),
     /// A jerk for which Newton's method gets one iteration and no halving.
     OneIteration,
-    /// A handle that moves through the other handle, where no element may be inverted.
+    /// A handle that moves through the other handle. No element may be inverted.
     Through,
     /// Velocities whose energy is not finite (m/s).
     Speed(f64),

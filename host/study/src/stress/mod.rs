@@ -4,11 +4,11 @@
 //! machines. [`devices`] are the devices of a study. [`wall`] maps a stiff wall inside the tick. [`faults`] gives the tick
 //! input that should never occur. [`connections`] cuts, floods and corrupts the connection of a device. [`hold`] checks that
 //! the rendered force is the force of the body. [`scene`] compares the schemes on a scene under hands, rates and faults.
-//! [`tearing`] tears random sheets. [`seeds`] compares results of several seeds.
+//! [`tearing`] tears random sheets. [`endings`] ends commands that hold a device. [`seeds`] compares results of several seeds.
 
-pub(crate) mod chance;
 pub mod connections;
 pub mod devices;
+pub mod endings;
 pub mod faults;
 pub mod hold;
 pub mod jobs;
@@ -27,6 +27,7 @@ pub const STUDIES: &[Entry] = &[
     Entry::of::<faults::Study>(),
     Entry::of::<connections::Study>(),
     Entry::of::<hold::Holds>(),
-    Entry::of::<scene::Worlds>(),
+    Entry::of::<scene::Trials>(),
     Entry::of::<tearing::Study>(),
+    Entry::of::<endings::Study>(),
 ];

@@ -26,14 +26,53 @@ pub struct Seeds {
     pub quantities: Vec<Spread>,
 }
 
+impl Seeds {
+    /// One row for each quantity: its value for each seed, then the spread.
+    pub fn table(&self) -> String {
+        let mut text = String::new();
+        let cells: Vec<_> = self.cells.iter().map(u64::to_string).collect();
+        put!(
+            text,
+            "{}: {} seeds; cells of each: {}\n",
+            self.study,
+            self.seeds.len(),
+            cells.join(", ")
+        );
+        let seeds: Vec<_> = self
+            .seeds
+            .iter()
+            .map(|seed| format!("seed {seed}"))
+            .collect();
+        put!(
+            text,
+            "| of | quantity | {} | mean | standard deviation | least | most |",
+            seeds.join(" | ")
+        );
+        put!(text, "|{}", "---|".repeat(6 + seeds.len()));
+        for spread in &self.quantities {
+            let values: Vec<_> = spread.values.iter().copied().map(number).collect();
+            let summary = [spread.mean, spread.deviation, spread.least, spread.most].map(number);
+            put!(
+                text,
+                "| {} | {} | {} | {} |",
+                spread.of,
+                spread.quantity,
+                values.join(" | "),
+                summary.join(" | ")
+            );
+        }
+        text
+    }
+}
+
 /// A quantity over the seeds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// What it is measured on, such as a scheme.
+    /// The subject of the measurement, such as a scheme.
     pub of: String,
     /// Its name, with its unit.
     pub quantity: String,
-    /// Its value for each seed, in the unit of the quantity; none where the cells do not give it.
+    /// Its value for each seed, in the unit of the quantity; none if the cells do not give it.
     pub values: Vec<Option<f64>>,
     /// Mean of the values, in the unit of the quantity; none without values.
     pub mean: Option<f64>,
@@ -228,6 +267,19 @@ fn names() -> String {
     names.join(", ")
 }
 
+/// A number with four significant digits; nothing if there is no value.
+fn number(value: Option<f64>) -> String {
+    let Some(value) = value else {
+        return String::new();
+    };
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let before = value.abs().log10().floor() as i32 + 1;
+    let decimals = usize::try_from(4 - before).unwrap_or(0).min(9);
+    format!("{value:.decimals$}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -295,5 +347,21 @@ mod tests {
         std::fs::write(&text, "no results\n").expect("written");
         let said = refused(text);
         assert!(said.contains("line 1: not a header"), "{said}");
+    }
+
+    #[test]
+    fn numbers_have_four_significant_digits() {
+        for (value, text) in [
+            (0.0, "0"),
+            (98.765_43, "98.77"),
+            (1234.56, "1235"),
+            (123_456.0, "123456"),
+            (0.001_234_56, "0.001235"),
+            (-2.0, "-2.000"),
+            (1e-12, "0.000000000"),
+        ] {
+            assert_eq!(number(Some(value)), text);
+        }
+        assert_eq!(number(None), "");
     }
 }

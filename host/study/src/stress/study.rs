@@ -30,7 +30,7 @@ pub trait Study: Sync {
     /// Number of cells.
     fn cells(&self) -> u64;
 
-    /// What determines the results besides the seed and the number of a cell.
+    /// The settings that determine the results, in addition to the seed and the number of a cell.
     fn settings(&self) -> serde_json::Value {
         serde_json::json!({})
     }
@@ -89,7 +89,7 @@ pub trait Study: Sync {
     }
 }
 
-/// What failed in a study.
+/// The failures of a study.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verdict {
     /// Number of cells that did what they must not do.
@@ -121,7 +121,7 @@ impl Verdict {
 /// A quantity of the results of one seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quantity {
-    /// What it is measured on, such as a scheme.
+    /// The subject of the measurement, such as a scheme.
     pub of: String,
     /// Its name, with its unit.
     pub name: String,

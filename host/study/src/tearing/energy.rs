@@ -89,7 +89,7 @@ fn account(pattern: Pattern, triangles: usize) -> Result<Account, StudyError> {
         longest: 5.0,
     };
     let torn = pull.run()?;
-    let stored = torn.moments.last().map_or(0.0, |moment| moment.stored);
+    let stored = torn.samples.last().map_or(0.0, |sample| sample.stored);
     let ledger = &torn.ledger;
     Ok(Account {
         pattern: pattern.name(),

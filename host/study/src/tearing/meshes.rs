@@ -123,12 +123,12 @@ fn tear(law: TearLaw, pattern: Pattern, triangles: usize) -> Result<Tear, StudyE
         longest: TIME,
     };
     let torn = pull.run()?;
-    let (Some(first), Some(last)) = (torn.at(f64::MIN_POSITIVE), torn.moments.last()) else {
+    let (Some(first), Some(last)) = (torn.at(f64::MIN_POSITIVE), torn.samples.last()) else {
         return Err(StudyError::Rests);
     };
     let supplied = last.supplied - first.supplied;
     let spent = last.supplied - last.stored + torn.pending;
-    let forces = torn.moments.iter().flat_map(|moment| moment.force);
+    let forces = torn.samples.iter().flat_map(|sample| sample.force);
     Ok(Tear {
         law: name(law),
         pattern: pattern.name(),

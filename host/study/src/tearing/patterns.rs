@@ -5,7 +5,7 @@
 
 use super::delaunay::triangulate;
 use crate::StudyError;
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use physics::Vec3;
 use physics::mesh::{Group, TriMesh, generate};
 
@@ -73,7 +73,7 @@ impl Triangles {
                 Ok((pattern.name(), rectangle.mesh()?))
             }
             Self::Obj(name, text) => {
-                let mesh = meshio::obj::parse(text.as_bytes())?;
+                let mesh = meshio::obj::parse(text.as_bytes(), None, None)?;
                 Ok((name.clone(), rectangle.of(&mesh)?))
             }
         }

@@ -39,9 +39,9 @@ pub(super) struct Pull {
     pub(super) longest: f64,
 }
 
-/// The state after a step.
+/// A sample: the state after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Moment {
+pub(super) struct Sample {
     /// How far the hands have moved apart (m).
     pub(super) opening: f64,
     /// The force of each hand along its motion (N).
@@ -57,7 +57,7 @@ pub(super) struct Moment {
 /// A run.
 #[derive(Debug)]
 pub(super) struct Torn {
-    pub(super) moments: Vec<Moment>,
+    pub(super) samples: Vec<Sample>,
     pub(super) report: TearReport,
     /// The account of all steps.
     pub(super) ledger: Ledger,
@@ -91,8 +91,8 @@ pub struct EditErrors {
 
 impl Torn {
     /// The moment at which the tear has grown to `length` (m) first.
-    pub(super) fn at(&self, length: f64) -> Option<&Moment> {
-        self.moments.iter().find(|moment| moment.torn >= length)
+    pub(super) fn at(&self, length: f64) -> Option<&Sample> {
+        self.samples.iter().find(|sample| sample.torn >= length)
     }
 }
 
@@ -159,7 +159,7 @@ impl Pull {
         let first = surface_of(&rig.body);
         let mass = rig.body.total_mass();
         let mut torn = Torn {
-            moments: Vec::new(),
+            samples: Vec::new(),
             report: *rig.tearing.report(),
             ledger: Ledger::default(),
             pending: 0.0,
@@ -197,7 +197,7 @@ impl Pull {
                 torn.angles[1] = torn.angles[1].min(angle);
                 torn.edits.inverted = torn.edits.inverted.max(rig.body.inverted_count());
             }
-            torn.moments.push(Moment {
+            torn.samples.push(Sample {
                 opening: 2.0 * opening,
                 force,
                 torn: torn.report.area / self.stuff.thickness,
@@ -214,7 +214,7 @@ impl Pull {
         }
         torn.pending = rig.stepper.pending();
         torn.ledger = rig.ledger;
-        torn.iterations[0] /= torn.moments.len().max(1) as f64;
+        torn.iterations[0] /= torn.samples.len().max(1) as f64;
         let last = surface_of(&rig.body);
         torn.triangles[1] = last[2] as usize;
         torn.strayed = strayed(&rig.body, self.length);

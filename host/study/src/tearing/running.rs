@@ -85,7 +85,7 @@ pub struct Run {
     /// The displacement at the first edge, relative to `d0`.
     pub start: Option<f64>,
     /// The displacements at which a tenth, three, six and nine tenths of the strip were torn, relative to `d0`; missing
-    /// where the tear did not come so far.
+    /// if the tear did not come so far.
     pub displacement: [Option<f64>; 4],
     /// The energy that was supplied and not stored between the first and the last of them, relative to `G_c t` times the
     /// torn area.

@@ -1,7 +1,7 @@
 //! Part `smooth`: the force of hands that tear a cloth, whatever the damping and the length of the steps.
 //!
 //! The cloth is that of the scene `tear_cloth`: two hands hold it close beside a notch in its border and move apart. It lies
-//! flat. The force falls slowly as the arms beside the tear grow longer. What remains beside this trend is the ripple that a
+//! flat. The force falls slowly as the arms beside the tear grow longer. The difference from this trend is the ripple that a
 //! hand feels. The mean force is taken between two distances of the hands. Between two lengths of the tear it would depend on
 //! how long the last edges take, at the smallest force; a median would be the force at one place of one edge.
 
@@ -64,10 +64,10 @@ pub struct Smooth {
     pub rate: f64,
     /// Stiffness damping (s).
     pub damping: f64,
-    /// The mean of the force of a hand while the tear goes from a tenth to nine tenths of its way (N); missing where the
+    /// The mean of the force of a hand while the tear goes from a tenth to nine tenths of its way (N); missing if the
     /// tear rests.
     pub plateau: Option<f64>,
-    /// The deviation of this force from a smooth curve over the displacement, relative to its mean; missing where the tear
+    /// The deviation of this force from a smooth curve over the displacement, relative to its mean; missing if the tear
     /// rests.
     pub ripple: Option<f64>,
     /// How far the hands have moved apart (m), and the force of a hand (N), step by step.

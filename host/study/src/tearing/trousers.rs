@@ -30,7 +30,7 @@ const CUT: f64 = 0.06;
 /// Time in which the legs are turned (s), and the speed of each hand afterwards (m/s).
 const TURN: f64 = 0.8;
 const SPEED: f64 = 0.02;
-/// The part of a leg by which its end is nearer to the tip when the leg has been turned: the bend cuts a corner.
+/// The length by which a turn of the leg brings its end nearer to the tip, because the bend cuts a corner.
 const CORNER: f64 = 0.15;
 /// The lengths of the tear (m) between which the force is averaged.
 const FROM: f64 = 0.009;
@@ -49,7 +49,7 @@ pub struct Trousers {
     pub thickness: f64,
     /// The force of the formula (N).
     pub exact: f64,
-    /// The mean force of a hand (N), and the deviation of the force from its mean (N); missing where the tear does not come to
+    /// The mean force of a hand (N), and the deviation of the force from its mean (N); missing if the tear does not come to
     /// 60 mm.
     pub force: Option<[f64; 2]>,
     /// How far the tip is to the left of the axis after 60 mm, or at the end (m).

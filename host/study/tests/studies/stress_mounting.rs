@@ -70,7 +70,7 @@ fn a_turned_device_renders_the_same_forces() {
 }
 
 #[test]
-fn a_device_that_stands_elsewhere_meets_the_same_worlds() {
+fn a_device_that_stands_elsewhere_meets_the_same_trials() {
     // 526 counts of the Falcon from the handles, which rest at 100 mm on either side.
     let shift = 526.0 * 0.038e-3;
     let at = |x: f64| format!("mounting.origin = [{:?}, 0.0, 0.0]", x + shift);

@@ -63,7 +63,7 @@ fn hands_under_capped_come_to_rest_without_net_energy() {
 #[test]
 fn a_hold_after_the_return_of_a_device_is_as_stiff_as_the_body() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
-    // These worlds have the lightest hands. The proxy once followed with its full displacement while the force
+    // These trials have the lightest hands. The proxy once followed with its full displacement while the force
     // returned, and the hold remained soft.
     let lightest = 576;
     let draw = Draw::new(SEED, lightest, 2);

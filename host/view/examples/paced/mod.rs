@@ -10,7 +10,7 @@ const PERIOD: Duration = Duration::from_millis(16);
 /// Length of the log (ns).
 const LENGTH_NS: u64 = 60_000_000_000;
 
-/// The synthetic feed at the pace of a run, and with the playback of a log where this is asked for.
+/// The synthetic feed at the pace of a run, and with the playback of a log if this is asked for.
 pub(crate) struct Paced {
     feed: Synthetic,
     due: Instant,

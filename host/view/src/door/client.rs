@@ -18,7 +18,7 @@ const LONGEST: usize = 64 << 10;
 /// Answers that wait for a client, at most.
 const ANSWERS: usize = 64;
 
-/// What waits for one client beside the answers, by the policy of the service.
+/// The messages that wait for one client in addition to the answers, by the policy of the service.
 pub(crate) trait Queue: Send + 'static {
     /// A message, which becomes a packet without the lock of the queue.
     type Item: Into<Packet>;

@@ -45,7 +45,7 @@ use tungstenite::Message as Packet;
 
 /// Most clients with a WebSocket at a time.
 const CLIENTS: usize = 4;
-/// Most connections at a time, beside the WebSockets of the clients.
+/// Most connections at a time, in addition to the WebSockets of the clients.
 const CONNECTIONS: usize = 32;
 /// Most different lines about clients that were refused.
 const LINES: usize = 20;
@@ -53,13 +53,13 @@ const LINES: usize = 20;
 /// Receives the lines for the person who started a server: the address, and then the reason of each refusal.
 pub type Say = Arc<dyn Fn(&str) + Send + Sync>;
 
-/// What a door gives access to.
+/// A service behind the door.
 pub(crate) trait Service: Send + Sync + 'static {
-    /// What waits for one client.
+    /// The messages that wait for one client.
     type Queue: Queue;
     /// The path of the WebSocket below the token.
     const SOCKET: &'static str;
-    /// Whom the WebSocket is for, in words.
+    /// The clients of the WebSocket, in words.
     const FOR: &'static str;
     /// The protocols of the WebSocket, in the order of preference. Without one, a client needs to offer none.
     const PROTOCOLS: &'static [&'static str];
@@ -91,11 +91,11 @@ pub(crate) trait Service: Send + Sync + 'static {
 /// The times within which a client must act.
 #[derive(Clone, Copy, Debug)]
 struct Times {
-    /// For the head of a request.
+    /// The time for the head of a request.
     request: Duration,
-    /// For taking some bytes.
+    /// The time for taking some bytes.
     taking: Duration,
-    /// For taking what waits when the connection ends.
+    /// The time for taking the waiting bytes when the connection ends.
     parting: Duration,
 }
 
@@ -223,7 +223,7 @@ impl<S: Service> Door<S> {
     }
 }
 
-/// What all connections share.
+/// The state that all connections share.
 struct Shared<S: Service> {
     service: S,
     token: String,

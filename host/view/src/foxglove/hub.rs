@@ -26,7 +26,7 @@ struct State {
     clock_ns: u64,
     /// Messages that the run left out.
     missing: u64,
-    /// The number of missing messages of which the clients know.
+    /// The number of missing messages that the clients know of.
     reported: u64,
 }
 

@@ -18,7 +18,7 @@ mod queue;
 mod session;
 
 #[cfg(test)]
-mod hostile;
+mod hostile_tests;
 
 use crate::door::{Bound, Client, DoorError, Refusal, Response, Say, Service, is_loopback};
 use crate::feed::{Feed, FeedError};

@@ -1,4 +1,4 @@
-//! What waits to be sent to one client.
+//! The messages that wait for one client.
 //!
 //! Messages of the channels go in order. When the messages that wait exceed the limit, the oldest are dropped and
 //! counted, and a status message tells the client their number. A slow client therefore sees the present, with gaps.
@@ -12,7 +12,7 @@ use tungstenite::Message as Packet;
 
 /// Bytes of messages that wait for a client at most: several seconds of a run with large bodies.
 pub(super) const QUEUE_LIMIT: usize = 16 << 20;
-/// Bytes that each waiting message takes beside its content.
+/// Bytes that each waiting message takes in addition to its content.
 const OVERHEAD: usize = 64;
 
 /// A message that waits.
@@ -40,7 +40,7 @@ pub(super) struct Queue {
     size: usize,
     limit: usize,
     dropped: u64,
-    /// The number of dropped messages of which the client knows.
+    /// The number of dropped messages that the client knows of.
     reported: u64,
     /// The time that the client knows (ns).
     clock_ns: Option<u64>,

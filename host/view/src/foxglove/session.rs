@@ -23,7 +23,7 @@ pub(super) enum Incoming<'a> {
 /// The effect of a message of a client.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Answer {
-    /// The answer: a status message. `None` where everything is in order.
+    /// The answer: a status message. `None` if everything is in order.
     pub(super) status: Option<String>,
     /// The subscriptions that the client cancelled.
     pub(super) cancelled: Vec<u32>,
@@ -132,7 +132,7 @@ impl Session {
         }
     }
 
-    /// Adds subscriptions. Returns a status message where some were refused: the reason of the first, and their number.
+    /// Adds subscriptions. Returns a status message if some were refused: the reason of the first, and their number.
     fn subscribe(&mut self, channels: &[Channel], wanted: &[Subscription]) -> Option<String> {
         let mut first = None;
         let mut refused = 0;

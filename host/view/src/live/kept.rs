@@ -1,4 +1,4 @@
-//! What a feed keeps of a run, for displays that join later.
+//! The messages of a run that a feed keeps for displays that join later.
 
 use crate::history::History;
 use host::live::{Folded, Frame, Hello, Message};

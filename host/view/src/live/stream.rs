@@ -24,7 +24,7 @@ pub(super) struct Stream {
     left: std::ops::Range<usize>,
 }
 
-/// What a stream gave.
+/// The result of a read of the stream.
 pub(super) enum Heard {
     /// A message.
     Message(Box<Message>),

@@ -1,4 +1,4 @@
-//! Why a log cannot be played.
+//! The errors of playing a log.
 
 use host::log::index::IndexError;
 use host::scene::SceneError;

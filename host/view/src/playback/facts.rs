@@ -121,7 +121,7 @@ fn read_through<R: Read + Seek>(
     Ok(builder.finish())
 }
 
-/// What the log lacks.
+/// The missing parts of the log.
 fn notes<R: Read + Seek>(log: &LogIndex<R>, overview: &Overview) -> Vec<String> {
     let mut notes = Vec::new();
     if !log.is_complete() {

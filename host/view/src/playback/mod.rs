@@ -17,7 +17,7 @@ use crate::stress::Stresses;
 use facts::Facts;
 use host::live::gather::Gatherer;
 use host::live::{Frame, Message, Playback};
-use host::log::index::{LogIndex, Place};
+use host::log::index::{LogIndex, TickAt};
 use host::log::overview::{Overview, at_most};
 use host::record::Surface;
 use std::collections::VecDeque;
@@ -30,9 +30,9 @@ use std::time::{Duration, Instant};
 const FRAME: Duration = Duration::from_nanos(16_666_667);
 /// Seconds of the log in the curves.
 const SPAN: f64 = 10.0;
-/// Most pieces of the curves after a jump.
+/// Most intervals of the curves after a jump.
 const PIECES: u64 = 600;
-/// Most pieces of the timeline.
+/// Most intervals of the timeline.
 const TIMELINE: usize = 600;
 /// Allowed speeds: seconds of the log for each second of the wall.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.001..=100.0;
@@ -42,7 +42,7 @@ pub struct Player<R> {
     log: LogIndex<R>,
     facts: Facts,
     overview: Overview,
-    /// What a viewer is told first.
+    /// The first message to a viewer.
     hello: Message,
     notes: Vec<String>,
     /// Times of the first and the last tick (ns).
@@ -50,12 +50,12 @@ pub struct Player<R> {
     to_ns: u64,
     playing: bool,
     speed: f64,
-    /// The moment of the log that the clock has reached (ns). The tick that is shown is the last one before it.
+    /// The time of the log that the clock has reached (ns). The tick that is shown is the last one before it.
     at_ns: f64,
     /// Time of the wall since the last frame.
     waited: Duration,
-    /// Where the tick that is shown is.
-    place: Place,
+    /// The position of the shown tick in the log.
+    place: TickAt,
     /// Its number.
     tick: u64,
     /// Has taken the ticks up to the one that is shown.
@@ -208,7 +208,7 @@ impl<R: Read + Seek + Send> Player<R> {
     /// A message that was made; `None` if there is none.
     ///
     /// # Errors
-    /// [`FeedError::Log`] where the log cannot be read further.
+    /// [`FeedError::Log`] if the log cannot be read further.
     pub fn take(&mut self) -> Result<Option<Message>, FeedError> {
         if let Some(message) = self.waiting.pop_front() {
             return Ok(Some(message));

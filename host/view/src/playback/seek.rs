@@ -3,7 +3,7 @@
 use super::{PIECES, Player, PlayerError, SPAN};
 use host::live::gather::Gatherer;
 use host::live::{Folded, Message};
-use host::log::index::Place;
+use host::log::index::TickAt;
 use std::io::{Read, Seek};
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ impl<R: Read + Seek + Send> Player<R> {
     }
 
     /// Shows the tick at a place of the log, after the curves before it.
-    pub(super) fn show(&mut self, place: Place) -> Result<(), PlayerError> {
+    pub(super) fn show(&mut self, place: TickAt) -> Result<(), PlayerError> {
         let Some(row) = self.log.row(place)? else {
             return Ok(());
         };
@@ -42,7 +42,7 @@ impl<R: Read + Seek + Send> Player<R> {
 
     /// A gatherer that has taken the ticks before `place`: its sums are those of the overview's pieces before `place`,
     /// and of the ticks since.
-    fn gatherer_before(&mut self, place: Place, time_ns: u64) -> Result<Gatherer, PlayerError> {
+    fn gatherer_before(&mut self, place: TickAt, time_ns: u64) -> Result<Gatherer, PlayerError> {
         let mut gatherer = self.facts.gatherer.clone();
         let pieces = &self.overview.pieces;
         let before = pieces.partition_point(|piece| piece.folded.to_ns < time_ns);
@@ -70,7 +70,7 @@ impl<R: Read + Seek + Send> Player<R> {
     }
 
     /// The curves of the ten seconds before the tick at `place`, without that tick.
-    fn curves(&mut self, place: Place, time_ns: u64) -> Result<Vec<Folded>, PlayerError> {
+    fn curves(&mut self, place: TickAt, time_ns: u64) -> Result<Vec<Folded>, PlayerError> {
         let span = (SPAN * 1e9) as u64;
         let from_ns = time_ns.saturating_sub(span);
         let start = match self.log.tick_at(from_ns)? {
@@ -131,7 +131,7 @@ impl<R: Read + Seek + Send> Player<R> {
     }
 
     /// Shows the next tick. The curves go on.
-    fn step_on(&mut self, place: Place) -> Result<(), PlayerError> {
+    fn step_on(&mut self, place: TickAt) -> Result<(), PlayerError> {
         let Some(row) = self.log.row(place)? else {
             return Ok(());
         };
@@ -143,7 +143,7 @@ impl<R: Read + Seek + Send> Player<R> {
     }
 
     /// The place of the tick of this number, or of the first tick after it; at the end, of the last tick.
-    fn tick_numbered(&mut self, number: u64) -> Result<Option<Place>, PlayerError> {
+    fn tick_numbered(&mut self, number: u64) -> Result<Option<TickAt>, PlayerError> {
         let pieces = &self.overview.pieces;
         let at = pieces.partition_point(|piece| piece.folded.last < number);
         let Some(piece) = pieces.get(at) else {

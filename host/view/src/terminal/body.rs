@@ -11,7 +11,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-/// From where the person looks. The z axis of the scene points up.
+/// The viewpoint. The z axis of the scene points up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Rotation about the z axis (rad).
@@ -115,7 +115,7 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// What is nearest at each dot: depth, shade from zero to one, and body.
+/// The nearest surface at each dot: depth, shade from zero to one, and body.
 struct Raster {
     width: usize,
     height: usize,

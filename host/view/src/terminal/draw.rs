@@ -412,7 +412,7 @@ impl Screen<'_> {
         chart::draw(buffer, inner, palette, &curves, (zero, covers), cursor);
     }
 
-    /// Charts below each other, of which each has at least `least` rows. Charts that do not fit are reached by
+    /// Charts below each other. Each has at least `least` rows. Charts that do not fit are reached by
     /// scrolling.
     fn stack(&self, buffer: &mut Buffer, area: Rect, charts: &[Vec<Chart>], least: u16) {
         if charts.is_empty() || area.height < 3 {

@@ -5,10 +5,10 @@ use super::model::Model;
 use crate::feed::Command;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-/// What the display shows of the model.
+/// A view of the model in the display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tab {
-    /// Of everything the most important.
+    /// The most important facts.
     #[default]
     Overview,
     /// The bodies.
@@ -35,9 +35,9 @@ impl Tab {
 /// The state of the display itself.
 #[derive(Clone, Debug, Default)]
 pub struct View {
-    /// What is shown.
+    /// The view that is shown.
     pub tab: Tab,
-    /// From where the person looks at the bodies.
+    /// The viewpoint of the bodies.
     pub camera: Camera,
     /// Whether surfaces are drawn as the edges of their triangles.
     pub wire: bool,
@@ -58,26 +58,26 @@ pub struct View {
 /// An order of the operator to all devices of the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// To stop their force, until they are armed again.
+    /// Stop the force, until the devices are armed again.
     Stop,
-    /// To arm them.
+    /// Arm the devices.
     Arm,
 }
 
-/// What a key asks for beyond a change of the view.
+/// The request of a key beyond a change of the view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wish {
     /// Nothing.
     None,
-    /// To end the display.
+    /// End the display.
     Quit,
     /// A command for the feed.
     Command(Command),
-    /// To save the shown moment.
+    /// Save a still of the display.
     Save,
-    /// To pass an order on to the run.
+    /// Pass an order to the run.
     Order(Order),
-    /// To draw the whole screen again.
+    /// Draw the whole screen again.
     Redraw,
 }
 

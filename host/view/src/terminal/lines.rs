@@ -55,7 +55,7 @@ pub fn lines(
             model.more_events = 0;
         }
         let second = model.time_ns() / 1_000_000_000;
-        // A log that jumps back begins anew.
+        // A log that jumps back begins again.
         if model.time_ns() < old {
             next = None;
         }
@@ -65,7 +65,7 @@ pub fn lines(
             text.push_str(&line(&model));
         }
         let ended = match &model.over {
-            // A log ends where it is not played any further.
+            // A log ends at the tick after which it is not played any further.
             None if model
                 .playback
                 .as_ref()

@@ -1,7 +1,7 @@
-//! What the display knows: the messages of a feed, put together.
+//! The model of the display: the messages of a feed, put together.
 
 use crate::history::History;
-use crate::moment::Shown;
+use crate::still::Shown;
 use host::live::{Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Vertices};
 use host::record::Surface;
 use std::collections::{BTreeMap, VecDeque};

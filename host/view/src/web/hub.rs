@@ -13,7 +13,7 @@ use std::time::Duration;
 /// Longest wait for a message, and so the longest time until a command acts.
 const WAIT: Duration = Duration::from_millis(8);
 
-/// What a connection asks of the hub.
+/// A request of a connection to the hub.
 pub(super) enum Ask {
     /// A browser joins.
     Join(Arc<Client<Mailbox>>),

@@ -1,4 +1,5 @@
-//! What waits for a browser: of everything at most one, so that a browser that takes nothing costs a bounded memory.
+//! The messages that wait for a browser: at most one of each kind, so that a browser that takes nothing costs a bounded
+//! memory.
 
 use crate::door::Queue;
 use host::live::{Folded, Frame, Message, Playback};

@@ -27,12 +27,12 @@ use std::sync::atomic::AtomicBool;
 
 pub mod assets;
 #[cfg(test)]
-mod hostile;
+mod hostile_tests;
 mod hub;
 mod mailbox;
 mod service;
 
-/// A form in which the page offers the present moment.
+/// A form of a still that the page offers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Picture {
     /// Vector graphics.
@@ -43,9 +43,9 @@ pub enum Picture {
     Csv,
 }
 
-/// Makes a picture or a table of the present moment from the messages of [`Feed::present`]. An error is one line for
+/// Makes a still, a picture or a table, from the messages of [`Feed::present`]. An error is one line for
 /// the person.
-pub type Moment = dyn Fn(&[Message], Picture) -> Result<Vec<u8>, String> + Send + Sync;
+pub type Draw = dyn Fn(&[Message], Picture) -> Result<Vec<u8>, String> + Send + Sync;
 
 /// How the page is served.
 pub struct Options {
@@ -54,7 +54,7 @@ pub struct Options {
     /// Receives the address of the page, and a line about each client that is refused.
     pub say: Say,
     /// Makes `moment.svg`, `moment.png` and `moment.csv`.
-    pub moment: Arc<Moment>,
+    pub draw: Arc<Draw>,
     /// The server ends soon after this becomes true.
     pub stop: Arc<AtomicBool>,
 }
@@ -78,7 +78,7 @@ pub enum WebError {
 pub fn serve(feed: Box<dyn Feed>, options: &Options) -> Result<(), WebError> {
     let bound = Bound::new(options.port)?;
     (options.say)(&format!("http://{}/", bound.address()));
-    let (page, asks) = service::Page::new(Arc::clone(&options.moment));
+    let (page, asks) = service::Page::new(Arc::clone(&options.draw));
     let door = bound.open(page, Arc::clone(&options.say))?;
     let result = hub::run(feed, &asks, &options.stop);
     // Whoever still asks is told that the server ends.

@@ -1,8 +1,8 @@
-//! What the door gives access to: the files of the page, its pictures, and its WebSocket.
+//! The service of the page: its files, its pictures, and its WebSocket.
 
 use super::hub::Ask;
 use super::mailbox::Mailbox;
-use super::{Moment, Picture, assets};
+use super::{Draw, Picture, assets};
 use crate::door::{Client, Refusal, Response, Service};
 use crate::feed::Command;
 use serde::Deserialize;
@@ -19,14 +19,14 @@ const ANSWERED_WITHIN: Duration = Duration::from_secs(5);
 /// The service.
 pub(super) struct Page {
     asks: SyncSender<Ask>,
-    moment: Arc<Moment>,
+    draw: Arc<Draw>,
 }
 
 impl Page {
-    /// The service, and what its connections ask of the hub.
-    pub(super) fn new(moment: Arc<Moment>) -> (Self, Receiver<Ask>) {
+    /// The service, and the requests of its connections to the hub.
+    pub(super) fn new(draw: Arc<Draw>) -> (Self, Receiver<Ask>) {
         let (asks, receiver) = sync_channel(ASKS);
-        (Self { asks, moment }, receiver)
+        (Self { asks, draw }, receiver)
     }
 
     /// Asks the hub. A hub that has ended closes the connection of the client.
@@ -36,7 +36,7 @@ impl Page {
         }
     }
 
-    fn moment(&self, picture: Picture, name: &str, media: &str) -> Result<Response, Refusal> {
+    fn still(&self, picture: Picture, name: &str, media: &str) -> Result<Response, Refusal> {
         let (sender, receiver) = channel();
         let _ = self.asks.send(Ask::Present(sender));
         let seconds = ANSWERED_WITHIN.as_secs();
@@ -44,7 +44,7 @@ impl Page {
             .recv_timeout(ANSWERED_WITHIN)
             .map_err(|_| format!("The source gave no state within {seconds} s."));
         let bytes = present
-            .and_then(|present| (self.moment)(&present, picture))
+            .and_then(|present| (self.draw)(&present, picture))
             .map_err(|line| Refusal::new("503 Service Unavailable", line))?;
         let name = format!("Content-Disposition: attachment; filename=\"{name}\"\r\n");
         Ok(response(media, &name, bytes))
@@ -83,9 +83,9 @@ impl Service for Page {
             .strip_prefix('/')
             .ok_or_else(|| missing("The address of the page ends with a slash."))?;
         match path {
-            "moment.svg" => self.moment(Picture::Svg, path, "image/svg+xml"),
-            "moment.png" => self.moment(Picture::Png, path, "image/png"),
-            "moment.csv" => self.moment(Picture::Csv, path, "text/csv"),
+            "moment.svg" => self.still(Picture::Svg, path, "image/svg+xml"),
+            "moment.png" => self.still(Picture::Png, path, "image/png"),
+            "moment.csv" => self.still(Picture::Csv, path, "text/csv"),
             path => {
                 let asset = assets::find(path);
                 let asset = asset.ok_or_else(|| missing("The page has no file of this name."))?;
@@ -119,7 +119,7 @@ impl Service for Page {
     }
 }
 
-/// What a page sends beside the commands for the feed.
+/// A message of a page that is no command for the feed.
 #[derive(Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 enum Own {

@@ -7,9 +7,9 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use view::feed::Feed;
-use view::web::{Moment, Options, serve};
+use view::web::{Draw, Options, serve};
 
-/// Whether the program can be run. A line says so where it cannot.
+/// Whether the program can be run. A line says so if it cannot.
 pub(crate) fn exists(program: &str) -> bool {
     let found = Command::new(program).arg("--version").output();
     let found = found.is_ok_and(|output| output.status.success());
@@ -24,7 +24,7 @@ pub(crate) fn scripts() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/web_page")
 }
 
-/// A command that runs a script in node with playwright-core; `None`, with a line, where a tool is missing.
+/// A command that runs a script in node with playwright-core; `None`, with a line, if a tool is missing.
 pub(crate) fn script(name: &str) -> Option<Command> {
     let Some(packages) = std::env::var_os("PALPATE_NODE_MODULES") else {
         eprintln!("SKIPPED: PALPATE_NODE_MODULES names no folder with playwright-core");
@@ -50,7 +50,7 @@ pub(crate) fn lines(mut script: Command) -> String {
 /// A server until `stop`, and its address.
 pub(crate) fn server(
     feed: Box<dyn Feed>,
-    moment: Arc<Moment>,
+    draw: Arc<Draw>,
     stop: &Arc<AtomicBool>,
 ) -> (JoinHandle<()>, String) {
     let (sender, receiver) = channel();
@@ -60,7 +60,7 @@ pub(crate) fn server(
             // The first line is the address.
             let _ = sender.send(line.to_owned());
         }),
-        moment,
+        draw,
         stop: Arc::clone(stop),
     };
     let thread = std::thread::spawn(move || serve(feed, &options).unwrap());

@@ -1,5 +1,5 @@
-//! Serves one plug-in, for tests of the crate and for programs that cannot serve one themselves. `palpate` needs no such
-//! program: it is its own.
+//! Serves one plug-in, for tests of the crate and for programs that cannot serve a plug-in themselves. `palpate` does
+//! not need this program, because it serves its plug-ins itself.
 
 use std::process::ExitCode;
 

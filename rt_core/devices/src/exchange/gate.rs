@@ -1,11 +1,12 @@
-//! Which wrenches may be commanded after a device let go.
+//! The wrenches that may be commanded after a device let go.
 //!
-//! The tick commands no force to a device that says that it let go ([`Rendering`]), and the force returns along a ramp.
-//! Some wrenches are computed before the tick has read that state. Commanded, they would bring the whole force back at
-//! once. So the thread of a device counts its exchanges, and the tick hands over with each wrench the number of the
-//! newest exchange whose state it has read. A wrench from before the state that tells of the let-go is held back. The tick
-//! reads the newest state only, so each state says that the device let go until the tick has read one of them. Before the
-//! first force there is nothing to let go: a device that idles until the run begins tells nothing.
+//! The tick commands no force to a device that reports that it let go ([`Rendering`]), and the force returns along a
+//! ramp. The tick computes some wrenches before it has read that state. Such a wrench would bring the whole force back
+//! at once. The thread of a device therefore counts its exchanges. With each wrench, the tick hands over the number of
+//! the newest exchange whose state it has read. The gate holds back a wrench from before the state that reports the
+//! let-go. The tick reads only the newest state, so every state reports the let-go until the tick has read one of them.
+//! Before the first force, the device has no force to let go. A device that idles until the run begins therefore
+//! reports no let-go.
 
 use rt_core::{Reading, Rendering, Wrench};
 
@@ -16,13 +17,13 @@ pub(super) struct Gate {
     number: u64,
     /// The number of the last exchange in which the device had let go.
     let_go: u64,
-    /// The number of the newest exchange whose state the tick has read, as far as the wrenches say.
+    /// The number of the newest exchange whose state the tick has read, according to the wrenches.
     seen: u64,
-    /// Whether the state of this exchange tells that the device had let go.
+    /// Whether the state of this exchange reports that the device had let go.
     tells: bool,
     /// Whether the last wrench that was commanded has a force or a moment.
     acts: bool,
-    /// Whether any had.
+    /// Whether any commanded wrench had a force or a moment.
     has_acted: bool,
 }
 
@@ -39,8 +40,8 @@ impl Gate {
         command
     }
 
-    /// Begins an exchange without a wrench of the tick. Returns the wrench to command, which is zero. Where there was no
-    /// force before, nothing was let go.
+    /// Begins an exchange without a wrench of the tick. Returns the wrench to command, which is zero. If there was no
+    /// force before, this exchange is no let-go.
     pub(super) fn let_go(&mut self) -> Wrench {
         self.number = self.number.wrapping_add(1);
         if self.acts {
@@ -51,7 +52,7 @@ impl Gate {
         Wrench::zero()
     }
 
-    /// Ends the exchange with its answer, which then says whether the wrench of the tick was rendered.
+    /// Ends the exchange with its answer. The answer then states whether the device rendered the wrench of the tick.
     pub(super) fn end(&mut self, answer: &mut Reading) {
         let Ok(state) = answer else {
             return;
@@ -76,12 +77,12 @@ mod tests {
     use proptest::prelude::*;
     use rt_core::{DeviceError, DeviceState, Vec3};
 
-    /// What happens between a tick and the thread of its device.
+    /// An event between a tick and the thread of its device.
     #[derive(Clone, Copy, Debug)]
     enum Step {
-        /// The tick reads the newest state and hands a wrench over: no force where the state says that the device let go.
+        /// The tick reads the newest state and hands a wrench over: no force if the state says that the device let go.
         Tick,
-        /// The thread exchanges the newest wrench, or lets go where there is none.
+        /// The thread exchanges the newest wrench, or lets go if there is none.
         Exchange {
             device_lets_go: bool,
             lost_answer: bool,
@@ -197,7 +198,7 @@ mod tests {
         assert_eq!(rendering(&mut gate), Ok(Rendering::Commanded));
         gate.let_go();
         assert_eq!(rendering(&mut gate), Ok(Rendering::LetGo));
-        // Still nobody has read it.
+        // The tick has still not read it.
         gate.let_go();
         assert_eq!(rendering(&mut gate), Ok(Rendering::LetGo));
         // The tick has read the second exchange, and hands no force over. Then it is silent again.

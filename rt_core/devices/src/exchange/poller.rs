@@ -1,10 +1,11 @@
-//! What the thread of a device does next, as a state machine: no thread, no clock and no ring.
+//! The next action of the thread of a device, as a state machine without a thread, a clock or a ring.
 //!
-//! The driver of the machine tells it the time and the newest wrench of the tick, and does what the [`Step`] says. The
-//! machine never repeats a force on its own, and commands none that waited while the process was stopped. If the tick hands
-//! over no wrench for a while ([`let_go_after`](super::let_go_after)), the device is commanded zero. The state that comes
-//! back says so ([`rt_core::Rendering`]), and no wrench from before that state is commanded ([`Gate`]): the force returns
-//! along the tick's ramp. A lost device is reopened every [`RETRY_NS`], and comes back without a restart of the run.
+//! The driver of the machine gives it the time and the newest wrench of the tick, and carries out each [`Step`]. The
+//! machine never repeats a force by itself, and never commands a force that waited while the process was stopped. If
+//! the tick hands over no wrench for a while ([`let_go_after`](super::let_go_after)), the machine commands zero. The
+//! state that comes back reports the let-go ([`rt_core::Rendering`]). The machine commands no wrench from before that
+//! state ([`Gate`]), so the force returns along the tick's ramp. The machine tries to reopen a lost device every
+//! [`RETRY_NS`], so the device comes back without a restart of the run.
 
 use super::gate::Gate;
 use super::{MotionSource, SLOTS};
@@ -16,7 +17,7 @@ pub const RETRY_NS: u64 = 100_000_000;
 /// Number of exchanges whose beginning is remembered: more than can wait for the tick.
 pub(super) const BEGUN: usize = 2 * SLOTS;
 
-/// What the tick hands over.
+/// The wrench that the tick hands over, with the exchanges to which it refers.
 #[derive(Clone, Copy, Debug)]
 pub struct Handed {
     pub(super) wrench: Wrench,
@@ -37,7 +38,7 @@ impl Default for Handed {
     }
 }
 
-/// What comes back.
+/// The reply to the tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Reply {
     pub(super) answer: Reading,
@@ -58,18 +59,18 @@ impl Default for Reply {
     }
 }
 
-/// What is to be done now.
+/// The next action of the driver of the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// Exchange this wrench (N, N m, device axes) for a state, and tell [`Poller::answered`].
+    /// Exchange this wrench (N, N m, device axes) for a state, and then call [`Poller::answered`].
     Exchange(Wrench),
     /// Wait until this time (ns), or until the tick hands a wrench over.
     Wait(u64),
-    /// Try once to reopen the device, and tell [`Poller::reopened`].
+    /// Try once to reopen the device, and then call [`Poller::reopened`].
     Reopen,
 }
 
-/// Where the device is.
+/// The presence of the device.
 #[derive(Clone, Copy, Debug)]
 enum Phase {
     /// The device answers. The poller waits for a wrench since this time (ns).
@@ -89,9 +90,10 @@ pub struct Poller {
     let_go_ns: u64,
     /// When the poller last looked for a wrench (ns).
     looked_ns: u64,
-    /// What the exchange that is under way commands; `None` for a zero that the tick did not command.
+    /// The command of the exchange that is under way; `None` for a zero that the tick did not command.
     handed: Option<Handed>,
-    /// Wrenches that the device had refused when the tick began. What it refuses while it idles before is no news.
+    /// Number of wrenches that the device had refused when the tick began. Refusals of an idle device before the tick
+    /// do not count.
     refused_before: Option<u64>,
     /// The last exchanges, by number, and when each began (ns).
     begun: [(u64, u64); BEGUN],
@@ -111,15 +113,15 @@ impl Poller {
         }
     }
 
-    /// What is to be done at `now_ns`; `newest` is the newest wrench that was handed over since the call before.
+    /// The action at `now_ns`. `newest` is the newest wrench that was handed over since the call before.
     pub fn next(&mut self, now_ns: u64, newest: Option<Handed>) -> Step {
         match self.phase {
             Phase::Lost { retry_ns } if now_ns < retry_ns => Step::Wait(retry_ns),
             Phase::Lost { .. } => Step::Reopen,
             Phase::Back => self.begin(now_ns, None),
             Phase::Present { since_ns } => {
-                // After a longer time between two looks, the process was stopped or the device blocked, and the wrench may
-                // be as old. A late wake-up does not count as such a case.
+                // After a longer time between two looks, the process was stopped or the device blocked. The wrench may
+                // then be just as old. A late wake-up does not count as such a case.
                 let away_ns = now_ns.saturating_sub(self.looked_ns);
                 self.looked_ns = now_ns;
                 let handed = newest.filter(|_| away_ns <= self.let_go_ns.saturating_mul(2));
@@ -144,8 +146,8 @@ impl Poller {
         Step::Exchange(wrench)
     }
 
-    /// Ends the exchange that [`next`](Self::next) asked for, with the `answer` of the device. The device also told its
-    /// `motion` to force and the number of wrenches that it `refused`. Returns the reply for the tick.
+    /// Ends the exchange that [`next`](Self::next) asked for, with the `answer` of the device. The device also reported
+    /// its `motion` to force and the number of wrenches that it `refused`. Returns the reply for the tick.
     pub fn answered(
         &mut self,
         now_ns: u64,

@@ -100,7 +100,7 @@ fn a_wrench_is_exchanged_for_a_state() {
     assert_eq!(ends.turn(1.5, Ok(at(7))), Ok(at(7)));
     let silent = Err(DeviceError::NoReport);
     assert_eq!(ends.turn(1.5, silent), silent);
-    // A device that does not tell its refusals has none.
+    // A device that does not report its refusals has none.
     assert_eq!(ends.tick.refused_wrenches(), None);
 }
 
@@ -110,7 +110,7 @@ fn a_tick_that_stops_lets_the_device_go_and_is_told() {
     assert_eq!(ends.turn(1.0, Ok(at(1))), Ok(at(1)));
     // The time counts from the answer.
     ends.wait(ends.now_ns - MS / 2 + 10 * MS);
-    // The tick hands over a wrench that it computed before it was told.
+    // The tick hands over a wrench that it computed before it read the let-go.
     let reply = ends.exchange(0.0, MS, Ok(at(2)));
     ends.hand(2.0);
     ends.exchange(0.0, MS, Ok(at(3)));
@@ -210,13 +210,13 @@ fn motion_to_force_is_the_time_between_the_requests_for_the_state_and_for_its_fo
         let exact_ns = is_known.then(|| begun_ns[number as usize] - asked_ns);
         assert_eq!(reply.motion_to_force_ns, exact_ns, "{number}");
     }
-    // The tick tells the time of the reply that it has just read.
+    // The tick reports the time of the reply that it has just read.
     let mut ends = Ends::new();
     assert!(ends.turn(1.0, Ok(at(1))).is_ok());
     assert_eq!(ends.tick.motion_to_force_ns(), None);
     assert!(ends.turn(2.0, Ok(at(2))).is_ok());
     assert_eq!(ends.tick.motion_to_force_ns(), Some(MS));
-    // A wrench without a new state answers none.
+    // A wrench without a new state answers no state.
     assert!(ends.tick.read(None).is_err());
     assert_eq!(ends.tick.motion_to_force_ns(), None);
     assert!(ends.turn(3.0, Ok(at(3))).is_ok());
@@ -236,7 +236,7 @@ fn a_device_that_states_its_motion_to_force_is_believed() {
     }
 }
 
-/// What a device refuses while it idles before the first wrench is no refusal of a wrench of this run.
+/// Refusals of a device that idles before the first wrench do not count as refusals of this run.
 #[test]
 fn refusals_count_from_the_first_wrench_of_the_tick() {
     let mut ends = Ends::new();
@@ -249,7 +249,7 @@ fn refusals_count_from_the_first_wrench_of_the_tick() {
         }
         let reply = ends.exchange(0.0, 0, Ok(at(1)));
         let _ = ends.tick.read(Some(reply));
-        // It stays until another reply.
+        // The count stays until another reply.
         let _ = ends.tick.read(None);
         ends.tick.refused_wrenches()
     };
@@ -263,7 +263,7 @@ fn refusals_count_from_the_first_wrench_of_the_tick() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever happens, no force is commanded that is older than two times of a let-go.
+    /// In no case is a force commanded that is older than twice the time of a let-go.
     #[test]
     fn no_force_outlives_the_tick(
         events in prop::collection::vec((0..15 * MS, 0..3_u8, 0..3_u8, 0..4_u8), 1..200),
@@ -301,7 +301,7 @@ proptest! {
     }
 }
 
-/// A device of the tests of the thread: a force says what it does.
+/// A device for the tests of the thread. Each force selects an action of the device.
 struct Obeys {
     released: Arc<AtomicBool>,
 }

@@ -8,8 +8,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::{JoinHandle, park_timeout};
 use std::time::Duration;
 
-/// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
-/// reported here, because the tick requests a higher priority and reports its own refusal.
+/// Priority of the thread under SCHED_FIFO, if allowed: above ordinary threads, below the tick. This module does not
+/// report a refusal, because the tick requests a higher priority and reports its own refusal.
 const PRIORITY: u8 = 45;
 
 /// Starts the thread, which ends after `commands` has lost its writer.

@@ -1,5 +1,5 @@
-//! The tick's end of an exchange: what a tick reads from the replies of the [`Poller`](super::Poller), and what it hands
-//! over with a wrench.
+//! The tick's end of an exchange: the reading of a tick from the replies of the [`Poller`](super::Poller), and the data
+//! that the tick hands over with a wrench.
 
 use super::{Handed, Reply};
 use rt_core::{DeviceError, Reading, Wrench};
@@ -7,7 +7,7 @@ use rt_core::{DeviceError, Reading, Wrench};
 /// The state of the tick's end.
 #[derive(Clone, Debug, Default)]
 pub struct TickEnd {
-    /// What the last read found. Without a reply, its number is zero.
+    /// The result of the last read. Without a reply, its number is zero.
     last: Reply,
     /// The number of the newest exchange whose state was read.
     seen: u64,
@@ -46,7 +46,7 @@ impl TickEnd {
         }
     }
 
-    /// What the tick hands over with its `wrench` (N, N m, device axes).
+    /// The data that the tick hands over with its `wrench` (N, N m, device axes).
     ///
     /// # Errors
     /// [`DeviceError::Disconnected`] while the device is lost: it is reopened without a wrench.
@@ -62,21 +62,21 @@ impl TickEnd {
         })
     }
 
-    /// The motion to force that the last reading told (ns).
+    /// The motion to force of the last reading (ns).
     pub fn motion_to_force_ns(&self) -> Option<u64> {
         self.last.motion_to_force_ns
     }
 
-    /// Number of wrenches of the tick that the device refused; `None` if the device does not tell.
+    /// Number of wrenches of the tick that the device refused; `None` if the device does not report it.
     pub fn refused_wrenches(&self) -> Option<u64> {
         self.refused_wrenches
     }
 }
 
-/// A clock that continues where the clock of a device starts anew, so that its time never decreases.
+/// A clock that continues when the clock of a device starts anew, so that its time never decreases.
 #[derive(Clone, Copy, Debug, Default)]
 struct Continued {
-    /// What is added to the device's own time (ns).
+    /// The offset from the device's own time (ns).
     offset: u64,
     last: u64,
 }

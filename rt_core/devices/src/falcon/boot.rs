@@ -1,4 +1,4 @@
-//! Brings a Falcon to run its firmware: the upload.
+//! The upload of the firmware to a Falcon.
 //!
 //! A Falcon that has just been powered runs a boot loader, which takes the firmware over the serial line of its FTDI
 //! chip. The steps are those of libnifalcon (BSD):
@@ -11,10 +11,10 @@
 //!    firmware runs.
 //!
 //! Users report that uploads fail at first and succeed later (libnifalcon's issues 24, 45 and 67), so a failed upload
-//! starts again from the first step, a bounded number of times. Every wait ends by a clock of the caller, and after a
-//! number of reads, so that a stopped clock cannot hold it.
+//! starts again from the first step, a bounded number of times. A clock of the caller and a largest number of reads
+//! bound every wait, so a stopped clock cannot prolong a wait.
 //!
-//! The firmware is Novint's, and its licence forbids to pass it on. The user brings the file ([`Firmware::load`]).
+//! The firmware is Novint's, and its licence forbids distribution. The user provides the file ([`Firmware::load`]).
 
 use super::packet::{self, Command, Framer, Report};
 use crate::ftdi::{Buffer, Control, Ftdi};
@@ -62,7 +62,7 @@ pub fn is_gone(number: i32) -> bool {
     GONE.contains(&number)
 }
 
-/// Why a file is no firmware.
+/// The reason why a file is no firmware.
 #[derive(Debug, thiserror::Error)]
 pub enum FirmwareError {
     /// The file cannot be read.
@@ -104,14 +104,14 @@ impl Firmware {
     /// Reads the image in a file.
     ///
     /// # Errors
-    /// [`FirmwareError`] where the file is missing, empty or too large. The error says how to get the file.
+    /// [`FirmwareError`] if the file is missing, empty or too large. The error says how to get the file.
     pub fn load(path: &Path) -> Result<Self, FirmwareError> {
         let failed = |source| FirmwareError::Unreadable {
             path: path.to_owned(),
             source,
         };
         let mut file = crate::input::open(path).map_err(failed)?;
-        // A wrong name may be that of a huge file, so the size is looked at first.
+        // A wrong name may be that of a huge file, so the size is checked first.
         let found = file.metadata().map_err(failed)?.len();
         if found > LARGEST as u64 {
             return Err(FirmwareError::Size {
@@ -127,7 +127,7 @@ impl Firmware {
     /// An image in memory, with the name of the file that it came from.
     ///
     /// # Errors
-    /// [`FirmwareError::Size`] where it is empty or too large.
+    /// [`FirmwareError::Size`] if it is empty or too large.
     pub fn new(path: &Path, image: Vec<u8>) -> Result<Self, FirmwareError> {
         let path = path.to_owned();
         if image.is_empty() || image.len() > LARGEST {
@@ -200,7 +200,7 @@ pub enum Problem {
     },
 }
 
-/// Why a Falcon does not run its firmware: the failure of the last upload.
+/// The reason why a Falcon does not run its firmware: the failure of the last upload.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the Falcon does not run the firmware {file}: in the last of {uploads} uploads, {step} failed: {problem}. \
@@ -244,7 +244,7 @@ impl BootError {
         }
     }
 
-    /// The error number of the system, where there is one.
+    /// The error number of the system, if there is one.
     pub fn number(&self) -> Option<i32> {
         match self.problem {
             Problem::System(number) => Some(number),
@@ -295,11 +295,11 @@ pub fn packet_mode<T: Ftdi + ?Sized>(link: &mut T) -> Result<(), i32> {
     Ok(())
 }
 
-/// Brings the device to run its firmware, and the line to its packets. Firmware that already runs is kept. Returns the
-/// number of uploads, zero where the firmware ran already.
+/// Makes the device run its firmware, and sets the line for packets. Firmware that already runs is kept. Returns the
+/// number of uploads: zero if the firmware ran already.
 ///
 /// # Errors
-/// [`BootError`] where the last upload failed, or where the device is gone.
+/// [`BootError`] if the last upload failed, or if the device is gone.
 pub fn boot<T: Ftdi + ?Sized>(
     link: &mut T,
     firmware: &Firmware,
@@ -390,7 +390,7 @@ impl<T: Ftdi + ?Sized> Line<'_, T> {
         let mut last = [0; HELLO_BACK.len()];
         for _ in 0..tries {
             self.write(&HELLO)?;
-            // An answer may come late, after other bytes: it is found where it ends.
+            // An answer may come late, after other bytes. It is recognized by its end.
             let found = self.find(HANDSHAKE_WAIT, |byte| {
                 last.rotate_left(1);
                 if let Some(place) = last.last_mut() {
@@ -453,8 +453,8 @@ impl<T: Ftdi + ?Sized> Line<'_, T> {
     /// Sets the line for packets, and sends packets without force until one is answered.
     fn answers(&mut self, tries: u32) -> Result<(), Problem> {
         packet_mode(self.link).map_err(Problem::System)?;
-        // The answer to an earlier host may wait in a buffer that no request to the chip empties. It would count as the
-        // answer to the first packet, and each later answer would count as that of the next.
+        // The answer to an earlier host may wait in a buffer that no request to the chip empties. This answer would
+        // count as the answer to the first packet, and each later answer would count as the answer to the next packet.
         self.find(DRAIN, |_| false)?;
         let mut framer = Framer::new();
         for _ in 0..tries {
@@ -471,7 +471,7 @@ impl<T: Ftdi + ?Sized> Line<'_, T> {
         Err(Problem::Silent { tries })
     }
 
-    /// Reads byte by byte until `is_last` of one, at most for `wait`. Returns whether that byte came.
+    /// Reads bytes one by one, at most for `wait`, until `is_last` accepts a byte. Returns whether that byte came.
     fn find(
         &mut self,
         wait: Duration,
@@ -501,7 +501,7 @@ mod tests {
     use super::*;
     use crate::Transport;
 
-    /// A line on which nobody answers, or one number is the answer to everything.
+    /// A line without an answer, or with one error number as the answer to every call.
     struct Dead {
         error: Option<i32>,
         calls: u64,

@@ -13,19 +13,19 @@ use runner::AnyDevice;
 use std::error::Error;
 use std::path::Path;
 
-/// Largest force (N) that is asked of a Falcon, whatever its profile. The limit of the torques allows it in every
-/// direction within 30 mm of the centre; a larger force in a weak direction would be shortened behind the back of the
-/// account of energy.
+/// Largest force (N) that the driver commands, whatever the profile. The limit of the torques allows this force in
+/// every direction within 30 mm of the centre. The limit would shorten a larger force in a weak direction, and the
+/// account of energy would not know.
 pub const MOST_FORCE: f64 = 5.0;
 
-/// The Novint Falcon. The scene names the firmware file, which the driver uploads. There is no force before the operator
-/// has homed the device: pull the grip out and push it in once.
+/// The Novint Falcon. The scene names the firmware file, which the driver uploads. There is no force before the
+/// operator has homed the device. To home it, the operator pulls the grip out and pushes it in once.
 ///
-/// Addresses: none, where one Falcon is connected; its serial number; or `@PORT`, its port of USB.
+/// Addresses: none if one Falcon is connected; its serial number; or `@PORT`, its port of USB.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FalconDriver;
 
-/// The Falcon that an address names; `None` where the address has no form of one.
+/// The Falcon that an address names; `None` if the address has no form of one.
 fn selector(address: &str) -> Option<Selector> {
     let which = Which::parse(address);
     let is_port = matches!(which, Which::Port(_));
@@ -78,7 +78,7 @@ impl Driver for FalconDriver {
         };
         let firmware = Firmware::load(file).map_err(|error| refused(Box::new(error)))?;
         let first = UsbDevice::open(&selector).map_err(|error| refused(Box::new(error)))?;
-        // Later attempts are made by the thread of the device, which needs a number only.
+        // The thread of the device makes the later attempts, and needs only a number.
         let again = move || match UsbDevice::open(&selector) {
             Ok(usb) => Ok(Chip::new(usb)),
             Err(error) => Err(error.number()),

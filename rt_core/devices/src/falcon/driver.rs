@@ -1,25 +1,26 @@
 //! A Falcon as an [`Exchange`]: one packet out, and one packet in.
 //!
 //! The Falcon answers each packet, and sends none by itself. An exchange writes the torques for a wrench at the last
-//! known position, and waits for the answer for a bounded time. It takes about a millisecond, which the chip's latency
-//! timer and USB's frames need, so it runs in a thread of its own.
+//! known position, and waits for the answer for a bounded time. An exchange takes about a millisecond, because of the
+//! chip's latency timer and USB's frames, so it runs in a thread of its own.
 //!
 //! **Homing.** The counters of the encoders are relative to the references of the axes, which the device finds while a
 //! person moves the grip once out and in. Until all three axes are homed, there is no state and no torque. The lights
-//! show it: red while an axis is not homed, green where the device is ready, blue while a force acts.
+//! show the state: red while an axis is not homed, green if the device is ready, blue while a force acts.
 //!
 //! **Axes.** Positions are relative to [`CENTRE`], in the axes of libnifalcon: x to the right, y up, z towards the
 //! user.
 //!
 //! **Force.** The documented limit of the torques is 0.41 N m an arm, which is about 6 N sideways in the middle of the
-//! workspace, and 5 N at 30 mm from it. A force beyond keeps its direction.
+//! workspace, and 5 N at 30 mm from it. A larger force is shortened, and keeps its direction.
 //!
-//! **Trouble.** Packets have no numbers. After an answer that did not come, the driver waits for it once more, so that
-//! it is not taken for the next one. An answer that comes before the device can have received the packet answers an
-//! earlier one, and is discarded: one answer too many would make every later state late. A packet that is missing, cut or out of reach is one missing state. After
-//! [`STALE`] in a row no torque is sent, because the position is not known; after [`LOST`] in a row the device counts
-//! as disconnected, so that [`Exchange::reopen`] brings firmware to it again: a Falcon that lost its power supply stays
-//! on USB.
+//! **Trouble.** Packets have no numbers. If an answer did not come, the driver waits for it once more before the next
+//! packet, so that a late answer is not taken for the next one. An answer that comes before the device can have
+//! received the packet belongs to an earlier packet. The driver discards it, because one answer too many would make
+//! every later state late. A packet that is missing, cut or out of reach counts as one missing state. After [`STALE`]
+//! missing states in a row the driver sends no torque, because the position is not known. After [`LOST`] in a row the
+//! device counts as disconnected, so that [`Exchange::reopen`] uploads the firmware again: a Falcon that lost its power
+//! supply stays on USB.
 
 use super::boot::{self, BootError, Firmware, Tries};
 use super::geometry::{CENTRE, Jacobian, STEP, WORKSPACE, angle_of, forward, torque_counts};
@@ -40,7 +41,7 @@ pub const STALE: u32 = 3;
 pub const LOST: u32 = 50;
 /// Shortest time (ns) from the write of a packet to its answer: sixteen bytes each way take 213 us at 1.5 Mbaud.
 const SOONEST_NS: u64 = 200_000;
-/// Most reads in one exchange, so that a stopped clock cannot hold it.
+/// Most reads in one exchange, so that a stopped clock cannot prolong it.
 const READS: u32 = 1000;
 /// Most periods between two samples of the velocity.
 const GAP: f64 = 100.0;
@@ -62,7 +63,7 @@ pub struct Settings {
     pub period: f64,
 }
 
-/// Why a Falcon could not be connected.
+/// The reason why a Falcon could not be connected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FalconError {
     /// The USB device could not be opened.
@@ -76,7 +77,7 @@ pub enum FalconError {
 }
 
 impl FalconError {
-    /// The error number of the system; that of a silent device where there is none.
+    /// The error number of the system; that of a silent device if there is none.
     fn number(&self) -> i32 {
         match self {
             Self::Open(number) => *number,
@@ -131,8 +132,8 @@ pub struct Falcon<T> {
 }
 
 impl<T: Ftdi> Falcon<T> {
-    /// Opens the device with `open`, and brings it to run its firmware. `open` opens it again whenever it was lost.
-    /// The waits and the device's time are those of `clock`.
+    /// Opens the device with `open`, and makes it run its firmware. The driver calls `open` again whenever the device
+    /// was lost. `clock` measures the waits and the device's time.
     ///
     /// # Errors
     /// [`FalconError`], which names the failure and its remedy.
@@ -172,7 +173,7 @@ impl<T: Ftdi> Falcon<T> {
         }
     }
 
-    /// Opens the device and boots it with at most `uploads` uploads. The driver forgets everything about it before.
+    /// Forgets all state of the device, opens the device, and boots it with at most `uploads` uploads.
     fn begin(&mut self, uploads: u32) -> Result<(), FalconError> {
         self.link = None;
         self.forget();
@@ -209,12 +210,12 @@ impl<T: Ftdi> Falcon<T> {
         self.counts
     }
 
-    /// Why the last [`reopen`](Exchange::reopen) failed.
+    /// The reason why the last [`reopen`](Exchange::reopen) failed.
     pub fn trouble(&self) -> Option<&FalconError> {
         self.trouble.as_ref()
     }
 
-    /// The packet that commands `wrench`, as far as the state of the device allows.
+    /// The packet that commands `wrench` if the state of the device allows it.
     fn command(&mut self, wrench: &Wrench) -> Command {
         let jacobian = self
             .jacobian
@@ -242,7 +243,8 @@ impl<T: Ftdi> Falcon<T> {
             .as_mut()
             .ok_or(DeviceError::Disconnected(NO_DEVICE))?;
         if self.owed {
-            // A late answer would count as the answer to this packet, and each later answer, too.
+            // A late answer would count as the answer to this packet, and each later answer would be one packet late,
+            // too.
             let _ = read(link, &mut self.framer, &mut self.clock, LATE, 0)?;
             for buffer in [Buffer::One, Buffer::Two] {
                 link.control(Control::Purge(buffer)).map_err(failed)?;
@@ -275,7 +277,7 @@ impl<T: Ftdi> Falcon<T> {
         if position.norm() > FARTHEST {
             return Err(out_of_reach);
         }
-        // Where the mechanism is singular, the state is good, and there is no torque.
+        // If the mechanism is singular, the state is good, and there is no torque.
         self.jacobian = Jacobian::at(&place, &angles);
         let velocity = self.velocity(&position);
         self.last = Some((self.written_ns, position));
@@ -296,9 +298,10 @@ impl<T: Ftdi> Falcon<T> {
         })
     }
 
-    /// The velocity (m/s) at a new position. The estimator takes one position per period, so after missing states it
-    /// gets evenly interpolated positions, and after a longer silence it begins anew. The device counts when a packet has
-    /// come, so the time of the packet is that of the position: an answer that is read late makes no velocity.
+    /// The velocity (m/s) at a new position. The estimator takes one position per period. After missing states it
+    /// therefore gets evenly interpolated positions, and after a longer silence it begins anew. The device reads its
+    /// counters when a packet has come, so the time of the packet is that of the position. An answer that is read late
+    /// thus makes no velocity.
     fn velocity(&mut self, position: &Vec3) -> Vec3 {
         let (last_ns, mut from) = self.last.unwrap_or((self.written_ns, *position));
         let gap = self.written_ns.saturating_sub(last_ns) as f64 * 1e-9;
@@ -325,8 +328,9 @@ fn failed(number: i32) -> DeviceError {
     }
 }
 
-/// Waits for an answer, at most for `wait`, and discards those that come before `soonest_ns`. Returns the newest that has
-/// come, or why it cannot be used, `None` where none came in time; and the number of reads with discarded answers.
+/// Waits for an answer, at most for `wait`, and discards the answers that come before `soonest_ns`. Returns the newest
+/// answer or the reason why it cannot be used, `None` if no answer came in time, and the number of reads with discarded
+/// answers.
 fn read<T: Ftdi>(
     link: &mut T,
     framer: &mut Framer,
@@ -398,13 +402,13 @@ impl<T: Ftdi> Exchange for Falcon<T> {
     fn release(&mut self) {
         if let Some(link) = &mut self.link {
             let zero = Command::default().encode();
-            // A second try is all that can be done about a failure.
+            // Only a second try can help after a failure.
             let _ = link.write(&zero).or_else(|_| link.write(&zero));
         }
     }
 
-    /// Opens the device again and brings it to run its firmware, with at most one upload, because the caller repeats
-    /// the call. A call may take ten seconds. Where it fails, [`trouble`](Falcon::trouble) has the reason.
+    /// Opens the device again and makes it run its firmware. One upload at most suffices, because the caller repeats
+    /// the call. A call may take ten seconds. If it fails, [`trouble`](Falcon::trouble) has the reason.
     fn reopen(&mut self) -> Result<(), DeviceError> {
         let result = self.begin(1);
         self.trouble = result.err();

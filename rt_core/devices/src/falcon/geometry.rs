@@ -2,8 +2,8 @@
 //!
 //! The mechanism is the translational parallel manipulator of Stamper (*A Three Degree of Freedom Parallel Manipulator
 //! with Only Translational Degrees of Freedom*, PhD thesis, University of Maryland, 1997; Tsai & Stamper, ASME DETC
-//! 1996). Three legs carry a platform that never turns. Each leg is an **arm**, which a motor turns about a fixed axis,
-//! and a **shin**, a parallelogram from the arm to the platform.
+//! 1996). Three legs carry a platform that never turns. Each leg consists of an **arm**, which a motor turns about a
+//! fixed axis, and a **shin**, a parallelogram from the arm to the platform.
 //!
 //! The platform is at `p` in the axes x, y, z. A leg has axes of its own: `u` points outwards from the middle at the
 //! angle `phi` of the leg, `v` lies along the axis of its motor, and `w = z`. With Stamper's lengths, the arm at the
@@ -25,17 +25,17 @@
 //! `A cos t + B sin t = C`. Of its two solutions the knee of the Falcon is the outer one.
 //!
 //! **Forward.** The intersection of the three tori has no simple closed form. The intersection of three spheres of
-//! radius `b + d + e` about the knees has one, and its point is at most 3.1 mm away inside the workspace
-//! ([`WORKSPACE`]). Newton's method then takes four steps, each of which about squares the error over 0.1 m: 3 mm,
-//! 0.1 mm, 0.1 um, and rounding. The work is bounded, and needs no earlier position.
+//! radius `b + d + e` about the knees has a closed form, and its point is at most 3.1 mm away inside the workspace
+//! ([`WORKSPACE`]). Newton's method then takes four steps. Each step about squares the error over 0.1 m: 3 mm, 0.1 mm,
+//! 0.1 um, and rounding. The work is bounded, and no earlier position is needed.
 //!
 //! **Jacobian.** The unit normal `n = (sin q cos k, cos q, sin q sin k)` of the torus is the direction of the force in
 //! the shin, so `n . dp = n . dknee`, and the rate of the arm is `n . dp / g` with the lever
 //! `g = a sin q (sin k cos t - cos k sin t)`. By virtual work, the torques of the arms that put the force `F` on the
 //! hand are `J^T F` for `J = dp / dt`.
 //!
-//! Lengths and angles are those that libnifalcon publishes. Nobody publishes a calibration, so the absolute errors of
-//! one device (bearings, the angle at zero) are larger than the rounding here.
+//! Lengths and angles are those that libnifalcon publishes. No calibration is published, so the absolute errors of one
+//! device (bearings, the angle at zero) are larger than the rounding here.
 #![cfg_attr(
     not(test),
     deny(
@@ -59,7 +59,7 @@ const HINGES: f64 = 0.011_25 + 0.011_25;
 const OUT: f64 = 0.040 - 0.014_43;
 /// Offset of the knee along the axis of the motor (m): Stamper's `s - f`.
 const ALONG: f64 = -0.023_09 + 0.025;
-/// Angles of the legs about z (rad): 90, -30 and -150 degrees, and 15 degrees for the base, which stands turned.
+/// Angles of the legs about z (rad): 90, -30 and -150 degrees, plus the 15 degrees by which the base is turned.
 const LEGS: [f64; 3] = [105.0 * PI / 180.0, -15.0 * PI / 180.0, -135.0 * PI / 180.0];
 /// Angle of an arm at the count zero (rad).
 const ZERO: f64 = 35.0 * PI / 180.0;
@@ -80,17 +80,17 @@ const SINGULAR: f64 = 1e-3;
 const DEAD: f64 = 1e-5;
 
 /// The middle of the workspace (m) in the axes of the mechanism, whose origin is the middle of the base: x to the
-/// right, y up, z towards the user. The makers publish no middle. This middle is our choice: about it, the ball of
-/// [`WORKSPACE`] is inside reach, with arms from -33 to 81 degrees.
+/// right, y up, z towards the user. The makers publish no middle. This middle is our choice: the ball of [`WORKSPACE`]
+/// about it is within reach, with arms from -33 to 81 degrees.
 pub const CENTRE: Vec3 = Vec3::new(0.0, 0.0, 0.125);
 /// Radius of the ball about [`CENTRE`] in which the precision of this module is tested (m).
 pub const WORKSPACE: f64 = 0.05;
 
 /// The largest displacement along an axis when no arm turns by more than one count (m), within 40 mm of [`CENTRE`]. It
-/// is 0.08 mm in the middle. The makers' 0.04 mm is the way for one count of one arm.
+/// is 0.08 mm in the middle. The makers' 0.04 mm is the displacement for one count of one arm.
 pub const STEP: f64 = 0.103e-3;
 
-/// The angle of an arm (rad) at an encoder count. It grows where the grip moves towards the user.
+/// The angle of an arm (rad) at an encoder count. The angle grows if the grip moves towards the user.
 pub fn angle_of(count: i16) -> f64 {
     ZERO + COUNT * f64::from(count)
 }
@@ -142,7 +142,7 @@ pub fn inverse(position: &Vec3) -> Option<[f64; 3]> {
     Some(angles)
 }
 
-/// One shin: the direction of its force (unit vector), and how much longer than itself it would have to be (m).
+/// One shin: the direction of its force (unit vector), and the length (m) that it lacks to reach the position.
 fn shin(position: &Vec3, knee: &Vec3, turn: (f64, f64)) -> Option<(Vec3, f64)> {
     let local = in_leg(position, turn) - knee;
     let length = libm::hypot(local.x, local.z);
@@ -160,7 +160,7 @@ fn shin(position: &Vec3, knee: &Vec3, turn: (f64, f64)) -> Option<(Vec3, f64)> {
     Some((from_leg(&normal, turn), size - SHIN))
 }
 
-/// The vectors `m_i` with `n_i . m_j = 1` for `i = j` and 0 otherwise, for unit vectors `n_i`; `None` where they are
+/// The vectors `m_j` with `n_i . m_j = 1` for `i = j` and 0 otherwise, for unit vectors `n_i`; `None` if these are
 /// almost in one plane.
 fn reciprocal([a, b, c]: &[Vec3; 3]) -> Option<[Vec3; 3]> {
     let volume = a.dot(&b.cross(c));
@@ -173,7 +173,7 @@ fn reciprocal([a, b, c]: &[Vec3; 3]) -> Option<[Vec3; 3]> {
     })
 }
 
-/// The point at the distance `radius` from three points; of the two, the one with the larger z.
+/// The point at the distance `radius` from three points. Of the two such points, the one with the larger z.
 fn three_spheres([a, b, c]: &[Vec3; 3], radius: f64) -> Option<Vec3> {
     // The middle of the circle through the points, then out along the normal of their plane.
     let (ab, ac) = (b - a, c - a);
@@ -188,9 +188,9 @@ fn three_spheres([a, b, c]: &[Vec3; 3], radius: f64) -> Option<Vec3> {
     point.iter().all(|x| x.is_finite()).then_some(point)
 }
 
-/// The position of the grip (m, axes of the mechanism) at the angles of the three arms (rad); `None` where the legs
-/// cannot meet. The position errs by less than 1 nm inside the workspace. Outside,
-/// it may be one that the end stops of a real device forbid.
+/// The position of the grip (m, axes of the mechanism) at the angles of the three arms (rad); `None` if the legs
+/// cannot meet. The position errs by less than 1 nm inside the workspace. Outside, the end stops of a real device may
+/// forbid the position.
 ///
 /// ```
 /// use devices::falcon::geometry::{CENTRE, forward, inverse};
@@ -232,7 +232,7 @@ pub fn forward(angles: &[f64; 3]) -> Option<Vec3> {
         .then_some(position)
 }
 
-/// How the grip moves with its arms, at one position.
+/// The Jacobian at one position: the motion of the grip with its arms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jacobian {
     /// The velocity of the grip for a rate of one of each arm (m/rad).
@@ -242,8 +242,9 @@ pub struct Jacobian {
 }
 
 impl Jacobian {
-    /// The Jacobian at `position` (m, axes of the mechanism) with the arms at `angles` (rad), which belong to each
-    /// other by [`forward`] or [`inverse`]. `None` where an arm and its shin are in line, or the shins in one plane.
+    /// The Jacobian at `position` (m, axes of the mechanism) with the arms at `angles` (rad). Position and angles
+    /// belong together by [`forward`] or [`inverse`]. `None` if an arm and its shin are in line, or the shins in one
+    /// plane.
     pub fn at(position: &Vec3, angles: &[f64; 3]) -> Option<Self> {
         let mut normals = [Vec3::zeros(); 3];
         let mut levers = [0.0; 3];
@@ -290,8 +291,8 @@ impl Jacobian {
     }
 }
 
-/// The counts that command the torques of the arms (N m). Where one is beyond [`TORQUE_LIMIT`], all are reduced by the
-/// same factor, so that the force keeps its direction. Torques of which one is not finite become zero.
+/// The counts that command the torques of the arms (N m). If one count is beyond [`TORQUE_LIMIT`], all are reduced by
+/// the same factor, so that the force keeps its direction. If a torque is not finite, all counts are zero.
 pub fn torque_counts(torques: &[f64; 3]) -> [i16; 3] {
     if !torques.iter().all(|torque| torque.is_finite()) {
         return [0; 3];

@@ -1,14 +1,15 @@
-//! The packets of the Falcon's firmware, 16 bytes each way, and where they begin and end in a stream of bytes.
+//! The packets of the Falcon's firmware, 16 bytes each way, and their limits in a stream of bytes.
 //!
 //! A packet is `<`, twelve letters, a status letter, a letter of unknown use, `>`. Each four letters are one number of
-//! 16 bits, four bits a letter, lowest first, as the letter `A` plus the bits. The numbers are the torques of the
-//! motors to the device, and the encoders from it. There is no check sum, sequence number or time stamp. No letter is
-//! below `A`, so neither `<` nor `>` can occur inside: a packet that was cut is recognized, and none is lost after it.
+//! 16 bits, lowest bits first: a letter is `A` plus four bits. The numbers are the torques of the motors in a packet to
+//! the device, and the counts of the encoders in a packet from it. There is no check sum, sequence number or time
+//! stamp. No letter is below `A`, so neither `<` nor `>` can occur inside a packet. A cut packet is therefore
+//! recognized, and no packet after it is lost.
 //!
-//! Users of libnifalcon report packets of 14 bytes, which it misread as homing and buttons (its pull request 30). Such
-//! a packet is refused here.
+//! Users of libnifalcon report packets of 14 bytes, which libnifalcon misread as homing and buttons (its pull request
+//! 30). This module refuses such a packet.
 //!
-//! Source: the protocol as libnifalcon (BSD) has it.
+//! Source: the protocol in libnifalcon (BSD).
 #![cfg_attr(
     not(test),
     deny(
@@ -54,7 +55,7 @@ pub struct Command {
 /// A packet from the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// Counts of the three encoders. They are relative to the reference only where the axis is homed.
+    /// Counts of the three encoders. They are relative to the reference only if the axis is homed.
     pub encoders: [i16; 3],
     /// The four buttons of the grip, lowest bit first.
     pub buttons: u8,
@@ -72,7 +73,7 @@ pub struct LetterError {
     pub found: u8,
 }
 
-// Bits of the status letter to the device, as the code of libnifalcon has them (its comment differs).
+// Bits of the status letter to the device, from the code of libnifalcon (its comment differs).
 const HOMING: u8 = 1;
 const GREEN: u8 = 2;
 const BLUE: u8 = 4;
@@ -97,7 +98,7 @@ fn encode(numbers: [i16; 3], status: u8) -> [u8; LENGTH] {
     packet
 }
 
-/// The three numbers and the status of a packet, whose first and last byte are not looked at.
+/// The three numbers and the status of a packet. Its first and its last byte are not checked.
 fn decode(packet: &[u8; LENGTH]) -> Result<([i16; 3], u8), LetterError> {
     let mut nibbles = [0; 12];
     let mut status = 0;
@@ -144,7 +145,7 @@ impl Command {
     /// The command in a packet, as the device reads it.
     ///
     /// # Errors
-    /// [`LetterError`] where a byte is no letter of the alphabet.
+    /// [`LetterError`] if a byte is no letter of the alphabet.
     pub fn decode(packet: &[u8; LENGTH]) -> Result<Self, LetterError> {
         let (torques, status) = decode(packet)?;
         let on = |bit: u8| status & bit != 0;
@@ -171,7 +172,7 @@ impl Report {
     /// The report in a packet. A fourth bit above those of the axes is ignored; its use is unknown.
     ///
     /// # Errors
-    /// [`LetterError`] where a byte is no letter of the alphabet.
+    /// [`LetterError`] if a byte is no letter of the alphabet.
     pub fn decode(packet: &[u8; LENGTH]) -> Result<Self, LetterError> {
         let (encoders, status) = decode(packet)?;
         Ok(Self {
@@ -187,7 +188,7 @@ impl Report {
     }
 }
 
-/// Finds the packets in a stream of bytes. It holds one packet at most and allocates nothing.
+/// Finds the packets in a stream of bytes. A framer holds one packet at most, and allocates nothing.
 ///
 /// ```
 /// use devices::falcon::packet::Framer;
@@ -256,7 +257,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What was begun before a restart is no part of a packet.
+    /// Bytes from before a restart are no part of a packet.
     #[test]
     fn a_restart_forgets_the_packet_that_has_begun() {
         let packet = Report::default().encode();

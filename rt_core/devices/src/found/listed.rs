@@ -1,5 +1,5 @@
-//! The kernel's lists of devices (sysfs). Nothing is opened, so a list may be made at any time, also while a device is
-//! in use.
+//! The kernel's lists of devices (sysfs). No device is opened, so a list may be made at any time, even while a device
+//! is in use.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,12 +13,12 @@ pub struct Listed {
     pub numbers: (u16, u16),
     /// Whether the device is on USB.
     pub on_usb: bool,
-    /// Serial number; empty where the device states none.
+    /// Serial number; empty if the device states none.
     pub serial: String,
-    /// The port of USB (`1-2.3`); empty for a device on another bus. The port is that of the socket, so it stays when the
-    /// device is plugged in again.
+    /// The port of USB (`1-2.3`); empty for a device on another bus. The port belongs to the socket, so it stays when
+    /// the device is plugged in again.
     pub port: String,
-    /// The interface of the USB device (`1-2.3:1.0`); empty where the device was not listed by its interface.
+    /// The interface of the USB device (`1-2.3:1.0`); empty if the device was not listed by its interface.
     pub interface: String,
     /// The file of the device.
     pub file: PathBuf,
@@ -108,7 +108,7 @@ pub(crate) fn lines(root: &Path) -> Vec<Listed> {
     each.collect()
 }
 
-/// Where a device is on USB.
+/// The place of a device on USB.
 struct Place {
     /// The folder of the USB device.
     device: PathBuf,
@@ -117,7 +117,7 @@ struct Place {
 }
 
 impl Place {
-    /// The place of what has a folder below that of a USB device; `None` on another bus.
+    /// The place of a device whose folder is below that of a USB device; `None` on another bus.
     fn of(folder: &Path) -> Option<Self> {
         let folder = fs::canonicalize(folder).ok()?;
         let is_device = |folder: &&Path| folder.join("idVendor").exists();
@@ -149,8 +149,8 @@ fn numbers(folder: &Path) -> Option<(u16, u16)> {
     number("idVendor").zip(number("idProduct"))
 }
 
-/// What the kernel tells of a HID device in its file `uevent`. The name and the serial number are what the device
-/// states, so they may be any text.
+/// The facts about a HID device in the kernel's file `uevent`. The device itself states its name and its serial number,
+/// so these may be any text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HidFacts {
     /// Vendor and product.
@@ -166,7 +166,7 @@ pub struct HidFacts {
 }
 
 impl HidFacts {
-    /// The facts in a text; `None` where it does not name a vendor and a product.
+    /// The facts in a text; `None` if the text does not name a vendor and a product.
     pub fn parse(text: &str) -> Option<Self> {
         let fact = |key: &str| {
             let lines = text.lines().filter_map(|line| line.split_once('='));
@@ -205,7 +205,7 @@ fn behind_hub(place: &str) -> bool {
         .is_some_and(|ports| ports.contains('.'))
 }
 
-/// The names and paths in a folder, sorted; none where the folder does not exist.
+/// The names and paths in a folder, sorted; none if the folder does not exist.
 pub(super) fn entries(folder: &Path) -> Vec<(String, PathBuf)> {
     let Ok(each) = fs::read_dir(folder) else {
         return Vec::new();

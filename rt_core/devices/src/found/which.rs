@@ -1,4 +1,4 @@
-//! Which one of several devices of a kind: by its serial number, or by its port of USB.
+//! The choice of one of several devices of a kind, by its serial number or by its port of USB.
 //!
 //! Two devices of a kind may state the same serial number, or none. The port of USB always tells them apart.
 
@@ -44,7 +44,7 @@ impl Which {
         }
     }
 
-    /// The connection of the device, where `kind` is the connection of any device of the kind.
+    /// The connection of the device. `kind` is the connection of any device of the kind.
     pub fn connection(&self, kind: &str) -> String {
         match self {
             Self::Only => kind.to_owned(),
@@ -54,7 +54,7 @@ impl Which {
     }
 }
 
-/// What follows the name of the kind in a message.
+/// The text after the name of the kind in a message.
 impl fmt::Display for Which {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -71,11 +71,11 @@ fn is_port(text: &str) -> bool {
     text.starts_with(|c: char| c.is_ascii_digit()) && text.contains('-') && text.bytes().all(known)
 }
 
-/// The connected devices of one kind, all those that a connection without an end may mean.
+/// The connected devices of one kind: all devices that a connection without an end may mean.
 pub struct Alike<'a> {
     /// The connection of any device of the kind, such as `hid:1209:c0de`.
     pub kind: &'a str,
-    /// The driver that takes the path of a device as its address; `None` where it takes none.
+    /// The driver that takes the path of a device as its address; `None` if it takes none.
     pub by_path: Option<&'a str>,
     /// The devices.
     pub devices: Vec<Listed>,
@@ -130,7 +130,7 @@ impl Alike<'_> {
         }
     }
 
-    /// The connections that tell devices apart.
+    /// The connections that distinguish devices.
     fn ways(&self, devices: &[&Listed]) -> String {
         let named = joined(devices.iter().map(|one| self.connection(one)));
         let Some(driver) = self.by_path else {
@@ -144,7 +144,7 @@ impl Alike<'_> {
     }
 }
 
-/// Why the serial numbers of some devices do not tell them apart, in words; empty where they do.
+/// The reason, in words, why the serial numbers of some devices do not distinguish them; empty if they do.
 fn not_told_apart(devices: &[&Listed]) -> String {
     let serials: Vec<_> = devices.iter().map(|one| one.serial.as_str()).collect();
     let mut each = serials.clone();
@@ -161,7 +161,7 @@ fn joined(texts: impl Iterator<Item = String>) -> String {
     texts.collect::<Vec<_>>().join(", ")
 }
 
-/// Why there is not exactly one such device.
+/// The reason why there is not exactly one such device.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FindError {
     /// No such device is connected.
@@ -172,7 +172,7 @@ pub enum FindError {
     NotFound {
         /// The device that was asked for.
         called: String,
-        /// What was found instead.
+        /// The devices that were found instead.
         found: String,
     },
     /// More than one such device is connected.
@@ -184,7 +184,7 @@ pub enum FindError {
         called: String,
         /// Number of such devices.
         count: usize,
-        /// Why their serial numbers do not tell them apart; empty where they do.
+        /// The reason why their serial numbers do not distinguish them; empty if they do.
         why: String,
         /// Connections that name one device each.
         ways: String,

@@ -7,7 +7,7 @@ use runner::AnyDevice;
 
 /// Devices that speak the firmware protocol over USB HID.
 ///
-/// Addresses: `VID:PID`, the numbers of the USB device (four hexadecimal digits each); where two devices of the same kind
+/// Addresses: `VID:PID`, the numbers of the USB device (four hexadecimal digits each); if two devices of the same kind
 /// are connected, `VID:PID:SERIAL` or `VID:PID:@PORT`, with the port of USB; or the path of the device, `/dev/hidrawN` or
 /// a link that leads there.
 #[derive(Clone, Copy, Debug, Default)]

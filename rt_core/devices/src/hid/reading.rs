@@ -3,10 +3,10 @@
 //! The bytes come from a closure rather than from HID, so a test can supply byte arrays. The module never allocates. It
 //! reads at most [`QUEUE`] reports per tick, so a device that sends too many reports cannot stall the tick.
 //!
-//! **What the device renders** ([`Rendering`]) is the worst that the states of a tick say, so that a short pause of a fast
-//! device is not missed. A device without a wrench in force has let go, but for the start: it has a watchdog from the
-//! first wrench of a session to take one. A fault is told even where the device has lost its reference. The state then
-//! has the last pose that is known, because no force may follow from it.
+//! **Rendering.** The [`Rendering`] of a tick is the worst in the states of this tick, so that a short pause of a fast
+//! device is not missed. A device without a wrench in force has let go, except at the start: from the first wrench of a
+//! session on, the device has the time of a watchdog to take a wrench. A fault is reported even if the device has lost
+//! its reference. The state then has the last pose that is known, because no force may follow from it.
 
 use crate::wire::{corrupt, rendering_of, si_of, state_of};
 use firmware_proto::host::{DeviceClock, Event, Host, HostError, MotionToForce};
@@ -101,7 +101,7 @@ impl Reports {
     /// buffer and returns the length of the report, or zero for none.
     ///
     /// # Errors
-    /// That of `next`, where it comes before a state; otherwise why no state came.
+    /// The error of `next`, if it comes before a state. Otherwise the reason why no state came.
     ///
     /// The position of a device that has not found its reference cannot be trusted: the states of such a device count
     /// as missing, unless they tell of a fault.
@@ -221,7 +221,7 @@ impl Reports {
         self.host.release()
     }
 
-    /// Takes the condition in a state that came at `now_ns`. Returns what the device renders.
+    /// Takes the condition in a state that came at `now_ns`. Returns the rendering of the device.
     fn take(
         &mut self,
         report: &StateReport,
@@ -244,7 +244,7 @@ impl Reports {
         self.rendering(condition, now_ns)
     }
 
-    /// What a device of this condition renders at `now_ns`.
+    /// The rendering of a device in this condition at `now_ns`.
     fn rendering(&mut self, condition: &Condition, now_ns: u64) -> Rendering {
         let in_force = condition.in_force().is_some();
         self.was_in_force |= in_force;
@@ -262,7 +262,7 @@ impl Reports {
     }
 }
 
-/// The worse of what two states say.
+/// The worse rendering of two states.
 fn worse(a: Rendering, b: Rendering) -> Rendering {
     match (a, b) {
         (_, fault @ Rendering::Fault(_)) | (fault @ Rendering::Fault(_), _) => fault,
@@ -271,7 +271,7 @@ fn worse(a: Rendering, b: Rendering) -> Rendering {
     }
 }
 
-/// The newest state of some reports, the worst that they say of the rendering, or the last fault among them.
+/// The newest state of some reports with the worst rendering in them, or the last fault among them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Newest {
     state: Option<StateReport>,
@@ -476,7 +476,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// What some states that come at once say of the rendering.
+    /// The rendering from some states that come at once.
     fn rendering(reports: &mut Reports, states: &[StateReport]) -> Rendering {
         let at = states.last().map_or(0, |state| u64::from(state.sequence)) * MS;
         let state = reports.newest(Freedom::Three, at, queue(bytes(states)));
@@ -547,8 +547,8 @@ mod tests {
         assert_eq!(rendering(&mut reports, &both), Rendering::Fault(3));
     }
 
-    /// A fault is told even where the device has lost its reference. No force may follow from the pose, which is the last
-    /// that is known.
+    /// A fault is reported even if the device has lost its reference. No force may follow from the pose, which is the
+    /// last that is known.
     #[test]
     fn a_fault_is_told_without_a_reference() {
         let fault = |sequence| {
@@ -585,7 +585,7 @@ mod tests {
             })
         };
         let mut reports = ready();
-        // The count before the first state is of nobody's wrenches here: it is zero in the state 2.
+        // The count before the first state belongs to no wrenches of this host: it is zero in the state 2.
         for (sequence, count, all) in [
             (3, 3, 3),
             (4, 3, 3),
@@ -596,7 +596,7 @@ mod tests {
             rendering(&mut reports, &[refused(sequence, count)]);
             assert_eq!(reports.refused_by_device, all);
         }
-        // What the device refuses while it searches its reference does not count.
+        // Refusals while the device searches its reference do not count.
         let searches = condition(8, |condition| {
             condition.mode = Mode::Homing;
             condition.refused = 40;
@@ -791,7 +791,7 @@ mod tests {
             let found = reports.newest(Freedom::Three, 3 * MS, read);
             assert_eq!((found, reports.corrupt), (kind, corrupt.into()));
         }
-        // Bytes that are no report are told, unless more is known.
+        // Bytes that are no report are reported, unless more is known.
         let mut newest = reports.begin();
         newest.garbage();
         let length = Err(DeviceError::Corrupt(Corruption::Length));

@@ -1,4 +1,4 @@
-//! Which HID device to open: by the numbers of the USB device, or by its path.
+//! The choice of the HID device to open, by the numbers of the USB device or by its path.
 
 use crate::found::listed::{self, Listed};
 use crate::found::which::{Alike, FindError};
@@ -93,8 +93,8 @@ impl HidSelector {
         }
     }
 
-    /// What the selector names, see [`Driver::reaches`](crate::Driver::reaches): the file of the device, where it is
-    /// connected.
+    /// The file of the device that the selector names, if it is connected; see
+    /// [`Driver::reaches`](crate::Driver::reaches).
     pub(crate) fn reaches(&self) -> String {
         match (self.find(Path::new("/")), self) {
             (Ok(found), _) => file_of(&found.file),

@@ -43,7 +43,7 @@ fn model(name: &str) -> Model {
     }
 }
 
-/// A device that is plugged in, and what became of its commands.
+/// A device that is plugged in, and the effect of its commands.
 struct Plugged {
     firmware: Firmware,
     time_us: u32,
@@ -203,7 +203,7 @@ fn a_device_that_is_not_that_of_its_profile_gets_no_force() {
             error.to_string().contains("another device's profile"),
             "{error}"
         );
-        // It is lost where it answers later.
+        // It is lost if it answers later.
         let (mut device, _) = open(&socket);
         let mut now_ns = 0;
         until(&mut device, &mut now_ns, |_, device| {
@@ -282,7 +282,9 @@ fn a_device_that_comes_back_as_another_gets_no_force_until_it_is_itself_again() 
         }
         assert!(!has_force(&socket));
         socket.lock().expect("a thread").gone = true;
-        until(&mut device, &mut now_ns, |_, device| device.gone.is_some());
+        until(&mut device, &mut now_ns, |_, device| {
+            device.end.lost().is_some()
+        });
         *socket.lock().expect("a thread") = Plugged::new(model("left"));
         until(&mut device, &mut now_ns, |_, _| has_force(&socket));
     }

@@ -2,14 +2,15 @@
 //!
 //! A write of a HID report takes as long as the device needs: the kernel waits for the device, for up to five seconds.
 //! The tick pushes its command into a small ring and wakes this thread, which writes the newest command in the ring.
-//! The cost for the tick is a copy and, only where the thread sleeps, one futex wake-up: the single named wake-up that
+//! The cost for the tick is a copy and, only if the thread sleeps, one futex wake-up: the single named wake-up that
 //! a tick may make. The tick never waits.
 //!
 //! The thread also opens a lost device again. The tick first gives its reading end back through a ring, because closing a
 //! file is a system call that the tick does not make. The thread closes both ends of the lost device before it looks for
-//! the device: the kernel gives the name of a file only to a new device when nobody has the old file open. The new
+//! the device: the kernel gives the name of a file to a new device only if no program has the old file open. The new
 //! reading end passes to the tick through another ring.
 
+use super::writing::{Step, Writing};
 use rt_core::DeviceError;
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use runner::ring::{prefaulted, take_newest};
@@ -17,17 +18,15 @@ use runner::schedule::realtime;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::thread::{JoinHandle, park, park_timeout};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Number of commands that may wait. A healthy device is never behind by more than one or two.
 const SLOTS: usize = 4;
 
-/// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
+/// Priority of the thread under SCHED_FIFO, if allowed: above ordinary threads, below the tick. A refusal is not
 /// reported here, because the tick requests a higher priority and reports its own refusal.
 const PRIORITY: u8 = 45;
 
-/// Time between two attempts to open a lost device again.
-const RETRY: Duration = Duration::from_millis(100);
 /// Number of reading ends that may wait for the tick, or for the thread.
 const ENDS: usize = 2;
 
@@ -65,46 +64,49 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
         let missing = Arc::clone(&lost);
         let work = move || {
             let _ = realtime(PRIORITY);
+            let start = Instant::now();
+            let now_ns = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+            let mut writing = Writing::default();
             // None while the device is lost.
             let mut write = Some(write);
             loop {
                 // This is read first, so that the commands pushed before the end are still found below.
                 let over = ring.is_abandoned();
-                if missing.load(Ordering::Acquire) && !over {
-                    // The tick gave its end back before it asked.
-                    while closed.pop().is_ok() {}
-                    write = None;
-                    let Ok((reading, writing)) = open() else {
-                        park_timeout(RETRY);
-                        continue;
-                    };
-                    write = Some(writing);
-                    told.store(0, Ordering::Relaxed);
-                    // Commands from before the loss are not sent.
-                    let _ = take_newest(&mut ring, |_, _| ());
-                    missing.store(false, Ordering::Release);
-                    // The tick has no end that waits: it lost the device before it asked.
-                    let _ = found.push(reading);
-                }
+                // Commands that the tick pushed before the loss are found in the same turn as the loss.
+                let lost = missing.load(Ordering::Acquire);
                 // The command is removed from the ring before it is written, so its slot is free during the write.
-                let command = match take_newest(&mut ring, |command, _| *command) {
-                    None if over => last,
-                    None => {
-                        // If a wake-up came after the ring was read, this call returns at once.
-                        park();
-                        continue;
-                    }
-                    Some(command) => command,
-                };
-                if let Some(write) = &mut write {
-                    let result = write(&command);
-                    told.store(result.err().unwrap_or(0), Ordering::Relaxed);
-                    if over {
-                        let _ = write(&last);
-                    }
-                }
+                let newest = take_newest(&mut ring, |command, _| *command);
                 if over {
+                    for command in [newest.unwrap_or(last), last] {
+                        let _ = write.as_mut().map(|write| write(&command));
+                    }
                     return;
+                }
+                match writing.next(now_ns(), lost, newest) {
+                    Step::Write(command) => {
+                        if let Some(write) = &mut write {
+                            let result = write(&command);
+                            told.store(result.err().unwrap_or(0), Ordering::Relaxed);
+                        }
+                    }
+                    // If a wake-up came after the ring was read, the call returns at once.
+                    Step::Wait(None) => park(),
+                    Step::Wait(Some(until_ns)) => {
+                        park_timeout(Duration::from_nanos(until_ns.saturating_sub(now_ns())));
+                    }
+                    Step::Reopen => {
+                        // The tick gave its end back before it asked.
+                        while closed.pop().is_ok() {}
+                        write = None;
+                        let ends = open();
+                        writing.reopened(now_ns(), ends.is_ok());
+                        let Ok((reading, end)) = ends else { continue };
+                        write = Some(end);
+                        told.store(0, Ordering::Relaxed);
+                        missing.store(false, Ordering::Release);
+                        // The tick has no end that waits: it lost the device before it asked.
+                        let _ = found.push(reading);
+                    }
                 }
             }
         };
@@ -142,8 +144,8 @@ impl<T: Copy + Send + 'static, R: Send + 'static> Writer<T, R> {
     /// Passes a command to the thread. For the hot path.
     ///
     /// # Errors
-    /// [`DeviceError::Busy`] where the ring is full, because the device has not taken the last commands yet; the
-    /// command is dropped. [`DeviceError::Disconnected`] where the previous write failed; the command is sent
+    /// [`DeviceError::Busy`] if the ring is full, because the device has not taken the last commands yet; the
+    /// command is dropped. [`DeviceError::Disconnected`] if the previous write failed; the command is sent
     /// nevertheless.
     pub(super) fn hand_on(&mut self, command: T) -> Result<(), DeviceError> {
         let (Some(ring), Some(thread)) = (&mut self.ring, &self.thread) else {
@@ -278,7 +280,7 @@ mod tests {
         assert_eq!(seen.recv(), Ok(("back", 4)));
     }
 
-    /// The kernel gives a device that is plugged in again its old name only where nobody has the old file open.
+    /// The kernel gives a device that is plugged in again its old name only if no program has the old file open.
     #[test]
     fn both_ends_of_a_lost_device_are_closed_before_it_is_looked_for() {
         let open_ends = Arc::new(());

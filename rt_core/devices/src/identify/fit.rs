@@ -7,12 +7,12 @@
 //! x(t) = x0 + v0 t + (1/m) IIF - (b/m) Ix - s (f/m) t^2/2 + (g/m) t^2/2
 //! ```
 //!
-//! It is linear in 1/m, b/m, f/m and g/m, and contains no derivative of the counted positions: the integral-equation
-//! method of continuous-time identification (Whitfield and Messali, Int. J. Control 1987), a relative of Shinbrot's
-//! modulating functions (1957; Preisig and Rippin 1993). `x0` and `v0` are free in each swing. The error of a counted
-//! position is nearly white where the handle moves, so ordinary least squares is close to the best estimate. The held
-//! force is a staircase, so `IIF` is exact. Swings leave out the reversals, so the time of a reversal and sticking do
-//! not matter. A spring term `-(k/m) IIx` in a second fit tells whether a hand holds the handle.
+//! The equation is linear in 1/m, b/m, f/m and g/m, and contains no derivative of the counted positions: the
+//! integral-equation method of continuous-time identification (Whitfield and Messali, Int. J. Control 1987), a relative
+//! of Shinbrot's modulating functions (1957; Preisig and Rippin 1993). `x0` and `v0` are free in each swing. The error
+//! of a counted position is nearly white if the handle moves, so ordinary least squares is close to the best estimate.
+//! The held force is a staircase, so `IIF` is exact. Swings leave out the reversals, so the time of a reversal and
+//! sticking do not matter. A spring term `-(k/m) IIx` in a second fit tells whether a hand holds the handle.
 //!
 //! The intervals are those of the jackknife over ten groups of swings (Efron and Stein, Ann. Statist. 1981), with
 //! Student's distribution.
@@ -23,7 +23,7 @@ use nalgebra::{SMatrix, SVector};
 /// One tick of a record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
-    /// Position along the axis, from the start (m); not a number where no reading arrived.
+    /// Position along the axis, from the start (m); not a number if no reading arrived.
     pub(super) offset: f64,
     /// The force that was written in this tick (N).
     pub(super) force: f64,
@@ -177,7 +177,7 @@ pub(super) fn identify(
         damping: over(|axis| axis.damping),
         friction: over(|axis| axis.friction),
         position_step: step,
-        // A delay that fits hardly better than another by a period is not told by the record.
+        // The record does not tell the delay if another delay, a period away, fits hardly worse.
         delay_periods: (least < 0.9 * beside[0].min(beside[1])).then_some(delay),
         period,
         axes,
@@ -213,7 +213,7 @@ fn identify_axis(
         return Err(IdentifyError::Disturbed { axis, residual });
     }
     let value = mechanics(&whole).ok_or(IdentifyError::Disturbed { axis, residual })?;
-    // Neighbouring swings share a group, so that what varies slowly shows as scatter.
+    // Neighbouring swings share a group, so that slow variations show as scatter.
     let mut squares = [0.0; 4];
     for group in 0..GROUPS {
         let range = group * sums.len() / GROUPS..(group + 1) * sums.len() / GROUPS;
@@ -271,7 +271,7 @@ fn total(sums: &[Sums]) -> Sums {
     sums.iter().fold(Sums::ZERO, |all, one| all.plus(one, 1.0))
 }
 
-/// The smallest change between two readings (m); infinite where nothing changed.
+/// The smallest change between two readings (m); infinite if nothing changed.
 fn smallest_change(samples: &[Sample]) -> f64 {
     let changes = samples
         .windows(2)

@@ -9,9 +9,9 @@
 //!
 //! `k` and `c` follow from the limits alone, because the mass is unknown: half of the largest force at the largest
 //! distance, and three fifths of the largest force at the largest speed. `A` grows from a tenth of the largest distance until
-//! position or speed comes near its limit, and shrinks at once where one comes nearer. Near the limits of position
-//! and speed the sines fade out as well, and near that of position a stiffer spring pushes back. The force is known in
-//! every tick, so none of these changes disturbs the fit.
+//! position or speed comes near its limit, and shrinks at once if position or speed comes nearer. Near the limits of
+//! position and speed the sines fade out as well, and near that of position a stiffer spring pushes back. The force is
+//! known in every tick, so none of these changes disturbs the fit.
 #![cfg_attr(
     not(test),
     deny(
@@ -101,11 +101,11 @@ pub struct Guide {
 }
 
 impl Guide {
-    /// A guide for a device with these capabilities, which is read and written every `period` (s). The handle starts
-    /// where the first reading finds it.
+    /// A guide for a device with these capabilities, which is read and written every `period` (s). The handle starts at
+    /// the position of the first reading.
     ///
     /// # Errors
-    /// [`IdentifyError::Senseless`] where a number that the motion needs is not finite or not above zero.
+    /// [`IdentifyError::Senseless`] if a number that the motion needs is not finite or not above zero.
     pub fn new(device: &Capabilities, period: f64) -> Result<Self, IdentifyError> {
         for (field, found) in [
             ("largest force", device.max_force),
@@ -309,7 +309,7 @@ impl Guide {
         self.amplitude = grown.clamp(AMPLITUDE.0, AMPLITUDE.1);
     }
 
-    /// Records this tick and goes on to the next, on this axis or the next.
+    /// Records this tick and advances to the next, on this axis or the next axis.
     fn advance(&mut self, offset: f64, force: &Vec3) {
         if (self.settle_ticks..self.ticks_per_axis).contains(&self.ticks) {
             let force = force.get(self.axis).copied().unwrap_or_default();
@@ -327,7 +327,7 @@ impl Guide {
         }
     }
 
-    /// Goes on to the next free axis; the motion ends where none is left.
+    /// Advances to the next free axis. The motion ends if no axis is left.
     fn skip_fixed_axes(&mut self) {
         while self.free.get(self.axis) == Some(&false) {
             self.axis += 1;

@@ -12,7 +12,7 @@ use toml::de::{DeTable, DeValue};
 pub struct DeviceFile {
     /// The full name of the device, for display.
     pub name: String,
-    /// The protocol of the device, by the name of its driver (`"woodenhaptics"`); `None` where the file names none.
+    /// The protocol of the device, by the name of its driver (`"woodenhaptics"`); `None` if the file names none.
     pub protocol: Option<String>,
     /// The numbers of the device.
     pub model: DeviceModel,
@@ -27,7 +27,7 @@ pub struct DeviceFile {
 pub struct ModelError {
     /// Line of the error, counted from 1.
     pub line: usize,
-    /// The field, such as `rotation.inertia`; empty where the error concerns no field.
+    /// The field, such as `rotation.inertia`; empty if the error concerns no field.
     pub field: String,
     /// The problem at that position.
     pub problem: ModelProblem,
@@ -121,8 +121,8 @@ impl DeviceFile {
     /// Reads a device's file.
     ///
     /// # Errors
-    /// [`ModelError`], with the line and the field, where the text is not TOML; where a field is missing, unknown, of
-    /// another type or out of range; or where `estimated` or `sources` contain a name that is no number of the device.
+    /// [`ModelError`], with the line and the field, if the text is not TOML; if a field is missing, unknown, of
+    /// another type or out of range; or if `estimated` or `sources` contain a name that is no number of the device.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
         let root = DeTable::parse(text).map_err(|error| ModelError {
             line: line_of(text, error.span().map_or(0, |span| span.start)),
@@ -182,7 +182,7 @@ impl DeviceFile {
         Self::numbers(true).chain(others)
     }
 
-    /// The names of the fields with numbers, including those of the rotation where `rotation` is true.
+    /// The names of the fields with numbers, including those of the rotation if `rotation` is true.
     pub fn numbers(rotation: bool) -> impl Iterator<Item = String> {
         let turning = TURNING.iter().filter(move |_| rotation);
         let plain = NUMBERS.iter().map(|name| (*name).to_owned());

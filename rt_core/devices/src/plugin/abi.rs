@@ -4,7 +4,7 @@ use std::ffi::{c_char, c_int, c_void};
 
 /// The version of the interface.
 pub(super) const ABI: u32 = 1;
-/// Done. A negative result is minus an error number, and any other result means that there is no new state.
+/// Success. A negative result is minus an error number, and any other result means that there is no new state.
 pub(super) const OK: c_int = 0;
 /// The name of the function that a plug-in exports.
 pub(super) const ENTRY: &std::ffi::CStr = c"palpate_plugin_entry";
@@ -38,7 +38,7 @@ pub struct State {
     pub time_ns: u64,
     /// Buttons, a bit each.
     pub buttons: u32,
-    /// What the device renders: `PALPATE_RENDERS`, or a reason why it renders nothing.
+    /// `PALPATE_RENDERS`, or the reason why the device renders nothing.
     pub rendering: u32,
 }
 

@@ -1,5 +1,5 @@
-//! Loads a plug-in and calls its functions. This is the only place that trusts foreign code, and it is only called in the
-//! process of the plug-in.
+//! Loads a plug-in and calls its functions. Only this module trusts foreign code, and only the process of the plug-in
+//! calls this module.
 #![allow(unsafe_code)]
 
 use super::abi::{self, ABI, ENTRY};
@@ -10,7 +10,7 @@ use std::ptr::null_mut;
 /// Longest message of a plug-in (bytes).
 const MESSAGE: usize = 256;
 
-/// Why a plug-in or its device could not be opened.
+/// The reason why a plug-in or its device could not be opened.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PluginError {
     /// The path or the address contains a zero byte.
@@ -72,7 +72,7 @@ pub enum PluginError {
         super::process::OPEN.as_secs(), path = .0.display()
     )]
     Silent(PathBuf),
-    /// What the process of the plug-in says.
+    /// The message of the process of the plug-in.
     #[error("{0}")]
     Refused(String),
     /// The plug-in could not open its device.
@@ -116,8 +116,8 @@ impl Library {
         }
         let text =
             CString::new(name.as_os_str().as_encoded_bytes()).map_err(|_| PluginError::Zero)?;
-        // SAFETY: the name ends with a zero byte. The constructors of the library run, as the person who named the
-        // library in the scene asks for.
+        // SAFETY: the name ends with a zero byte. The constructors of the library run, which is the wish of the user
+        // who named the library in the scene.
         let handle = unsafe { libc::dlopen(text.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
             return Err(PluginError::Load {
@@ -249,7 +249,7 @@ fn linker_problem() -> String {
 mod tests {
     use super::*;
 
-    /// The linker has folders of its own, in which it would find another file of this name.
+    /// The linker searches its own folders, in which it would find another file of this name.
     #[test]
     fn a_name_without_a_folder_is_that_of_a_file_here() {
         for (name, sought) in [("none.so", "./none.so"), ("a/none.so", "a/none.so")] {

@@ -12,7 +12,7 @@ const ANSWER: usize = 124;
 /// Length of a wrench (bytes).
 const WRENCH: usize = 48;
 
-/// What the process of a plug-in says first.
+/// The first message of the process of a plug-in.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Opening {
     /// The device is open.
@@ -21,7 +21,7 @@ pub(super) enum Opening {
         name: String,
         capabilities: Capabilities,
     },
-    /// Why it is not.
+    /// The reason why the device is not open.
     Refused(String),
 }
 
@@ -89,7 +89,7 @@ pub(super) fn encode_wrench(wrench: &Wrench) -> [u8; WRENCH] {
     bytes
 }
 
-/// The wrench in a message; `None` where it is none.
+/// The wrench in a message; `None` if the message is no wrench.
 pub(super) fn decode_wrench(bytes: &[u8]) -> Option<Wrench> {
     let mut reader = Reader(bytes);
     Some(Wrench {
@@ -115,7 +115,7 @@ pub(super) fn encode_answer(code: i32, state: &State) -> Vec<u8> {
     bytes
 }
 
-/// The answer in a message; `None` where it is none.
+/// The answer in a message; `None` if the message is no answer.
 pub(super) fn decode_answer(bytes: &[u8]) -> Option<(i32, State)> {
     let mut reader = Reader(bytes);
     let code = i32::from_le_bytes(reader.next()?);

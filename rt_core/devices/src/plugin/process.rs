@@ -1,8 +1,8 @@
 //! A plug-in in a process of its own.
 //!
-//! A vendor's library may end its process, change its folder, crash or never return. In a process of its own it can do
-//! none of this to the run: its device is lost, and the other devices and the log are not concerned. The process also
-//! outlives a run that was killed, for as long as it takes to close the device.
+//! A vendor's library may end its process, change its folder, crash or never return. A process of its own protects the
+//! run: only the device of the library is lost, and the other devices and the log continue. The process also outlives a
+//! run that was killed, until it has closed the device.
 
 use super::abi;
 use super::library::{Library, PluginError};
@@ -29,9 +29,9 @@ pub const OPEN: Duration = Duration::from_secs(10);
 pub const EXCHANGE: Duration = Duration::from_secs(1);
 /// Longest time in which a plug-in closes its device.
 const CLOSE: Duration = Duration::from_secs(1);
-/// Time between two looks whether a process has ended.
+/// Time between two checks whether a process has ended.
 const LOOK: Duration = Duration::from_millis(1);
-/// Priority under SCHED_FIFO, where allowed: that of the thread that waits for the process.
+/// Priority under SCHED_FIFO, if allowed: that of the thread that waits for the process.
 const PRIORITY: u8 = 45;
 /// First argument of the program that serves a plug-in. The file of the plug-in and the address of its device follow.
 const SERVE: &str = "serve-plug-in";
@@ -39,7 +39,7 @@ const SERVE: &str = "serve-plug-in";
 const ENDED: i32 = 19;
 const SILENT: i32 = 110;
 
-/// The process of a plug-in whose device is open. Dropping it closes the device, and ends the process where that takes
+/// The process of a plug-in whose device is open. Dropping it closes the device, and ends the process if that takes
 /// longer than a second.
 #[derive(Debug)]
 pub(super) struct Process {
@@ -68,7 +68,7 @@ impl Process {
             let mut command = Command::new(program);
             command.arg0("palpate").arg(SERVE).arg(path).arg(address);
             command.stdin(far);
-            // What a plug-in prints is no result of the run.
+            // The output of a plug-in is no result of the run.
             command.stdout(Stdio::from(std::io::stderr().as_fd().try_clone_to_owned()?));
             // The keys of the terminal are for the run, which ends the process in order.
             command.process_group(0);
@@ -110,7 +110,8 @@ impl Process {
         answer.ok_or(ENDED)
     }
 
-    /// Why an exchange failed with this error number, in words. For a process that is not used any more.
+    /// The reason, in words, why an exchange failed with this error number. Call this for a process that is no longer
+    /// used.
     pub(super) fn why(&mut self, number: i32) -> String {
         match number {
             SILENT => format!("did not answer for {} s", EXCHANGE.as_secs()),
@@ -147,7 +148,7 @@ impl Drop for Process {
     }
 }
 
-/// A process that is ended when nobody needs it any more.
+/// A process that is ended when this value is dropped.
 #[derive(Debug)]
 struct Ending(Child);
 
@@ -165,7 +166,7 @@ impl Ending {
         }
     }
 
-    /// How the process ended, in words.
+    /// The end of the process, in words.
     fn how(&mut self) -> String {
         self.end(CLOSE);
         match self.0.wait() {
@@ -175,7 +176,7 @@ impl Ending {
     }
 }
 
-/// Serves a plug-in, where this process was started for that: `Some` with the code of the process at its end. A program
+/// Serves a plug-in, if this process was started for that: `Some` with the code of the process at its end. A program
 /// with the driver [`Plugins`](super::Plugins) calls this function first.
 pub fn served() -> Option<ExitCode> {
     let mut arguments = std::env::args_os().skip(1);
@@ -187,11 +188,11 @@ pub fn served() -> Option<ExitCode> {
     Some(served.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS))
 }
 
-/// Ends this process a second after its socket has ended, where a plug-in that hangs keeps it from ending by itself. Nobody
-/// else is left to do so where the run was killed.
+/// Ends this process a second after its socket has ended, if a plug-in that hangs keeps the process from ending by
+/// itself. If the run was killed, no other process can do so.
 fn end_with(socket: OwnedFd) {
     let wait = move || {
-        // Nothing but the end of the socket is waited for.
+        // The thread waits only for the end of the socket.
         let mut ends = [PollFd::new(&socket, PollFlags::empty())];
         while poll(&mut ends, None).is_err() {}
         std::thread::sleep(CLOSE);
@@ -264,7 +265,7 @@ mod tests {
         hangs.child.end(Duration::from_millis(20));
         let status = hangs.child.0.try_wait().expect("ours");
         assert_eq!(status.and_then(|status| status.signal()), Some(9));
-        // One that ends by itself in time is not.
+        // A process that ends by itself in time is not killed.
         let mut ends = shell("exit 4");
         ends.child.end(Duration::from_secs(60));
         let status = ends.child.0.try_wait().expect("ours");

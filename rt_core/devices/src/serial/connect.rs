@@ -10,7 +10,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-/// Speed of a serial line where the address names none (bits a second). On USB CDC and on a pty the speed has no effect.
+/// Speed of a serial line if the address names none (bits a second). On USB CDC and on a pty the speed has no effect.
 const BAUD: u32 = 115_200;
 /// Error number for a connection that has no error number of its own (ENODEV).
 const NO_DEVICE: i32 = 19;
@@ -22,20 +22,21 @@ const TCP: &str = "tcp:HOST:PORT, with a port from 1 to 65535 (tcp:localhost:400
 
 /// Devices that speak the firmware protocol over a serial line: USB CDC, a UART behind a USB adapter, a pty.
 ///
-/// Addresses: `PATH` or `PATH@BAUD`. The speed is 115200 where the address has none. It has no effect on USB CDC, whose
-/// bytes pass at the speed of USB. A UART needs more: a packet of 66 bytes each way, a thousand times a second, is
-/// 660,000 bits a second, so name 1000000 or more there.
+/// Addresses: `PATH` or `PATH@BAUD`. The speed is 115200 if the address has none. The speed has no effect on USB CDC,
+/// whose bytes pass at the speed of USB. A UART needs a higher speed: a packet of 66 bytes each way, a thousand times a
+/// second, is 660,000 bits a second. Name 1000000 or more there.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tty;
 
-/// Devices that speak the firmware protocol over TCP, such as an emulator or a bridge to a microcontroller. The connection
-/// has neither authentication nor encryption: whoever reaches the network can read it and command the device.
+/// Devices that speak the firmware protocol over TCP, such as an emulator or a bridge to a microcontroller. The
+/// connection has neither authentication nor encryption: anyone with access to the network can read it and command the
+/// device.
 ///
 /// Addresses: `HOST:PORT`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tcp;
 
-/// The path and the speed in an address; `None` where it has neither form.
+/// The path and the speed in an address; `None` if the address has neither form.
 pub fn line(address: &str) -> Option<(&str, u32)> {
     let (path, baud) = match address.split_once('@') {
         Some((path, baud)) => (path, number(baud)?),
@@ -58,7 +59,7 @@ fn number(text: &str) -> Option<u32> {
     text.parse().ok().filter(|&number| digits && number > 0)
 }
 
-/// What helps against an error of a tty.
+/// The remedy for an error of a tty.
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::PermissionDenied => {

@@ -33,8 +33,8 @@ const SILENCE_NS: (u64, u64) = (50_000_000, 1_000_000_000);
 const WAIT_NS: u64 = 10_000_000;
 /// Number of bytes in one read.
 const BUFFER: usize = 1024;
-/// Largest number of reads in one exchange, so that a stream without end cannot hold the exchange. A serial line may give
-/// its bytes one by one: so many reads are three packets.
+/// Largest number of reads in one exchange, so that an endless stream cannot hold up the exchange. A serial line may
+/// give its bytes one by one. This number of reads then covers three packets.
 const READS: usize = 256;
 
 /// Opens the connection of a device, or returns the error number of the system.
@@ -59,12 +59,12 @@ pub struct Serial<T> {
 }
 
 impl<T: Transport> Serial<T> {
-    /// Opens a device by `open`, which [`Exchange::reopen`] calls again, and greets it. Waits for its answer for a second.
-    /// `profile` are the capabilities that the controller relies on, and `watchdog_us` is the watchdog that the device is
-    /// asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]).
+    /// Opens a device by `open`, which [`Exchange::reopen`] calls again, and greets the device. Waits for its answer
+    /// for a second. `profile` are the capabilities that the controller relies on, and `watchdog_us` is the watchdog
+    /// that the device is asked for (see [`firmware_proto::report::HelloReport::watchdog_us`]).
     ///
     /// # Errors
-    /// [`GreetingError`] where the connection fails, or where the device does not answer, speaks another version of the
+    /// [`GreetingError`] if the connection fails, or if the device does not answer, speaks another version of the
     /// protocol, or is not the device of the profile.
     pub fn open(
         profile: Capabilities,
@@ -99,14 +99,14 @@ impl<T: Transport> Serial<T> {
 
     /// Opens the connection, and begins a session.
     fn connect(&mut self) -> Result<(), GreetingError> {
-        // Nobody else can open a tty before it is closed.
+        // No other program can open a tty before it is closed.
         self.transport = None;
         self.transport = Some((self.open)().map_err(GreetingError::Ended)?);
         self.reports.begin_session(session(), self.watchdog_us);
         self.decoder = Decoder::new();
         let start_ns = (self.clock)();
         self.heard_ns = start_ns;
-        // The zero ends whatever came before.
+        // The zero ends all earlier bytes.
         self.write(&[0]).map_err(GreetingError::Ended)?;
         loop {
             let now_ns = (self.clock)();
@@ -129,10 +129,10 @@ impl<T: Transport> Serial<T> {
         }
     }
 
-    /// Why no answer came.
+    /// The reason why no answer came.
     fn no_answer(&self) -> GreetingError {
         match self.reports.refused {
-            // Its state says that the device has no session.
+            // The state of the device shows that it has no session.
             Some(HostError::Session { found: 0 }) => GreetingError::Deaf,
             Some(error) => GreetingError::Refused(error),
             None if self.decoder.refused() > 0 => GreetingError::Garbage,
@@ -140,7 +140,8 @@ impl<T: Transport> Serial<T> {
         }
     }
 
-    /// Whether the device has answered. An error where it is not the device of the profile, or not the one of before.
+    /// Whether the device has answered. The result is an error if the device is not that of the profile, or not the
+    /// same as before.
     fn agree(&mut self) -> Result<bool, GreetingError> {
         let Some(report) = self.reports.host().capabilities() else {
             return Ok(false);
@@ -170,7 +171,7 @@ impl<T: Transport> Serial<T> {
         }
     }
 
-    /// The longest period of the device (ns); that of the longest wait until the device has answered.
+    /// The longest period of the device (ns). Until the device has answered, the period of the longest wait.
     fn period_ns(&self) -> u64 {
         let capabilities = self.reports.host().capabilities();
         let [rate, _] = capabilities.map_or([0; 2], |report| report.model.rate);
@@ -179,7 +180,7 @@ impl<T: Transport> Serial<T> {
             .unwrap_or(WAIT_NS)
     }
 
-    /// Reads what has come, and waits where that is no state. Returns the newest state.
+    /// Reads the bytes that have come, and waits if they contain no state. Returns the newest state.
     fn newest(&mut self) -> Result<DeviceState, DeviceError> {
         let wait_ns = self.period_ns().min(WAIT_NS);
         let transport = self.transport.as_mut();
@@ -228,7 +229,7 @@ impl<T: Transport> Exchange for Serial<T> {
 
     fn release(&mut self) {
         let report = packet(&self.reports.release());
-        // The device lets go by itself where the report does not reach it.
+        // The device lets go by itself if the report does not reach it.
         let _ = self.write(&report);
     }
 

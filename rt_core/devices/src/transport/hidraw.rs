@@ -1,7 +1,7 @@
 //! Reports over the kernel's hidraw.
 //!
-//! A hidraw device is a file, and one system call passes one report. Its errors are numbers, so that nothing allocates
-//! where a device disappears. The file is locked, so that no second run commands the device.
+//! A hidraw device is a file, and one system call passes one report. Errors are numbers, so nothing allocates when a
+//! device disappears. The file is locked, so no second run commands the device.
 //!
 //! The kernel queues 64 reports for each open file and drops the newest when the queue is full. A write waits for the
 //! device, for up to five seconds, whatever the flags of the file.
@@ -28,7 +28,7 @@ impl Hidraw {
     /// Opens the device at `path`, such as `/dev/hidraw3`.
     ///
     /// # Errors
-    /// The error of the system: `EBUSY` where another run has the device.
+    /// The error of the system: `EBUSY` if another run has the device.
     pub fn open(path: &Path) -> std::io::Result<Self> {
         let flags = rustix::fs::OFlags::NONBLOCK.bits() as i32;
         let mut options = OpenOptions::new();
@@ -50,8 +50,8 @@ impl Hidraw {
         Ok(Self { file })
     }
 
-    /// Fills `buffer` with the oldest report that waits, and returns its length; zero where none waits. Never waits, and
-    /// never allocates: for the hot path.
+    /// Fills `buffer` with the oldest report that waits, and returns its length; zero if no report waits. The function
+    /// never waits and never allocates, so it suits the hot path.
     ///
     /// # Errors
     /// The error number of the system.

@@ -1,7 +1,7 @@
 //! Packets of one length over a stream of bytes.
 //!
-//! HID keeps reports apart, and a stream does not. Where a device whose packets all have the same length is reached
-//! through a stream that loses nothing (an emulator over TCP or a pty), every packet begins where the last ended.
+//! HID separates reports, and a stream does not. A device whose packets all have the same length may be reached through
+//! a stream that loses no byte (an emulator over TCP or a pty). Every packet then begins where the last one ended.
 
 use super::Transport;
 use std::time::{Duration, Instant};

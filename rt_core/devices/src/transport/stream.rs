@@ -1,7 +1,7 @@
 //! Streams of bytes: serial lines, ptys and TCP.
 //!
-//! The bytes that a tty receives pass a worker of the kernel of ordinary priority (`flush_to_ldisc`), so a loaded
-//! machine delays them. TCP on the same machine has no such worker.
+//! A worker of the kernel with ordinary priority (`flush_to_ldisc`) passes on the bytes that a tty receives, so a
+//! loaded machine delays them. TCP on the same machine has no such worker.
 
 use super::{Transport, lock, now, wait_for, write_all};
 use rustix::event::PollFlags;
@@ -27,10 +27,10 @@ pub struct Stream {
 
 impl Stream {
     /// Opens the serial line or the pty at `path`, at `baud` bits a second, eight data bits, no parity, one stop bit, raw.
-    /// A pty ignores the speed. No other program can open the line while it is open.
+    /// A pty ignores the speed. While the line is open, no other program can open it.
     ///
     /// # Errors
-    /// The error of the system: also where `path` is no terminal, or another program has the line.
+    /// The error of the system. There is an error, too, if `path` is no terminal, or if another program has the line.
     pub fn tty(path: &Path, baud: u32) -> io::Result<Self> {
         use rustix::fs::OFlags;
         let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits() as i32;
@@ -52,7 +52,7 @@ impl Stream {
     /// Connects to `address`, such as `localhost:4000`.
     ///
     /// # Errors
-    /// The error of the system, for the last of the addresses that the name has.
+    /// The error of the system for the last address of the name.
     pub fn tcp(address: &str) -> io::Result<Self> {
         let mut last = io::Error::from(io::ErrorKind::AddrNotAvailable);
         for address in address.to_socket_addrs()? {
@@ -64,7 +64,7 @@ impl Stream {
         Err(last)
     }
 
-    /// A TCP connection that exists. Small packets are sent at once.
+    /// An existing TCP connection. Small packets are sent at once.
     ///
     /// # Errors
     /// The error of the system.
@@ -87,8 +87,8 @@ impl Stream {
 
 impl Drop for Stream {
     fn drop(&mut self) {
-        // A pty that its other end holds open stays exclusive otherwise, and only root can open it again. What is no
-        // terminal refuses the call.
+        // Otherwise, a pty that its other end holds open stays exclusive, and only root can open it again. A file that
+        // is no terminal refuses the call.
         let _ = rustix::termios::ioctl_tiocnxcl(&self.end);
     }
 }
@@ -147,7 +147,7 @@ mod tests {
         all
     }
 
-    /// Every byte, both ways; nothing where nothing was sent; an error where the other end is gone.
+    /// Every byte, both ways; nothing if nothing was sent; an error if the other end is gone.
     fn passes_bytes(mut near: Stream, mut far: Stream) {
         let every: Vec<u8> = (0..=255).collect();
         for (from, to) in [(true, false), (false, true)] {
@@ -194,7 +194,7 @@ mod tests {
         assert!(is_exclusive(&first));
         let refused = Stream::tty(&path, 115_200).expect_err("it is open");
         assert_eq!(refused.kind(), io::ErrorKind::ResourceBusy, "{refused}");
-        // Whoever was refused has not opened the line to others.
+        // The refused attempt has not opened the line to others.
         assert!(is_exclusive(&first));
         drop(first);
         assert!(is_exclusive(
@@ -220,7 +220,7 @@ mod tests {
         assert!(Stream::tcp("127.0.0.1:1").is_err());
     }
 
-    /// A device that takes no bytes does not hold its driver, and gets bytes again as soon as it takes them.
+    /// A device that takes no bytes does not hold up its driver, and gets bytes again as soon as it takes them.
     #[test]
     fn a_write_waits_for_room_for_a_bounded_time() {
         let (mut master, path) = pty();

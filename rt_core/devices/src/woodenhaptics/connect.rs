@@ -14,7 +14,7 @@ use rt_core::Vec3;
 use runner::AnyDevice;
 use std::path::Path;
 
-/// Error number where no device is connected (ENODEV).
+/// Error number if no device is connected (ENODEV).
 const NO_DEVICE: i32 = 19;
 /// Speed of a serial line, which a pty ignores (bits a second).
 const BAUD: u32 = 115_200;
@@ -24,15 +24,15 @@ const ADDRESSES: &str = "woodenhaptics, where one such device is connected; wood
                          woodenhaptics:/dev/hidrawN or a link that leads there; or, for an emulator, \
                          woodenhaptics:tty:PATH or woodenhaptics:tcp:HOST:PORT";
 
-/// WoodenHaptics over HID, or an emulated one over a stream. The operator calibrates the device: hold the handle at the
-/// origin of the device and press the button for calibration. There is no force before.
+/// WoodenHaptics over HID, or an emulated one over a stream. The operator calibrates the device: the operator holds the
+/// handle at the origin of the device and presses the button for calibration. There is no force before the calibration.
 ///
-/// Addresses: none, where one device is connected; its serial number; `@PORT`, its port of USB; `/dev/hidrawN` or a link that
-/// leads there; `tty:PATH` and `tcp:HOST:PORT` for an emulator, whose reports have 14 bytes.
+/// Addresses: none if one device is connected; its serial number; `@PORT`, its port of USB; `/dev/hidrawN` or a link
+/// that leads there; `tty:PATH` and `tcp:HOST:PORT` for an emulator, whose reports have 14 bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WoodenHapticsDriver;
 
-/// Where a device is.
+/// The address of a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
     /// HID, one of the connected boards.
@@ -156,7 +156,7 @@ impl Driver for WoodenHapticsDriver {
             form,
             home: Some(Vec3::zeros()),
         };
-        // Later attempts are made by the thread of the device, which needs a number only.
+        // The thread of the device makes the later attempts, and needs only a number.
         let again = move || match address.open() {
             Ok((transport, _)) => Ok(transport),
             Err(_) => Err(NO_DEVICE),

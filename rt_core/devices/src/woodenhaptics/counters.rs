@@ -1,33 +1,34 @@
-//! Counters of 16 bits, continued beyond their range, and the jumps that no hand can cause.
+//! Counters of 16 bits, extended beyond their range, and the jumps that no hand can cause.
 //!
-//! A counter that turns by less than half its range between two reports is continued exactly. A joint that turns faster
-//! than [`FASTEST`] is impossible, so a report that would need such a turn is refused. The device may have started anew,
-//! and then its counters began anew, too. After [`RESTART`] refused reports in a row that agree with each other, the
+//! A counter that turns by less than half its range between two reports is extended exactly. A joint that turns faster
+//! than [`FASTEST`] is impossible, so a report that would need such a turn is refused. The device may have started
+//! anew. Its counters then began anew, too. After [`RESTART`] refused reports in a row that agree with each other, the
 //! device counts as restarted: the position of the handle is lost until counters are set again.
 //!
 //! The time between the samples of two reports is not known exactly, because the protocol has no time. The device
-//! samples a report after the report before it was taken. So the samples of two reports in a row lie at most as far
-//! apart as the arrivals of the newer one and of the one before both. A refused report shows that the device was
-//! sampled, too, so the allowance does not grow while reports are refused.
+//! samples a report after the previous report was taken. The time between the samples of two consecutive reports is
+//! therefore at most the time between the arrivals of the newer of the two and of the report before both. A refused
+//! report shows a sample of the device, too, so the allowance does not grow while reports are refused.
 
-/// Fastest turn of a joint (rad/s). At the end of a link of 0.2 m it is 20 m/s. A fast throw of an arm is about 10 m/s.
+/// Fastest turn of a joint (rad/s). At the end of a link of 0.2 m, this rate is 20 m/s. A fast throw of an arm is about
+/// 10 m/s.
 pub const FASTEST: f64 = 100.0;
 /// Number of refused reports in a row, each in reach of the one before, that make a restart.
 pub const RESTART: u8 = 8;
-/// Longest time between two reports that counts (s). In this time a joint turns by 2 rad at most, which is more than it
-/// turns across the workspace, so a device that was silent for long is believed wherever it is.
+/// Longest time between two reports that counts (s). In this time a joint turns by 2 rad at most, which is more than
+/// its turn across the workspace. The driver therefore believes any position of a device that was silent for long.
 const LONGEST: f64 = 0.02;
 
 use super::geometry::each;
 
-/// What a report did to the counters.
+/// The effect of a report on the counters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
-    /// The counters moved on.
+    /// The report advanced the counters.
     Counted,
     /// The report was refused: no hand moves that fast.
     Jumped,
-    /// The report was refused, and the device has started anew. The counters are of no more use.
+    /// The report was refused, and the device has started anew. The counters are no longer valid.
     Restarted,
 }
 
@@ -39,7 +40,7 @@ pub struct Counters {
     angle_per_count: [f64; 3],
     /// Arrivals of the last report and of the one before it (ns).
     arrivals: [u64; 2],
-    /// The last report, where it was refused.
+    /// The last report, if it was refused.
     refused: Option<Refused>,
 }
 
@@ -53,7 +54,7 @@ struct Refused {
 
 impl Counters {
     /// Counters that were set to `counts`, at the report that arrived at `now_ns` (ns). One count turns a joint by
-    /// `angle_per_count` (rad, above zero). `None` where a joint is further than `most` (rad) from `counts`, so that the
+    /// `angle_per_count` (rad, above zero). `None` if a joint is further than `most` (rad) from `counts`, so that the
     /// report does not confirm them.
     pub fn set_to(
         counts: [i64; 3],
@@ -75,12 +76,12 @@ impl Counters {
         })
     }
 
-    /// The continued counters.
+    /// The extended counters.
     pub fn counts(&self) -> [i64; 3] {
         self.counts
     }
 
-    /// Whether the last report was refused, so that the counters may be of no more use.
+    /// Whether the last report was refused, so that the counters may no longer be valid.
     pub fn in_doubt(&self) -> bool {
         self.refused.is_some()
     }

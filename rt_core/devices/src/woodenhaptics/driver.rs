@@ -1,18 +1,19 @@
 //! The driver: an [`Exchange`] over any transport.
 //!
 //! An exchange sends the currents of a force, then waits for a report, ten milliseconds at most, and takes the newest.
-//! Before it sends, it discards the reports that already wait: they were sampled before the last currents were sent, and
-//! a queue would make every state late by its length.
+//! Before the exchange sends, it discards the reports that already wait: the device sampled them before the last
+//! currents were sent, and a queue would make every state late by its length.
 //!
 //! **Calibration.** The encoders count from the pose in which the device was switched on. The driver knows the position
-//! only after it has set the counters in a known pose ([`WoodenHaptics::calibrate`]), or when the operator holds the
-//! handle at the home position and presses the button for calibration. Before that, states are missing and the currents
-//! are zero. The same holds after the connection was lost and after the counters began anew.
+//! only after it has set the counters in a known pose ([`WoodenHaptics::calibrate`]), or after the operator has held
+//! the handle at the home position and pressed the button for calibration. Before that, states are missing and the
+//! currents are zero. The same holds after the connection was lost and after the counters began anew.
 //!
-//! **What the device renders.** The protocol does not tell. The driver knows when it sent no currents for a wrench; the
-//! state after it says that the device let go.
+//! **Rendering.** The protocol does not report whether the device renders its wrenches. The driver knows when it sent
+//! no currents for a wrench. The next state then reports that the device let go.
 //!
-//! **Time.** The protocol has none, so a clock is given to the driver. [`counted`] is a clock that counts exchanges.
+//! **Time.** The protocol has no time, so the caller gives a clock to the driver. [`counted`] is a clock that counts
+//! exchanges.
 
 use super::counters::{Counters, Taken};
 use super::geometry::{Geometry, GeometryError, Kinematics};
@@ -42,14 +43,14 @@ pub struct Setup {
     /// Length of the reports.
     pub form: Form,
     /// The position of the handle (m, device axes) at which the operator presses the button for calibration; `None`
-    /// where the button has no effect.
+    /// if the button has no effect.
     pub home: Option<Vec3>,
 }
 
 /// Counts of a device's reports. They only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Reports that gave a state, or would have given one had the device been calibrated.
+    /// Reports that gave a state, or would have given a state of a calibrated device.
     pub good: u64,
     /// Reports that were discarded because a newer one waited, or because they came before the currents were sent.
     pub superseded: u64,
@@ -61,7 +62,7 @@ pub struct Counts {
     pub restarts: u64,
 }
 
-/// Why a device could not be opened.
+/// The reason why a device could not be opened.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum OpenError {
     /// A parameter is out of its range.
@@ -77,7 +78,7 @@ pub enum OpenError {
     System(i32),
 }
 
-/// Why a device is not calibrated.
+/// The reason why a device is not calibrated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     /// The links do not reach the position.
@@ -104,12 +105,12 @@ pub fn counted(period_ns: u64) -> impl FnMut() -> u64 + Send {
     }
 }
 
-/// What the driver knows of the counters.
+/// The driver's knowledge of the counters.
 #[derive(Clone, Copy, Debug)]
 enum Calibration {
     /// Nothing. The device keeps the flag of its button for calibration, so a flag counts only after a report without it.
     Missing { released: bool },
-    /// Nothing, and an old flag is to be cleared, which sets the counters to what they are.
+    /// Nothing, and an old flag must be cleared. To clear it, the driver sets the counters to their present values.
     Clearing([i16; 3]),
     /// The counters are to be set, or were set and no report has confirmed them yet.
     Setting {
@@ -160,7 +161,7 @@ impl<T: Transport> WoodenHaptics<T> {
     /// Opens a device by `open`, which [`Exchange::reopen`] calls again. `clock` gives the time of each exchange.
     ///
     /// # Errors
-    /// [`OpenError`] where a parameter is out of its range, or where `open` fails.
+    /// [`OpenError`] if a parameter is out of its range, or if `open` fails.
     pub fn open(
         setup: &Setup,
         mut open: impl FnMut() -> Result<T, i32> + Send + 'static,
@@ -210,7 +211,7 @@ impl<T: Transport> WoodenHaptics<T> {
     /// zero meanwhile. Takes two to six exchanges.
     ///
     /// # Errors
-    /// [`CalibrationError`] where the links do not reach the position, or no report confirms the counters.
+    /// [`CalibrationError`] if the links do not reach the position, or no report confirms the counters.
     pub fn calibrate(&mut self, position: &Vec3) -> Result<(), CalibrationError> {
         let counts =
             counts_at(&self.kinematics, position).ok_or(CalibrationError::OutOfReach(*position))?;
@@ -277,7 +278,8 @@ impl<T: Transport> WoodenHaptics<T> {
         self.transport.as_mut().ok_or(gone)
     }
 
-    /// Discards the reports that wait. The first time, the report that the device sends unasked may still be under way.
+    /// Discards the reports that wait. At the first exchange, the report that the device sends unasked may still be
+    /// under way.
     fn discard(&mut self) -> Result<(), DeviceError> {
         let mut wait = if self.begun { Duration::ZERO } else { WAIT };
         self.begun = true;
@@ -377,7 +379,7 @@ impl<T: Transport> WoodenHaptics<T> {
         })
     }
 
-    /// What the driver knows of the counters after a good report.
+    /// The driver's knowledge of the counters after a good report.
     fn calibrated(&self, report: &EncoderReport, now_ns: u64) -> Calibration {
         let pressed = report.info == EncoderReport::CALIBRATE;
         let raw = report.motors();
@@ -411,7 +413,7 @@ impl<T: Transport> Exchange for WoodenHaptics<T> {
     }
 
     fn release(&mut self) {
-        // The device cuts its motors by itself where the report does not reach it.
+        // The device cuts its motors by itself if the report does not reach it.
         let _ = self.send(&CurrentReport::default());
     }
 
@@ -452,7 +454,7 @@ impl<T: Transport> WoodenHaptics<T> {
     }
 }
 
-/// The counters at `position` (m, device axes), rounded; `None` where the links do not reach it.
+/// The counters at `position` (m, device axes), rounded; `None` if the links do not reach it.
 fn counts_at(kinematics: &Kinematics, position: &Vec3) -> Option<[i64; 3]> {
     let angles = kinematics.inverse(position)?;
     let counts = kinematics.counts(angles);

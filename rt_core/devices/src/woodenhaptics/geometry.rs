@@ -10,7 +10,7 @@
 //! ```
 //!
 //! where `(ox, oy, oz)` is the origin of the device axes. Virtual work relates force and torques: a force `F` at the
-//! handle takes the joint torques `J^T F`, where `J` is the derivative of the position by the angles.
+//! handle needs the joint torques `J^T F`, where `J` is the derivative of the position by the angles.
 
 use rt_core::Vec3;
 
@@ -98,7 +98,7 @@ impl Kinematics {
     /// The kinematics of a device with these parameters.
     ///
     /// # Errors
-    /// [`GeometryError`] where a parameter is out of its range.
+    /// [`GeometryError`] if a parameter is out of its range.
     pub fn new(geometry: &Geometry) -> Result<Self, GeometryError> {
         let Geometry {
             lengths,
@@ -190,7 +190,7 @@ impl Kinematics {
         ]
     }
 
-    /// The angles (rad) at which the handle is at `position` (m, device axes), with the elbow up; `None` where the links
+    /// The angles (rad) at which the handle is at `position` (m, device axes), with the elbow up; `None` if the links
     /// do not reach, or the position is not finite.
     ///
     /// The sum of angles b and c is the angle between the two links, which the law of cosines gives.
@@ -223,7 +223,7 @@ impl Kinematics {
         each(torques, self.current_per_torque, |torque, per| torque * per)
     }
 
-    /// The currents in whole mA, shortened together to the largest current, so that the force keeps its direction. Where
+    /// The currents in whole mA, shortened together to the largest current, so that the force keeps its direction. If
     /// a current is not finite, all are zero.
     pub fn limited(&self, currents: [f64; 3]) -> [i16; 3] {
         if !currents.iter().all(|current| current.is_finite()) {
@@ -257,7 +257,7 @@ impl Kinematics {
     }
 }
 
-/// Returns an error where a number of the field is not allowed.
+/// Returns an error if a number of the field is not allowed.
 fn require(
     field: &'static str,
     numbers: [f64; 3],

@@ -63,7 +63,7 @@ pub struct CurrentReport {
 impl EncoderReport {
     /// The flag of the button for calibration.
     pub const CALIBRATE: i16 = 1;
-    /// What a long report adds to the counter of encoder d while the button of the handle is pressed.
+    /// The number that a long report adds to the counter of encoder d while the button of the handle is pressed.
     pub const PRESSED: i16 = 10_000;
 
     /// The bytes. A report of a form is the first [`Form::length`] of them.
@@ -75,7 +75,7 @@ impl EncoderReport {
     /// Reads a report.
     ///
     /// # Errors
-    /// [`LengthError`] where the length is not that of `form`.
+    /// [`LengthError`] if the length is not that of `form`.
     pub fn decode(bytes: &[u8], form: Form) -> Result<Self, LengthError> {
         let [a, b, c, d, e, f, info] = words(bytes, form)?;
         Ok(Self {
@@ -121,7 +121,7 @@ impl CurrentReport {
     /// Reads a report.
     ///
     /// # Errors
-    /// [`LengthError`] where the length is not that of `form`.
+    /// [`LengthError`] if the length is not that of `form`.
     pub fn decode(bytes: &[u8], form: Form) -> Result<Self, LengthError> {
         let [a, b, c, command, x, y, z] = words(bytes, form)?;
         Ok(Self {

@@ -1,15 +1,15 @@
 //! The velocity of the handle from its positions, by the difference across a window of time.
 //!
-//! A device that answers when it is asked has no fixed period, so each position comes with its time. (The estimators of
-//! [`rt_core::velocity`] expect one position per period.) The window is as long as theirs, and never shorter: after a
-//! late answer it reaches back across the gap. A count more or less at one of its ends is thus an error of at most a
-//! count over the window: 15 mm/s for 0.06 mm. The estimate lags by half the window.
+//! A device that answers only when it is asked has no fixed period, so each position comes with its time. (The
+//! estimators of [`rt_core::velocity`] expect one position per period.) The window is as long as theirs, and never
+//! shorter: after a late answer, it reaches back across the gap. A count more or less at one of its ends is thus an
+//! error of at most a count over the window: 15 mm/s for 0.06 mm. The estimate lags by half the window.
 
 use rt_core::Vec3;
 use rt_core::velocity::VelocityEstimator;
 
-/// Number of intervals into which a window is divided: the time of a position is kept where it is at least such an
-/// interval after the last. At 4 kHz that is each position.
+/// Number of intervals into which a window is divided. The time of a position is kept if it is at least one interval
+/// after the last kept time. At 4 kHz, the time of each position is kept.
 const PARTS: usize = 16;
 /// Rounding of a time in whole nanoseconds (s).
 const ROUNDING: f64 = 0.5e-9;
@@ -27,7 +27,7 @@ const ROUNDING: f64 = 0.5e-9;
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slope {
-    /// Positions (m) with their times (ns), the newest first. They span a window where there are so many.
+    /// Positions (m) with their times (ns), the newest first. They span a window once enough positions have come.
     samples: [Option<(u64, Vec3)>; PARTS + 1],
     /// Time of the last position (ns).
     last_ns: Option<u64>,
@@ -36,8 +36,8 @@ pub struct Slope {
 
 impl Slope {
     /// Takes the position (m) at `time_ns`; returns the velocity (m/s): the slope from the newest position that is a
-    /// window old, or from the oldest where none is. The distance counts as that of a whole window then. A time that is
-    /// not later than the last one changes nothing.
+    /// window old. If no position is that old, the slope is from the oldest position, and its distance counts as that
+    /// of a whole window. A time that is not later than the last one changes nothing.
     pub fn update(&mut self, time_ns: u64, position: &Vec3) -> Vec3 {
         if self.last_ns.is_some_and(|last_ns| time_ns <= last_ns) {
             return self.velocity;
@@ -152,8 +152,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// Whatever the times of the answers (early, late, lost), the estimate of a hand with a bounded speed is at most
-        /// that speed, and what an error of a count at each end, and an answer that is late by `late`, can add in a window.
+        /// At any times of the answers (early, late, lost), the estimate for a hand with a bounded speed is at most the
+        /// sum of this speed and two errors in a window: a count at each end, and an answer that is late by `late`.
         #[test]
         fn no_time_of_an_answer_makes_a_fast_hand(
             fastest in 0.0..2.0_f64,

@@ -1,12 +1,12 @@
 //! A histogram that one thread writes while other threads read it.
 //!
-//! The intervals are those of [`LatencyHistogram`]: of `hdrhistogram` with three digits. Every interval has an atomic
-//! count. The writer is alone, so a relaxed load and a store change a count, without a locked instruction. A reader
-//! copies the counts at any time and disturbs nothing but the cache.
+//! The intervals are those of [`LatencyHistogram`], which are those of `hdrhistogram` with three digits. Every interval
+//! has an atomic count. There is only one writer, so a relaxed load and a store change a count, without a locked
+//! instruction. A reader copies the counts at any time, and disturbs only the cache.
 //!
 //! The writer stores the least and the greatest value and the sum before the count, and the store of the count releases
-//! them. A copy that has a count therefore has a least and a greatest value that enclose the value. A copy that is made
-//! while a value is recorded may lack the value.
+//! them. A copy that has a count therefore has a least and a greatest value that enclose the value. A copy made while a
+//! value is recorded may lack this value.
 
 use super::LatencyHistogram;
 use std::sync::Arc;
@@ -47,7 +47,7 @@ pub struct LatencyReader(Arc<Shared>);
 pub fn recorder(bound_ns: u64) -> (LatencyRecorder, LatencyReader) {
     let bound = bound_ns.max(10);
     let counts: Box<[AtomicU64]> = (0..=index(bound)).map(|_| AtomicU64::new(0)).collect();
-    // Fresh memory is mapped on first use. These stores keep that out of the tick.
+    // Fresh memory is mapped on first use. These stores keep the mapping out of the tick.
     counts
         .iter()
         .for_each(|count| count.store(0, Ordering::Relaxed));
@@ -137,7 +137,7 @@ mod tests {
     }
 
     proptest! {
-        /// Any values in any order: the copy is what a `LatencyHistogram` has.
+        /// For any values in any order, the copy equals a `LatencyHistogram`.
         #[test]
         fn the_copy_is_a_latency_histogram(
             bound in 0_u64..2_000_000_000,

@@ -83,7 +83,7 @@ pub(super) fn body(
     (Ok(report), held)
 }
 
-/// The last stage before the first tick: refuses to start where a grant that `config` requires is missing, then
+/// The last stage before the first tick: refuses to start if a grant that `config` requires is missing, then
 /// forbids every system call that `config` does not allow.
 fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
     if config.require_grants && !setup.degradations.is_empty() {

@@ -39,7 +39,7 @@ pub(crate) enum Trick {
     RefuseWrites(u64),
 }
 
-/// The calls that a puppet received, for the test that watches it.
+/// The calls that a puppet received, for the test that watches the puppet.
 #[derive(Debug)]
 pub(crate) struct Seen {
     pub(crate) reads: u64,
@@ -56,7 +56,7 @@ pub(crate) struct Seen {
     pub(crate) called: Option<Result<(), Errno>>,
 }
 
-/// A device that stands still but for its trick, and what it meets: to be seen after a panic as well.
+/// A device that stands still except for its trick, and the calls that it received, which outlive a panic.
 pub(crate) fn puppet(trick: Trick) -> (AnyDevice, Arc<Mutex<Seen>>) {
     // No tick allocates.
     const ROOM: usize = 10_000;
@@ -181,7 +181,7 @@ pub(crate) fn pushing(sequence: u64, time_ns: u64) -> LocalModel {
     model
 }
 
-/// As [`pushing`], for two devices: the first is pushed along x, the second against x.
+/// A model like [`pushing`], for two devices: the first is pushed along x, the second against x.
 pub(crate) fn pushing_both(sequence: u64, time_ns: u64) -> LocalModel {
     let mut model = pushing(sequence, time_ns);
     model.head.handle_count = 2;

@@ -1,11 +1,12 @@
 //! The emulated Falcon behind its FTDI chip, as a USB gadget of full speed: FunctionFS.
 //!
-//! Three threads serve it. The caller's thread answers the requests on the control pipe, and lets time pass. The second
-//! takes the bytes of the host. The third sends the packets of the chip, each when the emulator has it, and waits until the
-//! host takes it. Both wait inside their system calls: Linux's asynchronous calls end in a worker of ordinary priority.
+//! Three threads serve the gadget. The caller's thread answers the requests on the control pipe, and advances the
+//! emulator's time. The second thread takes the bytes of the host. The third thread sends each packet of the chip as
+//! soon as the emulator has it, and waits until the host takes it. The second and the third thread wait inside their
+//! system calls, because Linux's asynchronous calls end in a worker of ordinary priority.
 //!
-//! A packet that waits for its host is in the buffer of the chip. Where the host empties the buffer, the packet is dropped:
-//! a signal (SIGUSR1, which this module takes for itself) ends the system call of the sending thread.
+//! A packet that waits for its host is in the buffer of the chip. If the host empties the buffer, the packet is dropped:
+//! a signal (SIGUSR1, which this module reserves) ends the system call of the sending thread.
 //!
 //! The kernel chooses the addresses of the endpoints. The controller `dummy_hcd` gives the addresses of the real chip.
 
@@ -39,7 +40,7 @@ const INTERFACE: Interface = Interface {
 };
 /// Release of the device, by which drivers know the type of the chip: FT232B.
 const RELEASE: u16 = 0x0400;
-/// Longest time between two looks at the emulator, so that its hand moves also without a host.
+/// Longest time between two looks at the emulator, so that its hand moves even without a host.
 const LOOK: Duration = Duration::from_millis(10);
 /// Time between two signals to the sending thread, until its write has ended.
 const AGAIN: Duration = Duration::from_millis(1);
@@ -62,7 +63,7 @@ impl Chip {
     /// that is free.
     ///
     /// # Errors
-    /// [`GadgetError`], which says what is missing and how to get it.
+    /// [`GadgetError`], which names what is missing and the remedy.
     pub fn create(serial: &str) -> Result<Self, GadgetError> {
         let numbers = Numbers {
             vid: FALCON.numbers.0,
@@ -74,7 +75,7 @@ impl Chip {
             full_speed: true,
         };
         let gadget = Gadget::new(&numbers, Function::Program, &[])?;
-        // A mount without a place: it ends with its last file, also where the process is killed.
+        // A mount without a place in the file system ends with its last file, even if the process is killed.
         let mount = mount(gadget.name()).map_err(failed(&gadget, "mounting FunctionFS for"))?;
         let open = |name: &str| {
             let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -96,16 +97,16 @@ impl Chip {
         Ok(chip)
     }
 
-    /// How a scene connects to the device.
+    /// The text by which a scene connects to the device.
     pub fn connection(&self) -> String {
         format!("falcon:{}", self.serial)
     }
 
-    /// Serves the device until `stop` is true. Then the gadget is gone. `device` is locked for single calls. Its time
-    /// starts at zero.
+    /// Serves the device until `stop` is true. After that, the gadget is gone. `device` is locked for single calls. Its
+    /// time starts at zero.
     ///
     /// # Errors
-    /// [`GadgetError`] where the system gives no thread, or the control pipe ends. `served` has the counts so far in any
+    /// [`GadgetError`] if the system gives no thread, or the control pipe ends. `served` has the counts so far in any
     /// case.
     pub fn serve(
         self,
@@ -166,7 +167,7 @@ fn mount(function: &str) -> Result<OwnedFd, Errno> {
     fsmount(&context, flags, MountAttrFlags::empty())
 }
 
-/// What the threads know of each other.
+/// The state that the threads share.
 #[derive(Clone, Copy, Debug, Default)]
 struct State {
     /// Whether a host has configured the device.
@@ -199,7 +200,7 @@ impl Work<'_> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The device, which stays usable where another thread has panicked.
+    /// The device, which stays usable if another thread has panicked.
     fn device(&self) -> MutexGuard<'_, Operated> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -262,8 +263,8 @@ impl Work<'_> {
         }
         self.change(|_| {});
         let control = &self.chip.control;
-        // A request that its host has given up has no answer, so errors tell nothing. The call for the other direction is a
-        // refusal.
+        // A host may have given up a request, so errors of an answer have no meaning. The call for the other direction
+        // is a refusal.
         let _ = match (answer, request.is_to_host()) {
             (Answer::Taken | Answer::Purged, false) | (Answer::Refused, true) => {
                 rustix::io::read(control, &mut [0; 0])
@@ -282,7 +283,7 @@ impl Work<'_> {
         while !self.ends() {
             let state = self.state();
             let Some(thread) = state.sending else { return };
-            // The thread may be just before its system call, where a signal has no effect: it is sent again.
+            // The thread may be just before its system call. A signal has no effect there, so it is sent again.
             interrupt::send(thread);
             self.wait(state, AGAIN);
         }
@@ -357,7 +358,7 @@ impl Work<'_> {
     }
 }
 
-/// A signal that does nothing but end the system call of a thread.
+/// A signal whose only effect is to end the system call of a thread.
 #[allow(unsafe_code)]
 mod interrupt {
     use rustix::io::Errno;
@@ -409,7 +410,7 @@ mod tests {
         let (tell, told) = std::sync::mpsc::channel();
         let thread = std::thread::spawn(move || {
             tell.send(gettid()).expect("the test waits");
-            // Nobody writes to the pipe. `read` is begun again after a signal, and `poll` is not.
+            // No byte comes from the pipe. After a signal, the system restarts `read`, and does not restart `poll`.
             poll(&mut [PollFd::new(&reader, PollFlags::IN)], None)
         });
         let number = told.recv().expect("it tells");

@@ -1,8 +1,8 @@
 //! The answers of an emulated FTDI chip to the requests on its control pipe.
 //!
 //! The chip of the emulated Falcon knows the requests that our driver makes. Other programs (libftdi, the kernel's
-//! `ftdi_sio`) make some more: those are taken without an effect here, or answered with what the chip holds. A request that
-//! no such chip has is refused, as USB refuses it: with a stall.
+//! `ftdi_sio`) make some more requests. The chip takes these without an effect, or answers with its present values. The
+//! chip refuses a request that no such chip has, in the manner of USB: with a stall.
 
 use super::functionfs::HostRequest;
 use devices::ftdi::{Buffer, Control};
@@ -17,13 +17,13 @@ const TO_HOST: u8 = 0xc0;
 /// The answer to a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// It is taken.
+    /// The request is taken.
     Taken,
-    /// It is taken, and the bytes on their way to the host are dropped.
+    /// The request is taken, and the bytes on their way to the host are dropped.
     Purged,
-    /// It is answered with one byte or two.
+    /// The request is answered with one byte or two.
     Bytes([u8; 2], usize),
-    /// It is refused.
+    /// The request is refused.
     Refused,
 }
 

@@ -1,4 +1,5 @@
-//! The bytes of FunctionFS: what a program writes to be the function of a gadget, and the events that it reads.
+//! The bytes of FunctionFS: the descriptors and texts that make a program the function of a gadget, and the events that
+//! the program reads.
 //!
 //! A program writes its descriptors and its texts to the file `ep0`. Then the kernel has a file for each endpoint, `ep1`
 //! and `ep2` in the order of the descriptors, and events come from `ep0`. All numbers are little-endian.
@@ -102,7 +103,7 @@ impl HostRequest {
 pub enum Event {
     /// The gadget was bound to a controller.
     Bound,
-    /// The gadget is bound no more.
+    /// The gadget is no longer bound.
     Unbound,
     /// A host has configured the device: its endpoints work.
     Enabled,

@@ -1,11 +1,11 @@
 //! A USB gadget, which is a folder of configfs: its numbers, its texts, one configuration with one function.
 //!
-//! The kernel makes the attributes of each folder. A gadget appears at its host when the name of a USB device controller
-//! is written to its attribute `UDC`, and disappears when an empty line is. The folders are removed in the opposite order;
-//! the kernel removes the attributes with them.
+//! The kernel makes the attributes of each folder. A gadget appears at its host when a program writes the name of a USB
+//! device controller to the attribute `UDC`, and disappears when a program writes an empty line. The folders are
+//! removed in the opposite order. The kernel removes the attributes with them.
 //!
-//! A program that was killed leaves its gadget behind. The next gadget removes it: the name of a gadget has the number of
-//! its process.
+//! A program that was killed leaves its gadget behind. The next gadget removes it: the name of a gadget contains the
+//! number of its process.
 //!
 //! Source: the kernel's documentation, *Linux USB gadget configured through configfs*.
 
@@ -14,9 +14,9 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Where the kernel has the gadgets.
+/// The kernel's folder of gadgets.
 const GADGETS: &str = "/sys/kernel/config/usb_gadget";
-/// Where the kernel lists the device controllers.
+/// The kernel's folder of device controllers.
 const CONTROLLERS: &str = "/sys/class/udc";
 /// Start of the names of our gadgets.
 const NAME: &str = "palpate-";
@@ -29,7 +29,7 @@ const TEXT: usize = 126;
 /// The modules, as a user loads them.
 const MODULES: &str = "sudo modprobe -a libcomposite usb_f_hid usb_f_fs dummy_hcd";
 
-/// Why the kernel made no gadget.
+/// The reason why the kernel made no gadget.
 #[derive(Debug, thiserror::Error)]
 pub enum GadgetError {
     /// The kernel has no gadgets.
@@ -92,7 +92,7 @@ pub enum GadgetError {
     /// Another error of the system.
     #[error("{action} {path} failed: {source}", path = path.display())]
     System {
-        /// What was tried.
+        /// The attempted action.
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
@@ -118,7 +118,7 @@ impl GadgetError {
     }
 }
 
-/// The functions of the kernel for gadgets, as far as they are used here.
+/// The functions of the kernel for gadgets that this module uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Function {
     /// A HID device, whose reports pass through a file.
@@ -145,7 +145,7 @@ impl Function {
     }
 }
 
-/// What a USB device says of itself.
+/// The numbers and texts that a USB device states.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Numbers {
     /// Vendor.
@@ -160,7 +160,7 @@ pub struct Numbers {
     pub product: String,
     /// Serial number, cut to 126 bytes.
     pub serial: String,
-    /// Whether the device is one of full speed, as a device of USB 1.1 is. A kernel before 5.10 ignores it.
+    /// Whether the device is one of full speed, as a device of USB 1.1 is. A kernel before 5.10 ignores this setting.
     pub full_speed: bool,
 }
 
@@ -225,7 +225,7 @@ impl Gadget {
     /// [`bind`](Self::bind).
     ///
     /// # Errors
-    /// [`GadgetError`], which says what is missing and how to get it.
+    /// [`GadgetError`], which names what is missing and the remedy.
     pub fn new(
         numbers: &Numbers,
         function: Function,
@@ -294,7 +294,7 @@ impl Gadget {
     /// Puts the function into the configuration, and binds the gadget to the first device controller that is free.
     ///
     /// # Errors
-    /// [`GadgetError`], which says what is missing and how to get it.
+    /// [`GadgetError`], which names what is missing and the remedy.
     pub fn bind(&self) -> Result<(), GadgetError> {
         let link = self.link();
         std::os::unix::fs::symlink(self.functions(), &link)
@@ -357,7 +357,7 @@ fn remove_orphans(gadgets: &Path, processes: &Path) {
     }
 }
 
-/// Removes a gadget, or as much of it as there is. Nothing can be done about a part that the kernel keeps.
+/// Removes a gadget, or the parts of it that exist. A part that the kernel keeps stays.
 fn remove(gadget: &Path) {
     let _ = fs::write(gadget.join("UDC"), "\n");
     let configuration = gadget.join(CONFIGURATION);
@@ -377,7 +377,7 @@ fn remove(gadget: &Path) {
     let _ = fs::remove_dir(gadget);
 }
 
-/// The names in a folder; none where it cannot be read.
+/// The names in a folder; none if it cannot be read.
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten();
     entries

@@ -1,8 +1,8 @@
 //! A HID device as a USB gadget: the kernel's function `hid`.
 //!
 //! The kernel has a file `/dev/hidgN` for the device. One read gives one report of the host, and one write sends one. The
-//! kernel holds one report for the host at a time. A write before the host has taken it is refused, so a device that sends
-//! faster than its host reads loses reports, as real devices do.
+//! kernel holds one report for the host at a time. The kernel refuses a write before the host has taken that report, so
+//! a device that sends faster than its host reads loses reports, as real devices do.
 //!
 //! At high speed the host asks for a report every millisecond.
 
@@ -36,7 +36,7 @@ impl HidGadget {
     /// is free.
     ///
     /// # Errors
-    /// [`GadgetError`], which says what is missing and how to get it.
+    /// [`GadgetError`], which names what is missing and the remedy.
     pub fn create(identity: &Identity) -> Result<Self, GadgetError> {
         let numbers = Numbers {
             vid: identity.vid,

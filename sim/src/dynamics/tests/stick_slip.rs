@@ -144,7 +144,7 @@ fn a_line_with_stops_and_starts_converges_to_second_order() {
     assert!(energy.friction_loss > 0.2 * energy.lost());
 }
 
-/// As [`to_and_fro`], in the plane, where a direction turns before it stops.
+/// The task of [`to_and_fro`] in the plane, in which a direction turns before the stop.
 fn round_and_round(steps_per_ms: u32) -> (Vec<Vec3>, MechanicalEnergy, u32) {
     let mut body = Dynamics::new(0.15, 0.5, 0.4, Arm::TYPICAL, Vec3::zeros());
     let h = 1e-3 / f64::from(steps_per_ms);

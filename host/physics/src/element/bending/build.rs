@@ -14,7 +14,7 @@
 //! test). The energy is never below the least energy of Morley's triangles over all slopes, which vanishes
 //! for rigid motions alone; so no other motion is free.
 //!
-//! A sheet that is cut out of a flat pattern has no curvature at rest, whatever its starting positions: not in its pieces,
+//! A sheet that is cut out of a flat pattern has no curvature at rest, whatever its starting positions: not in its panels,
 //! and not across their seams, which lie flat.
 //!
 //! A triangle whose vertices a handle or supports prescribe is rigid, and its gradient is that of the sheet at its sides:

@@ -1,4 +1,4 @@
-//! A list of a few values without an allocation, so that an edit can compute the derivatives across edges anew.
+//! A list of a few values without an allocation, so that an edit can compute the derivatives across edges again.
 
 use core::ops::Deref;
 

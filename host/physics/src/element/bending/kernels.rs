@@ -1,7 +1,7 @@
 //! The computations on blocks of triangles that bend, compiled once for each width of vector instructions.
 //!
 //! The formulas are those of `curvature`. Loops over lanes stay loops until the compiler makes vectors of them (see
-//! `tet4::kernels`), so nothing branches.
+//! `hooke_kernels`), so nothing branches.
 
 use super::curvature::{EASE, THIN};
 use crate::lanes::block::{LANES, Lanes, less, plus};

@@ -10,15 +10,13 @@
 //! so that it needs thirty numbers. Linearizations and products run in blocks, in the precision of the step: see
 //! `principal_linearize` and `principal_kernels`.
 
-use super::principal_cost::CountedLaw;
-use super::principal_kernels::{CROSSED, Cell, Four, MODULI, SAME, Tangents, Ten, product};
+use super::cell::{Cell, Tetrahedron};
+use super::hooke_cost::CountedCell;
+use super::principal_kernels::{CROSSED, MODULI, SAME, Tangents, product};
 use super::principal_linearize::{self as kernels, Axes, Rest};
 use crate::element::kernel::Kernel;
 use crate::element::placed::{InBlocks, Placed};
-use crate::element::tet4::Tet;
-use crate::element::tet4::kernels::{at, put};
-use crate::element::tet10::QuadraticTet;
-use crate::lanes::block::{LANES, apart};
+use crate::lanes::block::{LANES, apart, at, put};
 use crate::lanes::{Node, Real};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::material::law::isotropic::PAIRS;
@@ -26,17 +24,6 @@ use crate::material::law::lane_law::LaneLaw;
 use crate::material::law::{IsotropicLaw, StVenantKirchhoff, StableNeoHookean};
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
-
-/// The constant data of a tetrahedron with `Q` points.
-#[derive(Clone, Copy, Debug)]
-struct Shape<const Q: usize> {
-    /// At each point, the gradients of barycentric coordinates 1, 2 and 3 as rows (1/m).
-    gradients: [Mat3; Q],
-    /// The volume of each point (m^3).
-    volumes: [f64; Q],
-    mu: f64,
-    lambda: f64,
-}
 
 /// Tetrahedra of an isotropic law in blocks.
 #[derive(Clone, Debug)]
@@ -51,47 +38,12 @@ pub(crate) struct PrincipalTets<L, T, C, const N: usize, const Q: usize> {
     kind: PhantomData<(L, C)>,
 }
 
-impl<L: LaneLaw, T: Real> PrincipalTets<L, T, Four, 4, 1> {
-    /// Linear tetrahedra.
-    pub(crate) fn linear(tets: &[Tet]) -> Self {
-        let shape = |tet: &Tet| {
-            let [_, b, c, d] = tet.gradients;
-            Shape {
-                gradients: [rows([b, c, d])],
-                volumes: [tet.volume],
-                mu: tet.mu,
-                lambda: tet.lambda,
-            }
-        };
-        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, shape(tet))).collect();
-        Self::new(&tets)
-    }
-}
-
-impl<L: LaneLaw, T: Real> PrincipalTets<L, T, Ten, 10, 4> {
-    /// Quadratic tetrahedra.
-    pub(crate) fn quadratic(tets: &[QuadraticTet]) -> Self {
-        let shape = |tet: &QuadraticTet| Shape {
-            gradients: tet.gradients.map(|gradients| rows(gradients) * Ten::FACTOR),
-            volumes: tet.volumes,
-            mu: tet.mu,
-            lambda: tet.lambda,
-        };
-        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, shape(tet))).collect();
-        Self::new(&tets)
-    }
-}
-
-fn rows(vectors: [Vec3; 3]) -> Mat3 {
-    Mat3::from_rows(&vectors.map(|vector| vector.transpose()))
-}
-
 impl<L: LaneLaw, T: Real, C: Cell<N, Q>, const N: usize, const Q: usize>
     PrincipalTets<L, T, C, N, Q>
 {
     /// The elements. They have no stiffness before the first call of `linearize`.
-    fn new(tets: &[([u32; N], Shape<Q>)]) -> Self {
-        let order = apart(tets.len(), |element| &tets[element].0);
+    fn new(tets: &[Tetrahedron<N, Q>]) -> Self {
+        let order = apart(tets.len(), |element| &tets[element].nodes);
         let mut all = Self {
             nodes: Vec::new(),
             rest: Vec::new(),
@@ -105,19 +57,23 @@ impl<L: LaneLaw, T: Real, C: Cell<N, Q>, const N: usize, const Q: usize>
         for (block, elements) in order.chunks(LANES).enumerate() {
             // Copies of the last element without gradients pad the last block. They have no strain, force or stiffness.
             let last = elements.len() - 1;
-            let nodes = core::array::from_fn(|lane| tets[elements[lane.min(last)]].0);
+            let nodes = core::array::from_fn(|lane| tets[elements[lane.min(last)]].nodes);
             let mut rest = Rest {
                 gradients: [[zero; 9]; Q],
                 mu: [zero; Q],
                 lambda: [zero; Q],
             };
             for lane in 0..LANES {
-                let shape = &tets[elements[lane.min(last)]].1;
+                let tet = &tets[elements[lane.min(last)]];
                 for q in 0..Q {
-                    rest.mu[q][lane] = T::of(shape.volumes[q] * shape.mu);
-                    rest.lambda[q][lane] = T::of(shape.volumes[q] * shape.lambda);
-                    if lane <= last {
-                        put_matrix(&mut rest.gradients[q], lane, &shape.gradients[q]);
+                    rest.mu[q][lane] = T::of(tet.volumes[q] * tet.mu);
+                    rest.lambda[q][lane] = T::of(tet.volumes[q] * tet.lambda);
+                    if lane > last {
+                        continue;
+                    }
+                    for (c, gradient) in tet.gradients[q].iter().enumerate() {
+                        let row = [0, 1, 2].map(|j| T::of(gradient[j] * C::FACTOR));
+                        put(&mut rest.gradients[q], lane, c, row);
                     }
                 }
             }
@@ -159,13 +115,7 @@ impl<L: LaneLaw, T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> InBlock
             let moduli = tangents.moduli[q].map(|row| row[lane].to_f64());
             let turned = matrix_at(&tangents.gradients[q], lane);
             let [b, c, d] = [0, 1, 2].map(|c| turned.row(c).transpose());
-            let coordinates = [-(b + c + d), b, c, d];
-            let gradients = C::weights(q).map(|weights| {
-                let terms = weights.iter().zip(&coordinates);
-                terms
-                    .map(|(&weight, gradient)| gradient * weight)
-                    .sum::<Vec3>()
-            });
+            let gradients = C::gradients(q, &[-(b + c + d), b, c, d]);
             for a in 0..N {
                 for b in a..N {
                     let inner = between(&moduli, &gradients[a], &gradients[b]);
@@ -190,40 +140,25 @@ impl<L: LaneLaw, T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> InBlock
     }
 }
 
-/// The kernel of linear `tets` of `law`, whose blocks are in `matrix`.
-pub(in crate::element) fn linear_kernel<T: Real>(
+/// The kernel of `tets` of `law`, whose blocks are in `matrix`.
+pub(in crate::element) fn kernel<T: Real, C, const N: usize, const Q: usize>(
     law: IsotropicLaw,
-    tets: &[Tet],
+    tets: &[Tetrahedron<N, Q>],
     matrix: &BlockMatrix,
-) -> Box<dyn Kernel<T>> {
-    fn of<L: CountedLaw, T: Real>(tets: &[Tet], matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
-        let elements = PrincipalTets::<L, T, _, _, _>::linear(tets);
-        let nodes = tets.iter().map(|tet| tet.nodes);
-        Box::new(Placed::new(elements, nodes, matrix))
-    }
+) -> Box<dyn Kernel<T>>
+where
+    C: CountedCell<N, Q> + 'static,
+{
+    let nodes = tets.iter().map(|tet| tet.nodes);
     match law {
-        IsotropicLaw::StVenantKirchhoff => of::<StVenantKirchhoff, T>(tets, matrix),
-        IsotropicLaw::StableNeoHookean => of::<StableNeoHookean, T>(tets, matrix),
-    }
-}
-
-/// The kernel of quadratic `tets` of `law`, whose blocks are in `matrix`.
-pub(in crate::element) fn quadratic_kernel<T: Real>(
-    law: IsotropicLaw,
-    tets: &[QuadraticTet],
-    matrix: &BlockMatrix,
-) -> Box<dyn Kernel<T>> {
-    fn of<L: CountedLaw, T: Real>(
-        tets: &[QuadraticTet],
-        matrix: &BlockMatrix,
-    ) -> Box<dyn Kernel<T>> {
-        let elements = PrincipalTets::<L, T, _, _, _>::quadratic(tets);
-        let nodes = tets.iter().map(|tet| tet.nodes);
-        Box::new(Placed::new(elements, nodes, matrix))
-    }
-    match law {
-        IsotropicLaw::StVenantKirchhoff => of::<StVenantKirchhoff, T>(tets, matrix),
-        IsotropicLaw::StableNeoHookean => of::<StableNeoHookean, T>(tets, matrix),
+        IsotropicLaw::StVenantKirchhoff => {
+            let elements = PrincipalTets::<StVenantKirchhoff, T, C, N, Q>::new(tets);
+            Box::new(Placed::new(elements, nodes, matrix))
+        }
+        IsotropicLaw::StableNeoHookean => {
+            let elements = PrincipalTets::<StableNeoHookean, T, C, N, Q>::new(tets);
+            Box::new(Placed::new(elements, nodes, matrix))
+        }
     }
 }
 
@@ -244,12 +179,6 @@ fn between(moduli: &[f64; MODULI], row: &Vec3, column: &Vec3) -> Mat3 {
 fn matrix_at<T: Real>(rows: &[[T; LANES]; 9], lane: usize) -> Mat3 {
     let entries = at(rows, lane);
     Mat3::from_fn(|i, j| entries[i][j].to_f64())
-}
-
-fn put_matrix<T: Real>(rows: &mut [[T; LANES]; 9], lane: usize, matrix: &Mat3) {
-    for i in 0..3 {
-        put(rows, lane, i, [0, 1, 2].map(|j| T::of(matrix[(i, j)])));
-    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! The operations and bytes of the kernels of tetrahedra of an isotropic law, counted by hand. `tests/element_cost.rs`
 //! counts the operations again.
 
+use super::hooke_cost::CountedCell;
 use super::principal::PrincipalTets;
-use super::principal_kernels::{Cell, Four, Ten};
 use crate::cost::Cost;
 use crate::element::kernel::Counted;
 use crate::lanes::Real;
@@ -40,20 +40,6 @@ impl CountedLaw for StableNeoHookean {
     // The logarithm takes 28. Its split into exponent and mantissa counts as one.
     const RESPOND_FLOPS: usize = 153 + 28;
     const MODULI_FLOPS: usize = 77;
-}
-
-/// A cell whose operations have been counted.
-trait CountedCell<const N: usize, const Q: usize>: Cell<N, Q> {
-    /// Operations of `spread`, `collect` and of the sums on both sides.
-    const ENDS_FLOPS: usize;
-}
-
-impl CountedCell<4, 1> for Four {
-    const ENDS_FLOPS: usize = 9 + 18;
-}
-
-impl CountedCell<10, 4> for Ten {
-    const ENDS_FLOPS: usize = 27 + 117 + 117 + 54;
 }
 
 impl<L: CountedLaw, T: Real, C: CountedCell<N, Q>, const N: usize, const Q: usize> Counted

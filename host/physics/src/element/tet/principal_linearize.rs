@@ -8,18 +8,19 @@
 //! Stresses and energies are computed in double precision whatever the precision of the step. The energy of a turned
 //! element is a difference of terms as large as the modulus of its material.
 //!
-//! Loops over lanes must stay loops until the compiler makes vectors of them: see `tet4::kernels`.
+//! Loops over lanes must stay loops until the compiler makes vectors of them: see `hooke_kernels`.
 
-use super::principal_kernels::{CROSSED, Cell, MODULI, SAME, Tangents};
+use super::cell::Cell;
+use super::hooke_kernels::deformation;
+use super::principal_kernels::{CROSSED, MODULI, SAME, Tangents};
 use crate::Mat3;
-use crate::element::tet4::kernels::{at, put, quaternion_at, sum};
-use crate::lanes::block::{LANES, Lanes};
+use crate::lanes::block::{LANES, Lanes, at, put, quaternion_at, sum};
 use crate::lanes::{Node, Real};
 use crate::material::law::isotropic::{clipped, is_definite, symmetric};
 use crate::material::law::lane_law::{LaneLame, LaneLaw, LaneModuli};
 use crate::polar::axes::{Decomposed, decompose, green, sweep};
 use crate::polar::lanes::{self, Matrix, of_rotation};
-use crate::polar::matrices::{outer, product_of, times};
+use crate::polar::matrices::{product_of, times};
 use crate::polar::svd::svd_from;
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
@@ -66,40 +67,29 @@ pub(crate) fn linearize<T: Real, L: LaneLaw, C: Cell<N, Q>, const N: usize, cons
     force: &mut [Node<T>],
 ) -> T::Wide {
     let mut energies = [<T::Wide as Real>::ZERO; LANES];
-    let mut points = [[[T::ZERO; LANES]; 9]; Q];
+    let mut derivatives = C::zero::<T>();
+    let mut h = [[T::ZERO; LANES]; 9];
     let state = axes.iter_mut().zip(tangents);
     for ((nodes, rest), (axes, tangents)) in nodes.iter().zip(rest).zip(state) {
-        C::spread(nodes, d, &mut points);
+        C::spread(nodes, d, &mut derivatives);
         for q in 0..Q {
-            let point = &mut points[q];
-            deformation(&rest.gradients[q], point);
-            find_axes(point, &mut axes[q]);
-            modulus::<T, L, Q>(rest, q, point, &axes[q], tangents);
+            deformation::<T, C, N, Q>(&rest.gradients[q], &derivatives, q, &mut h);
+            find_axes(&h, &mut axes[q]);
+            modulus::<T, L, Q>(rest, q, &h, &axes[q], tangents);
             for lane in 0..LANES {
-                let h = at(point, lane).map(|row| row.map(Real::widen));
+                let h = at(&h, lane).map(|row| row.map(Real::widen));
                 let (energy, stress) = L::respond(rest.lame(q, lane).widen(), &h);
                 energies[lane] += energy;
                 let pull = stress.map(|row| row.map(|entry| -T::narrow(entry)));
                 let g = at(&rest.gradients[q], lane);
                 for c in 0..3 {
-                    put(point, lane, c, times(&pull, g[c]));
+                    C::put(&mut derivatives, q, lane, c, times(&pull, g[c]));
                 }
             }
         }
-        C::collect(nodes, &points, force);
+        C::collect(nodes, &mut derivatives, force);
     }
     sum(&energies)
-}
-
-/// Replaces the derivatives by barycentric coordinates at a point by `F - I`.
-#[inline(always)]
-fn deformation<T: Real>(gradients: &[Lanes<T>; 9], point: &mut [Lanes<T>; 9]) {
-    for lane in 0..LANES {
-        let h = outer(&at(point, lane), &at(gradients, lane));
-        for (i, row) in h.into_iter().enumerate() {
-            put(point, lane, i, row);
-        }
-    }
 }
 
 /// Computes the right axes at a point of a block.

@@ -7,11 +7,10 @@
 //! the corotational law is that of the quadrature point, which for a linear tetrahedron is the rotation of the element
 //! (Müller and Gross, "Interactive virtual materials", 2004, with the exact tangent).
 
+use super::cell::Tetrahedron;
 use super::shape::Shape;
 use crate::element::VectorForm;
-use crate::element::elements::{Elements, renumber, slots};
-use crate::element::tet4::Tet;
-use crate::element::tet10::QuadraticTet;
+use crate::element::elements::{Elements, placed, renumber, slots};
 use crate::error::BodyError;
 use crate::linear::block_matrix::BlockMatrix;
 use crate::material::SolidMaterial;
@@ -140,27 +139,9 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q>, L: Law> Solid<N, Q, S, L> {
         core::array::from_fn(|q| deformation(&self.gradients[element][q], &x))
     }
 
-    /// The elements as linear tetrahedra, or `None` if they are quadratic.
-    fn tets(&self) -> Option<Vec<Tet>> {
-        if N != 4 || Q != 1 {
-            return None;
-        }
-        let tet = |element: usize| {
-            let gradients = self.gradients[element].first()?;
-            Some(Tet {
-                nodes: *self.nodes[element].first_chunk()?,
-                gradients: *gradients.first_chunk()?,
-                volume: self.volume(element),
-                lambda: self.lame[element].lambda,
-                mu: self.lame[element].mu,
-            })
-        };
-        (0..self.nodes.len()).map(tet).collect()
-    }
-
-    /// The elements as quadratic tetrahedra, or `None` if they are linear.
-    fn quadratic_tets(&self) -> Option<Vec<QuadraticTet>> {
-        if N != 10 {
+    /// The elements as those of a kernel, or `None` if they do not have `M` nodes and `P` points.
+    fn tets<const M: usize, const P: usize>(&self) -> Option<Vec<Tetrahedron<M, P>>> {
+        if (N, Q) != (M, P) {
             return None;
         }
         let tet = |element: usize| {
@@ -173,7 +154,7 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q>, L: Law> Solid<N, Q, S, L> {
                     gradients[corner] + middles.map(|(gradient, _)| gradient).sum::<Vec3>() * 0.5
                 })
             };
-            Some(QuadraticTet {
+            Some(Tetrahedron {
                 nodes: *self.nodes[element].first_chunk()?,
                 gradients: *self.gradients[element]
                     .each_ref()
@@ -243,11 +224,7 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
     }
 
     fn bind(&mut self, matrix: &BlockMatrix, place: &[u32]) {
-        let places = self
-            .nodes
-            .iter()
-            .map(|nodes| nodes.map(|node| place[node as usize]));
-        self.slots = slots(places, matrix);
+        self.slots = slots(placed(&self.nodes, place), matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {
@@ -349,7 +326,7 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
                 None => Some(VectorForm::IsotropicTets(law?, tets)),
             };
         }
-        let tets = self.quadratic_tets()?;
+        let tets = self.tets()?;
         match frame {
             Some(frame) => Some(VectorForm::HookeanQuadraticTets(frame, tets)),
             None => Some(VectorForm::IsotropicQuadraticTets(law?, tets)),

@@ -19,14 +19,14 @@ impl<T: Real> Counted for Triangles<T> {
         let cost = Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.rest.as_slice()))
             + Cost::write(size_of_val(self.blocks.stiffness.as_slice()))
-            + Cost::flops(LINEARIZE_FLOPS * self.len());
+            + Cost::flops(LINEARIZE_FLOPS * self.count());
         Some(cost)
     }
 
     fn product_cost(&self) -> Option<Cost> {
         let cost = Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.stiffness.as_slice()))
-            + Cost::flops(PRODUCT_FLOPS * self.len());
+            + Cost::flops(PRODUCT_FLOPS * self.count());
         Some(cost)
     }
 }

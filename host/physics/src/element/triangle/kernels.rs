@@ -1,16 +1,16 @@
 //! The computations on blocks of triangles, compiled once for each width of vector instructions.
 //!
-//! Loops over lanes stay loops until the compiler makes vectors of them (see `tet4::kernels`), so nothing branches:
+//! Loops over lanes stay loops until the compiler makes vectors of them (see `hooke_kernels`), so nothing branches:
 //! both sides of a choice are computed and one is selected.
 
-use crate::lanes::block::{LANES, Lanes, less, plus};
+use crate::lanes::block::{LANES, Lanes, Vectors, gather, node, scatter, vectors_at};
 use crate::lanes::{Node, Real};
 use crate::polar::surface_lanes::{Vector, combine, dot, larger, out_of_plane, polar, sum, times};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// The vectors of two nodes of each element, padded like nodes.
-type Pairs<T> = [[Node<T>; LANES]; 2];
+/// The vectors of two nodes of each element.
+type Pairs<T> = Vectors<T, 2>;
 
 /// Numbers of the stiffness with respect to the displacements of the second and third node relative to the first. The
 /// stiffness is a symmetric 6 x 6 matrix: block 11 (xx, yy, zz, yz, xz, xy), block 12 (row by row) and block 22.
@@ -199,30 +199,6 @@ fn respond<T: Real, const STRAINED: bool>(
     }
 }
 
-/// Sets `differences` to the vectors `of` at each element's last two nodes minus the vector at its first node.
-#[inline(always)]
-fn gather<T: Real>(nodes: &[[u32; 3]; LANES], of: &[Node<T>], differences: &mut Pairs<T>) {
-    for lane in 0..LANES {
-        let [n0, n1, n2] = nodes[lane];
-        let first = of[n0 as usize];
-        differences[0][lane] = less(of[n1 as usize], first);
-        differences[1][lane] = less(of[n2 as usize], first);
-    }
-}
-
-/// Adds `vectors` to the vectors `to` at each element's last two nodes, and subtracts their sum from the vector at its
-/// first node.
-#[inline(always)]
-fn scatter<T: Real>(nodes: &[[u32; 3]; LANES], vectors: &Pairs<T>, to: &mut [Node<T>]) {
-    for lane in 0..LANES {
-        let [n0, n1, n2] = nodes[lane].map(|node| node as usize);
-        let [v1, v2] = [vectors[0][lane], vectors[1][lane]];
-        to[n1] = plus(to[n1], v1);
-        to[n2] = plus(to[n2], v2);
-        to[n0] = less(to[n0], plus(v1, v2));
-    }
-}
-
 #[inline(always)]
 fn shape_at<T: Real>(rest: &Rest<T>, lane: usize) -> Shape<T> {
     let g = [0, 1, 2, 3].map(|row: usize| rest.gradients[row][lane]);
@@ -233,16 +209,6 @@ fn shape_at<T: Real>(rest: &Rest<T>, lane: usize) -> Shape<T> {
         mu: rest.mu[lane],
         lambda: rest.lambda[lane],
     }
-}
-
-/// The vectors of one element. The padding, which is zero, is read as well: if one entry in four is skipped, the
-/// compiler processes the last lanes one by one.
-#[inline(always)]
-fn vectors_at<T: Real>(vectors: &Pairs<T>, lane: usize) -> [Vector<T>; 2] {
-    [0, 1].map(|a: usize| {
-        let node = &vectors[a][lane];
-        [node[0] + node[3], node[1], node[2]]
-    })
 }
 
 #[inline(always)]
@@ -261,11 +227,6 @@ fn put<T: Real, const N: usize>(
     for i in 0..N {
         k[first + i][lane] = entries[i];
     }
-}
-
-#[inline(always)]
-fn node<T: Real>(v: Vector<T>) -> Node<T> {
-    [v[0], v[1], v[2], T::ZERO]
 }
 
 #[inline(always)]

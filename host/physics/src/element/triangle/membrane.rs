@@ -26,7 +26,7 @@
 
 use super::frame::{degenerate, rest_axes, rest_corners, rest_frame, shape_of};
 use super::triangles::Triangle;
-use crate::element::elements::{Elements, renumber, slots};
+use crate::element::elements::{Elements, placed, renumber, slots};
 use crate::element::{Strained, Tearable, Torn, VectorForm};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
@@ -166,21 +166,8 @@ impl Membrane {
         self.density.push(material.density);
     }
 
-    /// Number of triangles.
-    pub fn len(&self) -> usize {
-        self.nodes.len()
-    }
-
-    /// Whether there are no triangles.
-    pub fn is_empty(&self) -> bool {
-        self.nodes.is_empty()
-    }
-
     pub(super) fn polar(&self, e: usize, x: &[Vec3]) -> Polar {
-        self.polar_at(e, self.nodes[e].map(|node| x[node as usize]))
-    }
-
-    fn polar_at(&self, e: usize, [a, b, c]: [Vec3; 3]) -> Polar {
+        let [a, b, c] = self.nodes[e].map(|node| x[node as usize]);
         let [g1, g2] = self.gradients[e];
         let (e1, e2) = (b - a, c - a);
         Polar::new(&(e1 * g1[0] + e2 * g2[0]), &(e1 * g1[1] + e2 * g2[1]))
@@ -202,12 +189,8 @@ impl Membrane {
 
     /// Force and tangent of triangle `e` at node positions `x` (m).
     pub fn element(&self, e: usize, x: &[Vec3], tangent: Tangent) -> Element {
-        self.element_at(e, self.nodes[e].map(|node| x[node as usize]), tangent)
-    }
-
-    fn element_at(&self, e: usize, at: [Vec3; 3], tangent: Tangent) -> Element {
         let moduli = [self.mu[e], self.lambda[e]];
-        Element::new(&self.polar_at(e, at), self.gradients[e], moduli, tangent)
+        Element::new(&self.polar(e, x), self.gradients[e], moduli, tangent)
     }
 }
 
@@ -303,11 +286,7 @@ impl Elements for Membrane {
     }
 
     fn bind(&mut self, matrix: &BlockMatrix, place: &[u32]) {
-        let places = self
-            .nodes
-            .iter()
-            .map(|nodes| nodes.map(|node| place[node as usize]));
-        self.slots = slots(places, matrix);
+        self.slots = slots(placed(&self.nodes, place), matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {
@@ -322,7 +301,7 @@ impl Elements for Membrane {
 
     fn energy(&self, x: &[Vec3]) -> f64 {
         let mut energy = 0.0;
-        for e in 0..self.len() {
+        for e in 0..self.nodes.len() {
             energy += self.energy_of(e, x);
         }
         energy
@@ -387,7 +366,7 @@ impl Elements for Membrane {
             mu: self.mu[e],
             lambda: self.lambda[e],
         };
-        let triangles = (0..self.len()).map(triangle).collect();
+        let triangles = (0..self.nodes.len()).map(triangle).collect();
         Some(VectorForm::CorotationalTriangles(triangles))
     }
 
@@ -416,7 +395,7 @@ impl Tearable for Membrane {
     }
 
     fn reserve(&mut self, triangles: usize) {
-        self.limit = self.len() + triangles;
+        self.limit = self.nodes.len() + triangles;
         self.make_room(self.limit);
     }
 
@@ -425,7 +404,7 @@ impl Tearable for Membrane {
     }
 
     fn strained(&self, triangle: usize, x: &[Vec3]) -> Option<Strained> {
-        (triangle < self.len()).then(|| self.strained_at(triangle, x))
+        (triangle < self.nodes.len()).then(|| self.strained_at(triangle, x))
     }
 }
 

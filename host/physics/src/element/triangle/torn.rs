@@ -82,7 +82,7 @@ impl Membrane {
 
 impl<T: Real> TearableKernel<T> for Triangles<T> {
     fn reserve(&mut self, triangles: usize) {
-        let limit = self.len() + triangles;
+        let limit = self.count() + triangles;
         let blocks = limit.div_ceil(LANES);
         make_room(&mut self.places, limit);
         make_room(&mut self.blocks.nodes, blocks);
@@ -98,7 +98,7 @@ impl<T: Real> TearableKernel<T> for Triangles<T> {
             let area = area_of(self.gradients_at(e));
             [rest.mu[lane], rest.lambda[lane]].map(|modulus| modulus.to_f64() / area)
         };
-        self.moduli = (0..self.len()).map(moduli).collect();
+        self.moduli = (0..self.count()).map(moduli).collect();
     }
 
     fn follow(&mut self, torn: &Torn<'_>) {

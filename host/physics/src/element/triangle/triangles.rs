@@ -101,13 +101,8 @@ impl<T: Real> Triangles<T> {
     }
 
     /// Number of elements.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.places.len()
-    }
-
-    /// Whether there are no elements.
-    pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
     }
 
     /// Memory of the elements (bytes).

@@ -10,14 +10,13 @@
 
 use super::frame::{degenerate, rest_corners, rest_frame};
 use super::membrane::Element;
-use crate::element::elements::{Elements, renumber, slots};
+use crate::element::elements::{Elements, placed, renumber, slots};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Tangent;
 use crate::material::sheet_law::{PlaneStiffness, SheetLaw};
 use crate::material::weave::{Weave, unit};
 use crate::mesh::TriMesh;
-use crate::polar::surface::Polar;
 use crate::{Mat3, Vec3};
 
 /// The least sine of the angle between the warp and a triangle's normal. Below it, the projection of the warp onto the
@@ -110,7 +109,7 @@ impl<L: SheetLaw> Woven<L> {
         corners: [&Vec3; 3],
         weave: &Weave,
     ) -> Result<f64, BodyError> {
-        let triangle = self.len();
+        let triangle = self.nodes.len();
         weave.check(triangle)?;
         let stiffness = weave.stiffness(triangle)?;
         let (gradients, area) = rest_frame(corners).ok_or_else(|| degenerate(triangle, corners))?;
@@ -126,67 +125,17 @@ impl<L: SheetLaw> Woven<L> {
         Ok(area)
     }
 
-    /// Number of triangles.
-    pub fn len(&self) -> usize {
-        self.nodes.len()
-    }
-
-    /// Whether there are no triangles.
-    pub fn is_empty(&self) -> bool {
-        self.nodes.is_empty()
-    }
-
-    /// Nodes of each triangle.
-    pub fn nodes(&self) -> &[[u32; 3]] {
-        &self.nodes
-    }
-
     /// The two columns of the deformation gradient of triangle `e`, along the warp and the weft.
     pub fn gradient(&self, e: usize, x: &[Vec3]) -> [Vec3; 2] {
-        self.gradient_at(e, self.nodes[e].map(|node| x[node as usize]))
-    }
-
-    fn gradient_at(&self, e: usize, [a, b, c]: [Vec3; 3]) -> [Vec3; 2] {
+        let [a, b, c] = self.nodes[e].map(|node| x[node as usize]);
         let [g1, g2] = self.gradients[e];
         let (e1, e2) = (b - a, c - a);
         [e1 * g1[0] + e2 * g2[0], e1 * g1[1] + e2 * g2[1]]
     }
 
-    /// Principal stretches of triangle `e` at node positions `x` (m), the larger first. The stretch at rest is 1.
-    pub fn principal_stretches(&self, e: usize, x: &[Vec3]) -> [f64; 2] {
-        let [f1, f2] = self.gradient(e, x);
-        Polar::new(&f1, &f2).stretches()
-    }
-
-    /// Elastic energy (J) at node positions `x`.
-    pub fn energy(&self, x: &[Vec3]) -> f64 {
-        (0..self.len())
-            .map(|e| self.area[e] * self.law.energy(&self.stiffness[e], &self.gradient(e, x)))
-            .sum()
-    }
-
-    /// Force (N) of triangle `e` on its three vertices at node positions `x`.
-    pub fn force(&self, e: usize, x: &[Vec3]) -> [Vec3; 3] {
-        let stress = self.law.stress(&self.stiffness[e], &self.gradient(e, x));
-        self.forces_of(e, &stress)
-    }
-
-    /// Adds the force (N) of every triangle to `force`, by nodes.
-    pub fn forces(&self, x: &[Vec3], force: &mut [Vec3]) {
-        for (e, nodes) in self.nodes.iter().enumerate() {
-            for (node, f) in nodes.iter().zip(self.force(e, x)) {
-                force[*node as usize] += f;
-            }
-        }
-    }
-
     /// Force and tangent of triangle `e` at node positions `x`.
     pub fn element(&self, e: usize, x: &[Vec3], tangent: Tangent) -> Element {
-        self.element_at(e, self.nodes[e].map(|node| x[node as usize]), tangent)
-    }
-
-    fn element_at(&self, e: usize, at: [Vec3; 3], tangent: Tangent) -> Element {
-        let gradient = self.gradient_at(e, at);
+        let gradient = self.gradient(e, x);
         let response = self.law.respond(&self.stiffness[e], &gradient, tangent);
         let [[m00, m01], [m10, m11]] = response.modulus;
         let area = self.area[e];
@@ -204,22 +153,17 @@ impl<L: SheetLaw> Woven<L> {
         let k02 = block(g0, g2);
         let k12 = block(g1, g2);
         let (k10, k20, k21) = (k01.transpose(), k02.transpose(), k12.transpose());
+        // `-A P g_a` for the second and the third vertex.
+        let [s1, s2] = response.stress;
+        let [f1, f2] = [g1, g2].map(|g| s1 * (-area * g[0]) + s2 * (-area * g[1]));
         Element {
-            force: self.forces_of(e, &response.stress),
+            force: [-(f1 + f2), f1, f2],
             stiffness: [
                 [-(k01 + k02), k01, k02],
                 [k10, -(k10 + k12), k12],
                 [k20, k21, -(k20 + k21)],
             ],
         }
-    }
-
-    /// `-A P g_a` for each vertex.
-    fn forces_of(&self, e: usize, stress: &[Vec3; 2]) -> [Vec3; 3] {
-        let area = self.area[e];
-        let [f1, f2] =
-            self.gradients[e].map(|g| stress[0] * (-area * g[0]) + stress[1] * (-area * g[1]));
-        [-(f1 + f2), f1, f2]
     }
 }
 
@@ -273,11 +217,7 @@ impl<L: SheetLaw> Elements for Woven<L> {
     }
 
     fn bind(&mut self, matrix: &BlockMatrix, place: &[u32]) {
-        let places = self
-            .nodes
-            .iter()
-            .map(|nodes| nodes.map(|node| place[node as usize]));
-        self.slots = slots(places, matrix);
+        self.slots = slots(placed(&self.nodes, place), matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {
@@ -291,7 +231,9 @@ impl<L: SheetLaw> Elements for Woven<L> {
     }
 
     fn energy(&self, x: &[Vec3]) -> f64 {
-        Self::energy(self, x)
+        (0..self.count())
+            .map(|e| self.area[e] * self.law.energy(&self.stiffness[e], &self.gradient(e, x)))
+            .sum()
     }
 
     fn assemble(

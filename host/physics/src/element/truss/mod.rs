@@ -7,7 +7,7 @@
 
 mod bar;
 
-use super::elements::{Elements, renumber, slots};
+use super::elements::{Elements, placed, renumber, slots};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::{Tangent, ThreadMaterial};
@@ -86,13 +86,6 @@ impl Truss {
     fn ends(&self, bar: usize, x: &[Vec3]) -> [Vec3; 2] {
         self.nodes[bar].map(|node| x[node as usize])
     }
-
-    /// Tension of a bar (N) at node positions `x`; negative under compression.
-    pub fn tension(&self, bar: usize, x: &[Vec3]) -> f64 {
-        let [a, b] = self.ends(bar, x);
-        let bar = &self.bars[bar];
-        bar.tension(&bar.between(&a, &b))
-    }
 }
 
 impl Elements for Truss {
@@ -109,11 +102,7 @@ impl Elements for Truss {
     }
 
     fn bind(&mut self, matrix: &BlockMatrix, place: &[u32]) {
-        let places = self
-            .nodes
-            .iter()
-            .map(|nodes| nodes.map(|node| place[node as usize]));
-        self.slots = slots(places, matrix);
+        self.slots = slots(placed(&self.nodes, place), matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {

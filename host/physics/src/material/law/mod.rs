@@ -89,7 +89,7 @@ pub struct Response {
 /// Energy, stress and modulus must be finite for every finite `F`, whatever its determinant.
 pub trait Law: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
     /// The frame in which the law is Hooke's law, if there is one. The vector kernels
-    /// ([`tet4`](crate::element::tet4), [`tet10`](crate::element::tet10)) handle such a law directly.
+    /// ([`hooke`](crate::element::tet::hooke)) handle such a law directly.
     const FRAME: Option<Frame> = None;
 
     /// The name of the law, if the law is isotropic and the vector kernels compute it in principal axes.

@@ -43,27 +43,6 @@ pub struct PlaneStiffness {
 }
 
 impl PlaneStiffness {
-    /// The stiffness of an isotropic sheet with Young's modulus `young` (Pa) and `thickness` (m).
-    ///
-    /// # Errors
-    ///
-    /// [`StiffnessError`] if the modulus or the thickness is not positive, or if Poisson's ratio is not between -1
-    /// and 0.5. (Plane stress alone would allow up to 1, but no isotropic solid has such a ratio.)
-    pub fn isotropic(young: f64, poisson: f64, thickness: f64) -> Result<Self, StiffnessError> {
-        positive("young", young)?;
-        positive("thickness", thickness)?;
-        if !(poisson > -1.0 && poisson < 0.5) {
-            return Err(StiffnessError {
-                field: "poisson",
-                found: poisson,
-                expected: "a number between -1 and 0.5, both excluded",
-            });
-        }
-        let direct = young * thickness / (1.0 - poisson * poisson);
-        let shear = 0.5 * young * thickness / (1.0 + poisson);
-        Self::from_entries(direct, poisson * direct, direct, shear)
-    }
-
     /// The stiffness of an orthotropic sheet in the frame of its warp and weft.
     ///
     /// The moduli along the warp and the weft and the shear modulus between them are in Pa, the thickness

@@ -142,7 +142,7 @@ impl Cohesion {
         fall / (fall + self.slope())
     }
 
-    /// Lets the tip move on by the part `part` of the edge. The strength falls, at most to zero, where the pair has let go.
+    /// Lets the tip move on by the part `part` of the edge. The strength falls, at most to zero: then the pair has let go.
     /// The opening at which the force is lost stays. Returns by how much the energy of the pair falls (J); that of a paced
     /// pair stays.
     pub fn slacken(&mut self, part: f64) -> f64 {

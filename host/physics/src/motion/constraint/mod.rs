@@ -297,7 +297,7 @@ impl<L: Law> Constraints<L> {
         }
     }
 
-    /// Lets the laws go at once that would give back more energy than they store. Their forces do not agree with their
+    /// Ends at once each law that would give back more energy than it stores. Their forces do not agree with their
     /// openings after all rounds: a light piece that has come off responds more than the old factor says, and a law would
     /// throw it.
     pub(crate) fn drop_strays<T: Real>(

@@ -1,9 +1,9 @@
 //! Further linearizations of a step whose end differs from the prediction: if elements are inverted, and if hands
 //! move so far in the step that one linearization adds energy.
 //!
-//! **Inverted elements.** A body with inverted elements passes close to saddles of its energy. There the small errors of one linearization
-//! decide where the body comes to rest: in its right shape, or in a balance in which an element stays inverted. The
-//! equation is then linearized again at the step's end and solved for the remaining imbalance. This is Newton's method
+//! **Inverted elements.** A body with inverted elements passes close to saddles of its energy. There the small errors of one
+//! linearization decide where the body comes to rest: in its right shape, or in a balance in which an element stays inverted.
+//! The equation is then linearized again at the step's end and solved for the remaining imbalance. This is Newton's method
 //! for implicit Euler. Elsewhere, and if a hand moves the body, one linearization is enough, and this module costs
 //! nothing.
 //!
@@ -77,20 +77,20 @@ impl<T: Precision> Stepper<T> {
         h: f64,
         (mass_factor, stiffness_factor): (f64, f64),
     ) -> Option<Promise> {
-        if self.elastic < self.turned {
+        if self.elements.energy < self.elements.turned {
             return None;
         }
         let (mut force, mut whole, mut inertia) = (0.0, 0.0, 0.0);
-        for place in 0..self.free {
-            let node = self.node[place] as usize;
-            let (u, mass) = (self.moved(place), self.mass[place]);
-            let elastic = to_vec(&self.force[place]);
+        for place in 0..self.places.free {
+            let node = self.places.node[place] as usize;
+            let (u, mass) = (self.moved(place), self.places.mass[place]);
+            let elastic = to_vec(&self.elements.force[place]);
             let acting = elastic + body.model.external[node] * body.model.load_factor;
             force += elastic.dot(&u);
             // `A u` is the acting force less the residual of the solve.
-            whole +=
-                (body.state.v[node] * (mass / h) + acting - to_vec(&self.residual[place])).dot(&u);
-            inertia += mass_factor * mass * to_vec(&self.u[place]).dot(&u);
+            whole += (body.state.v[node] * (mass / h) + acting - to_vec(&self.cg.residual[place]))
+                .dot(&u);
+            inertia += mass_factor * mass * to_vec(&self.cg.u[place]).dot(&u);
         }
         Some(Promise {
             force,
@@ -102,14 +102,15 @@ impl<T: Precision> Stepper<T> {
     /// Whether the motion has to be corrected: the body has inverted elements, and the forces at the step's end, where
     /// the elements are linearized, differ from the prediction by so much that the motion would change.
     pub(crate) fn breaks(&self, body: &Body, promised: Promise) -> bool {
-        let force = (0..self.free).map(|place| to_vec(&self.force[place]).dot(&self.moved(place)));
+        let force = (0..self.places.free)
+            .map(|place| to_vec(&self.elements.force[place]).dot(&self.moved(place)));
         let left = force.sum::<f64>() - promised.force + promised.stiffness;
         left.abs() > STRAY * promised.whole.abs()
             && body
                 .model
                 .elements
                 .iter()
-                .any(|set| set.inverted(&self.at) > 0)
+                .any(|set| set.inverted(&self.elements.at) > 0)
     }
 
     /// Solves for the remaining imbalance at the step's end, linearized there. Returns an upper bound of the work of
@@ -170,7 +171,7 @@ impl<T: Precision> Stepper<T> {
         };
         self.pull_at_the_end(body, h);
         let solved = self.iterate(factors, limits, out_of_time);
-        self.pairs.shear(by_node(&self.place, &self.u));
+        self.pairs.shear(by_node(&self.places.of, &self.cg.u));
         report.iterations += solved.iterations;
         report.residual = solved.residual;
         report.converged = solved.converged;
@@ -178,7 +179,7 @@ impl<T: Precision> Stepper<T> {
         let after = self.energy_ahead(body, h);
         self.pull_at_the_end(body, h);
         let mut work = self.supplied(body) + self.given_back(body);
-        if !self.joints.is_empty() {
+        if !self.present.joints.is_empty() {
             work += self.joint_work(body);
         }
         Ok((work, after))
@@ -187,12 +188,12 @@ impl<T: Precision> Stepper<T> {
     /// The work of hands and supports on the body over the step (J), from the residual.
     fn supplied(&self, body: &Body) -> f64 {
         let mut work = 0.0;
-        for place in self.taken_places() {
-            let u = body.state.displacement[self.node[place] as usize];
-            let pull = -to_vec(&self.residual[place]);
-            if place >= self.held {
+        for place in self.places.taken() {
+            let u = body.state.displacement[self.places.node[place] as usize];
+            let pull = -to_vec(&self.cg.residual[place]);
+            if place >= self.places.held {
                 work += pull.dot(&u);
-            } else if let Some(mask) = self.mask.get(place) {
+            } else if let Some(mask) = self.places.mask.get(place) {
                 let fixed = Vec3::repeat(1.0) - to_vec(mask);
                 work += pull.component_mul(&fixed).dot(&u);
             }
@@ -202,8 +203,9 @@ impl<T: Precision> Stepper<T> {
 
     /// The displacement of a free place along its free axes (m).
     fn moved(&self, place: usize) -> Vec3 {
-        let u = to_vec(&self.u[place]);
-        self.mask
+        let u = to_vec(&self.cg.u[place]);
+        self.places
+            .mask
             .get(place)
             .map_or(u, |mask| u.component_mul(&to_vec(mask)))
     }

@@ -41,15 +41,15 @@ impl<T: Precision> Stepper<T> {
     #[inline(never)]
     pub fn cost(&self, part: Part) -> Option<Cost> {
         let node = size_of::<Node<T>>();
-        let all = node * self.node.len();
-        let free = node * self.free;
+        let all = node * self.places.node.len();
+        let free = node * self.places.free;
         match part {
             Part::Linearize | Part::Product => {
                 // The forces, or the result, start at zero. The vector that is multiplied is counted with the first
                 // kernel.
                 let mut sum = Cost::write(all) + Cost::read(all).again();
                 sum.touched += all;
-                for (i, set) in self.elements.iter().enumerate() {
+                for (i, set) in self.elements.sets.iter().enumerate() {
                     let own = match part {
                         Part::Linearize => set.linearize_cost()?,
                         _ => set.product_cost()?,
@@ -62,20 +62,20 @@ impl<T: Precision> Stepper<T> {
                 Some(sum)
             }
             Part::Precondition => {
-                let z = size_of::<Node<f32>>() * self.free;
+                let z = size_of::<Node<f32>>() * self.places.free;
                 let ends = Cost::read(free) + Cost::read(free).again() + Cost::write(z);
-                let dot = Cost::read(z).again() + Cost::flops(6 * self.free);
+                let dot = Cost::read(z).again() + Cost::flops(6 * self.places.free);
                 Some(self.factor.solves.cost() + ends + dot)
             }
             Part::Vectors => {
-                let turn = Cost::read((size_of::<Node<f32>>() + size_of::<T>()) * self.free)
+                let turn = Cost::read((size_of::<Node<f32>>() + size_of::<T>()) * self.places.free)
                     + Cost::update(free)
                     + Cost::write(free)
-                    + Cost::flops(9 * self.free);
-                let dot = Cost::read(2 * free).again() + Cost::flops(6 * self.free);
+                    + Cost::flops(9 * self.places.free);
+                let dot = Cost::read(2 * free).again() + Cost::flops(6 * self.places.free);
                 let advance = Cost::read(2 * free).again()
                     + Cost::update(2 * free)
-                    + Cost::flops(18 * self.free);
+                    + Cost::flops(18 * self.places.free);
                 Some(turn + dot + advance)
             }
             Part::Refresh => self
@@ -95,23 +95,28 @@ impl<T: Precision> Stepper<T> {
     pub fn repeat(&mut self, part: Part) -> Result<(), CondenseError> {
         let factors = self.factor.factors.ok_or(CondenseError::NotAssembled)?;
         match part {
-            Part::Linearize => self.linearize_elements(),
+            Part::Linearize => self.elements.linearize_here(&*self.team),
             Part::Product => {
-                self.q.fill([T::ZERO; 4]);
-                for set in &mut self.elements {
-                    set.product(self.team, T::of(1.0), &self.u, &mut self.q);
-                }
+                self.cg.q.fill([T::ZERO; 4]);
+                self.elements
+                    .product(&*self.team, T::of(1.0), &self.cg.u, &mut self.cg.q);
             }
             Part::Precondition => {
                 self.precondition(Solved::Step);
             }
             Part::Vectors => {
-                let free = self.free;
-                let (p, q) = (&mut self.p[..free], &mut self.q[..free]);
-                vectors::turn(&self.z, T::ZERO, &self.inertia, p, q);
+                let free = self.places.free;
+                let (p, q) = (&mut self.cg.p[..free], &mut self.cg.q[..free]);
+                vectors::turn(&self.cg.z, T::ZERO, &self.cg.inertia, p, q);
                 // A step of length zero. It depends on the product, so that the compiler keeps the product.
                 let none = T::of(0.0 * vectors::dot(p, q).clamp(0.0, 1.0));
-                vectors::advance(none, p, q, &mut self.u[..free], &mut self.residual[..free]);
+                vectors::advance(
+                    none,
+                    p,
+                    q,
+                    &mut self.cg.u[..free],
+                    &mut self.cg.residual[..free],
+                );
             }
             Part::Refresh => self.refresh(factors)?,
         }
@@ -128,31 +133,25 @@ impl<T: Precision> Stepper<T> {
     /// models.
     #[inline(never)]
     pub fn bytes(&self) -> usize {
-        let elements: usize = self.elements.iter().map(Divided::bytes).sum();
-        let by_place = [
-            &self.mask,
-            &self.d,
-            &self.force,
-            &self.u,
-            &self.residual,
-            &self.p,
-            &self.q,
-        ];
+        let (places, elements, cg) = (&self.places, &self.elements, &self.cg);
+        let sets: usize = elements.sets.iter().map(Divided::bytes).sum();
+        let (mask, d, force) = (&places.mask, &elements.d, &elements.force);
+        let by_place = [mask, d, force, &cg.u, &cg.residual, &cg.p, &cg.q];
         let nodes: usize = by_place.iter().map(|v| size_of_val(v.as_slice())).sum();
         size_of::<Self>()
-            + elements
+            + sets
             + self.refresher_bytes()
             + self.factor.solves.bytes()
             + nodes
             + size_of_val(self.history.as_slice())
-            + size_of_val(self.sums.as_slice())
-            + size_of_val(self.fits.as_slice())
-            + size_of_val(self.z.as_slice())
-            + size_of_val(self.inertia.as_slice())
-            + size_of_val(self.mass.as_slice())
-            + size_of_val(self.place.as_slice())
-            + size_of_val(self.node.as_slice())
-            + size_of_val(self.at.as_slice())
-            + size_of_val(self.rest.as_slice())
+            + size_of_val(cg.fits.as_slice())
+            + size_of_val(cg.sums.as_slice())
+            + size_of_val(cg.z.as_slice())
+            + size_of_val(cg.inertia.as_slice())
+            + size_of_val(places.mass.as_slice())
+            + size_of_val(places.of.as_slice())
+            + size_of_val(places.node.as_slice())
+            + size_of_val(elements.at.as_slice())
+            + size_of_val(places.rest.as_slice())
     }
 }

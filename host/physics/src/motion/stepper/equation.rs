@@ -32,11 +32,11 @@ impl<T: Precision> Stepper<T> {
     pub fn equation(&mut self) -> Result<Option<Equation<'_, T>>, StepError> {
         let step = self.begun(Stage::Constrained)?;
         if step.report.asleep {
-            self.underway = Some(step);
+            self.present.underway = Some(step);
             return Ok(None);
         }
         self.weigh(step.factors.0);
-        self.learned[Solved::Step as usize].begin(step.limits.uses_learned);
+        self.cg.learned[Solved::Step as usize].begin(step.limits.uses_learned);
         Ok(Some(Equation {
             stepper: self,
             step,
@@ -45,7 +45,8 @@ impl<T: Precision> Stepper<T> {
 
     /// Whether the present step has been solved.
     pub fn is_solved(&self) -> bool {
-        self.underway
+        self.present
+            .underway
             .is_some_and(|step| step.stage == Stage::Solved)
     }
 
@@ -56,15 +57,15 @@ impl<T: Precision> Stepper<T> {
 
     /// The work of joints with other bodies over the step (J).
     pub(super) fn joint_work(&self, body: &Body) -> f64 {
-        let work = self.joints.iter();
+        let work = self.present.joints.iter();
         work.map(|(node, force)| force.dot(&body.state.displacement[*node as usize]))
             .sum()
     }
 
     /// Adds the forces of joints with other bodies to the residual.
     pub(super) fn add_joints(&mut self) {
-        for (node, force) in &self.joints {
-            add(&self.place, *node, force, &mut self.residual);
+        for (node, force) in &self.present.joints {
+            add(&self.places.of, *node, force, &mut self.cg.residual);
         }
     }
 }
@@ -79,19 +80,25 @@ fn add<T: Precision>(place: &[u32], node: u32, value: &Vec3, to: &mut [Node<T>])
 }
 
 impl<T: Precision> Equation<'_, T> {
-    /// The norm of the residual (N) at which the body by itself is solved, and the most iterations.
-    pub(crate) fn limits(&self) -> (f64, usize) {
-        (self.step.limits.goal, self.step.limits.max_iterations)
+    /// The norm of the residual (N) at which the body is solved, if joints load it with forces of the norm `load` (N).
+    pub(crate) fn goal(&self, load: f64) -> f64 {
+        self.stepper.options.tolerance * self.step.report.reference.max(load)
+    }
+
+    /// The most iterations.
+    pub(crate) fn most(&self) -> usize {
+        self.step.limits.max_iterations
     }
 
     /// The displacement of a node over the step so far (m). A held node has that of its hand or support.
     pub fn displacement(&self, node: u32) -> Vec3 {
-        by_node(&self.stepper.place, &self.stepper.u)(node)
+        by_node(&self.stepper.places.of, &self.stepper.cg.u)(node)
     }
 
     /// Adds a force (N) on a node to the residual. The residual on held nodes is minus the force of the hand or support.
     pub(crate) fn load(&mut self, node: u32, force: &Vec3) {
-        add(&self.stepper.place, node, force, &mut self.stepper.residual);
+        let Stepper { places, cg, .. } = &mut *self.stepper;
+        add(&places.of, node, force, &mut cg.residual);
     }
 
     /// The norm of the residual on free axes (N).
@@ -112,12 +119,12 @@ impl<T: Precision> Equation<'_, T> {
 
     /// The direction at a node (m); zero at a held one.
     pub(crate) fn direction(&self, node: u32) -> Vec3 {
-        by_node(&self.stepper.place, &self.stepper.p)(node)
+        by_node(&self.stepper.places.of, &self.stepper.cg.p)(node)
     }
 
     /// Adds to the product of the direction with the matrix (N) at a node.
     pub(crate) fn add_product(&mut self, node: u32, value: &Vec3) {
-        add(&self.stepper.place, node, value, &mut self.stepper.q);
+        add(&self.stepper.places.of, node, value, &mut self.stepper.cg.q);
     }
 
     /// The product of the direction with its product.
@@ -132,23 +139,32 @@ impl<T: Precision> Equation<'_, T> {
 
     /// Discards the direction.
     pub(crate) fn stop(&mut self) {
-        self.stepper.p.fill([T::ZERO; 4]);
+        self.stepper.cg.p.fill([T::ZERO; 4]);
     }
 
     /// Ends the solve, so that `finish` may follow. `forces` are those of the joints on nodes (N), which the residual
-    /// includes; `residual` is the norm of what is left of it on free axes (N).
-    pub(crate) fn solved(self, forces: &[(u32, Vec3)], iterations: usize, residual: f64) {
-        let Self { stepper, mut step } = self;
+    /// includes, and `load` is their norm (N); `residual` is the norm of the residual on free axes (N).
+    pub(crate) fn solved(
+        &mut self,
+        forces: impl Iterator<Item = (u32, Vec3)>,
+        load: f64,
+        iterations: usize,
+        residual: f64,
+    ) {
+        let converged = residual <= self.goal(load);
+        let Self { stepper, step } = self;
         step.report = StepperReport {
             iterations,
             residual,
-            converged: residual <= step.limits.goal,
+            converged,
+            reference: step.report.reference.max(load),
             ..step.report
         };
-        stepper.joints.extend_from_slice(forces);
-        stepper.pairs.shear(by_node(&stepper.place, &stepper.u));
-        stepper.unfinished = !step.report.converged;
+        stepper.present.joints.extend(forces);
+        let (places, cg) = (&stepper.places, &stepper.cg);
+        stepper.pairs.shear(by_node(&places.of, &cg.u));
+        stepper.last.unfinished = !converged;
         step.stage = Stage::Solved;
-        stepper.underway = Some(step);
+        stepper.present.underway = Some(*step);
     }
 }

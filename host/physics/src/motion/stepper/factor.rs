@@ -88,7 +88,8 @@ impl<T: Precision> Stepper<T> {
             return Ok(());
         }
         if let Some(refresher) = &mut self.factor.refresher {
-            refresher.load((&self.d, self.free, self.held), factors);
+            let (d, places) = (&self.elements.d, &self.places);
+            refresher.load((d, places.free, places.held), factors);
             refresher.work()?;
             let is_first = self.factor.factors.is_none();
             self.factor.factors = refresher.exchange(&mut self.factor.solves);
@@ -97,7 +98,7 @@ impl<T: Precision> Stepper<T> {
             }
             self.factor.renewed();
             if let Some(growth) = &mut self.growth {
-                growth.take_state(&self.d);
+                growth.take_state(&self.elements.d);
             }
             self.pairs.forget_responses();
         }
@@ -114,7 +115,8 @@ impl<T: Precision> Stepper<T> {
         }
         let factors = self.factor.factors?;
         let mut refresher = self.factor.refresher.take()?;
-        refresher.load((&self.d, self.free, self.held), factors);
+        let (d, places) = (&self.elements.d, &self.places);
+        refresher.load((d, places.free, places.held), factors);
         Some(refresher)
     }
 
@@ -127,7 +129,7 @@ impl<T: Precision> Stepper<T> {
             self.factor.factors = Some(factors);
             self.factor.renewed();
             if let Some(growth) = &mut self.growth {
-                growth.take_loaded(refresher.state(), self.free, self.held);
+                growth.take_loaded(refresher.state(), self.places.free, self.places.held);
             }
             self.pairs.forget_responses();
         }

@@ -1,15 +1,37 @@
 //! The end of a step: the reports on hands and supports, and the bound on the energy.
 
 use super::correct::MOST_SOLUTIONS;
-use super::{RUN, Stepped, Stepper, StepperReport};
+use super::{RUN, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::body::handle::HandlePose;
 use crate::element::precision::Precision;
 use crate::error::StepError;
-use crate::lanes::{to_node, to_vec};
+use crate::lanes::{Node, to_node, to_vec};
 use crate::team;
+
+/// What is known of the last step.
+#[derive(Debug)]
+pub(crate) struct Last<T> {
+    /// Whether it took more than a few iterations.
+    pub(super) is_hard: bool,
+    /// Whether it ended before it converged.
+    pub(super) unfinished: bool,
+    /// The step, as long as the residual belongs to its end.
+    pub(crate) stepped: Option<Stepped>,
+    /// Elastic forces at its start, by place (N).
+    pub(crate) began: Vec<Node<T>>,
+}
+
+/// A step that has been taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stepped {
+    /// Length of the step (s).
+    pub(crate) length: f64,
+    /// Whether the step followed its linearization: neither corrected nor held back.
+    pub(crate) whole: bool,
+}
 
 impl<T: Precision> Stepper<T> {
     /// Takes the step into `body`, and linearizes at its end.
@@ -24,9 +46,9 @@ impl<T: Precision> Stepper<T> {
     ) -> Result<(), StepError> {
         self.begin_account(body);
         let mut work = self.take(body, h, report)?;
-        let before = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
+        let before = self.energy(body);
         // If a hand does work on a body, the hand decides where the body goes.
-        let promised = (work == 0.0 && self.joints.is_empty())
+        let promised = (work == 0.0 && self.present.joints.is_empty())
             .then(|| self.promise(body, h, factors))
             .flatten();
         let mut after = self.energy_ahead(body, h);
@@ -37,7 +59,7 @@ impl<T: Precision> Stepper<T> {
         if !self.pairs.is_empty() {
             work += self.given_back(body);
         }
-        if !self.joints.is_empty() {
+        if !self.present.joints.is_empty() {
             work += self.joint_work(body);
         }
         let again = self.end_where_energy_allows(
@@ -53,7 +75,7 @@ impl<T: Precision> Stepper<T> {
             self.pull_at_the_end(body, h);
             body.take_grip_from(h, |node| self.pull(node));
         }
-        self.stepped = Some(Stepped {
+        self.last.stepped = Some(Stepped {
             length: h,
             whole: !breaks && is_linear,
         });
@@ -63,11 +85,11 @@ impl<T: Precision> Stepper<T> {
         let state = &mut body.state;
         let nodes = (
             &mut *state.x,
-            &*self.at,
+            &*self.elements.at,
             &mut *state.v,
             &*state.displacement,
         );
-        team::each_of(self.team, nodes, RUN, &|(x, at, v, u)| {
+        team::each_of(&*self.team, nodes, RUN, &|(x, at, v, u)| {
             x.copy_from_slice(at);
             for (v, u) in v.iter_mut().zip(u) {
                 *v = u / h;
@@ -77,6 +99,12 @@ impl<T: Precision> Stepper<T> {
         Ok(())
     }
 
+    /// Energy at the start of the step.
+    pub(super) fn energy(&self, body: &Body) -> Energy {
+        let stored = body.kinetic_energy() + self.elements.energy;
+        Energy::new(stored, body.load_potential())
+    }
+
     /// Copies the computed displacement into `body`. Returns an upper bound of the work of hands (J).
     pub(crate) fn take(
         &mut self,
@@ -84,10 +112,10 @@ impl<T: Precision> Stepper<T> {
         h: f64,
         report: &StepperReport,
     ) -> Result<f64, StepError> {
-        let nodes = (&mut *body.state.displacement, &*self.place);
-        team::each_of(self.team, nodes, RUN, &|(displacement, places)| {
+        let nodes = (&mut *body.state.displacement, &*self.places.of);
+        team::each_of(&*self.team, nodes, RUN, &|(displacement, places)| {
             for (displacement, &place) in displacement.iter_mut().zip(places) {
-                *displacement = to_vec(&self.u[place as usize]);
+                *displacement = to_vec(&self.cg.u[place as usize]);
             }
         });
         let work = body.take_grip_from(h, |node| self.pull(node));
@@ -102,7 +130,7 @@ impl<T: Precision> Stepper<T> {
 
     /// The force of a hand or support on a node (N): minus the residual of the equation.
     fn pull(&self, node: usize) -> Vec3 {
-        -to_vec(&self.residual[self.place[node] as usize])
+        -to_vec(&self.cg.residual[self.places.of[node] as usize])
     }
 
     /// Linearizes at the end of the step. A step that would add energy is shortened first. If no shorter step is
@@ -148,33 +176,36 @@ impl<T: Precision> Stepper<T> {
 
     /// Energy at the end of the present displacement. The elements are linearized there.
     pub(crate) fn energy_ahead(&mut self, body: &Body, h: f64) -> Energy {
-        let nodes = (&mut *self.at, &*body.state.x, &*body.state.displacement);
-        team::each_of(self.team, nodes, RUN, &|(at, x, u)| {
+        let (state, at) = (&body.state, &mut *self.elements.at);
+        let nodes = (at, &*state.x, &*state.displacement);
+        team::each_of(&*self.team, nodes, RUN, &|(at, x, u)| {
             for ((at, x), u) in at.iter_mut().zip(x).zip(u) {
                 *at = x + u;
             }
         });
         self.linearize();
         let kinetic = body.kinetic_energy_of(|node| body.state.displacement[node] / h);
-        Energy::new(kinetic + self.elastic, body.load_potential_at(&self.at))
+        let loads = body.load_potential_at(&self.elements.at);
+        Energy::new(kinetic + self.elements.energy, loads)
     }
 
     /// The residual of the equation of motion with the forces at the end of the step.
     pub(crate) fn pull_at_the_end(&mut self, body: &Body, h: f64) {
         let drag = body.model.config.mass_damping / h;
-        for (place, r) in self.residual.iter_mut().enumerate() {
-            let node = self.node[place] as usize;
+        let (cg, force) = (&mut self.cg, &self.elements.force);
+        for (place, r) in cg.residual.iter_mut().enumerate() {
+            let node = self.places.node[place] as usize;
             let u = body.state.displacement[node];
             let inertia = (body.state.v[node] - u / h) / h - u * drag;
             let external = body.model.external[node] * body.model.load_factor;
-            *r = to_node(&(to_vec(&self.force[place]) + external + inertia * self.mass[place]));
-            self.u[place] = to_node(&u);
+            let inertia = inertia * self.places.mass[place];
+            *r = to_node(&(to_vec(&force[place]) + external + inertia));
+            cg.u[place] = to_node(&u);
         }
-        self.pairs.load(&self.place, &mut self.residual);
+        self.pairs.load(&self.places.of, &mut self.cg.residual);
         self.add_joints();
         let damping = T::of(-body.model.config.stiffness_damping / h);
-        for set in &mut self.elements {
-            set.product(self.team, damping, &self.u, &mut self.residual);
-        }
+        self.elements
+            .product(&*self.team, damping, &self.cg.u, &mut self.cg.residual);
     }
 }

@@ -13,7 +13,6 @@
 use super::Stepper;
 use super::turns::Turns;
 use crate::body::Body;
-use crate::body::guard::Energy;
 use crate::element;
 use crate::element::parts::Divided;
 use crate::element::precision::Precision;
@@ -21,6 +20,7 @@ use crate::error::StepError;
 use crate::lanes::Node;
 use crate::linear::torn::{Tie, TornFactor};
 use crate::topology::{Done, NONE, Origin, Reserve, Surface};
+use std::sync::Arc;
 
 /// New vertices with columns beside the factor. Columns of more vertices would take longer than a new factor is late.
 const MOST_COLUMNS: usize = 64;
@@ -191,7 +191,7 @@ impl<T: Precision> Stepper<T> {
     /// # Errors
     ///
     /// [`StepError::Stage`] for a stepper without a [factor](Self::prepare), and for one that has not followed all earlier
-    /// edits. The stepper makes itself anew in its next step then.
+    /// edits. The stepper then makes itself again in its next step.
     #[inline(never)]
     pub fn grow(&mut self, body: &Body, done: &Done) -> Result<(), StepError> {
         let fail = |first| {
@@ -207,59 +207,59 @@ impl<T: Precision> Stepper<T> {
             return fail("make_tearable");
         };
         let count = done.vertices.len();
-        let is_next = self.place.len() == done.vertices.start as usize
+        let is_next = self.places.of.len() == done.vertices.start as usize
             && surface.vertex_count() == done.vertices.end as usize
-            && self.free + count <= self.held
+            && self.places.free + count <= self.places.held
             && self.epoch + 1 == body.epoch();
         if !is_next {
             self.growth = Some(growth);
             return fail("grow");
         }
-        self.underway = None;
+        self.present.underway = None;
         self.epoch = body.epoch();
         self.sleep.wake();
-        self.stepped = None;
+        self.last.stepped = None;
         for moved in done.moved.iter().flatten() {
             let weight = |i: usize| {
-                let place = self.place[moved.corners[i] as usize] as usize;
+                let place = self.places.of[moved.corners[i] as usize] as usize;
                 (place, T::of(moved.weights[i]))
             };
-            let place = self.place[moved.vertex as usize] as usize;
+            let place = self.places.of[moved.vertex as usize] as usize;
             self.mix(&mut growth, place, &[weight(0), weight(1), weight(2)]);
-            self.at[moved.vertex as usize] = body.state.x[moved.vertex as usize];
-            self.rest[place] = body.model.rest[moved.vertex as usize];
+            self.elements.at[moved.vertex as usize] = body.state.x[moved.vertex as usize];
+            self.places.rest[place] = body.model.rest[moved.vertex as usize];
         }
         let mask = body.constraints.supports.mask();
         for vertex in done.vertices.clone() {
             let tie = self.tie(surface.origin(vertex));
-            let (node, place) = (vertex as usize, self.free);
-            self.free += 1;
-            self.node[place] = vertex;
-            self.place.push(place as u32);
-            self.at.push(body.state.x[node]);
-            self.rest[place] = body.model.rest[node];
+            let (node, place) = (vertex as usize, self.places.free);
+            self.places.free += 1;
+            self.places.node[place] = vertex;
+            self.places.of.push(place as u32);
+            self.elements.at.push(body.state.x[node]);
+            self.places.rest[place] = body.model.rest[node];
             let (first, second) = (T::of(1.0 - tie.fraction), T::of(tie.fraction));
             let [a, b] = tie.ends.map(|end| end as usize);
             self.mix(&mut growth, place, &[(a, first), (b, second)]);
             let free = mask.map_or(crate::Vec3::repeat(1.0), |mask| mask[node]);
-            if let Some(axes) = self.mask.get_mut(place) {
+            if let Some(axes) = self.places.mask.get_mut(place) {
                 *axes = crate::lanes::to_node(&free);
             }
             growth.factor.push(tie, &free);
         }
-        for place in self.taken_places() {
-            self.mass[place] = body.model.mass[self.node[place] as usize];
+        for place in self.places.taken() {
+            self.places.mass[place] = body.model.mass[self.places.node[place] as usize];
         }
         let torn = element::Torn {
             surface,
-            place: Some(&self.place),
-            rest: &self.rest,
+            place: Some(&self.places.of),
+            rest: &self.places.rest,
         };
-        for set in self.elements.iter_mut().filter_map(Divided::tearable) {
+        for set in self.elements.sets.iter_mut().filter_map(Divided::tearable) {
             set.follow(&torn);
         }
         let moved = done.moved.iter().flatten().next().is_some();
-        growth.begin_rows(surface, &self.place, moved);
+        growth.begin_rows(surface, &self.places.of, moved);
         growth.is_due = true;
         growth.turns.note_change();
         self.growth = Some(growth);
@@ -270,9 +270,9 @@ impl<T: Precision> Stepper<T> {
     /// Where a new vertex was.
     fn tie(&self, origin: Origin) -> Tie {
         match origin {
-            Origin::Twin { of } => Tie::copy(self.place[of as usize]),
+            Origin::Twin { of } => Tie::copy(self.places.of[of as usize]),
             Origin::Between { ends, weight } => Tie {
-                ends: ends.map(|end| self.place[end as usize]),
+                ends: ends.map(|end| self.places.of[end as usize]),
                 fraction: weight,
             },
             Origin::Original => Tie::copy(0),
@@ -296,9 +296,9 @@ impl<T: Precision> Stepper<T> {
             }
         }
         self.history[place] = history;
-        self.u[place] = mixed(&self.u, from);
+        self.cg.u[place] = mixed(&self.cg.u, from);
         growth.state[place] = mixed(&growth.state, from);
-        self.p[place] = [T::ZERO; 4];
+        self.cg.p[place] = [T::ZERO; 4];
     }
 
     /// Computes forces, tangent and energy after edits, and joins the new vertices to the factor. The bound on the energy
@@ -308,21 +308,21 @@ impl<T: Precision> Stepper<T> {
         if !self.is_due() {
             return 0.0;
         }
-        let before = self.elastic;
+        let before = self.elements.energy;
         self.join(body);
         self.linearize();
-        let after = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
+        let after = self.energy(body);
         body.state.guard.note_edit(after);
         if let Some(account) = &mut self.ledger {
             account.note_edit(after.total());
         }
-        self.elastic - before
+        self.elements.energy - before
     }
 
     /// Forgets what earlier solves said about responses and directions.
     pub(super) fn forget_solves(&mut self) {
         self.pairs.forget_responses();
-        for learned in &mut self.learned {
+        for learned in &mut self.cg.learned {
             learned.forget();
         }
     }
@@ -342,7 +342,7 @@ impl<T: Precision> Stepper<T> {
             return;
         };
         growth.is_due = false;
-        growth.find_near(surface, &self.node);
+        growth.find_near(surface, &self.places.node);
         let Growth {
             factor,
             state,
@@ -350,16 +350,17 @@ impl<T: Precision> Stepper<T> {
             first,
             ..
         } = growth;
-        for set in self.elements.iter_mut().filter_map(Divided::tearable) {
+        for set in self.elements.sets.iter_mut().filter_map(Divided::tearable) {
             set.local_stiffness(near, state, &mut |row, column, block| {
                 factor.add(row as usize, column as usize, &(block * factors.1));
             });
         }
-        for place in *first..self.free {
-            factor.add_mass(place, factors.0 * self.mass[place]);
+        for place in *first..self.places.free {
+            factor.add_mass(place, factors.0 * self.places.mass[place]);
         }
-        let (team, solves) = (self.team, &mut self.factor.solves);
-        factor.update(&self.mask[..(*first).min(self.mask.len())], |z| {
+        let (team, solves) = (&*self.team, &mut self.factor.solves);
+        let mask = &self.places.mask;
+        factor.update(&mask[..(*first).min(mask.len())], |z| {
             solves.solve(team, z);
         });
     }
@@ -384,46 +385,47 @@ impl<T: Precision> Stepper<T> {
         let count = body.state.x.len();
         let is_same = self.epoch == body.epoch()
             && running.epoch == body.epoch()
-            && self.place.len() == count
-            && running.place.len() == count;
+            && self.places.of.len() == count
+            && running.places.of.len() == count;
         if !is_same {
             return fail("grow");
         }
         if self.is_due() {
             self.join(body);
         }
-        (self.options, self.team, self.state) = (running.options, running.team, running.state);
-        (self.unfinished, self.is_hard) = (running.unfinished, running.is_hard);
+        (self.options, self.elements.count) = (running.options, running.elements.count);
+        self.team = Arc::clone(&running.team);
+        (self.last.unfinished, self.last.is_hard) = (running.last.unfinished, running.last.is_hard);
         if let (Some(new), Some(old)) = (&mut self.growth, &running.growth) {
             new.turns.follow(&old.turns);
         }
-        self.stepped = None;
-        self.underway = None;
+        self.last.stepped = None;
+        self.present.underway = None;
         self.factor.renewed();
-        for (&new, &old) in self.place.iter().zip(&running.place) {
+        for (&new, &old) in self.places.of.iter().zip(&running.places.of) {
             let (new, old) = (new as usize, old as usize);
             self.history[new] = running.history[old];
-            self.u[new] = running.u[old];
-            self.mass[new] = running.mass[old];
+            self.cg.u[new] = running.cg.u[old];
+            self.places.mass[new] = running.places.mass[old];
         }
         for &node in body.constraints.gone() {
-            let place = self.place[node as usize] as usize;
+            let place = self.places.of[node as usize] as usize;
             self.history[place] = super::guess::Differences::default();
-            self.u[place] = [T::ZERO; 4];
+            self.cg.u[place] = [T::ZERO; 4];
         }
         core::mem::swap(&mut self.sleep, &mut running.sleep);
         core::mem::swap(&mut self.pairs, &mut running.pairs);
         core::mem::swap(&mut self.released, &mut running.released);
-        core::mem::swap(&mut self.learned, &mut running.learned);
+        core::mem::swap(&mut self.cg.learned, &mut running.cg.learned);
         core::mem::swap(&mut self.ledger, &mut running.ledger);
-        core::mem::swap(&mut self.targets, &mut running.targets);
+        core::mem::swap(&mut self.present.targets, &mut running.present.targets);
         // The places are others.
         self.forget_solves();
-        self.at.copy_from_slice(&running.at);
-        let was_still = body.state.x == self.at;
+        self.elements.at.copy_from_slice(&running.elements.at);
+        let was_still = body.state.x == self.elements.at;
         self.linearize();
         if was_still {
-            let after = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
+            let after = self.energy(body);
             body.state.guard.note_edit(after);
             if let Some(account) = &mut self.ledger {
                 account.note_edit(after.total());

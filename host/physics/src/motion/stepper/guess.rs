@@ -40,6 +40,10 @@ const CUT: f64 = 1e-5;
 /// higher differences.
 const AFTER_UNFINISHED: usize = 2;
 
+/// A fit with a larger weight is no trend: a body that had come to rest has begun to move, and the velocities before are
+/// the remainder of its rest.
+const MOST: f64 = 1e3;
+
 /// The largest weight for a sheet that tears. The jumps of a tear would alternate with larger weights from step to step.
 const MOST_TORN: f64 = 1.5;
 
@@ -138,8 +142,8 @@ impl Sums {
                 weights[i] = (wanted[i] - made) / matrix[i][i];
             }
         }
-        // Numbers that are too large to be squared give no fit.
-        if weights.iter().all(|weight| weight.is_finite()) {
+        // Numbers that are too large to be squared give no fit, either.
+        if weights.iter().all(|weight| weight.abs() <= MOST) {
             weights
         } else {
             [0.0; KEPT]
@@ -228,7 +232,7 @@ fn extrapolate<T: Precision>(
 impl<T: Precision> Stepper<T> {
     /// Begins a new history, as if the body had always moved at its present velocity.
     pub(crate) fn begin_history(&mut self, body: &Body) {
-        for (kept, &node) in self.history.iter_mut().zip(&self.node) {
+        for (kept, &node) in self.history.iter_mut().zip(&self.places.node) {
             *kept = [[T::ZERO; 4]; KEPT];
             kept[0] = to_node(&body.state.v[node as usize]);
         }
@@ -237,20 +241,20 @@ impl<T: Precision> Stepper<T> {
     /// Computes the displacement from which the iterations start, with the displacements that handles and supports
     /// prescribe.
     pub(crate) fn prescribe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose]) {
-        let (free, held) = (self.free, self.held);
+        let (free, held) = (self.places.free, self.places.held);
         body.prescribe(targets);
         // The residual and `q` are free for other use until there is a guess.
         let state = &body.state;
-        let places = (&mut *self.u, &mut *self.residual, &*self.node);
-        team::each_of(self.team, places, RUN, &|(u, v, nodes)| {
+        let places = (&mut *self.cg.u, &mut *self.cg.residual, &*self.places.node);
+        team::each_of(&*self.team, places, RUN, &|(u, v, nodes)| {
             for ((u, v), &node) in u.iter_mut().zip(v).zip(nodes) {
                 *u = to_node(&state.displacement[node as usize]);
                 *v = to_node(&state.v[node as usize]);
             }
         });
         let (free_nodes, held_nodes) = self.history.split_at_mut(held);
-        let places = (&mut free_nodes[..free], &self.residual[..free]);
-        let fits = team::runs(self.team, places, RUN, &mut self.fits, &|(
+        let places = (&mut free_nodes[..free], &self.cg.residual[..free]);
+        let fits = team::runs(&*self.team, places, RUN, &mut self.cg.fits, &|(
             differences,
             v,
         )| {
@@ -264,15 +268,15 @@ impl<T: Precision> Stepper<T> {
         }
         lead(
             held_nodes,
-            &self.residual[held..],
-            &self.u[held..],
+            &self.cg.residual[held..],
+            &self.cg.u[held..],
             T::of(1.0 / h),
             &mut sums,
         );
         let weights = match self.options.guess {
             Guess::Velocity => [0.0; KEPT],
             Guess::Acceleration => [0.0, 1.0, 0.0, 0.0],
-            Guess::Fitted if self.unfinished => sums.weights(AFTER_UNFINISHED),
+            Guess::Fitted if self.last.unfinished => sums.weights(AFTER_UNFINISHED),
             Guess::Fitted => sums.weights(KEPT),
         };
         let weights = if self.growth.is_some() {
@@ -280,15 +284,15 @@ impl<T: Precision> Stepper<T> {
         } else {
             weights
         };
-        let guided = self.mask.len();
-        self.q[..guided].copy_from_slice(&self.u[..guided]);
+        let guided = self.places.mask.len();
+        self.cg.q[..guided].copy_from_slice(&self.cg.u[..guided]);
         let (h, weights) = (T::of(h), weights.map(T::of));
-        let places = (&mut self.u[..free], &*self.history);
-        team::each_of(self.team, places, RUN, &|(u, differences)| {
+        let places = (&mut self.cg.u[..free], &*self.history);
+        team::each_of(&*self.team, places, RUN, &|(u, differences)| {
             extrapolate(differences, h, &weights, u);
         });
         // Supports prescribe the guided axes.
-        for ((u, given), mask) in self.u.iter_mut().zip(&self.q).zip(&self.mask) {
+        for ((u, given), mask) in self.cg.u.iter_mut().zip(&self.cg.q).zip(&self.places.mask) {
             for i in 0..4 {
                 if mask[i] == T::ZERO {
                     u[i] = given[i];
@@ -355,6 +359,16 @@ mod tests {
             let found = sums(&[node], [1.0; KEPT]).weights(KEPT);
             assert_eq!(found, [0.0; KEPT], "{size}");
         }
+    }
+
+    #[test]
+    fn a_jump_from_the_remainder_of_a_rest_is_no_trend() {
+        let mut nodes = nodes();
+        for node in &mut nodes {
+            *node = node.map(|difference| difference.map(|v| 1e-40 * v));
+        }
+        let found = sums(&nodes, [1e40; KEPT]).weights(KEPT);
+        assert_eq!(found, [0.0; KEPT]);
     }
 
     #[test]

@@ -160,23 +160,24 @@ impl<T: Precision> Stepper<T> {
         let Some(mut account) = self.ledger.take() else {
             return;
         };
-        account.start = [body.kinetic_energy(), self.elastic, body.load_potential()];
+        let elastic = self.elements.energy;
+        account.start = [body.kinetic_energy(), elastic, body.load_potential()];
         (account.force, account.stiffness) =
-            self.sum_forces(|place, stepper| to_vec(&stepper.u[place]));
+            self.sum_forces(|place, stepper| to_vec(&stepper.cg.u[place]));
         self.ledger = Some(account);
     }
 
-    /// The work of the elastic forces over the displacements `u` by place, which `self.u` has, and `u . K u` (J).
+    /// The work of the elastic forces over the displacements `u` by place, which `self.cg.u` has, and `u . K u` (J).
     fn sum_forces(&mut self, u: impl Fn(usize, &Self) -> Vec3) -> (f64, f64) {
-        self.q.fill([T::ZERO; 4]);
-        for set in &mut self.elements {
-            set.product(self.team, T::of(1.0), &self.u, &mut self.q);
-        }
+        let cg = &mut self.cg;
+        cg.q.fill([T::ZERO; 4]);
+        self.elements
+            .product(&*self.team, T::of(1.0), &cg.u, &mut cg.q);
         let (mut force, mut stiffness) = (0.0, 0.0);
-        for place in self.taken_places() {
+        for place in self.places.taken() {
             let u = u(place, self);
-            force += to_vec(&self.force[place]).dot(&u);
-            stiffness += to_vec(&self.q[place]).dot(&u);
+            force += to_vec(&self.elements.force[place]).dot(&u);
+            stiffness += to_vec(&self.cg.q[place]).dot(&u);
         }
         (force, stiffness)
     }
@@ -190,8 +191,8 @@ impl<T: Precision> Stepper<T> {
         let (is_corrected, is_linear) = report;
         let u = &body.state.displacement;
         let kinetic = body.kinetic_energy_of(|node| u[node] / h);
-        let loads = body.load_potential_at(&self.at);
-        account.total = kinetic + self.elastic + loads;
+        let loads = body.load_potential_at(&self.elements.at);
+        account.total = kinetic + self.elements.energy + loads;
         account.last = Ledger::default();
         if is_corrected {
             account.last.edits = account.edits;
@@ -202,12 +203,12 @@ impl<T: Precision> Stepper<T> {
         if !is_linear {
             // The damping of the shortened step is that at its end, as are its elastic forces.
             account.stiffness = self
-                .sum_forces(|place, stepper| to_vec(&stepper.u[place]))
+                .sum_forces(|place, stepper| to_vec(&stepper.cg.u[place]))
                 .1;
         }
         let mut ledger = Ledger {
             kinetic: kinetic - account.start[0],
-            elastic: self.elastic - account.start[1],
+            elastic: self.elements.energy - account.start[1],
             weight: loads - account.start[2],
             supplied: self.joint_work(body),
             release,
@@ -216,17 +217,17 @@ impl<T: Precision> Stepper<T> {
             ..Ledger::default()
         };
         let (mut force, mut left) = (0.0, 0.0);
-        for place in self.taken_places() {
-            let node = self.node[place] as usize;
-            let (u, mass) = (u[node], self.mass[place]);
+        for place in self.places.taken() {
+            let node = self.places.node[place] as usize;
+            let (u, mass) = (u[node], self.places.mass[place]);
             let change = u / h - body.state.v[node];
             ledger.euler_kinetic += 0.5 * mass * change.norm_squared();
             ledger.mass_damping += mass * u.norm_squared();
-            force += to_vec(&self.force[place]).dot(&u);
-            let residual = to_vec(&self.residual[place]);
-            if place >= self.held {
+            force += to_vec(&self.elements.force[place]).dot(&u);
+            let residual = to_vec(&self.cg.residual[place]);
+            if place >= self.places.held {
                 ledger.supplied -= residual.dot(&u);
-            } else if let Some(mask) = self.mask.get(place) {
+            } else if let Some(mask) = self.places.mask.get(place) {
                 let mask = to_vec(mask);
                 left -= residual.component_mul(&mask).dot(&u);
                 ledger.supplied -= residual.component_mul(&(Vec3::repeat(1.0) - mask)).dot(&u);

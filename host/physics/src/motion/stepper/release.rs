@@ -31,10 +31,10 @@ impl<T: Precision> Stepper<T> {
     /// Room for `most` pairs of vertices that let each other go at the same time, and for what solves tell the
     /// preconditioner about them. Pairs that there are vanish.
     pub fn reserve_pairs(&mut self, most: usize) {
-        self.pairs = Constraints::new(most, self.held);
+        self.pairs = Constraints::new(most, self.places.held);
         self.released = Released::default();
-        let places = if most > 0 { self.held } else { 0 };
-        self.learned = [places; 2].map(Learned::new);
+        let places = if most > 0 { self.places.held } else { 0 };
+        self.cg.learned = [places; 2].map(Learned::new);
     }
 
     /// The pairs that have not let go.
@@ -123,24 +123,24 @@ impl<T: Precision> Stepper<T> {
 
     /// Elastic force and loads on a vertex (N) at the end of the last step: what inertia, damping and the pairs balance.
     fn acting(&self, body: &Body, node: u32) -> Vec3 {
-        let elastic = to_vec(&self.force[self.place[node as usize] as usize]);
+        let elastic = to_vec(&self.elements.force[self.places.of[node as usize] as usize]);
         elastic + body.model.external[node as usize] * body.model.load_factor
     }
 
     /// As [`acting`](Self::acting), along the axes of the vertex that no support guides (N).
     pub(crate) fn unbalanced(&self, body: &Body, node: u32) -> Vec3 {
         let acting = self.acting(body, node);
-        let mask = self.mask.get(self.place[node as usize] as usize);
+        let mask = self.places.mask.get(self.places.of[node as usize] as usize);
         mask.map_or(acting, |mask| acting.component_mul(&to_vec(mask)))
     }
 
     /// Solves, in `z`, for the displacements under a unit force that parts two vertices.
     fn push_apart(&mut self, nodes: [u32; 2], direction: &Vec3) {
-        self.z.fill([0.0; 4]);
+        self.cg.z.fill([0.0; 4]);
         for (node, sign) in nodes.into_iter().zip([-1.0, 1.0]) {
-            let place = self.place[node as usize] as usize;
-            if place < self.free {
-                self.z[place] = to_node(&(direction * sign));
+            let place = self.places.of[node as usize] as usize;
+            if place < self.places.free {
+                self.cg.z[place] = to_node(&(direction * sign));
             }
         }
         self.solve_factor();
@@ -153,8 +153,8 @@ impl<T: Precision> Stepper<T> {
                 let nodes = self.pairs.laws()[column].nodes;
                 for axis in 0..3 {
                     self.push_apart(nodes, &Vec3::ith(axis, 1.0));
-                    let z = &self.z[..self.free];
-                    self.pairs.take_column(column, axis, &self.place, z);
+                    let z = &self.cg.z[..self.places.free];
+                    self.pairs.take_column(column, axis, &self.places.of, z);
                 }
             }
         }
@@ -190,7 +190,7 @@ impl<T: Precision> Stepper<T> {
                 is_late = out_of_time();
                 is_late
             });
-            let change = self.pairs.agree(by_node(&self.place, &self.u));
+            let change = self.pairs.agree(by_node(&self.places.of, &self.cg.u));
             let agrees = change <= limits.goal;
             let is_out = is_late || report.iterations >= limits.max_iterations;
             if is_last || (agrees && (report.converged || is_out)) {
@@ -198,7 +198,7 @@ impl<T: Precision> Stepper<T> {
             }
             if is_out || round >= MOST_ROUNDS {
                 if !agrees {
-                    (self.pairs).drop_strays(&self.place, &self.u, &mut self.residual);
+                    (self.pairs).drop_strays(&self.places.of, &self.cg.u, &mut self.cg.residual);
                 }
                 is_last = true;
             } else if !(is_measured || change < slow.max(CLOSE * limits.goal)) {
@@ -207,10 +207,11 @@ impl<T: Precision> Stepper<T> {
                 is_measured = true;
             } else if !agrees {
                 slow = SLOW_ROUND * change.max(report.residual);
-                self.pairs.take_forces(&self.place, &mut self.residual);
+                self.pairs
+                    .take_forces(&self.places.of, &mut self.cg.residual);
             }
         }
-        self.pairs.shear(by_node(&self.place, &self.u));
+        self.pairs.shear(by_node(&self.places.of, &self.cg.u));
         report
     }
 
@@ -249,11 +250,12 @@ impl<T: Precision> Stepper<T> {
     ) {
         let until = (limits.goal, limits.max_iterations);
         self.go_on(factors, limits, until, report, out_of_time);
-        self.pairs.find_openings(by_node(&self.place, &self.u));
+        self.pairs
+            .find_openings(by_node(&self.places.of, &self.cg.u));
         for column in 0..self.pairs.laws().len() {
-            (self.pairs).push_law(column, &self.place, &mut self.residual);
+            (self.pairs).push_law(column, &self.places.of, &mut self.cg.residual);
             self.go_on(factors, limits, until, report, out_of_time);
-            (self.pairs).take_responses(column, by_node(&self.place, &self.u));
+            (self.pairs).take_responses(column, by_node(&self.places.of, &self.cg.u));
         }
     }
 

@@ -2,10 +2,11 @@
 //!
 //! A caller that moves several bodies makes each call for all of them in turn. Connections between bodies act between
 //! two calls. After `constrain` every body has its equation of motion; after `solve` each body has the solution for
-//! itself alone. Bodies that are [joined](crate::motion::joined) are solved together: between the two, each
-//! [lends](Stepper::equation) its equation. For a single body, [`Stepper::step`] makes all four calls.
+//! itself alone. Bodies that are [joined](crate::motion::joined) are solved together: between `constrain` and
+//! `finish` each of them [lends](Stepper::equation) its equation. For a single body, [`Stepper::step`] makes all four calls.
 
 use super::{EASY, Limits, Solved, Stepper, StepperReport, factors};
+use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
 use crate::element::precision::Precision;
@@ -30,6 +31,17 @@ pub(super) struct Underway {
     pub(super) factors: (f64, f64),
     pub(super) limits: Limits,
     pub(super) report: StepperReport,
+}
+
+/// The present step, with what it is given from outside.
+#[derive(Debug, Default)]
+pub(super) struct Present {
+    /// The step, if it has begun and not ended.
+    pub(super) underway: Option<Underway>,
+    /// The handle poses at its end.
+    pub(super) targets: Vec<HandlePose>,
+    /// The forces of joints with other bodies on nodes at its end (N).
+    pub(super) joints: Vec<(u32, Vec3)>,
 }
 
 impl<T: Precision> Stepper<T> {
@@ -63,21 +75,21 @@ impl<T: Precision> Stepper<T> {
     /// [`StepError::StepLength`] and [`StepError::Matrix`].
     #[inline(never)]
     pub fn predict(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
-        self.underway = None;
-        self.joints.clear();
+        self.present.underway = None;
+        self.present.joints.clear();
         Body::check_length(h)?;
         self.follow(body).map_err(StepError::Matrix)?;
         if self.is_due() {
             self.join(body);
             self.linearize();
         }
-        if body.state.x != self.at {
+        if body.state.x != self.elements.at {
             self.sleep.wake();
-            self.at.copy_from_slice(&body.state.x);
+            self.elements.at.copy_from_slice(&body.state.x);
             self.linearize();
             self.begin_history(body);
         }
-        self.underway = Some(Underway {
+        self.present.underway = Some(Underway {
             stage: Stage::Predicted,
             h,
             factors: factors(body, h),
@@ -105,8 +117,8 @@ impl<T: Precision> Stepper<T> {
         let mut step = self.underway(body, Stage::Predicted)?;
         body.check_targets(targets)?;
         let (h, factors) = (step.h, step.factors);
-        self.targets.clear();
-        self.targets.extend_from_slice(targets);
+        self.present.targets.clear();
+        self.present.targets.extend_from_slice(targets);
         step.stage = Stage::Constrained;
         let speed = self.options.sleep_speed;
         if speed > 0.0 && self.sleep.goes_on(body, h, targets, speed) {
@@ -116,29 +128,30 @@ impl<T: Precision> Stepper<T> {
                 ..StepperReport::default()
             };
             self.rest_account();
-            self.underway = Some(step);
+            self.present.underway = Some(step);
             return Ok(());
         }
         if self.factor.factors != Some(factors) || (self.factor.stale && self.options.refresh) {
             self.refresh(factors).map_err(StepError::Matrix)?;
         }
-        self.stepped = None;
+        self.last.stepped = None;
         self.prescribe(body, h, targets);
         self.turn(body);
         self.respond();
-        self.pairs.follow(by_node(&self.place, &self.u));
+        self.pairs.follow(by_node(&self.places.of, &self.cg.u));
         let reference = self.start(body, h, factors.0, factors.1);
-        (self.pairs).predict(&self.place, &self.u, self.free, &mut self.residual);
+        let (places, cg) = (&self.places, &mut self.cg);
+        (self.pairs).predict(&places.of, &cg.u, places.free, &mut cg.residual);
         let goal = self.options.tolerance * reference;
         // A body at rest whose residual is only rounding stays where it is.
-        let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {
-            self.unseen / (h * h)
+        let unseen = if self.cg.u.iter().flatten().all(|u| *u == T::ZERO) {
+            self.places.unseen / (h * h)
         } else {
             0.0
         };
         step.limits = Limits {
             of: Solved::Step,
-            uses_learned: self.is_hard,
+            uses_learned: self.last.is_hard,
             goal,
             // The residual of iterations is rough and moves little. The residual of a guess is smooth, and moves a hand
             // by a hundred times as much.
@@ -146,7 +159,7 @@ impl<T: Precision> Stepper<T> {
             max_iterations: self.options.max_iterations,
         };
         step.report.reference = reference;
-        self.underway = Some(step);
+        self.present.underway = Some(step);
         Ok(())
     }
 
@@ -175,13 +188,13 @@ impl<T: Precision> Stepper<T> {
                 self.let_go(step.factors, step.limits, out_of_time)
             };
             step.report.reference = reference;
-            self.unfinished = !step.report.converged;
-            self.is_hard = step.report.iterations > EASY;
+            self.last.unfinished = !step.report.converged;
+            self.last.is_hard = step.report.iterations > EASY;
             self.factor.observe(&step.report, self.options.patience);
             self.ask_for_turns(step.report.iterations);
         }
         step.stage = Stage::Solved;
-        self.underway = Some(step);
+        self.present.underway = Some(step);
         Ok(())
     }
 
@@ -212,18 +225,18 @@ impl<T: Precision> Stepper<T> {
         if report.asleep {
             return Ok(report);
         }
-        let targets = core::mem::take(&mut self.targets);
+        let targets = core::mem::take(&mut self.present.targets);
         let ended = self.end(body, h, &targets, step.factors, &mut report, out_of_time);
         if ended.is_ok() {
             let speed = self.options.sleep_speed;
             // A joint may move a body that rests, and a body that sleeps has no equation.
-            if speed > 0.0 && report.converged && self.joints.is_empty() {
+            if speed > 0.0 && report.converged && self.present.joints.is_empty() {
                 self.sleep.observe(body, h, &targets, speed);
             } else {
                 self.sleep.wake();
             }
         }
-        self.targets = targets;
+        self.present.targets = targets;
         ended.map(|()| report)
     }
 
@@ -239,7 +252,7 @@ impl<T: Precision> Stepper<T> {
 
     /// The step that has begun, if it has reached `stage`.
     pub(super) fn begun(&mut self, stage: Stage) -> Result<Underway, StepError> {
-        match self.underway.take() {
+        match self.present.underway.take() {
             Some(step) if step.stage == stage => Ok(step),
             _ => Err(stage.missing()),
         }

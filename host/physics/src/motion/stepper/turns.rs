@@ -59,8 +59,8 @@ impl<T: Precision> Stepper<T> {
         if !growth.turns.is_due {
             return;
         }
-        let (rest, place, mask) = (&self.rest, &self.place, &self.mask);
-        let (then, now) = (&growth.state, &self.d);
+        let (rest, place, mask) = (&self.places.rest, &self.places.of, &self.places.mask);
+        let (then, now) = (&growth.state, &self.elements.d);
         let triangles = surface.triangles().iter();
         growth.turns.find(
             triangles.map(|corners| corners.map(|vertex| place[vertex as usize] as usize)),

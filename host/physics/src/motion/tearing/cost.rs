@@ -1,4 +1,4 @@
-//! What snapping would cost.
+//! The change of the energy by snapping.
 //!
 //! A vertex that moves at rest samples the deformation of the sheet elsewhere. In a field that varies, this changes the
 //! elastic energy of its triangles, and the lumped masses change the kinetic energy. An edge is cut instead if either

@@ -1,9 +1,9 @@
-//! What each edit did, for programs that show or store how a sheet tears.
+//! The effect of each edit, for programs that show or store how a sheet tears.
 
 use super::Tearing;
 use crate::topology::Done;
 
-/// What one edit did.
+/// The effect of one edit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grown {
     /// The vertex from which the tear grew.
@@ -21,7 +21,7 @@ pub struct Grown {
 }
 
 impl Tearing {
-    /// What each edit of the [journal](Self::journal) did, in the same order.
+    /// The effect of each edit of the [journal](Self::journal), in the same order.
     pub fn grown(&self) -> &[Grown] {
         &self.grown
     }

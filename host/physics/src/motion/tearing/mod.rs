@@ -6,8 +6,8 @@
 //! sides of the edge let go of each other gradually. The edits of several tips are made in the order of the tips, so
 //! that two runs give the same bytes. Nothing is allocated after the construction.
 //!
-//! - `tips`: the tips, and how they grow. `limit`: how far handles can move until then.
-//! - `start`: where new tears start. `cost`: what snapping would cost. `grown`: what each edit did.
+//! - `tips`: the tips, and how they grow. `limit`: how far handles can move before the next tear advances.
+//! - `start`: where new tears start. `cost`: the change of the energy by snapping. `grown`: the effect of each edit.
 
 mod cost;
 mod grown;
@@ -46,17 +46,17 @@ const FOLDED: f64 = 0.1;
 /// How far an edge that opens may lead off the path, as a fraction of its length (8.6 degrees). The torn area is larger
 /// than that of the path by 1 % at most, and cuts near vertices, which leave short edges, are rare.
 const OPENING: f64 = 0.15;
-/// The same for the first edge of a tip (2.9 degrees). The direction in which a tear leaves its notch is the one that people
+/// This angle for the first edge of a tip (2.9 degrees). The direction in which a tear leaves its notch is the one that people
 /// compare with the criterion, and no later edge turns it back.
 const FIRST_OPENING: f64 = 0.05;
-/// The same in a sheet that is folded at the tip (20 degrees). A cut leaves narrow triangles, across which the same fold is
+/// This angle in a sheet that is folded at the tip (20 degrees). A cut leaves narrow triangles, across which the same fold is
 /// a larger curvature. The energy of this curvature would reach the hands in the next step.
 const FOLDED_OPENING: f64 = 0.342;
 
 /// Where tears may start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Starts {
-    /// Only tips that exist go on. Stress is not computed.
+    /// Only tips that exist advance. Stress is not computed.
     #[default]
     Tips,
     /// Tears also start where the stress reaches the strength, and the ends of sharp notches in the mesh are tips.
@@ -78,7 +78,7 @@ pub struct TearOptions {
     pub skips: bool,
 }
 
-/// What tore so far.
+/// The tears so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TearReport {
     /// Number of edges that opened.
@@ -133,14 +133,14 @@ pub struct Tearing {
     stress: Vec<Symmetric>,
     /// Whether each vertex is about a tip; empty if no tear can start.
     near: Vec<bool>,
-    /// What drives the tips after the last step.
+    /// The driving forces of the tips after the last step.
     driven: Vec<Driven>,
     /// Room for displaced positions (m).
     displaced: Vec<Vec3>,
     report: TearReport,
     /// All edits so far, in their order.
     journal: Vec<Edit>,
-    /// What each of them did.
+    /// The effect of each of them.
     grown: Vec<Grown>,
 }
 
@@ -217,7 +217,7 @@ impl Tearing {
         &self.report
     }
 
-    /// Begins the balance of energy anew at the end of the next step, for a body whose state or material was exchanged: the
+    /// Begins the balance of energy again at the end of the next step, for a body whose state or material was exchanged: the
     /// same shape stores another energy, which no hand supplied.
     pub fn begin_balance(&mut self) {
         self.energy = None;
@@ -237,7 +237,7 @@ impl Tearing {
         }
     }
 
-    /// What tore so far.
+    /// The tears so far.
     pub fn report(&self) -> &TearReport {
         &self.report
     }
@@ -285,7 +285,7 @@ impl Tearing {
             }
         };
         self.journal.push(*edit);
-        // A stepper that cannot follow makes itself anew in its next step.
+        // A stepper that cannot follow makes itself again in its next step.
         let elastic = match stepper.grow(body, &done.surface) {
             Ok(()) => stepper.settle(body),
             Err(_) => 0.0,

@@ -49,7 +49,7 @@ use crate::topology::{Edit, NONE, Surface};
 const MOST_BACK: f64 = core::f64::consts::FRAC_PI_4;
 
 /// The part by which the flow of energy exceeds the toughness before a tip moves on inside an edge: `m`. The flow errs by
-/// so much on meshes without order.
+/// this part on meshes without order.
 pub(super) const MARGIN: f64 = 0.01;
 
 /// The speed inside an edge over the speed of waves `sqrt(E / density)` and over `x`: it grows with `x` up to that of
@@ -65,13 +65,13 @@ const EAGER: f64 = 0.1;
 const MOST_EAGER: f64 = 0.1;
 const MORE: f64 = 1.2;
 const LESS: f64 = 0.5;
-/// How much the pace of a pair rises as the flow exceeds the toughness, relative to it, and the highest pace. A force that
+/// The rise of the pace of a pair over the excess of the flow, relative to the toughness, and the highest pace. A force that
 /// falls much faster than by its law falls faster than the sheet unloads, and the pair would let go at once.
 const QUICKER: f64 = 20.0;
 const QUICKEST: f64 = 1.5;
 
-/// By which part the toughness of a tip out of the plane is larger for each edge whose energy the hands have not supplied,
-/// and the most such edges that count.
+/// The relative increase of the toughness of a tip out of the plane for each edge whose energy the hands have not supplied,
+/// and the largest number of such edges that counts.
 const STIFFER: f64 = 0.5;
 const MOST_LACKING: f64 = 4.0;
 
@@ -91,11 +91,11 @@ pub struct TipState {
     /// How eager a tip out of the plane is: the part of an edge by which it moves on in a step, for a flow of energy far above the
     /// toughness. Negative if the flow was below the toughness after the last step.
     pub eager: f64,
-    /// Where the path of the tear runs.
+    /// The path of the tear.
     pub course: Course,
 }
 
-/// Where the path of a tear runs, as seen from its tip.
+/// The path of a tear, as seen from its tip.
 ///
 /// The path is the line that the stress intensities ask for. Edges of the mesh follow it as far as good triangles allow,
 /// so the tip lies beside the path, and the last edge has another direction. The tear turns back to its path, so such
@@ -148,7 +148,7 @@ impl TipState {
     }
 }
 
-/// What drives a tip.
+/// The driving force of a tip.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
     /// The energy release rate `G` along its path, with bending (J/m²).
@@ -161,14 +161,14 @@ pub(super) struct Drive {
     pub(super) direction: f64,
 }
 
-/// What drove a tip when it was found to wait.
+/// The driving force of a tip when it was found to wait.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Driven {
     vertex: u32,
     /// The topology epoch of the body, and the numbers of its motions and of changes from outside.
     at: [u64; 3],
     pub(super) drive: Drive,
-    /// What is compared with the toughness (J/m²).
+    /// The rate that is compared with the toughness (J/m²).
     pub(super) rate: f64,
 }
 
@@ -188,7 +188,7 @@ pub(super) fn ahead(surface: &Surface, vertex: u32) -> Option<Tip> {
 }
 
 impl Tearing {
-    /// What drives a tip; `None` for a tip that is held or outside of the surface.
+    /// The driving force of a tip; `None` for a tip that is held or outside of the surface.
     ///
     /// The tear counts as straight along its path. The direction of the last edge would make the stress intensities err
     /// by the angle between both: triangles do not resolve the field about a kink of one edge.
@@ -233,7 +233,8 @@ impl Tearing {
         Some(direction)
     }
 
-    /// What drives a tip, and what is compared with the toughness: as found after the last step, or now if anything has changed.
+    /// The driving force of a tip, and the rate that is compared with the toughness: as found after the last step, or now if
+    /// anything has changed.
     pub(super) fn driven<T: Precision>(
         &mut self,
         body: &Body,
@@ -299,9 +300,9 @@ impl Tearing {
         Intensity { k1, ..found }
     }
 
-    /// What is compared with the toughness at a tip with this drive, which the patch holds. The first edge of a tip goes by
-    /// `G`, and by the criterion that says where it turns: a tear that turns starts at a smaller load. The further edges go
-    /// by `J`.
+    /// The rate that is compared with the toughness at a tip with this drive, which the patch holds. The first edge of a tip
+    /// goes by `G`, and by the criterion that says where it turns: a tear that turns starts at a smaller load. The further
+    /// edges go by `J`.
     pub(super) fn counts(&self, tip: &TipState, drive: &Drive) -> f64 {
         if tip.pair.is_some() {
             return drive.flow();

@@ -1,4 +1,4 @@
-//! What a run with a fault of the connection must show, and what it did not show.
+//! The demands on a run with a fault of the connection, and those that it did not meet.
 
 use super::run::{Outcome, Plan};
 use rt_core::Scheme;
@@ -60,7 +60,7 @@ impl Case {
         self.protocol.is_checked() || !unseen
     }
 
-    /// Whether the host must go on as if nothing had happened.
+    /// Whether the host must continue as if nothing had happened.
     pub(super) fn is_harmless(self) -> bool {
         match self.kind {
             Kind::Nothing | Kind::Fast | Kind::Slow => true,
@@ -125,7 +125,7 @@ impl Limits {
     }
 }
 
-/// What a run was to show and did not. The controller took the device for silent `trips` times since the fault began;
+/// The demands that a run did not meet. The controller took the device for silent `trips` times since the fault began;
 /// `is_back` tells whether its last command passed.
 pub(super) fn judge(
     case: Case,

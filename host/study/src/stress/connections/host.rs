@@ -27,7 +27,7 @@ const ANSWERED_NS: u64 = 4 * PERIOD_NS;
 /// Time between two models of a host that publishes more than one (ns).
 const PUBLISHED_NS: u64 = 8 * PERIOD_NS;
 
-/// Ticks from a command to its force, at most, by which the cap reckons.
+/// The largest number of ticks from a command to its force that the cap assumes.
 const DELAY: usize = 1;
 /// Time in which the damper of the cap that takes out missing energy grows to the largest damping of the device (s).
 const EASE: f64 = 0.02;
@@ -145,7 +145,7 @@ impl Host {
         };
         let (mut commands, mut telemetry) = self.controller.tick(time, &readings);
         if left_ns > woke_ns {
-            // The other threads go on, and so does the device.
+            // The other threads and the device continue.
             self.driver.run(&self.link, left_ns);
             self.link.run(left_ns);
         }

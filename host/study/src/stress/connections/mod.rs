@@ -1,7 +1,7 @@
 //! Faults of the connection between the program and a device, at random times. [`run`] makes one run, and [`expected`]
 //! says what the run must show.
 //!
-//! A cell is one protocol with one kind of fault. A device is emulated in a hand that pushes into a wall; the driver and
+//! A cell is one protocol with one kind of fault. An emulated hand pushes the device into a wall. The driver and
 //! the controller are those of a run. The cells go through all protocols and kinds in turn, each with another random time.
 
 pub mod expected;
@@ -75,10 +75,10 @@ pub struct Outcome {
     /// Whether a receiver can tell the packets of the fault from sound ones. Nothing is demanded of a fault that no
     /// receiver can detect.
     pub detectable: bool,
-    /// Time from the fault until the device made no force (s). None where commands still reached it, or the fault ended
+    /// Time from the fault until the device made no force (s). None if commands still reached it, or the fault ended
     /// first.
     pub device_force: Option<f64>,
-    /// Time from the fault until the program commanded no force (s). None where states still reached it.
+    /// Time from the fault until the program commanded no force (s). None if states still reached it.
     pub commanded_force: Option<f64>,
     /// Largest growth of the commanded force from one tick to the next, after the fault began, beyond the growth that the
     /// hand's motion explains (N).
@@ -90,7 +90,7 @@ pub struct Outcome {
     pub energy: f64,
     /// Ticks without a state of the device, after the first state.
     pub missed: u64,
-    /// What the run was to show and did not.
+    /// The demands that the run did not meet.
     pub failures: Vec<String>,
 }
 

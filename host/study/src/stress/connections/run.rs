@@ -6,10 +6,9 @@
 //! and how much energy the hand was given.
 //!
 //! The threads of the system cannot run in virtual time ([`sim::emulated::driver`]). Virtual time drives the state machine of
-//! a device that is asked in place of its thread, and what the thread of `devices::hid` writes is written at once. Everything
-//! else is the code of the program. The same seed gives the same run.
+//! a device in place of its thread. Everything else is the code of the program. The same seed gives the same run.
 //!
-//! What must hold ([`super::expected`]): no force at the device after its own watchdog, and none commanded after five of its
+//! The demands ([`super::expected`]): no force at the device after its own watchdog, and none commanded after five of its
 //! periods; a force that comes back without a restart of the host and without a jump; and less than a millijoule of net
 //! energy at the hand ([`sim::NetEnergy`]).
 
@@ -40,13 +39,13 @@ pub(super) const RECOVERY: f64 = 0.2;
 /// Root mean square of the tremor (m).
 const TREMOR: f64 = 1e-4;
 
-/// What a run showed.
+/// The result of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Time from the fault until the device made no force (s); `None` where commands still reached it, or where the fault
+    /// Time from the fault until the device made no force (s); `None` if commands still reached it, or if the fault
     /// ended first.
     pub device: Option<f64>,
-    /// Time from the fault until the host commanded no force (s); `None` where states still reached it.
+    /// Time from the fault until the host commanded no force (s); `None` if states still reached it.
     pub host: Option<f64>,
     /// Largest growth of the commanded force from one tick to the next, after the fault began, beyond the growth that the
     /// motion of the hand and the ramps explain (N).
@@ -60,13 +59,13 @@ pub struct Outcome {
     pub missed: u64,
     /// Force before the fault, and at the end (N).
     pub forces: [f64; 2],
-    /// What the run was to show and did not.
+    /// The demands that the run did not meet.
     pub failures: Vec<String>,
 }
 
 /// The times of a run (s).
 pub(super) struct Plan {
-    /// The hand moves the handle out and in, by which a Falcon is homed. None for the other devices.
+    /// The hand moves the handle out and in, to home a Falcon. None for the other devices.
     homing: Option<f64>,
     /// The operator presses the button for calibration, when there has been no state for a while.
     presses: [f64; 2],

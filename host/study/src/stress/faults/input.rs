@@ -107,8 +107,8 @@ fn behaviour(draw: Chance, n: u64) -> Behaviour {
         .unwrap_or(Behaviour::Gentle)
 }
 
-/// The readings of the devices.
-pub(super) struct Hands {
+/// Makes the readings of the devices.
+pub(super) struct Readings {
     chance: Chance,
     devices: usize,
     kind: Encoder,
@@ -123,7 +123,7 @@ pub(super) struct Encoder {
     pub(super) count: f64,
 }
 
-impl Hands {
+impl Readings {
     pub(super) fn new(chance: Chance, devices: usize, kind: Encoder) -> Self {
         Self {
             chance: chance.of("hands"),

@@ -6,14 +6,14 @@
 //! the end of each sound stretch the controller has recovered: every device and body is in its normal state. A panic is
 //! caught and recorded.
 
-use super::chance::Chance;
 use super::devices::{self, StudyDevice};
+use crate::chance::Chance;
 use crate::stress::study::quantities;
 use crate::stress::{self, Done, Quantity, Verdict};
 use host::record::energy_sums;
 use host::run::panics;
 use host::world::port;
-use input::{Clock, Encoder, Hands};
+use input::{Clock, Encoder, Readings};
 use models::Models;
 use rt_core::Reading;
 use rt_core::controller::DeviceConfig;
@@ -38,7 +38,7 @@ pub const TICKS: u64 = 100_000;
 /// Length of a stretch of bad input, and of a stretch of sound input (s). A second and a half is longer than the fade,
 /// the recovery and a blend together.
 const STRETCH: [f64; 2] = [0.5, 1.5];
-/// Ticks a second (Hz), where no device states another rate.
+/// Ticks a second (Hz), if no device states another rate.
 const RATE: f64 = 1000.0;
 /// Cells of a whole study (10^8 ticks), and of a quick one.
 pub const CELLS: [u64; 2] = [1000, 10];
@@ -148,7 +148,7 @@ fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcom
         count: model.map_or(38e-6, |model| model.position_step),
     };
     let mut clock = Clock::new(chance, (1e9 / kind.rate).round() as u64);
-    let hands = Hands::new(chance, devices, kind);
+    let inputs = Readings::new(chance, devices, kind);
     let mut models = Models::new(chance, devices, kind.rate);
     let mut last = [Wrench::zero(); MAX_DEVICES];
     let mut in_debt = 0;
@@ -162,7 +162,7 @@ fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcom
             // Refused models are counted below.
             let _ = controller.accept(0, &model);
         }
-        let readings: [Reading; MAX_DEVICES] = hands.next(tick, bad);
+        let readings: [Reading; MAX_DEVICES] = inputs.next(tick, bad);
         let (commands, telemetry) = controller.tick(now_ns, &readings);
         outcome.ticks += 1;
         look(&config, &commands, &last, &telemetry, outcome);
@@ -252,7 +252,7 @@ fn config(chance: Chance, scheme: Scheme, model: Option<&DeviceModel>) -> Contro
         passivity.ports = [port; MAX_DEVICES];
     }
     for _ in 0..devices {
-        // The loop serves at least so many devices.
+        // The loop serves at least as many devices.
         let _ = config.devices.push(DeviceConfig {
             frame: DeviceFrame::at(Vec3::zeros()),
             safety: SafetyConfig {

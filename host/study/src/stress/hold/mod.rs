@@ -1,4 +1,5 @@
-//! Presses, holds, slow rubs and tremors on bodies of every kind: whether the rendered force is the force of the body.
+//! Presses, holds, slow rubs and tremors on bodies of every kind. The study checks that the rendered force is the force of
+//! the body.
 //!
 //! The first cells are the scenes of files ([`CASES`]). The other cells are drawn from their numbers and written as scene
 //! files ([`super::specimen`]). Each cell runs under `capped`, under `linear`, and as the reference of
@@ -14,7 +15,7 @@ pub mod summary;
 mod table;
 pub mod verdict;
 
-use super::chance::Chance;
+use super::scene::again::{self, Again};
 use super::scene::draw::{Draw as HostDraw, Span};
 use super::scene::measure::{HOLD, Outcome, Stillness, Trace};
 use super::scene::trial::Trial;
@@ -22,6 +23,7 @@ use super::scene::written::Written;
 use super::scene::{reference, run};
 use super::specimen::{Cause, Draw};
 use crate::StudyError;
+use crate::chance::Chance;
 use host::run::simulated_hand;
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
@@ -83,8 +85,8 @@ pub struct CellResult {
     /// Local models a second (Hz).
     pub rate: f64,
     /// Change of the force by one count of the encoder (N), at rest or at the end of the runs: by the stiffness that the
-    /// device renders, and by the damping, where the velocity is that count divided by the time over which drivers estimate
-    /// a velocity.
+    /// device renders, and by the damping, at the velocity of that count divided by the time over which drivers
+    /// estimate a velocity.
     pub count: f64,
     /// Stillness of the reference's hold.
     pub reference: Stillness,
@@ -188,6 +190,61 @@ impl Study {
                 ..self.empty(cell)
             },
         }
+    }
+
+    /// Runs a cell again under `scheme`, for a person.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn again(&self, cell: u64, scheme: SchemeName) -> Result<Again, StudyError> {
+        // The verdict compares with `linear`.
+        let mut schemes: Vec<_> = SCHEMES.into_iter().collect();
+        schemes.retain(|(name, _)| *name == scheme || *name == SchemeName::Linear);
+        schemes.sort_by_key(|(name, _)| *name != scheme);
+        let names: Vec<_> = schemes.iter().map(|(name, _)| *name).collect();
+        let mut traces = self.traces(cell, &names)?;
+        let result = self.result(cell, &traces, &schemes);
+        let (title, mut text) = if let Some(draw) = &result.draw {
+            let (kind, device) = (draw.kind.name(), &draw.hands[0].device);
+            let drawn = again::drawn_specimen(cell, self.seed, draw);
+            (format!("Cell {cell}: {kind}, {device}"), drawn)
+        } else {
+            let case = result.case.as_deref().unwrap_or_default();
+            let title = format!("Cell {cell}: {case}");
+            let text = format!("{title}\n");
+            (title, text)
+        };
+        let (_, scheme) = schemes[0];
+        let outcome = &result.schemes[scheme];
+        let failed = verdict::failures(&result, scheme).into_iter();
+        let failed: Vec<_> = failed.map(verdict::Failure::name).collect();
+        let verdict = if failed.is_empty() {
+            "within all limits".to_owned()
+        } else {
+            format!("beyond the limits of {}", failed.join(", "))
+        };
+        let head = format!("{scheme}: {verdict}");
+        text += &again::measured(&head, outcome, &traces.reference);
+        put!(
+            text,
+            "  one count  changes the force by {:.3} N",
+            traces.count
+        );
+        let errors = &outcome.force_errors;
+        let subtitle = format!(
+            "\"{scheme}\": hold error {:.1} %, run error {:.1} % of the peak, ripple {:.3} N, capped {:.1} %",
+            100.0 * errors.hold_error,
+            100.0 * errors.run_error,
+            errors.worst_ripple,
+            100.0 * outcome.capped
+        );
+        Ok(Again {
+            text,
+            title,
+            subtitle,
+            run: traces.runs.swap_remove(0),
+            reference: traces.reference,
+        })
     }
 
     /// The result of a cell, whose runs under `schemes` are `traces`.

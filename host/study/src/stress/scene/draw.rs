@@ -1,9 +1,9 @@
-//! What the number of a cell decides: the host, the trouble, the grips and the task.
+//! The draw of a cell by its number: the host, the trouble, the grips and the task.
 //!
 //! Rates and kinds of trouble follow the number of the cell in turn, so that every range of cells contains the same
 //! fraction of each. The rest is drawn.
 
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use serde::{Deserialize, Serialize};
 use sim::Arm;
 
@@ -16,7 +16,7 @@ pub const DURATION: f64 = 4.5;
 pub const BEGIN: f64 = 0.4;
 /// Time at which the hands have reached their final place (s).
 pub(crate) const ARRIVED: f64 = 2.6;
-/// Time by which every temporary trouble is over (s).
+/// Time at which every temporary trouble has ended (s).
 const OVER: f64 = 2.5;
 
 /// The kind of fault in a run.
@@ -84,7 +84,7 @@ impl Default for Choice {
     }
 }
 
-/// What the hands do before they hold still.
+/// The motion of the hands before they hold still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Task {
@@ -170,7 +170,7 @@ pub struct Draw {
     pub vanishing: Option<Vanishing>,
     /// The grip of each device.
     pub grips: Vec<Grip>,
-    /// What the hands do.
+    /// The motion of the hands.
     pub task: Task,
     /// Displacement of the hands, as a fraction of that in the scene.
     pub depth: f64,

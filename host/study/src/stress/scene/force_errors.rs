@@ -4,10 +4,10 @@
 //! hand there, the exact force is the copy's. Ripple and jumps are compared with those of the reference, under the
 //! reference's hands: a copy that shakes with the hand would excuse the scheme that shakes the hand.
 //!
-//! A hold is exact if two things are. The force is that of the host's body at rest, with its handles if the host has them
-//! (`reference::rest`): at the poses of the devices as the controller shows them, after a slip, too. And a handle leaves the
-//! pose of its device only in directions that the device cannot render: the part of the distance in the other directions,
-//! times the stiffness there, is no force to speak of (the module `rendered`).
+//! A hold is exact under two conditions. First, the force is that of the host's body at rest, with its handles where the host
+//! has them (`reference::rest`): at the poses of the devices as the controller shows them, also after a slip. Second, a handle
+//! leaves the pose of its device only in directions that the device cannot render: the part of the distance in the other
+//! directions, times the stiffness there, is a negligible force (the module `rendered`).
 
 use super::draw::{BEGIN, Draw};
 use super::measure::{DeviceTrace, LEAST_FORCE, Trace, band_rms, mean};

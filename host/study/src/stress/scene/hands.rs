@@ -6,7 +6,7 @@
 //! forces are in the axes of the devices.
 
 use super::draw::{ARRIVED, BEGIN, Draw, Task as Drawn};
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use host::scene::LoadedScene;
 use physics::Vec3;
 use physics::linear::dense::Square;
@@ -242,7 +242,7 @@ mod tests {
         give(&mut loaded, &draw, chance, &reaches, &stiffness, &[0.0]);
         let hand = loaded.scene.devices[0].hand.as_ref().unwrap();
         assert!(hand.task.is_none() && hand.waypoints.len() > 2);
-        // The hand holds at the end, as far along the reach as the world says.
+        // The hand holds at the end, as far along the reach as the trial says.
         let [_, x, ..] = hand.waypoints[hand.waypoints.len() - 1];
         assert!((x - 0.015 * draw.depth).abs() < 1e-12, "{x} {draw:?}");
     }

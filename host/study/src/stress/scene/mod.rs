@@ -15,6 +15,7 @@
 //! that the bodies stored at the start: elastic, kinetic, and the potential of gravity. `sim` integrates the work
 //! between ticks, where the hand holds the device. The account of the controller is not used.
 
+pub mod again;
 pub mod draw;
 pub mod force_errors;
 mod hands;
@@ -26,14 +27,15 @@ pub(super) mod run;
 pub mod summary;
 mod table;
 pub(crate) mod trial;
+pub mod trials;
 mod troubled;
 pub mod verdict;
-pub mod worlds;
 pub mod written;
 
-use super::chance::Chance;
 use super::specimen::Draw as Specimen;
 use crate::StudyError;
+use crate::chance::Chance;
+use again::Again;
 use draw::{Choice, Draw};
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
@@ -48,7 +50,7 @@ use std::collections::BTreeMap;
 use trial::Trial;
 use written::Written;
 
-pub use worlds::Worlds;
+pub use trials::Trials;
 
 /// The schemes, in the order of the tables.
 pub const SCHEMES: [(SchemeName, &str); 6] = [
@@ -235,6 +237,33 @@ impl Study {
         });
         let runs = runs.collect::<Result<_, _>>()?;
         Ok((trial.draw, reference, runs))
+    }
+
+    /// Runs a cell again under `scheme`, for a person.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn again(&self, cell: u64, scheme: SchemeName) -> Result<Again, StudyError> {
+        let (draw, reference, mut runs) = self.traces(cell, &[scheme])?;
+        let run = runs.swap_remove(0);
+        let known = SCHEMES.iter().find(|(name, _)| *name == scheme);
+        let scheme = known.map_or("", |(_, name)| name);
+        let outcome = Outcome::of(&run, &reference, &draw);
+        let head = format!("{scheme}: {}", verdict::of_outcome(&outcome));
+        Ok(Again {
+            text: again::drawn(cell, self.seed, &draw)
+                + &again::measured(&head, &outcome, &reference),
+            title: format!("Cell {cell} under \"{scheme}\""),
+            subtitle: format!(
+                "{:.0} Hz, latency {:.0} ms, {:.0} % of models lost; trouble: {}",
+                draw.rate,
+                1e3 * draw.latency,
+                100.0 * draw.models_lost,
+                draw.trouble.name()
+            ),
+            run,
+            reference,
+        })
     }
 
     /// Runs a cell under each of `schemes`.

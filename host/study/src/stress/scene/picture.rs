@@ -49,7 +49,7 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
     }
     let title = format!("{name} under hands, rates and faults");
     let subtitle = format!(
-        "distributions over the runs of {} worlds: the fraction of runs up to a value",
+        "distributions over the runs of {} trials: the fraction of runs up to a value",
         cells.len()
     );
     plot::panels_svg(&title, &subtitle, 3, &panels)

@@ -1,4 +1,4 @@
-//! What devices render of a body, by a condensation of the study's own.
+//! The part of a body that devices render, by a condensation of the study's own.
 //!
 //! A device cannot render a direction of a body that is stiffer than its friction and its damping can hold still. The host
 //! puts springs in series with such directions (`host::engine::stiff`). The bodies of a study have the same springs: the

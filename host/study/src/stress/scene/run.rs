@@ -10,7 +10,7 @@ use super::reference::rest;
 use super::trial::{Trial, probe};
 use super::troubled::{Lossy, Troubled, stalls};
 use crate::StudyError;
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use host::engine::body::HostBody;
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;

@@ -8,7 +8,7 @@ use serde::Serialize;
 /// Largest force error that nobody notices: the just-noticeable difference of a force is about a tenth.
 pub const JUST_NOTICEABLE: f64 = 0.1;
 
-/// Of fewer cells, a row has the largest value in place of a high quantile, which would be the value of some single cell.
+/// A row of fewer cells has the largest value in place of a high quantile, which would be the value of a single cell.
 pub const FEW: usize = 10;
 
 /// Some cells under one scheme. Of fewer than ten cells, the higher of two quantiles is the largest value.

@@ -88,7 +88,7 @@ fn tables(
     }
     put!(
         text,
-        "\nErrors of the force by {short}, in %: median, 90 % (of fewer than {FEW} worlds, the most):\n"
+        "\nErrors of the force by {short}, in %: median, 90 % (of fewer than {FEW} trials, the most):\n"
     );
     head(
         text,
@@ -124,7 +124,7 @@ fn percent(fraction: f64) -> String {
     format!("{:.1}", 100.0 * fraction)
 }
 
-/// Two quantiles of the worlds of a row, or of few worlds the largest value.
+/// Two quantiles of the trials of a row, or of few trials the largest value.
 fn two(row: &Row, [low, high]: [f64; 2], shown: impl Fn(f64) -> String) -> String {
     if row.runs < FEW {
         format!("most {}", shown(high))

@@ -3,7 +3,7 @@
 use super::draw::{Draw, Span};
 use super::trial::Trial;
 use crate::StudyError;
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use host::engine::Engine;
 use host::engine::build::{self, BuildOptions};
 use host::engine::faults::{FaultKind, HostFault};

@@ -1,4 +1,4 @@
-//! The verdict on the worlds of a study under one scheme, in a line: whether they are passive, bounded and true to the body.
+//! The verdict on the trials of a study under one scheme, in a line: whether they are passive, bounded and true to the body.
 
 use super::CellResult;
 use super::measure::Outcome;
@@ -6,12 +6,12 @@ use super::summary::JUST_NOTICEABLE;
 use crate::stress::hold::verdict::NET_ENERGY;
 use std::fmt;
 
-/// Worlds that do not meet one demand.
+/// Trials that do not meet one demand.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Missed {
-    /// Number of these worlds.
+    /// Number of these trials.
     count: usize,
-    /// The world that is farthest from the demand, and its value.
+    /// The trial that is farthest from the demand, and its value.
     worst: Option<(u64, f64)>,
 }
 
@@ -24,14 +24,14 @@ impl Missed {
     }
 }
 
-/// How the worlds of a study went under a scheme.
+/// How the trials of a study went under a scheme.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     scheme: String,
-    /// Number of worlds, and of those that could not be run.
-    worlds: usize,
+    /// Number of trials, and of those that could not be run.
+    trials: usize,
     not_run: usize,
-    /// Worlds that miss any of the demands.
+    /// Trials that miss any of the demands.
     missed: usize,
     active: Missed,
     unbounded: Missed,
@@ -49,14 +49,14 @@ fn is_true(outcome: &Outcome) -> bool {
 }
 
 impl Verdict {
-    /// The verdict on `cells` under `scheme`; `None` if no world was run under it.
+    /// The verdict on `cells` under `scheme`; `None` if no trial was run under it.
     pub fn of<'a>(
         cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
         scheme: &str,
     ) -> Option<Self> {
         let mut found = Self {
             scheme: scheme.to_owned(),
-            worlds: 0,
+            trials: 0,
             not_run: 0,
             missed: 0,
             active: Missed::default(),
@@ -66,14 +66,14 @@ impl Verdict {
         for (&number, cell) in cells {
             let outcome = cell.schemes.get(scheme);
             if cell.failed.is_some() {
-                found.worlds += 1;
+                found.trials += 1;
                 found.not_run += 1;
             } else if let Some(outcome) = outcome {
-                found.worlds += 1;
+                found.trials += 1;
                 found.add(number, outcome);
             }
         }
-        (found.worlds > found.not_run).then_some(found)
+        (found.trials > found.not_run).then_some(found)
     }
 
     fn add(&mut self, number: u64, outcome: &Outcome) {
@@ -90,7 +90,7 @@ impl Verdict {
         self.missed += usize::from(!good);
     }
 
-    /// Whether every world was run and meets all demands.
+    /// Whether every trial was run and meets all demands.
     pub fn is_passed(&self) -> bool {
         self.missed == 0 && self.not_run == 0
     }
@@ -98,14 +98,14 @@ impl Verdict {
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (worlds, scheme) = (self.worlds, &self.scheme);
+        let (trials, scheme) = (self.trials, &self.scheme);
         if self.is_passed() {
             return write!(
                 f,
                 "passive, bounded and true to the body under {scheme}: {}",
-                match worlds {
-                    1 => "the only world".to_owned(),
-                    _ => format!("all {worlds} worlds"),
+                match trials {
+                    1 => "the only trial".to_owned(),
+                    _ => format!("all {trials} trials"),
                 }
             );
         }
@@ -114,7 +114,7 @@ impl fmt::Display for Verdict {
             if let Some((cell, worst)) = missed.worst {
                 let count = missed.count;
                 parts.push(format!(
-                    "{count} not {words} (world {cell}: {})",
+                    "{count} not {words} (trial {cell}: {})",
                     value(worst)
                 ));
             }
@@ -133,7 +133,7 @@ impl fmt::Display for Verdict {
         }
         write!(
             f,
-            "FAILED under {scheme}: {} of {worlds} worlds: {}",
+            "FAILED under {scheme}: {} of {trials} trials: {}",
             self.missed + self.not_run,
             parts.join(", ")
         )
@@ -192,19 +192,19 @@ mod tests {
     }
 
     #[test]
-    fn the_verdict_names_what_failed_with_the_worst_world() {
+    fn the_verdict_names_what_failed_with_the_worst_trial() {
         let good = cell(0.5e-3, 0.1, 0.05);
         assert_eq!(
             said(&[good.clone(), good.clone()]),
-            "passive, bounded and true to the body under capped: all 2 worlds"
+            "passive, bounded and true to the body under capped: all 2 trials"
         );
         let (active, more) = (cell(2e-3, 0.1, 0.0), cell(3.5e-3, 0.5, 0.28));
         let mut lost = good.clone();
         lost.failed = Some("a device without damping".to_owned());
         assert_eq!(
             said(&[good.clone(), active, more, lost]),
-            "FAILED under capped: 3 of 4 worlds: 2 not passive (world 2: 3.50 mJ), 1 not bounded (world 2: ripple 0.50 N), 1 \
-             not true (world 2: force of the hold off by 28 %), 1 not run"
+            "FAILED under capped: 3 of 4 trials: 2 not passive (trial 2: 3.50 mJ), 1 not bounded (trial 2: ripple 0.50 N), 1 \
+             not true (trial 2: force of the hold off by 28 %), 1 not run"
         );
         let none = BTreeMap::from([(0, good)]);
         assert_eq!(Verdict::of(none.iter(), "linear"), None);

@@ -12,7 +12,7 @@ use toml::{Table, Value};
 pub struct Written {
     /// The scene (TOML).
     pub text: String,
-    /// What the scene cannot say of the cell, one sentence each. A stall comes with the option of `palpate run` that makes
+    /// The properties of the cell that the scene cannot state, one sentence each. A stall comes with the option of `palpate run` that makes
     /// it.
     pub told: Vec<String>,
 }
@@ -142,7 +142,7 @@ fn grip_name(grip: GripName) -> &'static str {
     }
 }
 
-/// What a scene file cannot say of a trial.
+/// The properties of a trial that a scene file cannot state.
 fn told(trial: &Trial) -> Vec<String> {
     let draw = &trial.draw;
     let mut told = Vec::new();

@@ -18,10 +18,10 @@ mod hands;
 mod reach;
 mod shape;
 
-use super::chance::Chance;
 use super::scene::draw::{ARRIVED, BEGIN, Span};
 use super::scene::rendered::Rendered;
 use crate::StudyError;
+use crate::chance::Chance;
 use hands::Moves;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
@@ -135,7 +135,7 @@ impl Kind {
     }
 }
 
-/// What the hands do before the hold.
+/// The motion of the hands before the hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Task {
@@ -151,7 +151,7 @@ pub enum Task {
 
 const TASKS: [Task; 4] = [Task::Press, Task::Tremble, Task::Rub, Task::Stages];
 
-/// What takes a part of the force away for a while, so that the cell is judged by its hold alone.
+/// A disturbance that takes a part of the force away for a while, so that the cell is judged by its hold alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
@@ -189,7 +189,7 @@ pub struct Hand {
     pub scale: f64,
     /// Where it holds the body, as fractions along and across the part of the body that is its own.
     pub place: [f64; 2],
-    /// Whether it holds the whole edge or end, where its part of the body has one.
+    /// Whether it holds the whole edge or end, if its part of the body has one.
     pub edge: bool,
     /// The direction of its motion, as fractions of its length.
     pub direction: [f64; 3],
@@ -222,11 +222,11 @@ pub struct Draw {
     pub damping: [f64; 2],
     /// The largest force of a hand in the hold, as a fraction of the largest force of its device.
     pub force: f64,
-    /// What the hands do.
+    /// The motion of the hands.
     pub task: Task,
     /// How fast the hands move, from 0 to 1.
     pub haste: f64,
-    /// What takes a part of the force away.
+    /// The disturbance that takes a part of the force away.
     pub cause: Cause,
     /// When: the time of a fast press or of a stall. For a slew limit, its duration is the time in which the force of a device
     /// may change by its largest force.

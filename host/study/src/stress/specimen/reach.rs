@@ -3,7 +3,7 @@
 use super::hands::{Moves, Step};
 use super::{Draw, Task};
 use crate::StudyError;
-use crate::stress::chance::Chance;
+use crate::chance::Chance;
 use crate::stress::scene::reference::Bodies;
 use crate::stress::scene::trial::frames;
 use host::scene::LoadedScene;

@@ -1,6 +1,6 @@
-//! What is drawn for a cell of random tears, and its scene.
+//! The draw of a cell of random tears, and its scene.
 
-use super::super::chance::Chance;
+use crate::chance::Chance;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 

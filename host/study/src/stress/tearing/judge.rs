@@ -1,4 +1,4 @@
-//! What a run of a random tear must not do.
+//! Judges a run of a random tear: the rules that it must keep.
 
 use host::engine::Engine;
 use host::engine::body::HostBody;
@@ -24,13 +24,13 @@ struct Piece {
     net: NetEnergy,
 }
 
-/// The hands of each piece of a published model, with the energy that the model says the piece stores (J).
-struct Parts {
+/// The pieces of a published model: the hands of each, and the energy that it stores by the model (J).
+struct ModelPieces {
     sequence: u64,
     pieces: Vec<(Vec<usize>, f64)>,
 }
 
-impl Parts {
+impl ModelPieces {
     fn of(model: &LocalModel) -> Self {
         let energies = model
             .head
@@ -57,7 +57,7 @@ pub(super) struct Judge {
     checksum: u64,
     /// All edits.
     pub(super) journal: Vec<Edit>,
-    /// What tore.
+    /// The report of the tears.
     pub(super) report: TearReport,
     /// Number of pieces at the end.
     pub(super) pieces: usize,
@@ -71,7 +71,7 @@ pub(super) struct Judge {
     masses: Vec<f64>,
     moving: Vec<f64>,
     /// The models in which the sheet has parted and that no tick has used yet.
-    coming: Vec<Parts>,
+    coming: Vec<ModelPieces>,
     stress: Vec<Symmetric>,
     /// The first tick in which a value was not finite.
     infinite: Option<u64>,
@@ -171,7 +171,7 @@ impl Judge {
     pub(super) fn log(&mut self, record: LogRecord<'_>) {
         match record {
             LogRecord::Model(_, model) if model.piece_count() > 1 => {
-                self.coming.push(Parts::of(model));
+                self.coming.push(ModelPieces::of(model));
             }
             LogRecord::Model(..) => {}
             LogRecord::Tick(telemetry) => self.account(telemetry),
@@ -243,7 +243,7 @@ impl Judge {
         parts.fold(self.whole.largest(), f64::max)
     }
 
-    /// What the run did, but must not do.
+    /// The rules that the run broke.
     pub(super) fn failures(&self) -> Vec<String> {
         let mut found = Vec::new();
         if let Some(tick) = self.infinite {

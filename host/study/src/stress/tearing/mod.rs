@@ -5,8 +5,8 @@
 //!
 //! - The states of bodies and devices are finite, and the host has no fault.
 //! - The hands get no more net energy than [`NET_ENERGY`]. There is no gravity and the body starts at rest, so all energy
-//!   comes from the hands. From the tick on in which the sheet parts for the hands, the hands of each piece may get what
-//!   the rendered piece stores at this time and what the moving masses of their devices have, and no more. The energy of
+//!   comes from the hands. From the tick in which the sheet parts for the hands, the hands of each piece may get the energy
+//!   that the rendered piece stores at this time and the energy of the moving masses of their devices, and no more. The energy of
 //!   the rendered sheet counts up to the energy that the hands have supplied.
 //! - Both runs are equal to the byte, and make the same edits.
 //! - A stress test that was skipped would have found nothing: wherever the largest energy density rules out a start, no
@@ -32,7 +32,7 @@ use std::collections::BTreeMap;
 /// The result of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellResult {
-    /// What was drawn.
+    /// The draw.
     pub draw: Draw,
     /// Edges that opened.
     pub opened: u64,
@@ -46,7 +46,7 @@ pub struct CellResult {
     pub peak: f64,
     /// Net energy that the hands of the whole sheet, or of one of its pieces, got at most (J).
     pub net_energy: f64,
-    /// What the runs must not do, but did.
+    /// The rules that the runs broke.
     pub failures: Vec<String>,
 }
 

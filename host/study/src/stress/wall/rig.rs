@@ -1,7 +1,7 @@
 //! The wall in the real controller, as the adversary and the simulated hand meet it.
 
 use crate::adversary::{Mechanism, Rendering};
-use host::engine::virtual_coupling::Link;
+use host::engine::virtual_coupling::Spring;
 use rt_core::Reading;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
@@ -132,7 +132,7 @@ impl Wall {
         if self.scheme != Scheme::Proxy {
             return [self.stiffness, self.damping];
         }
-        let link = Link::recommended(&self.model);
+        let link = Spring::recommended(&self.model);
         let fraction = link.stiffness / (link.stiffness + self.stiffness);
         let rest = 1.0 - fraction;
         let damping = fraction * fraction * self.damping + rest * rest * link.damping;

@@ -43,7 +43,7 @@ pub struct Cell {
     pub step_rate: f64,
     /// Publications a second (Hz).
     pub publish_rate: f64,
-    /// Whether the models say how far they may be extrapolated before a tear goes on.
+    /// Whether the models say how far they may be extrapolated before a tear grows.
     pub limited: bool,
     /// Median error of the force on a hand, as a fraction of the plateau (1).
     pub median: f64,

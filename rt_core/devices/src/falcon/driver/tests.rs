@@ -1,4 +1,4 @@
-//! The states of the driver: the velocity at any times of the packets, and what it says of the torques. `sim/tests` has
+//! The states of the driver: the velocity at any times of the packets, and the report on the torques. `sim/tests` runs
 //! the driver against an emulated Falcon.
 
 use super::super::geometry::{count_of, inverse};
@@ -55,7 +55,7 @@ fn state(falcon: &mut Falcon<Nothing>, at_ns: u64, x: f64) -> DeviceState {
     falcon.state(&report(x)).expect("a state")
 }
 
-/// A grip that moves steadily has its velocity after states that are missing, however many: the positions between reach
+/// A grip that moves steadily keeps its velocity across any number of missing states: the interpolated positions reach
 /// the new one.
 #[test]
 fn a_steady_motion_keeps_its_velocity_across_missing_states() {
@@ -86,8 +86,8 @@ fn a_steady_motion_keeps_its_velocity_across_missing_states() {
     }
 }
 
-/// The velocity is that up to the new position: a grip that rests and then moves has a velocity in the first state of the
-/// motion, and none as soon as its window holds no motion.
+/// The velocity includes the newest position: a grip that rests and then moves has a velocity in the first state of the
+/// motion, and none as soon as the window contains no motion.
 #[test]
 fn a_motion_shows_in_the_state_that_has_it() {
     for missing in [0, 1, 4] {
@@ -123,7 +123,7 @@ fn a_long_silence_makes_no_velocity() {
     assert_eq!(back.twist.linear, Vec3::zeros());
 }
 
-/// A wrench without torques is told, once.
+/// A wrench without torques is reported once.
 #[test]
 fn a_wrench_without_torques_is_a_device_that_let_go() {
     let push = Wrench {
@@ -211,7 +211,7 @@ impl Transport for Chip {
             if let Some(number) = end.fails {
                 return Err(number);
             }
-            // What boots the device is no packet.
+            // The bytes that boot the device are no packet.
             if let Ok(bytes) = bytes.try_into() {
                 end.sent.extend(Command::decode(bytes));
             }
@@ -423,8 +423,9 @@ fn the_end_sends_no_torque() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the times of the packets (early, late, lost), the estimate of a hand with a bounded speed is at most half
-    /// as large again, because a gap of up to one and a half periods counts as one, and two counts in a period.
+    /// At any times of the packets (early, late, lost), the estimate for a hand with a bounded speed is at most one and
+    /// a half times this speed, plus two counts in a period. A gap of up to one and a half periods counts as one
+    /// period.
     #[test]
     fn no_time_of_a_packet_makes_a_fast_hand(
         fastest in 0.0..1.0_f64,

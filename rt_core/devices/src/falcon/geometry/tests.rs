@@ -190,7 +190,7 @@ proptest! {
                 prop_assert!((slope - expected).abs() < 1e-6 * 100.0, "{slope} {expected}");
             }
         }
-        // The columns are the same derivative the other way round.
+        // The columns are the inverse derivative.
         for leg in 0..3 {
             let step = DIFFERENCE * 10.0;
             let (mut more, mut less) = (angles, angles);
@@ -237,7 +237,7 @@ fn a_shin_shorter_than_its_hinges_and_an_arm_in_line_with_its_shin_are_refused()
     let beside = |x: f64| from_knee(Vec3::new(x, 0.05, 0.0));
     assert!(shin(&beside(HINGES - 1e-6), &knee(angle), turn).is_none());
     assert!(shin(&beside(HINGES + 1e-6), &knee(angle), turn).is_some());
-    // Along the arm the shin turns nothing.
+    // A shin in line with its arm does not turn it.
     let along = |away: f64| {
         let (sine, cosine) = libm::sincos(angle + away);
         from_knee(Vec3::new(cosine, 0.0, sine) * (SHIN + HINGES))

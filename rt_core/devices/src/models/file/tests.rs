@@ -216,7 +216,7 @@ fn the_table_of_the_book_has_every_field_with_its_range_and_no_other() {
     for (field, [_, unit, range, default, meaning]) in named.iter().zip(&rows) {
         assert!(!meaning.is_empty() && !default.is_empty(), "{field}");
         assert_eq!(!unit.is_empty(), is_number(field), "{field}: unit");
-        // The file without the field tells whether there is a default, the file with a wrong value the range.
+        // The file without the field shows whether there is a default. The file with a wrong value shows the range.
         let (table, name) = field.split_once('.').unwrap_or(("", field));
         let with = |value: Option<&str>| {
             let mut section = "";

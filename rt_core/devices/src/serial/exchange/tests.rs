@@ -1,5 +1,5 @@
-//! The exchange over a device's side of the protocol, in memory and under virtual time. `sim/tests/streams.rs` has the
-//! exchange against an emulated device.
+//! The exchange over a device's side of the protocol, in memory and under virtual time. `sim/tests/streams.rs` tests
+//! the exchange against an emulated device.
 
 use super::*;
 use firmware_proto::device::{Device as Firmware, Geometry, Inputs, Measured};
@@ -35,7 +35,7 @@ fn model(name: u8, rate: u16) -> Model {
     }
 }
 
-/// What comes from the device.
+/// The bytes that the device sends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Sends {
     States,
@@ -242,7 +242,7 @@ fn each_device_renders_its_own_wrench_until_it_is_released() {
         }
     }
     assert_eq!([places[0].force(), places[1].force()], [1.0, 2.0]);
-    // The wrench is in force in the moment in which it comes, a period after the state that it answers.
+    // The wrench is in force at the moment of its arrival, a period after the state that it answers.
     for (driver, period_ns) in drivers.iter().zip([MS, 2 * MS]) {
         let shown = driver.motion_to_force();
         let is_one = matches!(shown, MotionSource::Device(Some(ns)) if ns <= period_ns);
@@ -274,7 +274,8 @@ fn the_refusals_of_the_device_are_told() {
     }
 }
 
-/// Why a device is not opened, and the number of the system that its thread gets when it tries to reopen the device.
+/// The reason why a device is not opened, and the system's number that the thread gets when it tries to reopen the
+/// device.
 #[test]
 fn a_greeting_without_an_answer_says_what_came() {
     let opened = |change: &dyn Fn(&mut World)| {
@@ -434,7 +435,7 @@ fn the_newest_state_is_taken_and_the_last_before_the_end_is_good() {
     );
 }
 
-/// A slow line may give its bytes one by one, and a stream without end may not hold the exchange.
+/// A slow line may give its bytes one by one. An endless stream must not hold up the exchange.
 #[test]
 fn an_exchange_reads_a_bounded_number_of_times() {
     let place = Place::new(model(b'a', 1000));

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 
 const MS: u64 = 1_000_000;
 
-/// The far end of a connection: the replies to come, and what was sent.
+/// The far end of a connection: the replies to come, and the sent reports.
 #[derive(Default)]
 struct End {
     /// Reports that wait to be read.
@@ -193,7 +193,7 @@ fn counters_that_are_not_taken_are_an_error() {
 #[test]
 fn the_button_calibrates_at_home_only_when_it_is_pressed_anew() {
     let (mut driver, link) = open(Some(Vec3::zeros()));
-    // The flag is old: the driver clears it by setting the counters to what they are.
+    // The flag is old: to clear it, the driver sets the counters to their present values.
     link.reply([
         pressed([40, 50, 60]),
         at([40, 50, 60]),
@@ -214,7 +214,7 @@ fn the_button_calibrates_at_home_only_when_it_is_pressed_anew() {
     link.reply([pressed(origin()), pressed(origin())]);
     assert!(driver.exchange(&push()).is_ok() && driver.exchange(&push()).is_ok());
     assert_ne!(link.last().currents, ZEROS);
-    // Without a home it never has.
+    // Without a home position, the button never has an effect.
     let (mut driver, link) = open(None);
     link.reply([at(ZEROS), pressed(ZEROS), pressed(ZEROS), pressed(ZEROS)]);
     for _ in 0..4 {
@@ -312,7 +312,7 @@ fn a_jump_is_corrupt_and_takes_the_force_until_the_counters_are_back() {
     assert_eq!(rendering(&mut driver, &push()), Ok(Rendering::Commanded));
     assert_ne!(link.last().currents, ZEROS);
     assert_eq!((driver.counts().corrupt, driver.counts().restarts), (1, 0));
-    // No force was asked for, so none was let go. A force that is too small for a current is no force that is left out.
+    // No force was asked for, so none was let go. A force that is too small for a current does not count as left out.
     link.reply([at([a, b, c + 2000]), at([a, b, c]), at([a, b, c])]);
     assert_eq!(driver.exchange(&push()), corrupt);
     assert_eq!(
@@ -377,7 +377,7 @@ fn a_lost_device_is_opened_again_and_begins_anew() {
     );
 }
 
-/// The system gives a device that comes back its old name only where nobody has the old file open.
+/// The system gives a device that comes back its old name only if nobody has the old file open.
 #[test]
 fn a_lost_device_is_closed_before_it_is_looked_for() {
     let (end, alive) = (Link::default(), Arc::new(Mutex::new(Vec::new())));
@@ -390,12 +390,12 @@ fn a_lost_device_is_closed_before_it_is_looked_for() {
     let mut driver = WoodenHaptics::open(&Setup::default(), open, counted(MS)).unwrap();
     end.end(|end| end.gone = Some(5));
     assert_eq!(driver.exchange(&push()), Err(DeviceError::Disconnected(5)));
-    // It is closed at once, and not first when it is looked for: the new device may come sooner.
+    // The connection is closed at once, not only when the driver looks for the device: the new device may come sooner.
     assert_eq!(Arc::strong_count(&end.0), 2);
     assert!(driver.reopen().is_err());
     end.end(|end| end.gone = None);
     assert_eq!(driver.reopen(), Ok(()));
-    // Also where nobody noticed the loss.
+    // The same holds if the driver has not noticed the loss.
     assert_eq!(driver.reopen(), Ok(()));
     assert_eq!(*alive.lock().unwrap(), [0; 4]);
 }

@@ -264,7 +264,7 @@ fn a_bad_parameter_is_named() {
     }
 }
 
-/// A pose is singular where three columns of the Jacobian are nearly in one plane, whatever their lengths.
+/// A pose is singular if three columns of the Jacobian are nearly in one plane, whatever their lengths.
 #[test]
 fn a_force_is_told_down_to_a_millionth_of_the_volume_of_a_singular_pose() {
     let kinematics = default();

@@ -3,6 +3,7 @@
 use super::*;
 use crate::element::VectorForm;
 use crate::element::elements::Elements;
+use crate::element::tet::cell::{Four, Ten};
 use crate::element::tet::shape::{Shape, Tet4, Tet10};
 use crate::element::tet::solid::Solid;
 use crate::linear::block_matrix::BlockMatrix;
@@ -43,7 +44,7 @@ fn linear<T: Real, L: Law + LaneLaw>(mesh: &TetMesh) -> Linear<L, T> {
     let Some(VectorForm::IsotropicTets(_, tets)) = solid.vector_form() else {
         unreachable!("linear tetrahedra of an isotropic law");
     };
-    Linear::linear(&tets)
+    Linear::new(&tets)
 }
 
 fn quadratic<T: Real, L: Law + LaneLaw>(mesh: &TetMesh) -> Quadratic<L, T> {
@@ -54,7 +55,7 @@ fn quadratic<T: Real, L: Law + LaneLaw>(mesh: &TetMesh) -> Quadratic<L, T> {
     let Some(VectorForm::IsotropicQuadraticTets(_, tets)) = solid.vector_form() else {
         unreachable!("quadratic tetrahedra of an isotropic law");
     };
-    Quadratic::quadratic(&tets)
+    Quadratic::new(&tets)
 }
 
 /// Displacements that stretch by a third, contract sideways and bend. The modulus is positive definite, so that
@@ -356,7 +357,7 @@ fn both_laws<T: Real>(shaken: f64) -> [f64; 3] {
 fn the_vector_form_is_the_exact_form() {
     for shaken in [0.0, 0.01, 0.3] {
         // Forces and energies are sums of tens of terms. Sweeps end after one that met an angle of 3e-7, the root of the
-        // error that it leaves, where the stretches of all axes differ clearly; elsewhere the error is that angle times
+        // error that it leaves, if the stretches of all axes differ clearly; otherwise the error is that angle times
         // the difference of two stretches.
         let [force, energy, tangent] = both_laws::<f64>(shaken);
         assert!(force < 5e-14, "{shaken}: {force:e}");
