@@ -41,10 +41,10 @@ pub trait Joints: Send {
 /// Room for the work of [`solve`], which is reused from step to step.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    forces: Vec<(At, Vec3)>,
+    pub(super) forces: Vec<(At, Vec3)>,
     /// The norm of the residual on free axes (N), and of the forces of the joints (N), of each body.
-    left: Vec<f64>,
-    loads: Vec<f64>,
+    pub(super) left: Vec<f64>,
+    pub(super) loads: Vec<f64>,
 }
 
 impl Workspace {
@@ -64,14 +64,14 @@ impl Workspace {
     }
 
     /// Whether the residual of each body is small.
-    fn is_solved<T: Precision>(&self, bodies: &[Option<Equation<'_, T>>]) -> bool {
+    pub(super) fn is_solved<T: Precision>(&self, bodies: &[Option<Equation<'_, T>>]) -> bool {
         let mut each = bodies.iter().zip(&self.left).zip(&self.loads);
         each.all(|((body, left), load)| body.as_ref().is_none_or(|body| *left <= body.goal(*load)))
     }
 }
 
 /// The value at a node of the bodies; zero for a body that takes no part.
-fn at<'a, T>(
+pub(super) fn at<'a, T>(
     bodies: &[Option<Equation<'a, T>>],
     at: At,
     of: impl Fn(&Equation<'a, T>, u32) -> Vec3,
@@ -101,9 +101,46 @@ pub fn solve<T: Precision>(
     let residuals = bodies.iter_mut();
     room.left
         .extend(residuals.map(|body| body.as_mut().map_or(0.0, Equation::residual)));
+    let iterations = iterate(
+        bodies,
+        room,
+        &|of, add| joints.product(of, add),
+        |bodies, room| {
+            room.load(bodies, joints);
+            room.is_solved(bodies)
+        },
+        &mut out_of_time,
+    );
+    room.load(bodies, joints);
+    let each = bodies.iter_mut().zip(room.left.iter().zip(&room.loads));
+    for (number, (body, (left, load))) in each.enumerate() {
+        if let Some(body) = body {
+            let own = room.forces.iter().filter(|(at, _)| at.body == number);
+            body.solved(
+                own.map(|(at, force)| (at.node, *force)),
+                *load,
+                iterations,
+                *left,
+            );
+        }
+    }
+}
+
+/// A product of forces between bodies with displacements, as [`Joints::product`].
+type Product<'a> = dyn Fn(&dyn Fn(At) -> Vec3, &mut dyn FnMut(At, Vec3)) + 'a;
+
+/// Conjugate gradients over the equations of bodies and a symmetric positive semidefinite `product` between them, from the
+/// residuals in `room.left`, until `is_done`. Returns the number of iterations.
+pub(super) fn iterate<T: Precision>(
+    bodies: &mut [Option<Equation<'_, T>>],
+    room: &mut Workspace,
+    product: &Product<'_>,
+    mut is_done: impl FnMut(&[Option<Equation<'_, T>>], &mut Workspace) -> bool,
+    out_of_time: &mut dyn FnMut() -> bool,
+) -> usize {
     let most = bodies.iter().flatten().next().map_or(0, Equation::most);
     let (mut iterations, mut rz) = (0, 1.0);
-    while !room.is_solved(bodies) && iterations < most {
+    while !is_done(bodies, room) && iterations < most {
         let next: f64 = bodies
             .iter_mut()
             .flatten()
@@ -116,7 +153,7 @@ pub fn solve<T: Precision>(
         }
         room.forces.clear();
         let products = &mut room.forces;
-        joints.product(
+        product(
             &|node| at(bodies, node, Equation::direction),
             &mut |at, force| products.push((at, force)),
         );
@@ -136,22 +173,10 @@ pub fn solve<T: Precision>(
                 *left = body.advance(rz / curvature);
             }
         }
-        room.load(bodies, joints);
         iterations += usize::from(is_sound);
         if !is_sound || out_of_time() {
             break;
         }
     }
-    let each = bodies.iter_mut().zip(room.left.iter().zip(&room.loads));
-    for (number, (body, (left, load))) in each.enumerate() {
-        if let Some(body) = body {
-            let own = room.forces.iter().filter(|(at, _)| at.body == number);
-            body.solved(
-                own.map(|(at, force)| (at.node, *force)),
-                *load,
-                iterations,
-                *left,
-            );
-        }
-    }
+    iterations
 }

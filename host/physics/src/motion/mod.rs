@@ -19,6 +19,7 @@ mod sleep;
 mod step;
 pub mod stepper;
 pub mod tearing;
+pub mod touching;
 
 pub use constraint::cohesion::Cohesion;
 pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};

@@ -22,3 +22,4 @@ mod step;
 mod stepper;
 mod strip;
 mod team;
+mod touching;

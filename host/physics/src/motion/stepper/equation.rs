@@ -10,7 +10,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::error::StepError;
-use crate::lanes::{Node, to_node};
+use crate::lanes::{Node, to_node, to_vec};
 use crate::motion::constraint::by_node;
 
 /// The equation of a step. If [`joined::solve`](crate::motion::joined::solve) does not solve the equation, the step is
@@ -140,6 +140,43 @@ impl<T: Precision> Equation<'_, T> {
     /// Discards the direction.
     pub(crate) fn stop(&mut self) {
         self.stepper.cg.p.fill([T::ZERO; 4]);
+    }
+
+    /// Marks the displacement and the residual, for [`along`](Self::along) and [`back`](Self::back).
+    pub(crate) fn mark(&mut self) {
+        let Stepper { places, cg, .. } = &mut *self.stepper;
+        for (marked, of) in cg.marked.iter_mut().zip([&cg.u, &cg.residual]) {
+            marked.clear();
+            marked.extend_from_slice(&of[..places.free]);
+        }
+    }
+
+    /// The products (J) of the residual at the mark, and of the present one, with the displacement since the mark.
+    pub(crate) fn along(&self) -> [f64; 2] {
+        let cg = &self.stepper.cg;
+        let [u0, r0] = &cg.marked;
+        let mut sums = [0.0; 2];
+        for (((u0, r0), u), r) in u0.iter().zip(r0).zip(&cg.u).zip(&cg.residual) {
+            let by = to_vec(u) - to_vec(u0);
+            sums[0] += by.dot(&to_vec(r0));
+            sums[1] += by.dot(&to_vec(r));
+        }
+        sums
+    }
+
+    /// Takes the fraction `a` of the displacement since the mark. The residual changes as much as the displacement, as that
+    /// of linear forces does.
+    pub(crate) fn back(&mut self, a: f64) {
+        let cg = &mut self.stepper.cg;
+        let a = T::of(a);
+        let [u0, r0] = &cg.marked;
+        for (to, from) in [(&mut cg.u, u0), (&mut cg.residual, r0)] {
+            for (to, from) in to.iter_mut().zip(from) {
+                for i in 0..4 {
+                    to[i] = from[i] + a * (to[i] - from[i]);
+                }
+            }
+        }
     }
 
     /// Ends the solve, so that `finish` may follow. `forces` are those of the joints on nodes (N), which the residual

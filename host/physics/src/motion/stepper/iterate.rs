@@ -43,6 +43,8 @@ pub(crate) struct Vectors<T> {
     pub(super) z: Vec<Node<f32>>,
     pub(super) p: Vec<Node<T>>,
     pub(super) q: Vec<Node<T>>,
+    /// Displacement and residual on free places where a pass of contact began; empty for a body that touches nothing.
+    pub(super) marked: [Vec<Node<T>>; 2],
     /// Room for the partial sums of runs, and for those of the guess.
     pub(super) sums: Vec<f64>,
     pub(super) fits: Vec<Sums>,
@@ -62,6 +64,7 @@ impl<T: Precision> Vectors<T> {
             z: vec![[0.0; 4]; places.held],
             p: zeros.clone(),
             q: zeros,
+            marked: Default::default(),
             sums: vec![0.0; 2 * count.div_ceil(RUN)],
             fits: vec![Sums::default(); count.div_ceil(RUN)],
             learned: Default::default(),

@@ -1,0 +1,258 @@
+//! Bodies in contact, solved together: Newton passes over the rows of the contacts.
+//!
+//! The residual of a step is `r(u) = f - A u + sum J^T F(J u)`, with the force `F` of each row (`contact::row`). A pass
+//! solves `(A + sum J^T D J) du = r` by conjugate gradients, with the tangent `D` of each row and the factor of each body
+//! for itself as preconditioner. With the friction forces held at the cone of the pass's start, the residual is the gradient
+//! of a convex function, so its product with `du` falls monotonically along `du`. If it changes sign within the pass, a line
+//! search finds where it is zero (false position; Nocedal and Wright, "Numerical optimization", 2006, chapter 3). Without the
+//! line search, friction cycles.
+
+use super::joined::{At, Workspace, at, iterate};
+use super::stepper::Equation;
+use crate::contact::row::{Response, Row};
+use crate::element::precision::Precision;
+use crate::{Mat3, Vec3};
+
+/// Most passes of a step, for each update of the multipliers.
+const PASSES: usize = 4;
+/// The iterations of a pass end at this fraction of its residual.
+const ACCURACY: f64 = 1e-2;
+/// A pass is searched if its end overshoots by this fraction of its start.
+const OVERSHOT: f64 = 0.1;
+/// Most evaluations of the rows in a line search.
+const EVALUATIONS: usize = 12;
+
+/// A contact of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Touch {
+    /// The nodes, and their weights; those of the first foot sum to one. A weight of zero has no node.
+    pub nodes: [(At, f64); 4],
+    /// The law.
+    pub row: Row,
+    /// The response at the end of the solve.
+    pub response: Response,
+    /// The state at the start of a pass: the displacement (m), the tangent (N/m) and the force (N).
+    began: (Vec3, Mat3, Vec3),
+}
+
+impl Touch {
+    /// A contact between nodes.
+    pub fn new(nodes: [(At, f64); 4], row: Row) -> Self {
+        Self {
+            nodes,
+            response: row.response(&Vec3::zeros()),
+            row,
+            began: (Vec3::zeros(), Mat3::zeros(), Vec3::zeros()),
+        }
+    }
+
+    /// The displacement of the first foot against the second one (m), for displacements `of` nodes.
+    pub fn difference(&self, of: &dyn Fn(At) -> Vec3) -> Vec3 {
+        let nodes = self.nodes.iter().filter(|(_, weight)| *weight != 0.0);
+        nodes.map(|(at, weight)| of(*at) * *weight).sum()
+    }
+
+    fn add(&self, force: &Vec3, add: &mut dyn FnMut(At, Vec3)) {
+        for (at, weight) in self.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
+            add(*at, force * *weight);
+        }
+    }
+}
+
+/// What a solve did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TouchReport {
+    /// Passes.
+    pub passes: usize,
+    /// Iterations of conjugate gradients over all passes.
+    pub iterations: usize,
+    /// Passes that were searched.
+    pub searched: usize,
+    /// Whether the residual is small.
+    pub converged: bool,
+}
+
+/// Adds forces (N) to the residuals of the bodies.
+fn load<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], touch: &Touch, force: &Vec3) {
+    touch.add(force, &mut |at, force| {
+        if let Some(body) = &mut bodies[at.body] {
+            body.load(at.node, &force);
+        }
+    });
+}
+
+/// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
+/// step. `out_of_time` is called after each iteration; if it returns true, the step continues with the solution so far.
+pub fn solve<T: Precision>(
+    bodies: &mut [Option<Equation<'_, T>>],
+    touches: &mut [Touch],
+    updates: usize,
+    room: &mut Workspace,
+    out_of_time: &mut dyn FnMut() -> bool,
+) -> TouchReport {
+    let mut report = TouchReport::default();
+    for touch in &mut *touches {
+        let ju = touch.difference(&|node| at(bodies, node, Equation::displacement));
+        touch.response = touch.row.response(&ju);
+        touch.began.0 = ju;
+        let force = touch.row.normal * touch.response.normal + touch.response.friction;
+        load(bodies, touch, &force);
+    }
+    for update in 0..=updates {
+        if update > 0 {
+            for touch in &mut *touches {
+                touch.row.carried = touch.response.normal;
+                let before = touch.row.normal * touch.response.normal + touch.response.friction;
+                touch.response = touch.row.response(&touch.began.0);
+                let after = touch.row.normal * touch.response.normal + touch.response.friction;
+                load(bodies, touch, &(after - before));
+            }
+        }
+        for _ in 0..PASSES {
+            weigh(bodies, touches, room);
+            report.converged = room.is_solved(bodies);
+            if report.converged {
+                break;
+            }
+            pass(bodies, touches, room, &mut report, out_of_time);
+        }
+    }
+    weigh(bodies, touches, room);
+    report.converged = room.is_solved(bodies);
+    room.forces.clear();
+    for touch in &*touches {
+        let force = touch.row.normal * touch.response.normal + touch.response.friction;
+        touch.add(&force, &mut |at, force| room.forces.push((at, force)));
+    }
+    let each = bodies.iter_mut().zip(room.left.iter().zip(&room.loads));
+    for (number, (body, (left, load))) in each.enumerate() {
+        if let Some(body) = body {
+            let own = room.forces.iter().filter(|(at, _)| at.body == number);
+            let own = own.map(|(at, force)| (at.node, *force));
+            body.solved(own, *load, report.iterations, *left);
+        }
+    }
+    report
+}
+
+/// Computes the norms of the residuals and of the forces of the contacts.
+fn weigh<T: Precision>(
+    bodies: &mut [Option<Equation<'_, T>>],
+    touches: &[Touch],
+    room: &mut Workspace,
+) {
+    room.left.clear();
+    let residuals = bodies.iter_mut();
+    room.left
+        .extend(residuals.map(|body| body.as_mut().map_or(0.0, Equation::residual)));
+    room.loads.clear();
+    room.loads.resize(bodies.len(), 0.0);
+    for touch in touches {
+        let force = touch.row.normal * touch.response.normal + touch.response.friction;
+        touch.add(&force, &mut |at, force| {
+            room.loads[at.body] = room.loads[at.body].hypot(force.norm());
+        });
+    }
+}
+
+/// One pass from the present displacement, whose residual includes the forces of the contacts there.
+fn pass<T: Precision>(
+    bodies: &mut [Option<Equation<'_, T>>],
+    touches: &mut [Touch],
+    room: &mut Workspace,
+    report: &mut TouchReport,
+    out_of_time: &mut dyn FnMut() -> bool,
+) {
+    for touch in &mut *touches {
+        let response = &touch.response;
+        touch.began.1 = touch.row.tangent(response);
+        touch.began.2 = touch.row.normal * response.normal + response.friction;
+    }
+    bodies.iter_mut().flatten().for_each(Equation::mark);
+    let sum = |left: &[f64]| left.iter().map(|left| left * left).sum::<f64>().sqrt();
+    let goal = bodies.iter().zip(&room.loads).filter_map(|(body, load)| {
+        let body = body.as_ref()?;
+        Some(0.5 * body.goal(*load))
+    });
+    let goal = goal
+        .fold(f64::INFINITY, f64::min)
+        .max(ACCURACY * sum(&room.left));
+    let shared: &[Touch] = touches;
+    report.passes += 1;
+    report.iterations += iterate(
+        bodies,
+        room,
+        &|of, add| {
+            for touch in shared {
+                if touch.began.1 != Mat3::zeros() {
+                    touch.add(&(touch.began.1 * touch.difference(of)), add);
+                }
+            }
+        },
+        |_, room| sum(&room.left) <= goal,
+        out_of_time,
+    );
+    // Along the pass, the product of the residual with the displacement of the pass.
+    let mut linear = [0.0; 2];
+    for body in bodies.iter().flatten() {
+        let [start, end] = body.along();
+        linear = [linear[0] + start, linear[1] + end];
+    }
+    let ends: Vec<Vec3> = touches
+        .iter()
+        .map(|touch| touch.difference(&|node| at(bodies, node, Equation::displacement)))
+        .collect();
+    let along = |a: f64| {
+        let mut sum = (1.0 - a) * linear[0] + a * linear[1];
+        for (touch, end) in touches.iter().zip(&ends) {
+            let (start, tangent, force) = &touch.began;
+            let by = end - start;
+            let held = touch.row.friction * touch.response.normal;
+            let found = touch.row.force_with(&(start + by * a), held);
+            sum += (found - (force - tangent * by * a)).dot(&by);
+        }
+        sum
+    };
+    let (start, end) = (linear[0], along(1.0));
+    let fraction = if end < -OVERSHOT * start {
+        report.searched += 1;
+        zero(start, end, &along)
+    } else {
+        1.0
+    };
+    if fraction < 1.0 {
+        bodies
+            .iter_mut()
+            .flatten()
+            .for_each(|body| body.back(fraction));
+    }
+    for (touch, end) in touches.iter_mut().zip(&ends) {
+        let (start, tangent, force) = touch.began;
+        let by = (end - start) * fraction;
+        touch.began.0 = start + by;
+        touch.response = touch.row.response(&touch.began.0);
+        let found = touch.row.normal * touch.response.normal + touch.response.friction;
+        load(bodies, touch, &(found - (force - tangent * by)));
+    }
+}
+
+/// Where, from 0 to 1, a falling function is zero whose values at the ends are `start` and `end`.
+fn zero(start: f64, end: f64, along: &dyn Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = ((0.0, start), (1.0, end));
+    for _ in 0..EVALUATIONS {
+        let guess = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
+        // Away from the ends, where the function may be flat.
+        let (a, width) = (guess, high.0 - low.0);
+        let a = a.clamp(low.0 + 0.1 * width, high.0 - 0.1 * width);
+        let value = along(a);
+        if value.abs() <= OVERSHOT * start {
+            return a;
+        }
+        if value > 0.0 {
+            low = (a, value);
+        } else {
+            high = (a, value);
+        }
+    }
+    low.0.max(0.5 * (low.0 + high.0))
+}
