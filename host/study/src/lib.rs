@@ -35,6 +35,7 @@ pub mod stability;
 pub mod stress;
 pub mod sweep;
 pub mod tearing;
+mod thin;
 pub mod velocity;
 mod workers;
 

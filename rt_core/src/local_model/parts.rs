@@ -1,9 +1,9 @@
 //! The extrapolated wrenches, split into the parts of springs and of dampers, and the energy of the springs. The energy
 //! account and the cap need the parts of a model.
 
-use super::{Deviation, LocalModel, clip};
+use super::{Deviation, HandleReference, LocalModel, clip};
 use crate::MAX_HANDLES;
-use crate::geometry::{Vec3, Vec6};
+use crate::geometry::{Mat6, Vec3, Vec6};
 
 /// The wrenches on all handles, in parts.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +61,26 @@ impl Lead {
     }
 }
 
+/// What a model says of one handle.
+struct Row<'a> {
+    handle: &'a HandleReference,
+    /// Stiffness and damping between the handle and each other one.
+    stiffness: &'a [Mat6; MAX_HANDLES],
+    damping: &'a [Mat6; MAX_HANDLES],
+}
+
 impl LocalModel {
+    /// The rows of the handles in use.
+    fn rows(&self) -> impl Iterator<Item = Row<'_>> {
+        let blocks = self.stiffness.iter().zip(&self.damping);
+        let all = self.handles().zip(blocks);
+        all.map(|(handle, (stiffness, damping))| Row {
+            handle,
+            stiffness,
+            damping,
+        })
+    }
+
     /// The extrapolated wrenches, split into the parts of springs and of dampers, after the drift has acted for `ahead`
     /// (s).
     pub fn parts(
@@ -72,18 +91,15 @@ impl LocalModel {
     ) -> Parts {
         let mut parts = Parts::none();
         let n = usize::from(self.head.handle_count);
-        let rows = self.stiffness.iter().zip(&self.damping);
         let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
-        let handles = self.handles.iter().zip(deviations.iter().zip(lead));
+        let motions = deviations.iter().zip(lead);
         let mut work = 0.0;
-        for (((stiffness, damping), (elastic, viscous)), (handle, (own, own_lead))) in
-            rows.zip(outs).zip(handles).take(n)
-        {
-            let drift = handle.drift.stacked();
-            let begin = handle.unweighted() + drift * ahead;
+        for ((row, (elastic, viscous)), (own, own_lead)) in self.rows().zip(outs).zip(motions) {
+            let drift = row.handle.drift.stacked();
+            let begin = row.handle.unweighted() + drift * ahead;
             *viscous = drift.component_mul(&own_lead.time);
             let mut fall = Vec6::zeros();
-            let blocks = stiffness.iter().zip(damping);
+            let blocks = row.stiffness.iter().zip(row.damping);
             for ((k, b), (deviation, lead)) in blocks.zip(deviations.iter().zip(lead)).take(n) {
                 fall += k * deviation.displacement;
                 *viscous -= b * deviation.velocity + k * lead.step;
@@ -135,12 +151,10 @@ impl LocalModel {
         ahead: f64,
     ) -> [f64; MAX_HANDLES] {
         let n = usize::from(self.head.handle_count);
-        let handles = self.handles.iter().zip(deviations);
         let mut works = [0.0; MAX_HANDLES];
-        let rows = self.stiffness.iter().zip(handles).zip(&mut works);
-        for ((row, (handle, own)), work) in rows.take(n) {
-            let mut mean = handle.unweighted() + handle.drift.stacked() * ahead;
-            for (k, deviation) in row.iter().zip(deviations).take(n) {
+        for ((row, own), work) in self.rows().zip(deviations).zip(&mut works) {
+            let mut mean = row.handle.unweighted() + row.handle.drift.stacked() * ahead;
+            for (k, deviation) in row.stiffness.iter().zip(deviations).take(n) {
                 mean -= k * deviation.displacement * 0.5;
             }
             *work = mean.dot(&own.displacement);

@@ -1,7 +1,7 @@
 //! The forces of all runs over time as a picture.
 
 use super::{Comparison, Record, Run};
-use crate::sweep::thin;
+use crate::thin::thin;
 use host::plot::{self, Panel, Role, Series};
 
 /// Largest number of points of a line: more would not be visible.

@@ -142,8 +142,8 @@ impl Sums {
                 weights[i] = (wanted[i] - made) / matrix[i][i];
             }
         }
-        // Numbers that are too large to be squared give no fit, either.
-        if weights.iter().all(|weight| weight.abs() <= MOST) {
+        // Numbers that are too large to be squared give no fit.
+        if weights.iter().all(|weight| weight.is_finite()) {
             weights
         } else {
             [0.0; KEPT]
@@ -229,6 +229,17 @@ fn extrapolate<T: Precision>(
     }
 }
 
+/// The weights that the guess uses.
+fn limited(weights: [f64; KEPT], tears: bool) -> [f64; KEPT] {
+    if tears {
+        weights.map(|weight| weight.clamp(-MOST_TORN, MOST_TORN))
+    } else if weights.iter().any(|weight| weight.abs() > MOST) {
+        [0.0; KEPT]
+    } else {
+        weights
+    }
+}
+
 impl<T: Precision> Stepper<T> {
     /// Begins a new history, as if the body had always moved at its present velocity.
     pub(crate) fn begin_history(&mut self, body: &Body) {
@@ -279,11 +290,7 @@ impl<T: Precision> Stepper<T> {
             Guess::Fitted if self.last.unfinished => sums.weights(AFTER_UNFINISHED),
             Guess::Fitted => sums.weights(KEPT),
         };
-        let weights = if self.growth.is_some() {
-            weights.map(|weight| weight.clamp(-MOST_TORN, MOST_TORN))
-        } else {
-            weights
-        };
+        let weights = limited(weights, self.growth.is_some());
         let guided = self.places.mask.len();
         self.cg.q[..guided].copy_from_slice(&self.cg.u[..guided]);
         let (h, weights) = (T::of(h), weights.map(T::of));
@@ -368,7 +375,11 @@ mod tests {
             *node = node.map(|difference| difference.map(|v| 1e-40 * v));
         }
         let found = sums(&nodes, [1e40; KEPT]).weights(KEPT);
-        assert_eq!(found, [0.0; KEPT]);
+        assert_eq!(limited(found, false), [0.0; KEPT]);
+        assert_eq!(
+            limited([0.5, 1e9, 1.0, 0.0], true),
+            [0.5, MOST_TORN, 1.0, 0.0]
+        );
     }
 
     #[test]
