@@ -160,7 +160,8 @@ impl Lists {
             most_entries: entries,
             scratch: Vec::with_capacity(entries),
             order: Vec::with_capacity(most),
-            near: Vec::new(),
+            // Every pair of clusters is near every other one at most; of very many clusters, the first such step allocates.
+            near: Vec::with_capacity((clusters * (clusters + 1) / 2).min(1 << 17)),
             reach: vec![0.0; clusters],
             grown: vec![0.0; clusters],
             margins: [0.5 * thickness, 5.0 * thickness],

@@ -31,8 +31,18 @@ pub struct Touch {
     pub row: Row,
     /// The response at the end of the solve.
     pub response: Response,
-    /// The state at the start of a pass: the displacement (m), the tangent (N/m) and the force (N).
-    began: (Vec3, Mat3, Vec3),
+    pass: Pass,
+}
+
+/// The state of a contact in a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pass {
+    /// The displacement of the first foot against the second one at the start of the pass, and at its end (m).
+    start: Vec3,
+    end: Vec3,
+    /// The tangent (N/m) and the force (N) at the start.
+    tangent: Mat3,
+    force: Vec3,
 }
 
 impl Touch {
@@ -42,8 +52,18 @@ impl Touch {
             nodes,
             response: row.response(&Vec3::zeros()),
             row,
-            began: (Vec3::zeros(), Mat3::zeros(), Vec3::zeros()),
+            pass: Pass {
+                start: Vec3::zeros(),
+                end: Vec3::zeros(),
+                tangent: Mat3::zeros(),
+                force: Vec3::zeros(),
+            },
         }
+    }
+
+    /// The force on the first foot (N) at the end of the solve. The second one has the opposite force.
+    pub fn force(&self) -> Vec3 {
+        self.row.normal * self.response.normal + self.response.friction
     }
 
     /// The displacement of the first foot against the second one (m), for displacements `of` nodes.
@@ -94,18 +114,16 @@ pub fn solve<T: Precision>(
     for touch in &mut *touches {
         let ju = touch.difference(&|node| at(bodies, node, Equation::displacement));
         touch.response = touch.row.response(&ju);
-        touch.began.0 = ju;
-        let force = touch.row.normal * touch.response.normal + touch.response.friction;
-        load(bodies, touch, &force);
+        touch.pass.start = ju;
+        load(bodies, touch, &touch.force());
     }
     for update in 0..=updates {
         if update > 0 {
             for touch in &mut *touches {
+                let before = touch.force();
                 touch.row.carried = touch.response.normal;
-                let before = touch.row.normal * touch.response.normal + touch.response.friction;
-                touch.response = touch.row.response(&touch.began.0);
-                let after = touch.row.normal * touch.response.normal + touch.response.friction;
-                load(bodies, touch, &(after - before));
+                touch.response = touch.row.response(&touch.pass.start);
+                load(bodies, touch, &(touch.force() - before));
             }
         }
         for _ in 0..PASSES {
@@ -121,8 +139,9 @@ pub fn solve<T: Precision>(
     report.converged = room.is_solved(bodies);
     room.forces.clear();
     for touch in &*touches {
-        let force = touch.row.normal * touch.response.normal + touch.response.friction;
-        touch.add(&force, &mut |at, force| room.forces.push((at, force)));
+        touch.add(&touch.force(), &mut |at, force| {
+            room.forces.push((at, force))
+        });
     }
     let each = bodies.iter_mut().zip(room.left.iter().zip(&room.loads));
     for (number, (body, (left, load))) in each.enumerate() {
@@ -148,8 +167,7 @@ fn weigh<T: Precision>(
     room.loads.clear();
     room.loads.resize(bodies.len(), 0.0);
     for touch in touches {
-        let force = touch.row.normal * touch.response.normal + touch.response.friction;
-        touch.add(&force, &mut |at, force| {
+        touch.add(&touch.force(), &mut |at, force| {
             room.loads[at.body] = room.loads[at.body].hypot(force.norm());
         });
     }
@@ -164,9 +182,8 @@ fn pass<T: Precision>(
     out_of_time: &mut dyn FnMut() -> bool,
 ) {
     for touch in &mut *touches {
-        let response = &touch.response;
-        touch.began.1 = touch.row.tangent(response);
-        touch.began.2 = touch.row.normal * response.normal + response.friction;
+        touch.pass.tangent = touch.row.tangent(&touch.response);
+        touch.pass.force = touch.force();
     }
     bodies.iter_mut().flatten().for_each(Equation::mark);
     let sum = |left: &[f64]| left.iter().map(|left| left * left).sum::<f64>().sqrt();
@@ -184,8 +201,9 @@ fn pass<T: Precision>(
         room,
         &|of, add| {
             for touch in shared {
-                if touch.began.1 != Mat3::zeros() {
-                    touch.add(&(touch.began.1 * touch.difference(of)), add);
+                // A contact that is open adds nothing.
+                if touch.response.normal > 0.0 {
+                    touch.add(&(touch.pass.tangent * touch.difference(of)), add);
                 }
             }
         },
@@ -198,18 +216,21 @@ fn pass<T: Precision>(
         let [start, end] = body.along();
         linear = [linear[0] + start, linear[1] + end];
     }
-    let ends: Vec<Vec3> = touches
-        .iter()
-        .map(|touch| touch.difference(&|node| at(bodies, node, Equation::displacement)))
-        .collect();
+    for touch in &mut *touches {
+        touch.pass.end = touch.difference(&|node| at(bodies, node, Equation::displacement));
+    }
     let along = |a: f64| {
         let mut sum = (1.0 - a) * linear[0] + a * linear[1];
-        for (touch, end) in touches.iter().zip(&ends) {
-            let (start, tangent, force) = &touch.began;
-            let by = end - start;
-            let held = touch.row.friction * touch.response.normal;
-            let found = touch.row.force_with(&(start + by * a), held);
-            sum += (found - (force - tangent * by * a)).dot(&by);
+        for Touch {
+            row,
+            response,
+            pass,
+            ..
+        } in &*touches
+        {
+            let by = pass.end - pass.start;
+            let found = row.force_with(&(pass.start + by * a), row.friction * response.normal);
+            sum += (found - (pass.force - pass.tangent * by * a)).dot(&by);
         }
         sum
     };
@@ -221,18 +242,16 @@ fn pass<T: Precision>(
         1.0
     };
     if fraction < 1.0 {
-        bodies
-            .iter_mut()
-            .flatten()
-            .for_each(|body| body.back(fraction));
+        for body in bodies.iter_mut().flatten() {
+            body.back(fraction);
+        }
     }
-    for (touch, end) in touches.iter_mut().zip(&ends) {
-        let (start, tangent, force) = touch.began;
-        let by = (end - start) * fraction;
-        touch.began.0 = start + by;
-        touch.response = touch.row.response(&touch.began.0);
-        let found = touch.row.normal * touch.response.normal + touch.response.friction;
-        load(bodies, touch, &(found - (force - tangent * by)));
+    for touch in touches {
+        let by = (touch.pass.end - touch.pass.start) * fraction;
+        let linear = touch.pass.force - touch.pass.tangent * by;
+        touch.pass.start += by;
+        touch.response = touch.row.response(&touch.pass.start);
+        load(bodies, touch, &(touch.force() - linear));
     }
 }
 
@@ -240,10 +259,10 @@ fn pass<T: Precision>(
 fn zero(start: f64, end: f64, along: &dyn Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = ((0.0, start), (1.0, end));
     for _ in 0..EVALUATIONS {
-        let guess = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
-        // Away from the ends, where the function may be flat.
-        let (a, width) = (guess, high.0 - low.0);
-        let a = a.clamp(low.0 + 0.1 * width, high.0 - 0.1 * width);
+        let width = high.0 - low.0;
+        let guess = low.0 + width * low.1 / (low.1 - high.1);
+        // The function may be flat at one end, from which false position would not come away.
+        let a = guess.clamp(low.0 + 0.1 * width, high.0 - 0.1 * width);
         let value = along(a);
         if value.abs() <= OVERSHOT * start {
             return a;
@@ -254,5 +273,5 @@ fn zero(start: f64, end: f64, along: &dyn Fn(f64) -> f64) -> f64 {
             high = (a, value);
         }
     }
-    low.0.max(0.5 * (low.0 + high.0))
+    0.5 * (low.0 + high.0)
 }

@@ -24,13 +24,57 @@ struct Carried {
     friction: Vec3,
 }
 
+/// An obstacle, and the friction on it.
+struct Law {
+    obstacle: fn(&Vec3) -> Nearest,
+    friction: f64,
+}
+
+impl Law {
+    /// The contact of a vertex that the guess of the step moves by `u` (m), if it comes near, and whether it hits the
+    /// obstacle.
+    fn touch(&self, body: &Body, node: u32, last: &Carried, u: &Vec3) -> Option<(Touch, bool)> {
+        let at = node as usize;
+        let (x, v) = (body.node_positions()[at], body.node_velocities()[at]);
+        let near = (self.obstacle)(&(x + u));
+        if near.distance > THETA + 1.3 * u.norm() + 0.1 * THETA {
+            return None;
+        }
+        let opening = v.dot(&near.normal);
+        let stiffness = Stiffness {
+            mass: body.node_masses()[at],
+            step: H,
+            thickness: THETA,
+            approach: -opening,
+            force: last.forces[0].max(last.forces[1]),
+            friction: self.friction,
+        };
+        // The friction force keeps its size, and turns with the surface.
+        let across = last.friction - near.normal * near.normal.dot(&last.friction);
+        let turned = across * (last.friction.norm() / across.norm().max(f64::MIN_POSITIVE));
+        let row = Row {
+            normal: near.normal,
+            gap: near.distance - THETA - near.normal.dot(u),
+            motion: Vec3::zeros(),
+            friction: self.friction,
+            normal_stiffness: stiffness.normal(),
+            friction_stiffness: stiffness.friction(f64::INFINITY),
+            carried: carried(last.forces, opening, H, stiffness.depth()),
+            anchored: turned,
+        };
+        let is_impact = last.forces[0] == 0.0 && -opening * H > stiffness.depth();
+        let of = |weight: f64| (At { body: 0, node }, weight);
+        let nodes = [of(1.0), of(0.0), of(0.0), of(0.0)];
+        Some((Touch::new(nodes, row), is_impact))
+    }
+}
+
 /// A body and an obstacle.
 struct Scene {
     body: Body,
     stepper: Stepper<f64>,
     room: Workspace,
-    obstacle: fn(&Vec3) -> Nearest,
-    friction: f64,
+    law: Law,
     carried: Vec<Carried>,
     /// The contacts of the last step.
     touches: Vec<Touch>,
@@ -50,8 +94,7 @@ impl Scene {
             body,
             stepper,
             room: Workspace::default(),
-            obstacle,
-            friction,
+            law: Law { obstacle, friction },
             touches: Vec::new(),
         }
     }
@@ -74,61 +117,23 @@ impl Scene {
         Self::new(body, |x| Shape::Plane.nearest(x), 0.5)
     }
 
-    /// The contact of a vertex that the guess of the step moves by `u` (m), if it comes near.
-    fn touch(&self, node: usize, u: &Vec3) -> Option<(Touch, bool)> {
-        let (x, v) = (
-            self.body.node_positions()[node],
-            self.body.node_velocities()[node],
-        );
-        let near = (self.obstacle)(&(x + u));
-        if near.distance > THETA + 1.3 * u.norm() + 0.1 * THETA {
-            return None;
-        }
-        let last = self.carried[node];
-        let opening = v.dot(&near.normal);
-        let stiffness = Stiffness {
-            mass: self.body.node_masses()[node],
-            step: H,
-            thickness: THETA,
-            approach: -opening,
-            force: last.forces[0].max(last.forces[1]),
-            friction: self.friction,
-        };
-        // The friction force keeps its size, and turns with the surface.
-        let across = last.friction - near.normal * near.normal.dot(&last.friction);
-        let turned = across * (last.friction.norm() / across.norm().max(f64::MIN_POSITIVE));
-        let row = Row {
-            normal: near.normal,
-            gap: near.distance - THETA - near.normal.dot(u),
-            motion: Vec3::zeros(),
-            friction: self.friction,
-            normal_stiffness: stiffness.normal(),
-            friction_stiffness: stiffness.friction(f64::INFINITY),
-            carried: carried(last.forces, opening, H, stiffness.depth()),
-            anchored: turned,
-        };
-        let is_impact = last.forces[0] == 0.0 && -opening * H > stiffness.depth();
-        let at = |weight: f64| {
-            let body = 0;
-            let node = node as u32;
-            (At { body, node }, weight)
-        };
-        let nodes = [at(1.0), at(0.0), at(0.0), at(0.0)];
-        Some((Touch::new(nodes, row), is_impact))
-    }
-
-    fn step(&mut self, hands: &[HandlePose]) -> TouchReport {
+    /// Makes a step. Returns the work of the solver, and the part of the step that the guard on the energy held back.
+    fn step(&mut self, hands: &[HandlePose]) -> (TouchReport, f64) {
         self.stepper.predict(&self.body, H).unwrap();
         self.stepper.constrain(&mut self.body, hands).unwrap();
-        let mut stepper = core::mem::replace(
-            &mut self.stepper,
-            Stepper::new(&self.body, StepperOptions::default()).unwrap(),
-        );
-        let mut lent = [stepper.equation().unwrap()];
-        let guess = |node: usize| lent[0].as_ref().map(|body| body.displacement(node as u32));
-        let near = (0..self.carried.len()).filter_map(|node| self.touch(node, &guess(node)?));
-        let (mut touches, impacts): (Vec<Touch>, Vec<bool>) = near.unzip();
-        let updates = 1 + usize::from(impacts.contains(&true));
+        let mut lent = [self.stepper.equation().unwrap()];
+        let mut touches = Vec::new();
+        let mut updates = 1;
+        for (node, last) in (0..).zip(&self.carried) {
+            let guess = lent[0].as_ref().unwrap().displacement(node);
+            let Some((touch, is_impact)) = self.law.touch(&self.body, node, last, &guess) else {
+                continue;
+            };
+            if is_impact {
+                updates = 2;
+            }
+            touches.push(touch);
+        }
         let report = touching::solve(
             &mut lent,
             &mut touches,
@@ -136,9 +141,7 @@ impl Scene {
             &mut self.room,
             &mut || false,
         );
-        self.stepper = stepper;
         let done = self.stepper.finish(&mut self.body, || false).unwrap();
-        assert_eq!(done.held_back, 0.0, "{done:?}");
         let mut next = vec![Carried::default(); self.carried.len()];
         for touch in &touches {
             let node = touch.nodes[0].0.node as usize;
@@ -148,7 +151,7 @@ impl Scene {
             };
         }
         (self.carried, self.touches) = (next, touches);
-        report
+        (report, done.held_back)
     }
 
     /// The mean of a coordinate (m).
@@ -164,7 +167,8 @@ fn a_dropped_sheet_comes_to_rest_without_penetration() {
     let weight = scene.body.node_masses().iter().sum::<f64>() * 9.81;
     let (mut deepest, mut rebound) = (0.0_f64, 0.0_f64);
     for step in 0..100 {
-        let report = scene.step(&[]);
+        let (report, held_back) = scene.step(&[]);
+        assert_eq!(held_back, 0.0);
         let gaps = scene.body.node_positions().iter().map(|x| x.z - THETA);
         let [low, high] = [f64::min, f64::max].map(|of| gaps.clone().reduce(of).unwrap());
         deepest = deepest.min(low);
@@ -199,7 +203,7 @@ fn a_sheet_on_an_incline_sticks_below_the_cone_and_slides_above() {
         let mut places = vec![scene.mean(0)];
         let mut iterations = 0;
         for _ in 0..250 {
-            iterations += scene.step(&[]).iterations;
+            iterations += scene.step(&[]).0.iterations;
             places.push(scene.mean(0));
         }
         let speed = |step: usize| (places[step] - places[step - 1]) / H;
@@ -275,7 +279,10 @@ fn the_forces_of_a_belt_over_a_cylinder_are_those_of_eytelwein() {
         let run = 0.04 * H * f64::from(step.saturating_sub(50));
         let hands = [run - stretch, -run - stretch];
         let hands = [0, 1].map(|i| HandlePose::at(at(ends[i]) + Vec3::z() * hands[i]));
-        let report = scene.step(&hands);
+        if step % 10 == 0 {
+            scene.stepper.prepare(&scene.body, H).unwrap();
+        }
+        let (report, _) = scene.step(&hands);
         if step >= 100 {
             let force = |handle| {
                 scene
@@ -293,6 +300,5 @@ fn the_forces_of_a_belt_over_a_cylinder_are_those_of_eytelwein() {
     // A vertex follows the one before it after 18 steps: the mean over ten of them.
     let mean = ratios[..180].iter().sum::<f64>() / 180.0;
     let exact = (0.3 * PI).exp();
-    println!("{mean} {exact} {passes}");
     assert!((mean / exact - 1.0).abs() < 5e-3, "{mean} {exact}");
 }
