@@ -8,6 +8,7 @@
 //!
 //! - [`condense`]: the condensation of a body onto its handles.
 //! - [`motion`]: steps and equilibria of a body.
+//! - [`contact`]: which surfaces may touch, and the law of a contact.
 //! - [`body`]: a deformable body with handles and supports.
 //! - [`element`]: sets of elements, in exact form and in a form for vector instructions.
 //! - [`tear`]: when and where a sheet tears, and how it lets go.

@@ -75,13 +75,16 @@ impl Start {
     }
 }
 
+/// Calls its argument for each pair.
+pub type Each<'a> = dyn Fn(&mut dyn FnMut(Pair)) + 'a;
+
 /// Scales the displacements `u` (m) from the positions `x` (m) by `fractions` of vertices such that no pair crosses. `each`
 /// gives the pairs; `is_free` tells whether a vertex may be stopped. The fractions are all one if every certificate holds.
 pub fn truncate(
     surfaces: &Surfaces,
     x: &[Vec3],
     u: &[Vec3],
-    each: &dyn Fn(&mut dyn FnMut(Pair)),
+    each: &Each<'_>,
     is_free: &dyn Fn(u32) -> bool,
     fractions: &mut [f64],
 ) -> Truncation {

@@ -70,7 +70,7 @@ impl Drift {
     pub(super) fn between(&self, hierarchy: &Hierarchy, [a, b]: [usize; 2]) -> f64 {
         let clusters = hierarchy.clusters();
         let is_same_part = clusters[a].part == clusters[b].part;
-        let common = if is_same_part { 0 } else { 1 };
+        let common = usize::from(!is_same_part);
         let sums = (common..MOTIONS).map(|k| self.departures[a][k] + self.departures[b][k]);
         sums.fold(f64::INFINITY, f64::min)
     }

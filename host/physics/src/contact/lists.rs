@@ -103,7 +103,7 @@ pub struct Counts {
 pub struct Lists {
     hierarchy: Hierarchy,
     drift: Drift,
-    lists: Vec<List>,
+    kept: Vec<List>,
     most: usize,
     by_clusters: HashMap<[usize; 2], usize>,
     /// Positions at the searches, `stride` for each list.
@@ -151,7 +151,7 @@ impl Lists {
         let thickness = (2.0 * radius).clamp(0.05 * edge, 0.5 * edge);
         let entries = ENTRIES_PER_ELEMENT * elements;
         Self {
-            lists: Vec::with_capacity(most),
+            kept: Vec::with_capacity(most),
             most,
             by_clusters: HashMap::with_capacity(most),
             positions: vec![Vec3::zeros(); stride * most],
@@ -257,14 +257,14 @@ impl Lists {
         if let Some(list) = self.by_clusters.get(&clusters) {
             return Some(*list);
         }
-        if self.lists.len() == self.most {
+        if self.kept.len() == self.most {
             self.forget();
         }
-        if self.lists.len() == self.most {
+        if self.kept.len() == self.most {
             return None;
         }
-        self.by_clusters.insert(clusters, self.lists.len());
-        self.lists.push(List {
+        self.by_clusters.insert(clusters, self.kept.len());
+        self.kept.push(List {
             clusters,
             radius: f64::NEG_INFINITY,
             margin: self.margins[0] * 2.0,
@@ -279,25 +279,25 @@ impl Lists {
             history: 0,
             is_searching: false,
         });
-        Some(self.lists.len() - 1)
+        Some(self.kept.len() - 1)
     }
 
     /// Forgets the lists that the step does not use. Called if there is no room for a further list.
     fn forget(&mut self) {
         let mut kept = 0;
-        for number in 0..self.lists.len() {
-            if self.lists[number].step != self.step {
+        for number in 0..self.kept.len() {
+            if self.kept[number].step != self.step {
                 continue;
             }
-            self.lists.swap(kept, number);
+            self.kept.swap(kept, number);
             let from = number * self.stride;
             self.positions
                 .copy_within(from..from + self.stride, kept * self.stride);
             kept += 1;
         }
-        self.lists.truncate(kept);
+        self.kept.truncate(kept);
         self.by_clusters.clear();
-        for (number, list) in self.lists.iter().enumerate() {
+        for (number, list) in self.kept.iter().enumerate() {
             self.by_clusters.insert(list.clusters, number);
         }
         for near in &mut self.near {
@@ -308,7 +308,7 @@ impl Lists {
 
     /// Has a list hold all pairs nearer than `need` (m).
     fn keep(&mut self, surfaces: &Surfaces, x: &[Vec3], number: usize, need: f64) {
-        let list = &mut self.lists[number];
+        let list = &mut self.kept[number];
         let is_new_step = list.step != self.step;
         let is_searched = list.radius >= 0.0;
         if is_searched && is_new_step {
@@ -321,7 +321,7 @@ impl Lists {
                 self.measure(x, number);
             }
         }
-        let list = &mut self.lists[number];
+        let list = &mut self.kept[number];
         list.step = self.step;
         if is_new_step {
             list.history <<= 1;
@@ -329,17 +329,17 @@ impl Lists {
         if !is_searched || need + list.moved + list.drifted > list.radius {
             self.search(surfaces, x, number, need);
         }
-        let list = &self.lists[number];
+        let list = &self.kept[number];
         let nearest = (need + list.moved + list.drifted) as f32;
         let entries = &self.entries[list.entries.clone()];
         let checked = entries.partition_point(|entry| entry.distance <= nearest.next_up());
         self.counts.checked += checked;
-        self.lists[number].checked += checked;
+        self.kept[number].checked += checked;
     }
 
     /// Measures how far the clusters of a list have departed from a rigid motion since the search.
     fn measure(&mut self, x: &[Vec3], number: usize) {
-        let list = &mut self.lists[number];
+        let list = &mut self.kept[number];
         let [a, b] = list.clusters;
         let (first, second) = (self.hierarchy.members(a), self.hierarchy.members(b));
         let second = if a == b { &[] } else { second };
@@ -359,7 +359,7 @@ impl Lists {
     /// Searches the clusters of a list.
     fn search(&mut self, surfaces: &Surfaces, x: &[Vec3], number: usize, need: f64) {
         let [least, most] = self.margins;
-        let list = &mut self.lists[number];
+        let list = &mut self.kept[number];
         let is_costly = list.relisted > list.checked;
         let factor = if is_costly { 2.0 } else { 0.5 };
         list.margin = (list.margin * factor).clamp(least, most);
@@ -404,15 +404,15 @@ impl Lists {
             *to = x[*vertex as usize];
         }
         if is_lost || !self.store(number) {
-            self.lists[number].radius = f64::NEG_INFINITY;
-            self.lists[number].entries = 0..0;
+            self.kept[number].radius = f64::NEG_INFINITY;
+            self.kept[number].entries = 0..0;
         }
     }
 
     /// Stores the pairs that a search has found. Returns whether there is room.
     fn store(&mut self, number: usize) -> bool {
         let length = self.scratch.len();
-        let list = &mut self.lists[number];
+        let list = &mut self.kept[number];
         if length > list.room {
             // Some room to grow, so that the next search need not move the list.
             let room = length + length / 4;
@@ -423,11 +423,11 @@ impl Lists {
             if self.entries.len() + room > self.most_entries {
                 return false;
             }
-            let list = &mut self.lists[number];
+            let list = &mut self.kept[number];
             (list.entries.start, list.room) = (self.entries.len(), room);
             self.entries.resize(self.entries.len() + room, Entry::NONE);
         }
-        let list = &mut self.lists[number];
+        let list = &mut self.kept[number];
         list.entries.end = list.entries.start + length;
         self.entries[list.entries.clone()].copy_from_slice(&self.scratch);
         true
@@ -435,20 +435,20 @@ impl Lists {
 
     /// Moves the stored lists together, without those that the step does not use.
     fn gather(&mut self) {
-        for list in &mut self.lists {
+        for list in &mut self.kept {
             if list.step != self.step {
                 (list.entries, list.room) = (0..0, 0);
                 list.radius = f64::NEG_INFINITY;
             }
         }
         self.order.clear();
-        self.order.extend(0..self.lists.len());
-        let lists = &self.lists;
+        self.order.extend(0..self.kept.len());
+        let lists = &self.kept;
         self.order
             .sort_unstable_by_key(|number| lists[*number].entries.start);
         let mut end = 0;
         for number in &self.order {
-            let list = &mut self.lists[*number];
+            let list = &mut self.kept[*number];
             let length = list.entries.len();
             self.entries.copy_within(list.entries.clone(), end);
             (list.entries, list.room) = (end..end + length, length);
@@ -461,7 +461,7 @@ impl Lists {
     /// `x` are the positions of the last [`follow`](Self::follow) (m).
     pub fn each(&self, surfaces: &Surfaces, x: &[Vec3], found: &mut dyn FnMut(Pair)) {
         for near in &self.near {
-            let list = near.list.map(|number| &self.lists[number]);
+            let list = near.list.map(|number| &self.kept[number]);
             if let Some(list) = list.filter(|list| list.radius >= 0.0) {
                 let entries = &self.entries[list.entries.clone()];
                 let nearest = ((near.need + list.moved + list.drifted) as f32).next_up();

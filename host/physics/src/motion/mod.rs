@@ -4,7 +4,7 @@
 //! - [`refresh`]: a new factor, made in parallel with the steps.
 //! - `sleep`: bodies at rest, which are not stepped.
 //! - [`constraint`]: laws over the differences of nodes, in the equation of a step.
-//! - [`joined`]: bodies that are joined, solved together.
+//! - [`joined`]: bodies that are joined, solved together. [`touching`]: the same with contacts.
 //! - [`tearing`]: the tears of a sheet, after each step.
 //! - `step`: the same step with an assembled matrix.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.

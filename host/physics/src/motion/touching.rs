@@ -140,7 +140,7 @@ pub fn solve<T: Precision>(
     room.forces.clear();
     for touch in &*touches {
         touch.add(&touch.force(), &mut |at, force| {
-            room.forces.push((at, force))
+            room.forces.push((at, force));
         });
     }
     let each = bodies.iter_mut().zip(room.left.iter().zip(&room.loads));

@@ -211,7 +211,7 @@ fn a_body_without_an_equation_is_felt_as_held() {
     let speed = free
         .node_velocities()
         .iter()
-        .map(|v| v.norm())
+        .map(Vec3::norm)
         .fold(0.0, f64::max);
     assert!(speed < 1e-6, "{speed}");
     assert!(
