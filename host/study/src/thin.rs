@@ -2,7 +2,7 @@
 
 /// The smallest and the largest of the values of several ticks of `period` (s), in their order in time: no peak is lost. At
 /// most about `points` points.
-pub fn thin(period: f64, values: &[f64], points: usize) -> Vec<(f64, f64)> {
+pub(crate) fn thin(period: f64, values: &[f64], points: usize) -> Vec<(f64, f64)> {
     let every = (2 * values.len()).div_ceil(points).max(1);
     let mut kept = Vec::new();
     for (number, chunk) in values.chunks(every).enumerate() {

@@ -40,9 +40,9 @@ const CUT: f64 = 1e-5;
 /// higher differences.
 const AFTER_UNFINISHED: usize = 2;
 
-/// A fit with a larger weight is no trend: a body that had come to rest has begun to move, and the velocities before are
-/// the remainder of its rest.
-const MOST: f64 = 1e8;
+/// A fit with a larger weight is no trend, because the rounding error of the guess would exceed the motion: a body that had
+/// come to rest has begun to move, and the velocities before are the remainder of its rest.
+const MOST: f64 = 1.0 / f64::EPSILON;
 
 /// The largest weight for a sheet that tears. The jumps of a tear would alternate with larger weights from step to step.
 const MOST_TORN: f64 = 1.5;
