@@ -9,8 +9,8 @@
 //!
 //! The wrist's spring pulls back to the orientation at the start, which remains the aim of the hand. Its potential
 //! `4 k (1 - q_0)` is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees,
-//! 5 % below at 63 degrees. The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let `q_1
-//! - q_0 = h u q_m / 2` with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly
+//! 5 % below at 63 degrees. The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let
+//! `q_1 - q_0 = h u q_m / 2` with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly
 //! `2 k q_m,v . u h`, the work of the mean moment. This [`MechanicalEnergy`] therefore closes up to rounding at any
 //! step, as that of the translation does.
 //!
