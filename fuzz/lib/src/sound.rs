@@ -24,8 +24,7 @@ pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     use host::live::gather::Gatherer;
     use host::log::overview::OverviewBuilder;
     use host::log::{LogHeader, LogWriter};
-    use host::record::BodyFrame;
-    use host::record::Surface;
+    use host::record::{BodyFrame, Cloud, Group, Surface};
     use host::run::Clock;
     use host::scene::Scene;
     use rt_core::Telemetry;
@@ -45,19 +44,19 @@ pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     };
     let mut overview = OverviewBuilder::new(Gatherer::new(&loaded, Clock::Real));
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header)?;
-    writer.add_bodies(["thread"])?;
+    writer.add(Group::Frames, 0, "thread")?;
     for tick in 0..7_u64 {
         let time_ns = tick * 1_000_000;
         if tick.is_multiple_of(2) {
             let epoch = u32::from(tick >= 4);
-            let frame = BodyFrame {
+            let mut frame = BodyFrame {
                 body: 0,
                 step: tick,
                 time_ns,
                 epoch,
             };
             if tick.is_multiple_of(4) {
-                let surface = Surface {
+                let mut surface = Surface {
                     epoch,
                     vertices: 3,
                     line_count: 2,
@@ -65,9 +64,14 @@ pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
                     lines: vec![0, 1, 1, 2],
                     ..Surface::default()
                 };
-                writer.write_surface(&surface, time_ns)?;
+                writer.write_record(surface.stamp(time_ns), &mut surface)?;
             }
-            writer.write_frame(&frame, &[0.25; 9])?;
+            let mut cloud = Cloud {
+                time_ns,
+                positions: vec![0.25; 9],
+            };
+            writer.write_record(frame.stamp(), &mut frame)?;
+            writer.write_record(frame.stamp(), &mut cloud)?;
         }
         let mut telemetry = Telemetry::empty();
         (telemetry.tick, telemetry.time_ns, telemetry.lateness_ns) = (tick, time_ns, 10 * tick);

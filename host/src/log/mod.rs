@@ -8,11 +8,11 @@
 //! - The metadata record `palpate` identifies the run, and each record `palpate.device` has the limits of a device as it
 //!   was driven. The attachment `scene.toml` is the scene, and the other attachments are the files that the scene names.
 //!   A replay needs only the raw readings, the models, the limits and the scene.
-//! - With [`LogWriter::add_bodies`], the log also holds frames of the bodies: on the channel `/bodies/NAME` the deformed
+//! - With the channels of [`Group::Frames`], the log also holds frames of the bodies: on the channel `/bodies/NAME` the deformed
 //!   vertices as a point cloud (`sensor_msgs/msg/PointCloud2`), on `/bodies/NAME/frame` the step and the topology epoch
 //!   of each cloud (`palpate_msgs/msg/BodyFrame`), and on `/bodies/NAME/surface` the surface of each topology epoch
 //!   (`palpate_msgs/msg/Surface`). The time of a frame is the due time of its step. Replays skip these channels.
-//! - With [`LogWriter::add_tears`], the log of a scene with sheets that tear holds every edit of a sheet on the channel
+//! - With the channels of [`Group::Tears`], the log of a scene with sheets that tear holds every edit of a sheet on the channel
 //!   `/bodies/NAME/tears` (`palpate_msgs/msg/Tear`). The time of a message is the due time of the step.
 //! - The attachment `palpate.overview` at the end summarizes the run ([`overview`]), so that a player opens the log
 //!   by its index ([`index`]). It is not a file of the scene.
@@ -35,10 +35,9 @@ use std::io::{self, BufWriter, Seek, Write};
 use mcap::records::MessageHeader;
 use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
-use rt_core::{Capabilities, LocalModel, Telemetry};
+use rt_core::{Capabilities, Telemetry};
 
-use crate::record::cdr::encode;
-use crate::record::{BodyFrame, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud};
+use crate::record::{Group, Kind, Stamp, TickRow};
 
 pub(crate) use file::LogFile;
 use overview::Overview;
@@ -135,9 +134,8 @@ pub enum LogError {
 /// ```
 pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
-    /// The channels by the type of their messages and by body.
-    channels: BTreeMap<(&'static str, usize), u16>,
-    models: u32,
+    /// The channels by the type of their messages and by body, each with the count of its messages.
+    channels: BTreeMap<(&'static str, usize), (u16, u32)>,
     /// The present message. The buffer is kept for its capacity.
     message: Vec<u8>,
     /// The name of the log in errors.
@@ -169,114 +167,60 @@ impl<W: Write + Seek> LogWriter<W> {
             Ok(writer) => Self {
                 writer,
                 channels: BTreeMap::new(),
-                models: 0,
                 message: Vec::new(),
                 name,
             },
             Err(error) => return Err(write_error(&name, error)),
         };
-        log.add::<TickRow>(0, "")?;
-        log.add::<ModelRow>(0, "")?;
+        log.add(Group::Run, 0, "")?;
         Ok(log)
     }
 
-    /// Gives the log a channel of this kind for the body of this index and name. A channel of the run has index zero.
-    fn add<K: Kind>(&mut self, body: usize, name: &str) -> Result<(), LogError> {
-        let channel = K::channel(name);
+    /// Gives the log the channels of the kinds of a group for the body of this index and name. The caller does so before
+    /// the first tick. Channels of the run have the index zero.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn add(&mut self, group: Group, body: usize, name: &str) -> Result<(), LogError> {
         // The ROS 2 profile requires this key. An empty value means the defaults.
         let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-        let definition = channel.schema_text.as_bytes();
-        let writer = &mut self.writer;
-        let id = writer
-            .add_schema(channel.schema_name, channel.schema_encoding, definition)
-            .and_then(|schema| writer.add_channel(schema, &channel.topic, channel.encoding, &qos))
-            .map_err(|error| write_error(&self.name, error))?;
-        self.channels.insert((K::SCHEMA_NAME, body), id);
+        for channel in group.channels(name) {
+            let definition = channel.schema_text.as_bytes();
+            let writer = &mut self.writer;
+            let id = writer
+                .add_schema(channel.schema_name, channel.schema_encoding, definition)
+                .and_then(|schema| {
+                    writer.add_channel(schema, &channel.topic, channel.encoding, &qos)
+                })
+                .map_err(|error| write_error(&self.name, error))?;
+            self.channels.insert((channel.schema_name, body), (id, 0));
+        }
         Ok(())
     }
 
-    /// Adds a message of this kind for the body of this index. A body without a channel is ignored.
-    fn put<K: Kind>(
-        &mut self,
-        body: usize,
-        (sequence, time_ns): (u32, u64),
-        encode: impl FnOnce(&mut Vec<u8>),
-    ) -> Result<(), LogError> {
-        let Some(&channel_id) = self.channels.get(&(K::SCHEMA_NAME, body)) else {
+    /// Adds a record. A record of a body without a channel is ignored.
+    ///
+    /// The caller writes a model before the first tick that uses it, and a surface before the first frame of its topology
+    /// epoch.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn write_record<K: Kind>(&mut self, stamp: Stamp, record: &mut K) -> Result<(), LogError> {
+        let place = (K::SCHEMA_NAME, stamp.body);
+        let Some((channel_id, count)) = self.channels.get_mut(&place) else {
             return Ok(());
         };
-        encode(&mut self.message);
+        record.encode(&mut self.message);
         let header = MessageHeader {
-            channel_id,
-            sequence,
-            log_time: time_ns,
-            publish_time: time_ns,
+            channel_id: *channel_id,
+            sequence: stamp.number.unwrap_or(*count),
+            log_time: stamp.time_ns,
+            publish_time: stamp.time_ns,
         };
+        *count = count.wrapping_add(1);
         self.writer
             .write_to_known_channel(&header, &self.message)
             .map_err(|error| write_error(&self.name, error))
-    }
-
-    /// Gives the log channels for frames of the bodies of these names. The caller does so before the first tick.
-    ///
-    /// # Errors
-    /// If the writer fails.
-    pub fn add_bodies<'a>(
-        &mut self,
-        names: impl IntoIterator<Item = &'a str>,
-    ) -> Result<(), LogError> {
-        for (body, name) in names.into_iter().enumerate() {
-            self.add::<Cloud>(body, name)?;
-            self.add::<BodyFrame>(body, name)?;
-            self.add::<Surface>(body, name)?;
-        }
-        Ok(())
-    }
-
-    /// Gives the log channels for the tears of bodies: by body, its name if it tears. The caller does so before the first
-    /// tick.
-    ///
-    /// # Errors
-    /// If the writer fails.
-    pub fn add_tears<'a>(
-        &mut self,
-        names: impl IntoIterator<Item = Option<&'a str>>,
-    ) -> Result<(), LogError> {
-        for (body, name) in names.into_iter().enumerate() {
-            if let Some(name) = name {
-                self.add::<TearEvent>(body, name)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Adds an edit by which a body tore. A body without a channel is ignored.
-    ///
-    /// # Errors
-    /// If the writer fails.
-    pub fn write_tear(&mut self, event: &TearEvent) -> Result<(), LogError> {
-        let stamp = (event.number, event.time_ns);
-        self.put::<TearEvent>(event.body as usize, stamp, |m| encode(*event, m))
-    }
-
-    /// Adds a frame of a body: `positions` (m), three numbers a vertex. A body without channels is ignored.
-    ///
-    /// # Errors
-    /// If the writer fails.
-    pub fn write_frame(&mut self, frame: &BodyFrame, positions: &[f32]) -> Result<(), LogError> {
-        let (body, stamp) = (frame.body as usize, (frame.step as u32, frame.time_ns));
-        self.put::<BodyFrame>(body, stamp, |m| encode(*frame, m))?;
-        self.put::<Cloud>(body, stamp, |m| cloud::encode(frame.time_ns, positions, m))
-    }
-
-    /// Adds the surface of a body. The caller writes it before the first frame of its topology epoch. `time_ns` is the
-    /// time of that frame. A body without channels is ignored.
-    ///
-    /// # Errors
-    /// If the writer fails.
-    pub fn write_surface(&mut self, surface: &Surface, time_ns: u64) -> Result<(), LogError> {
-        let stamp = (surface.epoch, time_ns);
-        self.put::<Surface>(surface.body as usize, stamp, |m| encode(surface.clone(), m))
     }
 
     /// Adds a tick.
@@ -284,19 +228,8 @@ impl<W: Write + Seek> LogWriter<W> {
     /// # Errors
     /// If the writer fails.
     pub fn write(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
-        // The number wraps after 49 days of ticks.
-        let stamp = (telemetry.tick as u32, telemetry.time_ns);
-        self.put::<TickRow>(0, stamp, |m| encode(TickRow::from(telemetry), m))
-    }
-
-    /// Adds a model of the body of index `body`. The caller writes it before the first tick that uses it.
-    ///
-    /// # Errors
-    /// If the writer fails.
-    pub fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
-        let stamp = (self.models, model.head.time_ns);
-        self.models = self.models.wrapping_add(1);
-        self.put::<ModelRow>(0, stamp, |m| encode(ModelRow::new(body, model), m))
+        let mut row = TickRow::from(telemetry);
+        self.write_record(row.stamp(), &mut row)
     }
 
     /// Hands all ticks so far to the system, so that they survive this process. Each call ends a chunk of the

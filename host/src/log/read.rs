@@ -61,9 +61,9 @@ impl Log {
         };
         for number in 0..from.chunk_count() {
             let chunk = from.read_chunk(number)?;
-            log.rows.extend(chunk.ticks);
-            log.models.extend(chunk.models);
-            log.tears.extend(chunk.tears);
+            log.rows.extend_from_slice(chunk.records());
+            log.models.extend_from_slice(chunk.records());
+            log.tears.extend_from_slice(chunk.records());
         }
         Ok(log)
     }

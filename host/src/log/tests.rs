@@ -12,7 +12,7 @@ use rt_core::{
 use super::index::IndexError;
 use super::{Log, LogError, LogFile, LogHeader, LogWriter, read_log};
 use crate::record::cdr::decode;
-use crate::record::{BodyFrame, Kind, ModelRow, Surface, TearEvent, TickRow, message};
+use crate::record::{BodyFrame, Kind, ModelRow, Surface, TearEvent, TickRow};
 
 /// The limits of a device that is driven with this force at most (N).
 fn limits(freedom: Freedom, max_force: f64) -> Capabilities {
@@ -146,8 +146,9 @@ pub(super) fn log(ticks: u64) -> Vec<u8> {
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
     for tick in 0..ticks {
         if tick % 16 == 0 {
-            let model = model(1 + tick / 16, tick % 32 == 0);
-            writer.write_model(0, &model).expect("in memory");
+            let mut row = ModelRow::new(0, &model(1 + tick / 16, tick % 32 == 0));
+            let written = writer.write_record(row.stamp(), &mut row);
+            written.expect("in memory");
         }
         writer.write(&telemetry(tick)).expect("in memory");
         if tick % 50 == 49 {
@@ -230,7 +231,9 @@ fn a_model_is_read_back_as_published_and_takes_room_for_its_used_blocks_only() {
     negative_zero.damping[1][0][(4, 4)] = -0.0;
     let models = vec![model(1, false), model(2, true), negative_zero, torn(4)];
     for (body, model) in (0..).zip(&models) {
-        writer.write_model(body, model).expect("in memory");
+        let mut row = ModelRow::new(body, model);
+        let written = writer.write_record(row.stamp(), &mut row);
+        written.expect("in memory");
     }
     let bytes = writer.finish().expect("in memory").into_inner();
     let log = Log::parse(&bytes).expect("a log");
@@ -242,7 +245,7 @@ fn a_model_is_read_back_as_published_and_takes_room_for_its_used_blocks_only() {
     assert!(zero.is_sign_negative(), "equal numbers, but not equal bits");
     // Each of two handles has 31 numbers: pose 7, twist, wrench and drift 6, contact and weight 3. The matrices have
     // 2 x 36 or 2 x 144 numbers. The other fields and the padding have less than 120 bytes.
-    let length = |model: &LocalModel| message(ModelRow::new(0, model)).len();
+    let length = |model: &LocalModel| ModelRow::new(0, model).message().len();
     assert!(length(&models[0]) < 8 * (2 * 31 + 2 * 36) + 120);
     assert!(length(&models[1]) < 8 * (2 * 31 + 2 * 144) + 120);
 }
@@ -258,10 +261,10 @@ fn definitions_and_messages_are_those_of_earlier_versions() {
         Surface::definition(),
     ];
     let mut bytes = definitions.concat().into_bytes();
-    bytes.extend(message(TickRow::from(&telemetry(3))));
-    let whole = message(ModelRow::new(1, &model(2, true)));
+    bytes.extend(TickRow::from(&telemetry(3)).message());
+    let whole = ModelRow::new(1, &model(2, true)).message();
     bytes.extend(&whole);
-    bytes.extend(message(ModelRow::new(1, &torn(4))));
+    bytes.extend(ModelRow::new(1, &torn(4)).message());
     // FNV-1a.
     let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)

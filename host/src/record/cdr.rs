@@ -91,16 +91,9 @@ impl<'a> CdrReader<'a> {
 }
 
 /// Writes a record into `bytes`, in place of the former content.
-pub(crate) fn encode(mut record: impl Record, bytes: &mut Vec<u8>) {
+pub(crate) fn encode(record: &mut impl Record, bytes: &mut Vec<u8>) {
     // A writer takes every field.
     let _ = record.fields(&mut CdrWriter::begin(bytes));
-}
-
-/// The message of a record.
-pub fn message(record: impl Record) -> Vec<u8> {
-    let mut message = Vec::new();
-    encode(record, &mut message);
-    message
 }
 
 /// Reads a record back; `None` if the message is too short, holds an unknown code or contradicts itself.

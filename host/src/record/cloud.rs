@@ -5,14 +5,20 @@
 //! bytes differ is refused.
 
 use super::cdr::CdrWriter;
-use super::kind::Kind;
+use super::kind::{Group, Kind};
 
-/// The kind of these messages.
-#[derive(Debug)]
-pub struct Cloud;
+/// The deformed vertices of a body at one time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cloud {
+    /// Time at which the step was due (ns).
+    pub time_ns: u64,
+    /// Positions (m), three numbers a vertex.
+    pub positions: Vec<f32>,
+}
 
 impl Kind for Cloud {
     const SCHEMA_NAME: &'static str = "sensor_msgs/msg/PointCloud2";
+    const GROUP: Group = Group::Frames;
 
     fn topic(body: &str) -> String {
         format!("/bodies/{body}")
@@ -21,11 +27,24 @@ impl Kind for Cloud {
     fn definition() -> String {
         DEFINITION.to_owned()
     }
+
+    fn encode(&mut self, message: &mut Vec<u8>) {
+        encode(self.time_ns, &self.positions, message);
+    }
+
+    fn decode(time_ns: u64, message: &[u8]) -> Option<Self> {
+        let positions = decode(time_ns, message)?;
+        Some(Self { time_ns, positions })
+    }
+
+    fn size(&self) -> usize {
+        size_of_val(self.positions.as_slice())
+    }
 }
 
 impl Cloud {
     /// The message for the positions of a body (m), three numbers a vertex.
-    pub fn message(time_ns: u64, positions: &[f32]) -> Vec<u8> {
+    pub fn message_of(time_ns: u64, positions: &[f32]) -> Vec<u8> {
         let mut message = Vec::new();
         encode(time_ns, positions, &mut message);
         message
@@ -75,7 +94,7 @@ const POINT: usize = 12;
 const FLOAT32: u8 = 7;
 
 /// Writes a cloud into `bytes`, in place of the former content. `positions` has three numbers a vertex (m).
-pub(crate) fn encode(time_ns: u64, positions: &[f32], bytes: &mut Vec<u8>) {
+fn encode(time_ns: u64, positions: &[f32], bytes: &mut Vec<u8>) {
     let count = positions.len() / 3;
     begin(time_ns, count, bytes);
     for value in positions.iter().take(3 * count) {
@@ -107,7 +126,7 @@ fn begin(time_ns: u64, count: usize, bytes: &mut Vec<u8>) {
 }
 
 /// Reads the positions of a cloud of this time; `None` if the message has another layout or another time.
-pub(crate) fn decode(time_ns: u64, message: &[u8]) -> Option<Vec<f32>> {
+fn decode(time_ns: u64, message: &[u8]) -> Option<Vec<f32>> {
     let mut head = Vec::new();
     begin(time_ns, 0, &mut head);
     let count = message.len().checked_sub(head.len() + 1)? / POINT;

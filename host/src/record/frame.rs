@@ -1,7 +1,7 @@
 //! A frame of a body: its facts in addition to its point cloud ([`super::cloud`]).
 
-use super::field::{Record, Visitor, definition, fields, record};
-use super::kind::Kind;
+use super::field::{Record, Visitor, fields, record};
+use super::kind::{Stamp, kind};
 
 /// The facts of a frame of a body in addition to the positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,17 +16,18 @@ pub struct BodyFrame {
     pub epoch: u32,
 }
 
-impl Kind for BodyFrame {
-    const SCHEMA_NAME: &'static str = "palpate_msgs/msg/BodyFrame";
-
-    fn topic(body: &str) -> String {
-        format!("/bodies/{body}/frame")
-    }
-
-    fn definition() -> String {
-        definition::<Self>()
+impl BodyFrame {
+    /// The stamp of its message, and of the cloud of the same step.
+    pub fn stamp(&self) -> Stamp {
+        Stamp {
+            body: self.body as usize,
+            number: Some(self.step as u32),
+            time_ns: self.time_ns,
+        }
     }
 }
+
+kind! { BodyFrame: "palpate_msgs/msg/BodyFrame", Frames, |body| format!("/bodies/{body}/frame"); }
 
 record! { BodyFrame: Self::default();
     "# A frame of a body. The positions are in the point cloud of the same time on the channel /bodies/NAME.";

@@ -4,7 +4,8 @@
 //! it imports no other of its rooms.
 //!
 //! A kind of record is one file: its fields, its channel and the definition of its messages ([`Kind`], [`field::Record`]),
-//! and its columns in a table. Code that writes, reads, compares or shows records follows these lists.
+//! and its columns in a table. `kind.rs` lists all kinds. Code that writes, reads, compares or shows records follows these
+//! lists.
 
 pub(crate) mod cdr;
 pub(crate) mod cloud;
@@ -18,10 +19,10 @@ pub mod tick;
 mod times;
 pub mod totals;
 
-pub use cdr::message;
 pub use cloud::Cloud;
 pub use frame::BodyFrame;
-pub use kind::{ChannelInfo, Kind};
+pub use kind::{ChannelInfo, Group, Kind, Stamp};
+pub(crate) use kind::{KINDS, List, Records};
 pub use model::ModelRow;
 pub use surface::Surface;
 pub use tear::TearEvent;

@@ -5,8 +5,8 @@
 //! the end of the message. A message of a log that was written before bodies could tear ends before that entry, and is
 //! read as the model of a whole body.
 
-use super::field::{Record, Visitor, definition, fields, record};
-use super::kind::Kind;
+use super::field::{Record, Visitor, fields, record};
+use super::kind::{Stamp, kind};
 use rt_core::local_model::ModelHead;
 use rt_core::publication::Publication;
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, PieceEnergy, TearLimit};
@@ -83,6 +83,15 @@ impl ModelRow {
         }
     }
 
+    /// The stamp of its message.
+    pub fn stamp(&self) -> Stamp {
+        Stamp {
+            body: 0,
+            number: None,
+            time_ns: self.head.time_ns,
+        }
+    }
+
     /// The model as the host published it.
     pub fn model(&self) -> LocalModel {
         let mut model = LocalModel::empty();
@@ -130,17 +139,7 @@ fn turns(model: &LocalModel) -> bool {
     model.blocks().flatten().any(turns)
 }
 
-impl Kind for ModelRow {
-    const SCHEMA_NAME: &'static str = "palpate_msgs/msg/LocalModel";
-
-    fn topic(_: &str) -> String {
-        "/model".to_owned()
-    }
-
-    fn definition() -> String {
-        definition::<Self>()
-    }
-}
+kind! { ModelRow: "palpate_msgs/msg/LocalModel", Run, |_| "/model".to_owned(); }
 
 record! { ModelRow: Self::new(0, &LocalModel::empty()), Self::count;
     head: flat;

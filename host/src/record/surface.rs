@@ -2,8 +2,8 @@
 //!
 //! A sheet shows all its triangles, a thread all its bars, and a solid its boundary.
 
-use super::field::{Record, Visitor, definition, fields, record};
-use super::kind::Kind;
+use super::field::{Record, Visitor, fields, record};
+use super::kind::{Stamp, kind};
 use physics::mesh::Mesh;
 use serde::{Deserialize, Serialize};
 
@@ -57,17 +57,18 @@ impl Surface {
     }
 }
 
-impl Kind for Surface {
-    const SCHEMA_NAME: &'static str = "palpate_msgs/msg/Surface";
-
-    fn topic(body: &str) -> String {
-        format!("/bodies/{body}/surface")
-    }
-
-    fn definition() -> String {
-        definition::<Self>()
+impl Surface {
+    /// The stamp of its message for the first frame with this surface, at `time_ns`.
+    pub fn stamp(&self, time_ns: u64) -> Stamp {
+        Stamp {
+            body: self.body as usize,
+            number: Some(self.epoch),
+            time_ns,
+        }
     }
 }
+
+kind! { Surface: "palpate_msgs/msg/Surface", Frames, |body| format!("/bodies/{body}/surface"); }
 
 record! { Surface: Self::default(), Self::count;
     "# The surface of a body in one topology epoch.";
@@ -98,7 +99,8 @@ impl Surface {
 mod tests {
     use super::*;
     use crate::record::BodyFrame;
-    use crate::record::cdr::{decode, encode};
+    use crate::record::Kind;
+    use crate::record::cdr::decode;
     use physics::Vec3;
     use physics::mesh::generate::{self, Pattern};
     use physics::mesh::generate_box::solid_box;
@@ -192,15 +194,13 @@ mod tests {
 
     #[test]
     fn a_frame_and_a_surface_are_read_back() {
-        let mut message = Vec::new();
         let frame = BodyFrame {
             body: 1,
             step: 7,
             time_ns: 9,
             epoch: 3,
         };
-        encode(frame, &mut message);
-        assert_eq!(decode(&message), Some(frame));
+        assert_eq!(decode(&frame.message()), Some(frame));
         let surface = Surface {
             body: 1,
             epoch: 2,
@@ -211,7 +211,7 @@ mod tests {
             triangles: vec![0, 1, 2],
             lines: vec![2, 0],
         };
-        encode(surface.clone(), &mut message);
+        let message = surface.clone().message();
         assert_eq!(decode(&message), Some(surface));
         for cut in 0..message.len() {
             assert_eq!(decode::<Surface>(&message[..cut]), None, "{cut}");
@@ -226,8 +226,6 @@ mod tests {
             triangles: vec![0, 0, 1],
             ..Surface::default()
         };
-        let mut message = Vec::new();
-        encode(surface.clone(), &mut message);
-        assert_eq!(decode::<Surface>(&message), None);
+        assert_eq!(decode::<Surface>(&surface.message()), None);
     }
 }

@@ -1,7 +1,7 @@
 //! An edit by which a sheet tore, as an event: its words and its message.
 
-use super::field::{Record, Visitor, definition, fields, record};
-use super::kind::Kind;
+use super::field::{Record, Visitor, fields, record};
+use super::kind::{Stamp, kind};
 use physics::Vec3;
 use physics::topology::NONE;
 
@@ -63,17 +63,18 @@ fn place(at: &Vec3) -> String {
     format!("at x {x:.1}, y {y:.1}, z {z:.1} mm at rest")
 }
 
-impl Kind for TearEvent {
-    const SCHEMA_NAME: &'static str = "palpate_msgs/msg/Tear";
-
-    fn topic(body: &str) -> String {
-        format!("/bodies/{body}/tears")
-    }
-
-    fn definition() -> String {
-        definition::<Self>()
+impl TearEvent {
+    /// The stamp of its message.
+    pub fn stamp(&self) -> Stamp {
+        Stamp {
+            body: self.body as usize,
+            number: Some(self.number),
+            time_ns: self.time_ns,
+        }
     }
 }
+
+kind! { TearEvent: "palpate_msgs/msg/Tear", Tears, |body| format!("/bodies/{body}/tears"); }
 
 record! { TearEvent: Self::default();
     "# An edit by which a tear of a body grew by one edge, or began inside the body with two.";
@@ -95,7 +96,8 @@ record! { TearEvent: Self::default();
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::cdr::{decode, encode};
+    use crate::record::Kind;
+    use crate::record::cdr::decode;
 
     #[test]
     fn an_edit_is_read_back_and_a_short_message_is_refused() {
@@ -114,8 +116,7 @@ mod tests {
             starts: true,
             pieces: 2,
         };
-        let mut message = Vec::new();
-        encode(event, &mut message);
+        let message = event.message();
         assert_eq!(decode(&message), Some(event));
         for cut in 0..message.len() {
             assert_eq!(decode::<TearEvent>(&message[..cut]), None, "{cut}");

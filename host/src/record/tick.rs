@@ -4,8 +4,8 @@
 //! the columns of the table of a run. The message of a log, its definition, the comparison of a replay, the table and the
 //! sums of energy of a viewer follow from these lists. A list that lacks a field does not compile.
 
-use super::field::{Cells, Each, Leaf, Record, Visitor, definition, fields, name, record};
-use super::kind::Kind;
+use super::field::{Cells, Each, Leaf, Record, Visitor, fields, name, record};
+use super::kind::{Stamp, kind};
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
@@ -137,15 +137,28 @@ const FAULTS: [ReadFault; 8] = [
     ReadFault::OutOfRange,
 ];
 
-impl Kind for TickRow {
-    const SCHEMA_NAME: &'static str = "palpate_msgs/msg/Tick";
+impl TickRow {
+    /// The stamp of its message. The number wraps after 49 days of ticks.
+    pub fn stamp(&self) -> Stamp {
+        Stamp {
+            body: 0,
+            number: Some(self.tick as u32),
+            time_ns: self.time_ns,
+        }
+    }
+}
 
-    fn topic(_: &str) -> String {
-        "/tick".to_owned()
+kind! { TickRow: "palpate_msgs/msg/Tick", Run, |_| "/tick".to_owned();
+    fn follows(&self, time_ns: u64, before: Option<&Self>) -> bool {
+        // A search relies on the order of the ticks.
+        self.time_ns == time_ns
+            && before.is_none_or(|before| before.tick < self.tick && before.time_ns <= time_ns)
     }
 
-    fn definition() -> String {
-        definition::<Self>()
+    fn size(&self) -> usize {
+        size_of_val(self.devices.as_slice())
+            + size_of_val(self.bodies.as_slice())
+            + size_of_val(self.readings.as_slice())
     }
 }
 

@@ -8,7 +8,7 @@ use super::Clock;
 use super::frames::FrameRateError;
 use crate::engine::Engine;
 use crate::log::{LogError, LogWriter};
-use crate::record::{BodyFrame, Surface};
+use crate::record::{BodyFrame, Cloud, Surface};
 use crate::scene::Scene;
 use crate::snapshot::{Contents, Policy, Reader, Schedule, Snapshot, Subscriber, When};
 use crate::world::World;
@@ -34,8 +34,8 @@ pub(super) struct LogFrames {
     snapshots: Reader,
     /// By body: the mesh from which surfaces are made, and the topology epoch of the last surface.
     meshes: Vec<(Mesh, Option<u32>)>,
-    /// Positions (m) as the log has them.
-    positions: Vec<f32>,
+    /// The present positions as the log has them. The buffer is kept for its capacity.
+    cloud: Cloud,
     written: u64,
 }
 
@@ -59,7 +59,7 @@ pub(super) fn begin(
     let log = LogFrames {
         snapshots,
         meshes: built.map(|built| (built.mesh.clone(), None)).collect(),
-        positions: Vec::new(),
+        cloud: Cloud::default(),
         written: 0,
     };
     (subscriber, log)
@@ -91,22 +91,24 @@ impl LogFrames {
         let bodies = snapshot.bodies.iter().zip(&mut self.meshes);
         for (index, (body, (mesh, drawn))) in bodies.enumerate() {
             if drawn.replace(body.epoch) != Some(body.epoch) {
-                if let Some(torn) = body.torn.fresh() {
-                    log.write_surface(torn, time_ns)?;
-                } else {
-                    let surface = Surface::of_mesh(index, u64::from(body.epoch), mesh);
-                    log.write_surface(&surface, time_ns)?;
-                }
+                let mut surface = match body.torn.fresh() {
+                    Some(torn) => torn.clone(),
+                    None => Surface::of_mesh(index, u64::from(body.epoch), mesh),
+                };
+                log.write_record(surface.stamp(time_ns), &mut surface)?;
             }
-            self.positions.clear();
-            self.positions.extend(body.rounded());
-            let frame = BodyFrame {
+            self.cloud.time_ns = time_ns;
+            self.cloud.positions.clear();
+            self.cloud.positions.extend(body.rounded());
+            let mut frame = BodyFrame {
                 body: index as u32,
                 step: snapshot.step,
                 time_ns,
                 epoch: body.epoch,
             };
-            log.write_frame(&frame, &self.positions)?;
+            let stamp = frame.stamp();
+            log.write_record(stamp, &mut frame)?;
+            log.write_record(stamp, &mut self.cloud)?;
         }
         Ok(())
     }

@@ -9,6 +9,7 @@ use super::tears::TearEvents;
 use crate::live::gather::Gatherer;
 use crate::log::overview::OverviewBuilder;
 use crate::log::{LogError, LogWriter};
+use crate::record::ModelRow;
 use crate::scene::LoadedScene;
 use runner::link::LogRecord;
 use std::fs::File;
@@ -85,11 +86,14 @@ impl LogObserver {
 impl Observer for LogObserver {
     fn take(&mut self, record: LogRecord<'_>) {
         match record {
-            LogRecord::Model(body, model) => self.write(|log| log.write_model(body, model)),
+            LogRecord::Model(body, model) => self.write(|log| {
+                let mut row = ModelRow::new(body, model);
+                log.write_record(row.stamp(), &mut row)
+            }),
             LogRecord::Tick(telemetry) => {
                 self.write_frames();
-                while let Some((event, words)) = self.tears.next() {
-                    self.write(|log| log.write_tear(&event));
+                while let Some((mut event, words)) = self.tears.next() {
+                    self.write(|log| log.write_record(event.stamp(), &mut event));
                     if let Some(words) = words {
                         self.overview.tear(&telemetry.into(), &event, &words);
                     }
@@ -112,8 +116,8 @@ impl Observer for LogObserver {
     fn finish(mut self: Box<Self>, observed: &mut Observed) {
         self.write_frames();
         // No tick follows the last edits.
-        while let Some((event, _)) = self.tears.next() {
-            self.write(|log| log.write_tear(&event));
+        while let Some((mut event, _)) = self.tears.next() {
+            self.write(|log| log.write_record(event.stamp(), &mut event));
         }
         let overview = self.overview.finish();
         let ended = self.log.map_or(Ok(()), |mut log| {

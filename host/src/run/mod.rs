@@ -40,6 +40,7 @@ use crate::engine::faults::HostFault;
 use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
+use crate::record::Group;
 use crate::scene::{LoadedScene, SceneError, connections};
 use crate::stage::Stage;
 use crate::world::{World, scheme};
@@ -398,12 +399,16 @@ fn observers(
     };
     let mut log = LogWriter::begin_file(file, &header)?;
     if frames.is_some() {
-        log.add_bodies(scene.bodies.iter().map(|body| body.name.as_str()))?;
+        for (index, body) in scene.bodies.iter().enumerate() {
+            log.add(Group::Frames, index, &body.name)?;
+        }
     }
     let theirs = listen();
     if let Some(tears) = tears {
-        let names = scene.bodies.iter().zip(tears.tearing());
-        log.add_tears(names.map(|(body, tears)| tears.then_some(body.name.as_str())))?;
+        let bodies = scene.bodies.iter().zip(tears.tearing()).enumerate();
+        for (index, (body, _)) in bodies.filter(|(_, (_, tears))| *tears) {
+            log.add(Group::Tears, index, &body.name)?;
+        }
     }
     let log = LogObserver::new(log, loaded, options.clock, (frames, theirs), logged);
     Ok(observers.with(log))

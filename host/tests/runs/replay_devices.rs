@@ -3,6 +3,7 @@
 //! the loss of a device, and a pause of the loop.
 
 use host::log::{Log, LogHeader, LogWriter};
+use host::record::ModelRow;
 use host::run::prepare::{self, Options, Prepared};
 use host::run::replay::{ReplayReport, replay, scene_of};
 use host::run::session::Session;
@@ -135,7 +136,10 @@ fn logged(case: &Case) -> Result<Log, Box<dyn Error>> {
         log.records(|record| {
             let result = match record {
                 LogRecord::Tick(telemetry) => writer.write(telemetry),
-                LogRecord::Model(body, model) => writer.write_model(body, model),
+                LogRecord::Model(body, model) => {
+                    let mut row = ModelRow::new(body, model);
+                    writer.write_record(row.stamp(), &mut row)
+                }
             };
             if written.is_ok() {
                 written = result;

@@ -8,8 +8,7 @@ use fuzz_rules::changed::Mutator;
 use host::live::gather::Gatherer;
 use host::log::overview::OverviewBuilder;
 use host::log::{LogHeader, LogWriter};
-use host::record::BodyFrame;
-use host::record::Surface;
+use host::record::{BodyFrame, Cloud, Group, Surface};
 use host::run::Clock;
 use host::scene::Scene;
 use host::world::World;
@@ -81,31 +80,37 @@ fn write(path: &Path, seconds: u64) -> Result<(), Box<dyn std::error::Error>> {
         ..LogHeader::default()
     };
     let world = World::new(&loaded)?;
-    let surface = Surface::of_mesh(0, world.bodies[0].body.epoch(), &world.bodies[0].mesh);
+    let mut surface = Surface::of_mesh(0, world.bodies[0].body.epoch(), &world.bodies[0].mesh);
     let mut overview = OverviewBuilder::new(Gatherer::new(&loaded, Clock::Real));
     let file = BufWriter::with_capacity(1 << 20, File::create(path)?);
     let mut log = LogWriter::create(file, &header)?;
-    log.add_bodies([loaded.scene.bodies[0].name.as_str()])?;
-    log.write_surface(&surface, 0)?;
+    log.add(Group::Frames, 0, &loaded.scene.bodies[0].name)?;
+    log.write_record(surface.stamp(0), &mut surface)?;
     let mut telemetry = Telemetry::empty();
     (telemetry.device_count, telemetry.body_count) = (2, 1);
     telemetry.bodies[0].state = HostState::Live;
-    let mut positions = surface.rest.clone();
+    let mut cloud = Cloud {
+        time_ns: 0,
+        positions: surface.rest.clone(),
+    };
     for tick in 0..seconds * RATE {
         let time = tick as f64 / RATE as f64;
         let time_ns = tick * (1_000_000_000 / RATE);
         if tick.is_multiple_of(FRAME) {
             let wave = (0.01 * (3.0 * time).sin()) as f32;
-            for (at, rest) in positions.chunks_mut(3).zip(surface.rest.chunks(3)) {
+            cloud.time_ns = time_ns;
+            for (at, rest) in cloud.positions.chunks_mut(3).zip(surface.rest.chunks(3)) {
                 at[2] = rest[2] + wave * (40.0 * rest[0]).cos();
             }
-            let frame = BodyFrame {
+            let mut frame = BodyFrame {
                 body: 0,
                 step: tick / 4,
                 time_ns,
                 epoch: surface.epoch,
             };
-            log.write_frame(&frame, &positions)?;
+            let stamp = frame.stamp();
+            log.write_record(stamp, &mut frame)?;
+            log.write_record(stamp, &mut cloud)?;
         }
         (telemetry.tick, telemetry.time_ns) = (tick, time_ns);
         telemetry.lateness_ns = 1000 + tick * 7919 % 30_000;

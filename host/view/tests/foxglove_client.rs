@@ -12,7 +12,7 @@ mod foxglove_common;
 use foxglove_common::{Logged, PATIENCE, Server, hello, messages_of, run_with_log};
 use host::live::{BodyState, Frame, Vertices};
 use host::log::{LogHeader, LogWriter};
-use host::record::BodyFrame;
+use host::record::{BodyFrame, Cloud, Group};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Write};
@@ -277,7 +277,7 @@ fn the_bodies_arrive_as_the_log_has_them() {
         return;
     };
     let positions: Vec<f32> = (0..300).map(|number| number as f32 * 0.1).collect();
-    let frame = BodyFrame {
+    let mut frame = BodyFrame {
         body: 0,
         step: 7,
         time_ns: 90,
@@ -285,8 +285,14 @@ fn the_bodies_arrive_as_the_log_has_them() {
     };
     let file = std::io::Cursor::new(Vec::new());
     let mut log = LogWriter::create(file, &LogHeader::default()).expect("a log");
-    log.add_bodies(["sheet"]).expect("channels");
-    log.write_frame(&frame, &positions).expect("written");
+    log.add(Group::Frames, 0, "sheet").expect("channels");
+    let stamp = frame.stamp();
+    let mut cloud = Cloud {
+        time_ns: frame.time_ns,
+        positions: positions.clone(),
+    };
+    log.write_record(stamp, &mut frame).expect("written");
+    log.write_record(stamp, &mut cloud).expect("written");
     let bytes = log.finish().expect("written").into_inner();
 
     let server = Server::start(hello(), None);

@@ -3,31 +3,29 @@
 use super::{Chunk, IndexError};
 use crate::log::read::same_fields;
 use crate::log::{LogError, chunks, record};
-use crate::record::cdr::decode as read;
-use crate::record::{BodyFrame, Cloud, Kind, ModelRow, Surface, TearEvent, TickRow, cloud};
+use crate::record::{KINDS, Kind, List, Records};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::any::Any;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
-/// The messages of one chunk, in the order of the file.
-#[derive(Clone, Debug, Default)]
+/// The messages of one chunk, by kind in the order of the file.
+#[derive(Debug)]
 pub struct Decoded {
-    /// The ticks.
-    pub ticks: Vec<TickRow>,
-    /// The local models.
-    pub models: Vec<ModelRow>,
-    /// The edits by which bodies tore.
-    pub tears: Vec<TearEvent>,
-    /// The facts of the bodies' frames, by channel.
-    pub(super) frames: Vec<(u16, BodyFrame)>,
-    /// The positions of the bodies' frames: channel, time (ns), three numbers a vertex (m).
-    pub(super) clouds: Vec<(u16, u64, Arc<[f32]>)>,
-    /// The surfaces: channel, time (ns) of the first frame, surface.
-    pub(super) surfaces: Vec<(u16, u64, Arc<Surface>)>,
+    /// The records of each kind, in the order of the list of kinds.
+    lists: [Box<dyn List>; KINDS.len()],
     /// About the size in memory (bytes).
     size: usize,
+}
+
+impl Default for Decoded {
+    fn default() -> Self {
+        Self {
+            lists: KINDS.each_ref().map(|kind| (kind.list)()),
+            size: 0,
+        }
+    }
 }
 
 impl Decoded {
@@ -35,30 +33,26 @@ impl Decoded {
     pub(super) fn size(&self) -> usize {
         self.size
     }
+
+    /// The records of this kind, with their channels and times.
+    pub(super) fn of<K: Kind>(&self) -> Option<&Records<K>> {
+        let mut lists = self.lists.iter().map(|list| &**list as &dyn Any);
+        lists.find_map(|list| list.downcast_ref())
+    }
+
+    /// The records of this kind, in the order of the file.
+    pub fn records<K: Kind>(&self) -> &[K] {
+        self.of().map_or(&[], |list| &list.records)
+    }
 }
 
 /// The schemas and channels that palpate wrote, by number. Schemas have their names.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Channels {
-    schemas: BTreeMap<u16, &'static str>,
-    channels: BTreeMap<u16, (&'static str, String)>,
-}
-
-/// The schema of this name, and its definition in this version.
-fn known_schema(name: &str) -> Option<(&'static str, String)> {
-    fn of<K: Kind>() -> (&'static str, fn() -> String) {
-        (K::SCHEMA_NAME, K::definition)
-    }
-    let kinds = [
-        of::<TickRow>(),
-        of::<ModelRow>(),
-        of::<TearEvent>(),
-        of::<BodyFrame>(),
-        of::<Surface>(),
-        of::<Cloud>(),
-    ];
-    let mut found = kinds.into_iter().filter(|(known, _)| *known == name);
-    found.next().map(|(name, definition)| (name, definition()))
+    /// The kind of each schema, by its place in the list of kinds.
+    schemas: BTreeMap<u16, usize>,
+    /// The kind of each channel, and its topic.
+    channels: BTreeMap<u16, (usize, String)>,
 }
 
 impl Channels {
@@ -66,19 +60,21 @@ impl Channels {
     pub(super) fn take(&mut self, record: Record<'_>) -> Result<(), LogError> {
         match record {
             Record::Schema { header, data } => {
-                if let Some((name, definition)) = known_schema(&header.name) {
-                    if !same_fields(&data, &definition) {
+                let known = KINDS.iter().enumerate();
+                let mut known = known.filter(|(_, kind)| kind.schema_name == header.name);
+                if let Some((kind, info)) = known.next() {
+                    if !same_fields(&data, &(info.definition)()) {
                         return Err(LogError::OtherLayout);
                     }
-                    self.schemas.insert(header.id, name);
+                    self.schemas.insert(header.id, kind);
                 }
             }
             Record::Channel(channel) => {
-                if let Some(name) = self.schemas.get(&channel.schema_id) {
+                if let Some(kind) = self.schemas.get(&channel.schema_id) {
                     if channel.message_encoding != "cdr" {
                         return Err(LogError::OtherLayout);
                     }
-                    self.channels.insert(channel.id, (name, channel.topic));
+                    self.channels.insert(channel.id, (*kind, channel.topic));
                 }
             }
             _ => {}
@@ -89,17 +85,22 @@ impl Channels {
     /// The channels of this kind.
     pub(super) fn of<K: Kind>(&self) -> impl Iterator<Item = u16> {
         let channels = self.channels.iter();
-        channels.filter_map(|(id, (found, _))| (*found == K::SCHEMA_NAME).then_some(*id))
+        channels.filter_map(|(id, (kind, _))| is_of::<K>(*kind).then_some(*id))
     }
 
     /// The channel of this kind for the body of this name.
     pub(super) fn named<K: Kind>(&self, body: &str) -> Option<u16> {
         let topic = K::topic(body);
         let mut channels = self.channels.iter();
-        channels.find_map(|(id, (found, name))| {
-            (*found == K::SCHEMA_NAME && *name == topic).then_some(*id)
-        })
+        channels.find_map(|(id, (kind, name))| (is_of::<K>(*kind) && *name == topic).then_some(*id))
     }
+}
+
+/// Whether the kind at this place in the list of kinds is `K`.
+fn is_of<K: Kind>(kind: usize) -> bool {
+    KINDS
+        .get(kind)
+        .is_some_and(|kind| kind.schema_name == K::SCHEMA_NAME)
 }
 
 /// Reads the records of a chunk: its messages, and the channels that they are on. `bytes` is its whole record.
@@ -168,7 +169,7 @@ pub(super) fn decode(
             Err(error) => return Err(damaged(error)),
         }
     }
-    decoded.size += decoded.size_of_rows();
+    decoded.size += decoded.lists.iter().map(|list| list.size()).sum::<usize>();
     Ok((decoded, used.into_iter().collect()))
 }
 
@@ -178,48 +179,10 @@ impl Decoded {
         let Record::Message { header, data } = record else {
             return Some(());
         };
-        let Some((name, _)) = channels.channels.get(&header.channel_id) else {
-            return Some(());
-        };
-        let (channel, time_ns) = (header.channel_id, header.log_time);
-        match *name {
-            TickRow::SCHEMA_NAME => {
-                let row: TickRow = read(&data)?;
-                // The order of the ticks is what a search relies on.
-                let in_order = self
-                    .ticks
-                    .last()
-                    .is_none_or(|last| last.tick < row.tick && last.time_ns <= row.time_ns);
-                if !in_order || row.time_ns != time_ns {
-                    return None;
-                }
-                self.ticks.push(row);
-            }
-            ModelRow::SCHEMA_NAME => self.models.push(read(&data)?),
-            TearEvent::SCHEMA_NAME => self.tears.push(read(&data)?),
-            BodyFrame::SCHEMA_NAME => self.frames.push((channel, read(&data)?)),
-            Cloud::SCHEMA_NAME => {
-                let positions = cloud::decode(time_ns, &data)?;
-                self.clouds.push((channel, time_ns, positions.into()));
-            }
-            Surface::SCHEMA_NAME => {
-                let surface = Arc::new(read(&data)?);
-                self.surfaces.push((channel, time_ns, surface));
-            }
-            _ => {}
+        let kind = channels.channels.get(&header.channel_id);
+        match kind.and_then(|(kind, _)| self.lists.get_mut(*kind)) {
+            Some(list) => list.take(header.channel_id, header.log_time, &data),
+            None => Some(()),
         }
-        Some(())
-    }
-
-    fn size_of_rows(&self) -> usize {
-        let ticks = self.ticks.iter().map(|row| {
-            size_of_val(row)
-                + size_of_val(row.devices.as_slice())
-                + size_of_val(row.bodies.as_slice())
-                + size_of_val(row.readings.as_slice())
-        });
-        let clouds = self.clouds.iter().map(|(_, _, p)| size_of_val(&**p));
-        // Models and surfaces are about as large as their messages, which the chunk's size counts.
-        ticks.sum::<usize>() + clouds.sum::<usize>()
     }
 }

@@ -1,9 +1,9 @@
 //! Ticks and frames by their time.
 
+use super::decode::Decoded;
 use super::{Chunk, IndexError, LogIndex};
-use crate::record::{BodyFrame, Cloud, Surface, TickRow};
+use crate::record::{BodyFrame, Cloud, Kind, Surface, TickRow};
 use std::io::{Read, Seek};
-use std::sync::Arc;
 
 /// The place of a tick in the log. Places are in the order of the ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -18,7 +18,7 @@ pub struct BodyFrameAt {
     /// The step and the topology epoch.
     pub frame: BodyFrame,
     /// Positions (m), three numbers a vertex.
-    pub positions: Arc<[f32]>,
+    pub positions: Vec<f32>,
 }
 
 impl Chunk {
@@ -29,6 +29,16 @@ impl Chunk {
     }
 }
 
+impl Decoded {
+    /// The newest record of this kind at or before `time_ns` on a channel.
+    fn newest<K: Kind>(&self, channel: u16, time_ns: u64) -> Option<&K> {
+        let list = self.of::<K>()?;
+        let mut places = list.places.iter();
+        let newest = places.rposition(|(of, at)| *of == channel && *at <= time_ns)?;
+        list.records.get(newest)
+    }
+}
+
 impl<R: Read + Seek> LogIndex<R> {
     /// The tick at a place that this log gave.
     ///
@@ -36,7 +46,7 @@ impl<R: Read + Seek> LogIndex<R> {
     /// [`IndexError`] if the chunk cannot be read again.
     pub fn row(&mut self, place: TickAt) -> Result<Option<TickRow>, IndexError> {
         let chunk = self.chunk(place.chunk)?;
-        Ok(chunk.ticks.get(place.row).cloned())
+        Ok(chunk.records().get(place.row).cloned())
     }
 
     /// The first tick; `None` for a log without ticks.
@@ -61,7 +71,7 @@ impl<R: Read + Seek> LogIndex<R> {
     /// [`IndexError`].
     pub fn next(&mut self, place: TickAt) -> Result<Option<TickAt>, IndexError> {
         let row = place.row + 1;
-        if row < self.chunk(place.chunk)?.ticks.len() {
+        if row < self.chunk(place.chunk)?.records::<TickRow>().len() {
             return Ok(Some(TickAt { row, ..place }));
         }
         self.first_in(place.chunk + 1..self.chunks.len())
@@ -100,7 +110,7 @@ impl<R: Read + Seek> LogIndex<R> {
         let (Some(clouds), Some(frames)) = (clouds, frames) else {
             return Ok(None);
         };
-        let mut found: Option<(u64, Arc<[f32]>)> = None;
+        let mut found: Option<Cloud> = None;
         for number in (0..self.chunks.len()).rev() {
             let chunk = self.chunks.get(number);
             if chunk.is_none_or(|chunk| {
@@ -110,19 +120,15 @@ impl<R: Read + Seek> LogIndex<R> {
             }
             let decoded = self.chunk(number)?;
             if found.is_none() {
-                let mut all = decoded.clouds.iter().rev();
-                let newest = all.find(|(channel, time, _)| *channel == clouds && *time <= time_ns);
-                found = newest.map(|(_, time, positions)| (*time, Arc::clone(positions)));
+                found = decoded.newest(clouds, time_ns).cloned();
             }
             // A chunk may end between the two messages of a frame.
-            if let Some((time, positions)) = &found {
-                let mut all = decoded.frames.iter().rev();
-                let facts =
-                    all.find(|(channel, frame)| *channel == frames && frame.time_ns == *time);
-                if let Some((_, frame)) = facts {
+            if let Some(cloud) = &mut found {
+                let facts = decoded.newest::<BodyFrame>(frames, cloud.time_ns);
+                if let Some(frame) = facts.filter(|facts| facts.time_ns == cloud.time_ns) {
                     return Ok(Some(BodyFrameAt {
                         frame: *frame,
-                        positions: Arc::clone(positions),
+                        positions: std::mem::take(&mut cloud.positions),
                     }));
                 }
             }
@@ -134,11 +140,7 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn surface_at(
-        &mut self,
-        name: &str,
-        time_ns: u64,
-    ) -> Result<Option<Arc<Surface>>, IndexError> {
+    pub fn surface_at(&mut self, name: &str, time_ns: u64) -> Result<Option<Surface>, IndexError> {
         let Some(surfaces) = self.channels.named::<Surface>(name) else {
             return Ok(None);
         };
@@ -147,12 +149,8 @@ impl<R: Read + Seek> LogIndex<R> {
             if chunk.is_none_or(|chunk| chunk.from_ns > time_ns || !chunk.may_have(surfaces)) {
                 continue;
             }
-            let decoded = self.chunk(number)?;
-            let mut all = decoded.surfaces.iter().rev();
-            if let Some((_, _, surface)) =
-                all.find(|(channel, time, _)| *channel == surfaces && *time <= time_ns)
-            {
-                return Ok(Some(Arc::clone(surface)));
+            if let Some(surface) = self.chunk(number)?.newest(surfaces, time_ns) {
+                return Ok(Some(Surface::clone(surface)));
             }
         }
         Ok(None)
@@ -176,7 +174,7 @@ impl<R: Read + Seek> LogIndex<R> {
         for number in from.chunk..self.chunks.len() {
             if self.may_have_ticks(number) {
                 let chunk = self.chunk(number)?;
-                for (row, tick) in chunk.ticks.iter().enumerate().skip(start) {
+                for (row, tick) in chunk.records().iter().enumerate().skip(start) {
                     if !see(TickAt { chunk: number, row }, tick) {
                         return Ok(());
                     }
@@ -200,7 +198,7 @@ impl<R: Read + Seek> LogIndex<R> {
         chunks: impl Iterator<Item = usize>,
     ) -> Result<Option<TickAt>, IndexError> {
         for chunk in chunks {
-            if self.may_have_ticks(chunk) && !self.chunk(chunk)?.ticks.is_empty() {
+            if self.may_have_ticks(chunk) && !self.chunk(chunk)?.records::<TickRow>().is_empty() {
                 return Ok(Some(TickAt { chunk, row: 0 }));
             }
         }
@@ -220,7 +218,8 @@ impl<R: Read + Seek> LogIndex<R> {
                 continue;
             }
             let decoded = self.chunk(chunk)?;
-            let before = decoded.ticks.partition_point(|row| row.time_ns <= time_ns);
+            let ticks = decoded.records::<TickRow>();
+            let before = ticks.partition_point(|row| row.time_ns <= time_ns);
             if let Some(row) = before.checked_sub(1) {
                 return Ok(Some(TickAt { chunk, row }));
             }

@@ -2,10 +2,8 @@ use super::{IndexError, LogIndex, TickAt};
 use crate::live::gather::Gatherer;
 use crate::log::overview::{MOST_EVENTS, Overview, OverviewBuilder};
 use crate::log::tests::{header, log, telemetry};
-use crate::log::{BodyFrame, Log, LogError, LogWriter};
-use crate::record::Clock;
-use crate::record::Surface;
-use crate::record::TickRow;
+use crate::log::{Log, LogError, LogWriter};
+use crate::record::{BodyFrame, Clock, Cloud, Group, ModelRow, Surface, TickRow};
 use crate::scene::Scene;
 use proptest::prelude::*;
 use rt_core::Telemetry;
@@ -48,15 +46,28 @@ fn surface(epoch: u32) -> Surface {
     }
 }
 
+fn write_frame(writer: &mut LogWriter<Cursor<Vec<u8>>>, mut frame: BodyFrame, positions: Vec<f32>) {
+    let mut cloud = Cloud {
+        time_ns: frame.time_ns,
+        positions,
+    };
+    let stamp = frame.stamp();
+    let written = writer
+        .write_record(stamp, &mut frame)
+        .and_then(|()| writer.write_record(stamp, &mut cloud));
+    written.expect("in memory");
+}
+
 /// A log of `ticks` ticks with a frame every 40 of them, a flush every 50, and a new topology epoch at tick 200.
 fn log_with_frames(ticks: u64) -> Vec<u8> {
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
-    writer.add_bodies(["sheet"]).expect("in memory");
+    writer.add(Group::Frames, 0, "sheet").expect("in memory");
     for tick in 0..ticks {
         let epoch = u32::from(tick >= 200);
         if tick == 0 || tick == 200 {
-            let surface = surface(epoch);
-            let written = writer.write_surface(&surface, tick * 1_000_000);
+            let mut surface = surface(epoch);
+            let stamp = surface.stamp(tick * 1_000_000);
+            let written = writer.write_record(stamp, &mut surface);
             written.expect("in memory");
         }
         if tick % 40 == 0 {
@@ -66,8 +77,7 @@ fn log_with_frames(ticks: u64) -> Vec<u8> {
                 time_ns: tick * 1_000_000,
                 epoch,
             };
-            let written = writer.write_frame(&frame, &positions(tick));
-            written.expect("in memory");
+            write_frame(&mut writer, frame, positions(tick));
         }
         writer.write(&telemetry(tick)).expect("in memory");
         if tick % 50 == 49 {
@@ -95,7 +105,8 @@ fn a_log_by_its_index_has_what_the_whole_log_has() {
     let ticks: Vec<_> = (0..230).map(|k| TickRow::from(&telemetry(k))).collect();
     assert_eq!(rows(&mut log), ticks);
     let whole = Log::parse(&bytes).expect("a log");
-    let models = (0..log.chunk_count()).map(|n| log.chunk(n).expect("sound").models.clone());
+    let models =
+        (0..log.chunk_count()).map(|n| log.chunk(n).expect("sound").records::<ModelRow>().to_vec());
     assert_eq!(models.collect::<Vec<_>>().concat(), whole.models);
     assert_eq!(whole.models.len(), 15);
 }
@@ -161,7 +172,7 @@ fn frames_are_found_by_time_and_replays_do_not_see_them() {
         let epoch = u32::from(tick >= 200);
         assert_eq!(found.frame.epoch, epoch);
         let surface_at = log.surface_at("sheet", at).expect("sound");
-        assert_eq!(*surface_at.expect("a surface"), surface(epoch));
+        assert_eq!(surface_at.expect("a surface"), surface(epoch));
     }
     assert_eq!(log.frame_at("another", 0).expect("sound"), None);
 }
@@ -170,14 +181,14 @@ fn frames_are_found_by_time_and_replays_do_not_see_them() {
 fn frames_may_be_larger_than_a_chunk() {
     let many: Vec<f32> = (0..900_000).map(|i| i as f32).collect();
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
-    writer.add_bodies(["sheet"]).expect("in memory");
+    writer.add(Group::Frames, 0, "sheet").expect("in memory");
     for step in 0..3 {
         let frame = BodyFrame {
             step,
             time_ns: step * 1_000_000,
             ..BodyFrame::default()
         };
-        writer.write_frame(&frame, &many).expect("in memory");
+        write_frame(&mut writer, frame, many.clone());
         writer.write(&telemetry(step)).expect("in memory");
     }
     let bytes = writer.finish().expect("in memory").into_inner();

@@ -127,7 +127,7 @@ impl<R: Read + Seek> Recorded for &mut LogIndex<R> {
 
     fn part(&mut self, number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError> {
         let chunk = self.read_chunk(number)?;
-        see(&chunk.models, &chunk.ticks)
+        see(chunk.records(), chunk.records())
     }
 }
 

@@ -8,7 +8,7 @@ use crate::live::frame::{Frame, LogMessage, Vertices};
 use crate::live::gather::Gatherer;
 use crate::live::merge::MAX_LOG;
 use crate::live::socket::{Update, UpdateSender};
-use crate::record::{Kind, ModelRow, Surface, TickRow, message};
+use crate::record::{Kind, ModelRow, Surface, TickRow};
 use crate::run::observer::{Observed, Observer};
 use crate::run::tears::TearEvents;
 use crate::snapshot::{HostCounts, Rate, Reader, Snapshot, Watchers, after_change};
@@ -287,12 +287,12 @@ impl LogTail {
             LogRecord::Tick(telemetry) => (
                 TickRow::topic(""),
                 telemetry.time_ns,
-                message(TickRow::from(telemetry)),
+                TickRow::from(telemetry).message(),
             ),
             LogRecord::Model(body, model) => (
                 ModelRow::topic(""),
                 model.head.time_ns,
-                message(ModelRow::new(body, model)),
+                ModelRow::new(body, model).message(),
             ),
         };
         self.bytes += data.len();

@@ -4,7 +4,7 @@ use super::protocol::{Channel, Level, advertise, server_info, status, unadvertis
 use super::queue::Queue;
 use crate::door::Client;
 use host::live::{Frame, Hello, Vertices};
-use host::record::{BodyFrame, ChannelInfo, Cloud, Kind, ModelRow, TickRow, message};
+use host::record::{BodyFrame, ChannelInfo, Cloud, Group, Kind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The clients, and what a client that joins is told.
@@ -31,9 +31,9 @@ struct State {
 }
 
 impl State {
-    /// Sends a message on the channel at a place of the list. The message is made only if a client wants it.
-    fn send(&self, place: usize, time_ns: u64, message: impl FnOnce() -> Vec<u8>) {
-        let Some(channel) = self.channels.get(place) else {
+    /// Sends a message on the channel of this name. The message is made only if a client wants it.
+    fn send(&self, topic: &str, time_ns: u64, message: impl FnOnce() -> Vec<u8>) {
+        let Some(channel) = self.channel(topic) else {
             return;
         };
         let wants = |client: &Arc<Client<Queue>>| {
@@ -55,8 +55,19 @@ impl State {
         }
     }
 
-    /// Sends a deformed body as the log has it. Its channels follow those of the ticks and the models.
+    fn channel(&self, topic: &str) -> Option<&Channel> {
+        self.channels.iter().find(|channel| channel.topic == topic)
+    }
+
+    /// Sends a deformed body as the log has it.
     fn send_body(&self, index: usize, vertices: &Vertices) {
+        let body = self
+            .hello
+            .as_ref()
+            .and_then(|hello| hello.bodies.get(index));
+        let Some(name) = body.map(|body| body.name.as_str()) else {
+            return;
+        };
         let time_ns = vertices.time_ns;
         let frame = BodyFrame {
             body: index as u32,
@@ -64,10 +75,9 @@ impl State {
             time_ns,
             epoch: vertices.epoch,
         };
-        let place = 2 + 2 * index;
-        self.send(place + 1, time_ns, || message(frame));
-        self.send(place, time_ns, || {
-            Cloud::message(time_ns, &vertices.positions)
+        self.send(&BodyFrame::topic(name), time_ns, || frame.message());
+        self.send(&Cloud::topic(name), time_ns, || {
+            Cloud::message_of(time_ns, &vertices.positions)
         });
     }
 }
@@ -128,10 +138,9 @@ impl Hub {
             state.clock_ns = times.min().unwrap_or(frame.time_ns).min(frame.time_ns);
         }
         for message in frame.log {
-            let mut all = state.channels.iter();
-            if let Some(place) = all.position(|channel| channel.topic == message.topic) {
+            if state.channel(&message.topic).is_some() {
                 state.clock_ns = message.time_ns.min(frame.time_ns).max(state.clock_ns);
-                state.send(place, message.time_ns, || message.data);
+                state.send(&message.topic, message.time_ns, || message.data);
             }
         }
         for (index, body) in frame.bodies.iter().enumerate() {
@@ -173,8 +182,7 @@ fn channels(hello: &Hello, first: u32) -> Vec<Channel> {
     let bodies = hello.bodies.iter();
     let frames =
         bodies.flat_map(|body| [Cloud::channel(&body.name), BodyFrame::channel(&body.name)]);
-    let all = [TickRow::channel(""), ModelRow::channel("")];
-    let all = all.into_iter().chain(frames);
+    let all = Group::Run.channels("").chain(frames);
     let channel = |(id, info): (u32, ChannelInfo)| Channel {
         id,
         topic: info.topic,

@@ -7,7 +7,7 @@ use host::live::gather::Gatherer;
 use host::live::{Frame, Hello, Message, Source};
 use host::log::index::{IndexError, LogIndex};
 use host::log::overview::{Overview, OverviewBuilder};
-use host::record::Surface;
+use host::record::{Surface, TickRow};
 use host::run::Clock;
 use host::scene::Scene;
 use host::world::World;
@@ -115,7 +115,8 @@ fn read_through<R: Read + Seek>(
     let count = log.chunk_count();
     for number in 0..count {
         let chunk = log.chunk(number)?;
-        chunk.ticks.iter().for_each(|row| builder.take(&row.into()));
+        let rows = chunk.records::<TickRow>().iter();
+        rows.for_each(|row| builder.take(&row.into()));
         progress((number + 1) as f64 / count as f64);
     }
     Ok(builder.finish())

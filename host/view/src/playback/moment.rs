@@ -59,11 +59,7 @@ impl<R: Read + Seek + Send> Player<R> {
                 Some(_) => self.log.surface_at(name, time_ns)?,
                 None => None,
             };
-            let surface = match logged {
-                Some(logged) => Some(Surface::clone(&logged)),
-                None => self.facts.rest.get(index).cloned(),
-            };
-            if let Some(surface) = surface {
+            if let Some(surface) = logged.or_else(|| self.facts.rest.get(index).cloned()) {
                 let surface = Surface {
                     body,
                     epoch,

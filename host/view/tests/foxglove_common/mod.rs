@@ -5,7 +5,7 @@
 
 use host::live::frame::{LogMessage, PROTOCOL};
 use host::live::{BodyInfo, Frame, Hello, Message};
-use host::record::{ModelRow, TickRow, message};
+use host::record::{Kind, ModelRow, TickRow};
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::{Clock, RunOptions, run_watched};
 use host::scene::Scene;
@@ -130,11 +130,11 @@ struct Keep(Arc<Mutex<Vec<(bool, LogMessage)>>>);
 impl Observer for Keep {
     fn take(&mut self, record: LogRecord<'_>) {
         let (topic, time_ns, data) = match record {
-            LogRecord::Tick(tick) => ("/tick", tick.time_ns, message(TickRow::from(tick))),
+            LogRecord::Tick(tick) => ("/tick", tick.time_ns, TickRow::from(tick).message()),
             LogRecord::Model(body, model) => (
                 "/model",
                 model.head.time_ns,
-                message(ModelRow::new(body, model)),
+                ModelRow::new(body, model).message(),
             ),
         };
         let message = LogMessage {
