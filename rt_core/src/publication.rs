@@ -21,6 +21,8 @@ pub struct Extent {
 
 /// The numbers of a publication that belong to no row and to no block.
 pub trait Head: Copy + Debug {
+    /// The name of the kind, for people.
+    const NAME: &'static str;
     /// A row.
     type Row: Copy + Debug;
     /// A block.

@@ -1,7 +1,9 @@
 //! The ring of buffers between the host and a subscriber's reader.
 //!
-//! The host fills a free buffer and sends it; the reader gives it back. Two bounded channels carry the buffers, which have
-//! their memory from the start, so that a step with a free buffer neither waits nor allocates.
+//! The host fills a free buffer and sends it; the reader gives it back. Two channels carry the buffers, which have their
+//! memory from the start, so that a step with a free buffer neither waits nor allocates. No thread of the tick takes part,
+//! and two of the three rules are not wait-free by their meaning: one waits for the reader, and one makes buffers without
+//! bound. The channels are therefore those of the standard library, which can do both.
 
 use super::Snapshot;
 use std::sync::Arc;

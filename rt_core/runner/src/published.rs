@@ -9,10 +9,12 @@ use rt_core::publication::{Extent, Head, Packed, Publication};
 /// The error for a publication that found no place. The tick continues with the previous one; so should the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the local model of body {body} was not published: its ring has places for {capacity} models, and all of them are \
-     taken (a ring without places does not exist)"
+    "the {kind} of body {body} was not published: its ring has {capacity} places, and all of them are taken (a ring \
+     without places does not exist)"
 )]
 pub struct RingFull {
+    /// The name of the kind of publication.
+    pub kind: &'static str,
     /// Index of the body.
     pub body: usize,
     /// Capacity of the ring in publications; zero if the link has no such body.
@@ -21,17 +23,20 @@ pub struct RingFull {
 
 /// The ends of the rings of one kind of publication.
 #[derive(Debug)]
-pub(crate) struct Ends<H: Head> {
-    pub(crate) host: Outlet<H>,
-    pub(crate) tick: Inlets<H>,
-    pub(crate) log: PackedReader<H>,
+pub struct Ends<H: Head> {
+    /// The end of the host.
+    pub host: Outlet<H>,
+    /// The end of the tick.
+    pub tick: Inlets<H>,
+    /// The end of the log.
+    pub log: PackedReader<H>,
     /// The memory of the rings that the tick reads.
-    pub(crate) memory: Vec<MemoryRange>,
+    pub memory: Vec<MemoryRange>,
 }
 
 impl<H: Head> Ends<H> {
     /// The rings of `bodies`, each with `slots` places for publications of up to `most` parts.
-    pub(crate) fn new(bodies: usize, slots: usize, most: Extent) -> Self {
+    pub fn new(bodies: usize, slots: usize, most: Extent) -> Self {
         let (mut to_tick, mut inlets, mut memory) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..bodies {
             let ((writer, reader), used) = prefaulted_packed_ring(slots, most);
@@ -78,7 +83,11 @@ impl<H: Head> Outlet<H> {
     ) -> Result<(), RingFull> {
         let Some(ring) = self.to_tick.get_mut(body) else {
             self.refused += 1;
-            return Err(RingFull { body, capacity: 0 });
+            return Err(RingFull {
+                kind: H::NAME,
+                body,
+                capacity: 0,
+            });
         };
         // The copy for the log is pushed first. The log then finds it before any tick that used the publication.
         if !self.copies.is_abandoned() && !self.copies.push(body as u8, publication) {
@@ -87,6 +96,7 @@ impl<H: Head> Outlet<H> {
         if !ring.push(body as u8, publication) {
             self.refused += 1;
             return Err(RingFull {
+                kind: H::NAME,
                 body,
                 capacity: ring.capacity(),
             });

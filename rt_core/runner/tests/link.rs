@@ -222,6 +222,7 @@ fn a_refused_model_is_named_counted_and_missed() {
         assert_eq!(
             host.publish(0, &model(sequence)),
             Err(RingFull {
+                kind: "local model",
                 body: 0,
                 capacity: 3
             })
@@ -230,6 +231,7 @@ fn a_refused_model_is_named_counted_and_missed() {
     assert_eq!(
         host.publish(7, &model(1)),
         Err(RingFull {
+            kind: "local model",
             body: 7,
             capacity: 0
         })

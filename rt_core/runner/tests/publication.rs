@@ -4,6 +4,7 @@
 use rt_core::Vec3;
 use rt_core::publication::{Extent, Head, Publication};
 use runner::packed_ring::{packed_ring, prefaulted_packed_ring};
+use runner::published::Ends;
 
 /// The head of the contacts of a tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +20,7 @@ type Contact = (Vec3, Vec3);
 type Compliance = [f64; 3];
 
 impl Head for ContactHead {
+    const NAME: &'static str = "contact of a tool";
     type Row = Contact;
     type Block = Compliance;
 
@@ -141,4 +143,38 @@ fn a_full_ring_refuses_and_a_kind_without_blocks_has_a_ring() {
     assert!(!writer.push(0, &of(4, 5, 0)), "more rows than fit at all");
     drop(reader);
     assert!(writer.is_abandoned());
+}
+
+/// A second kind has its own ends on a link, with the rules of local models.
+#[test]
+fn contacts_have_ends_of_their_own() {
+    let most = of(0, 3, 2).head.extent();
+    let Ends {
+        mut host,
+        mut tick,
+        mut log,
+        ..
+    } = Ends::<ContactHead>::new(2, 2, most);
+    assert_eq!(tick.bodies(), 2);
+    for (body, number) in [(0, 1), (1, 1), (0, 2)] {
+        assert_eq!(host.publish(body, &of(number, 3, 2)), Ok(()));
+    }
+    let full = host.publish(0, &of(3, 3, 2)).expect_err("the ring is full");
+    assert_eq!(
+        full.to_string(),
+        "the contact of a tool of body 0 was not published: its ring has 2 places, and all of them are taken (a ring \
+         without places does not exist)"
+    );
+    let mut taken = Vec::new();
+    tick.take(|body, contacts| {
+        assert_eq!(parts(contacts), parts(&of(contacts.head.number, 3, 2)));
+        taken.push((body, contacts.head.number));
+    });
+    assert_eq!(taken, [(0, 2), (1, 1)]);
+    assert_eq!((tick.superseded(), tick.lost()), (1, 0));
+    // The log has a copy of the refused publication, too: the copies have their own ring.
+    let mut logged = Vec::new();
+    log.drain(|body, contacts| logged.push((body, contacts.head.number)));
+    assert_eq!(logged, [(0, 1), (1, 1), (0, 2), (0, 3)]);
+    assert_eq!((host.refused(), host.refused_copies()), (1, 0));
 }

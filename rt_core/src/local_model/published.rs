@@ -67,6 +67,7 @@ impl ModelHead {
 }
 
 impl Head for ModelHead {
+    const NAME: &'static str = "local model";
     type Row = HandleReference;
     type Block = Mat6;
 
