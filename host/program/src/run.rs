@@ -404,8 +404,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let world = build(&loaded, &bar)?;
     let mut warned = false;
     let result = host::run::run(&world, &options, &mut |progress| {
-        if let Some(stage) = progress.stage {
-            bar.stage(stage);
+        if let Some(preparation) = progress.preparation {
+            bar.preparing(preparation);
             return;
         }
         // The devices are open now.

@@ -40,8 +40,8 @@ use crate::engine::faults::HostFault;
 use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
+use crate::preparation::Preparation;
 use crate::scene::{LoadedScene, SceneError, connections};
-use crate::stage::Stage;
 use crate::world::{World, scheme};
 use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
@@ -172,8 +172,8 @@ pub enum RunError {
 /// The progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
-    /// The stage of the preparation that begins; `None` once ticks are made.
-    pub stage: Option<Stage>,
+    /// The part of the preparation that begins; `None` once ticks are made.
+    pub preparation: Option<Preparation>,
     /// Ticks done.
     pub ticks: u64,
     /// Ticks in the whole run.
@@ -242,13 +242,13 @@ pub fn run_watched(
         Clock::Virtual => CoreChoice::Anywhere,
     };
     let reserved = Reserved::new(core, &Cores::of_this_machine());
-    let mut stage = |stage| {
+    let mut preparing = |preparation| {
         progress(Progress {
-            stage: Some(stage),
+            preparation: Some(preparation),
             ..Progress::default()
         });
     };
-    let mut prepared = prepare(world, options, seed, &mut stage)?;
+    let mut prepared = prepare(world, options, seed, &mut preparing)?;
     let told = std::mem::take(&mut prepared.told);
     let frames = options
         .frames
@@ -302,7 +302,7 @@ pub fn run_watched(
         let logged = logged.load(Ordering::Relaxed);
         let slow = found.get().copied();
         progress(Progress {
-            stage: None,
+            preparation: None,
             ticks,
             of,
             logged,
@@ -352,7 +352,7 @@ fn prepare(
     world: &World<'_>,
     options: &RunOptions,
     seed: u64,
-    stage: &mut dyn FnMut(Stage),
+    preparing: &mut dyn FnMut(Preparation),
 ) -> Result<Prepared, SceneError> {
     let session = Options {
         duration: options.duration.unwrap_or(world.loaded.scene.duration),
@@ -361,7 +361,7 @@ fn prepare(
         real: options.clock == Clock::Real,
         faults: options.faults.clone(),
     };
-    let mut prepared = Prepared::told(world, &session, stage)?;
+    let mut prepared = Prepared::told(world, &session, preparing)?;
     let devices = std::mem::take(&mut prepared.tick.devices).into_iter();
     prepared.tick.devices = devices
         .map(|device| {
