@@ -264,9 +264,9 @@ pub(super) fn moved(loaded: &LoadedScene, index: usize, cuts: &Cuts) -> Vec<Warn
         let [wanted, tip] = moved.ends.map(words);
         let number = moved.number;
         Warning {
-            place: loaded
+            location: loaded
                 .source
-                .place(&format!("body[{index}].tear.notch[{number}]")),
+                .location(&format!("body[{index}].tear.notch[{number}]")),
             found: format!(
                 "a notch that ends at {tip}, {:.4} m from {wanted}: no vertex of the mesh can move there",
                 moved.distance()
