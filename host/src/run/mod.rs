@@ -84,8 +84,8 @@ pub struct RunOptions {
     pub log_frames: Option<f64>,
     /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
-    /// The part of forces and displacements that the plot shows.
-    pub part: plot::Part,
+    /// The component of forces and displacements that the plot shows.
+    pub component: plot::Component,
     /// The table and the picture of force against displacement.
     pub ticks: TickOutputs,
     /// Path of the distributions of lateness and tick time (CSV or SVG) of a run under the real clock; `None` for a run
@@ -123,7 +123,7 @@ impl RunOptions {
             log: None,
             log_frames: None,
             plot: None,
-            part: plot::Part::default(),
+            component: plot::Component::default(),
             ticks: TickOutputs::default(),
             histogram: None,
             frames: None,
@@ -424,7 +424,7 @@ fn write_files(
         }
     };
     if let Some(path) = &options.plot {
-        let data = report::plot_data(loaded, &ended.observed.collected, options.part);
+        let data = report::plot_data(loaded, &ended.observed.collected, options.component);
         let svg = plot::force_and_position_svg(&data);
         note(summary, path, plot::write_picture(path, &svg));
     }
