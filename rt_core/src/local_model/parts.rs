@@ -105,8 +105,7 @@ impl LocalModel {
         let n = usize::from(self.head.handle_count);
         let motions = || deviations.iter().zip(lead);
         let mut work = 0.0;
-        let outs = parts.rows().zip(motions());
-        for (row, (out, (own, own_lead))) in self.rows().zip(outs) {
+        for ((row, out), (own, own_lead)) in self.rows().zip(parts.rows()).zip(motions()) {
             let drift = row.handle.drift.stacked();
             let begin = row.handle.unweighted() + drift * ahead;
             *out.viscous = drift.component_mul(&own_lead.time);
@@ -128,22 +127,21 @@ impl LocalModel {
                 work += handle.tear_slope.dot(&own.displacement) * beyond.work;
             }
         }
-        let mut stored = (self.head.energy - work).max(0.0);
-        for (out, handle) in parts.rows().zip(self.handles()) {
+        parts.stored = (self.head.energy - work).max(0.0);
+        let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
+        for ((elastic, viscous), handle) in outs.zip(self.handles()) {
             if handle.contact == Vec3::zeros() {
                 continue;
             }
-            let elastic = out.elastic;
             let mut force = Vec3::new(elastic.x, elastic.y, elastic.z);
             let whole = force.norm_squared();
             if clip(&mut force, &handle.contact) {
                 // The clipped part of the force gives no energy back, and air does not damp.
-                stored *= force.norm_squared() / whole;
+                parts.stored *= force.norm_squared() / whole;
                 (elastic.x, elastic.y, elastic.z) = (force.x, force.y, force.z);
-                *out.viscous = Vec6::zeros();
+                *viscous = Vec6::zeros();
             }
         }
-        parts.stored = stored;
         parts
     }
 
