@@ -4,7 +4,7 @@
 //! cargo run --release -p palpate-host --example change
 //! ```
 //!
-//! The times are medians over `RUNS` changes, on a thread beside the steps: of an ordinary step, of the call that asks
+//! The times are medians over `RUNS` changes, on a background thread: of an ordinary step, of the call that asks
 //! for the change (it copies the body), of the step in which the change lands, and from the call to the landing.
 
 use host::engine::Engine;

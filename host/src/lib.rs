@@ -16,11 +16,11 @@ pub mod engine;
 pub mod live;
 pub mod log;
 pub mod machine;
+pub mod preparation;
 pub mod record;
 pub mod run;
 pub mod snapshot;
 pub mod solve;
-pub mod stage;
 pub mod table;
 pub mod world;
 

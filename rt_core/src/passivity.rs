@@ -27,7 +27,7 @@ mod hand;
 mod pieces;
 
 use edge::Edge;
-pub(crate) use hand::{Hand, Motion};
+pub(crate) use hand::{HandMemory, Motion};
 pub(crate) use pieces::Division;
 use pieces::PieceAccount;
 
@@ -205,7 +205,7 @@ impl EnergyAccount {
 #[derive(Clone, Debug)]
 pub struct Passivity {
     config: PassivityConfig,
-    hands: [Hand; MAX_DEVICES],
+    hands: [HandMemory; MAX_DEVICES],
     /// Number of devices that move these hands.
     devices: usize,
     account: EnergyAccount,
@@ -224,7 +224,7 @@ impl Passivity {
     pub fn new(config: PassivityConfig) -> Self {
         Self {
             config,
-            hands: config.ports.map(Hand::new),
+            hands: config.ports.map(HandMemory::new),
             devices: 0,
             account: EnergyAccount {
                 available: config.allowance,
@@ -377,7 +377,7 @@ impl Passivity {
     }
 
     /// The memory of the account for a device.
-    pub(crate) fn hand(&self, device: usize) -> Option<&Hand> {
+    pub(crate) fn hand(&self, device: usize) -> Option<&HandMemory> {
         self.hands.get(device)
     }
 

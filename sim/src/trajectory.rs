@@ -85,7 +85,7 @@ pub enum TrajectoryError {
 }
 
 #[derive(Clone, Debug)]
-enum Part {
+enum Term {
     Waypoints(Waypoints),
     Sines(Sines),
     Recorded(Recorded),
@@ -115,7 +115,7 @@ enum Part {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Trajectory {
-    parts: Vec<Part>,
+    terms: Vec<Term>,
 }
 
 impl Trajectory {
@@ -131,7 +131,7 @@ impl Trajectory {
     /// No waypoint, a number that is not finite, times that do not increase, or a first time below zero.
     pub fn new_waypoints(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
-            parts: vec![Part::Waypoints(Waypoints::new(waypoints)?)],
+            terms: vec![Term::Waypoints(Waypoints::new(waypoints)?)],
         })
     }
 
@@ -143,7 +143,7 @@ impl Trajectory {
     /// first.
     pub(crate) fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
-            parts: vec![Part::Waypoints(Waypoints::new_cycle(waypoints)?)],
+            terms: vec![Term::Waypoints(Waypoints::new_cycle(waypoints)?)],
         })
     }
 
@@ -153,7 +153,7 @@ impl Trajectory {
     /// A number that is not finite, a frequency outside the hand's band, or a fade-in time that is not above zero.
     pub fn new_sines(sines: &[Sine], fade: f64) -> Result<Self, TrajectoryError> {
         Ok(Self {
-            parts: vec![Part::Sines(Sines::new(sines, fade)?)],
+            terms: vec![Term::Sines(Sines::new(sines, fade)?)],
         })
     }
 
@@ -165,25 +165,25 @@ impl Trajectory {
     /// [`recorded::MAX_DURATION`].
     pub fn new_recorded(samples: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
-            parts: vec![Part::Recorded(Recorded::new(samples)?)],
+            terms: vec![Term::Recorded(Recorded::new(samples)?)],
         })
     }
 
     /// The sum of several trajectories.
     pub fn new_sum(trajectories: impl IntoIterator<Item = Self>) -> Self {
         Self {
-            parts: trajectories.into_iter().flat_map(|t| t.parts).collect(),
+            terms: trajectories.into_iter().flat_map(|t| t.terms).collect(),
         }
     }
 
     /// Displacement (m) and velocity (m/s) at `time` (s).
     pub fn at(&self, time: f64) -> (Vec3, Vec3) {
         let mut sum: Knot = (Vec3::zeros(), Vec3::zeros());
-        for part in &self.parts {
-            let (position, velocity) = match part {
-                Part::Waypoints(part) => part.at(time),
-                Part::Sines(part) => part.at(time),
-                Part::Recorded(part) => part.at(time),
+        for term in &self.terms {
+            let (position, velocity) = match term {
+                Term::Waypoints(term) => term.at(time),
+                Term::Sines(term) => term.at(time),
+                Term::Recorded(term) => term.at(time),
             };
             sum.0 += position;
             sum.1 += velocity;

@@ -4,7 +4,7 @@ use devices::falcon::boot::{Problem, Step, boot, packet_mode};
 use devices::falcon::geometry::{CENTRE, Jacobian, STEP, inverse};
 use devices::falcon::packet::Report;
 use devices::falcon::{BootError, Falcon, FalconError, Firmware, Settings, Tries};
-use devices::ftdi::{Chip, Control, Ftdi, PACKET, STATUS, Setup, Usb};
+use devices::ftdi::{Chip, Control, Ftdi, PACKET, STATUS, SetupPacket, Usb};
 use devices::{DeviceModel, Exchange, Transport};
 use proptest::prelude::*;
 use rt_core::{Corruption, DeviceError, DeviceState, Vec3, Wrench};
@@ -84,7 +84,7 @@ impl Pipe {
 }
 
 impl Usb for Pipe {
-    fn request(&mut self, setup: Setup) -> Result<(), i32> {
+    fn request(&mut self, setup: SetupPacket) -> Result<(), i32> {
         let mut world = self.transfer()?;
         world.now_ns += OUT_NS;
         let now_ns = world.now_ns;
@@ -774,7 +774,7 @@ proptest! {
             let emulated = &mut world.emulated;
             match kind {
                 0 => {
-                    let setup = Setup { kind: 0x40, request, value: value & 0x3ff, index: 0 };
+                    let setup = SetupPacket { kind: 0x40, request, value: value & 0x3ff, index: 0 };
                     let _ = emulated.control(setup, now_ns);
                 }
                 1 => emulated.receive(&bytes, now_ns),

@@ -1,7 +1,7 @@
 //! The driver of WoodenHaptics against an emulated device, over a connection in memory and under virtual time.
 
 use devices::woodenhaptics::driver::WAIT;
-use devices::woodenhaptics::{Form, Geometry, Kinematics, Setup, WoodenHaptics};
+use devices::woodenhaptics::{Form, Geometry, Kinematics, WoodenHaptics, WoodenHapticsConfig};
 use devices::{Exchange, Transport};
 use proptest::prelude::*;
 use rt_core::{Corruption, DeviceError, Vec3, Wrench};
@@ -35,7 +35,7 @@ struct World {
 struct Link(Arc<Mutex<World>>);
 
 impl Link {
-    fn new(device: SimDevice, setup: &Setup) -> Self {
+    fn new(device: SimDevice, setup: &WoodenHapticsConfig) -> Self {
         let device = emulate::WoodenHaptics::new(device, &setup.geometry, setup.form);
         Self(Arc::new(Mutex::new(World {
             device: device.expect("a sound geometry"),
@@ -67,7 +67,7 @@ impl Link {
         self.world(|world| world.device.device().force())
     }
 
-    fn open(&self, setup: &Setup) -> WoodenHaptics<Self> {
+    fn open(&self, setup: &WoodenHapticsConfig) -> WoodenHaptics<Self> {
         let (link, clock) = (self.clone(), self.clone());
         let open = move || {
             if link.world(|world| world.gone) {
@@ -149,12 +149,12 @@ fn moving() -> Hand {
     Hand::new(Trajectory::new_waypoints(&path).expect("a slow motion"))
 }
 
-fn kinematics(setup: &Setup) -> Kinematics {
+fn kinematics(setup: &WoodenHapticsConfig) -> Kinematics {
     Kinematics::new(&setup.geometry).expect("a sound geometry")
 }
 
 /// The position (m) nearest to `near` at which every encoder is on a count, and the counts.
-fn on_counts(setup: &Setup, near: &Vec3) -> (Vec3, [i64; 3]) {
+fn on_counts(setup: &WoodenHapticsConfig, near: &Vec3) -> (Vec3, [i64; 3]) {
     let kinematics = kinematics(setup);
     let angles = kinematics.inverse(near).expect("in the workspace");
     let counts = kinematics.counts(angles).map(|n| n.round() as i64);
@@ -163,7 +163,7 @@ fn on_counts(setup: &Setup, near: &Vec3) -> (Vec3, [i64; 3]) {
 
 /// Half a count of every joint, as a displacement of the handle at `position` (m), with a margin of two per cent for the
 /// change of the Jacobian across a count.
-fn half_a_count(setup: &Setup, position: &Vec3) -> f64 {
+fn half_a_count(setup: &WoodenHapticsConfig, position: &Vec3) -> f64 {
     let kinematics = kinematics(setup);
     let angles = kinematics.inverse(position).expect("in the workspace");
     let columns = kinematics.jacobian(angles);
@@ -179,7 +179,7 @@ fn push(force: Vec3) -> Wrench {
     }
 }
 
-fn calibrated(hand: Option<Hand>, setup: &Setup) -> (WoodenHaptics<Link>, Link) {
+fn calibrated(hand: Option<Hand>, setup: &WoodenHapticsConfig) -> (WoodenHaptics<Link>, Link) {
     let (start, _) = on_counts(setup, &Vec3::zeros());
     let link = Link::new(device(hand, start), setup);
     let mut driver = link.open(setup);
@@ -190,9 +190,9 @@ fn calibrated(hand: Option<Hand>, setup: &Setup) -> (WoodenHaptics<Link>, Link) 
 #[test]
 fn positions_are_within_half_a_count_of_each_joint() {
     for form in [Form::Short, Form::Long] {
-        let setup = Setup {
+        let setup = WoodenHapticsConfig {
             form,
-            ..Setup::default()
+            ..WoodenHapticsConfig::default()
         };
         let (mut driver, link) = calibrated(Some(moving()), &setup);
         let (mut farthest, mut fastest): (f64, f64) = (0.0, 0.0);
@@ -230,9 +230,9 @@ fn fine_counters_wrap_again_and_again() {
         counts_per_turn: [64_000.0; 3],
         ..Geometry::default()
     };
-    let setup = Setup {
+    let setup = WoodenHapticsConfig {
         geometry,
-        ..Setup::default()
+        ..WoodenHapticsConfig::default()
     };
     let (mut driver, link) = calibrated(Some(moving()), &setup);
     let kinematics = kinematics(&setup);
@@ -253,7 +253,7 @@ fn fine_counters_wrap_again_and_again() {
 
 #[test]
 fn a_silence_loses_nothing() {
-    let setup = Setup::default();
+    let setup = WoodenHapticsConfig::default();
     let (mut driver, link) = calibrated(Some(moving()), &setup);
     for k in 0..1500 {
         // 30 exchanges without a report are 0.3 s, in which the hand moves on.
@@ -279,7 +279,7 @@ fn a_silence_loses_nothing() {
 
 #[test]
 fn repeated_reports_are_a_handle_at_rest() {
-    let (mut driver, link) = calibrated(Some(moving()), &Setup::default());
+    let (mut driver, link) = calibrated(Some(moving()), &WoodenHapticsConfig::default());
     for _ in 0..1000 {
         driver.exchange(&Wrench::zero()).expect("a report came");
     }
@@ -298,7 +298,7 @@ fn repeated_reports_are_a_handle_at_rest() {
 
 #[test]
 fn the_motors_make_the_commanded_force() {
-    let setup = Setup::default();
+    let setup = WoodenHapticsConfig::default();
     let kinematics = kinematics(&setup);
     let mut saturated = 0;
     for k in 0..200 {
@@ -336,7 +336,7 @@ fn the_motors_make_the_commanded_force() {
 
 #[test]
 fn the_motors_make_the_commanded_force_in_motion() {
-    let (mut driver, link) = calibrated(Some(moving()), &Setup::default());
+    let (mut driver, link) = calibrated(Some(moving()), &WoodenHapticsConfig::default());
     for k in 0..3000 {
         let t = f64::from(k) * 0.01;
         let force = Vec3::new(libm::sin(t), libm::cos(1.7 * t), libm::sin(2.3 * t)) * 1.5;
@@ -350,7 +350,7 @@ fn the_motors_make_the_commanded_force_in_motion() {
 
 #[test]
 fn a_jump_is_refused_and_a_restart_asks_for_calibration() {
-    let setup = Setup::default();
+    let setup = WoodenHapticsConfig::default();
     let (mut driver, link) = calibrated(None, &setup);
     let force = push(Vec3::new(0.0, 0.0, 0.3));
     driver.exchange(&force).expect("a report came");
@@ -391,11 +391,14 @@ fn a_jump_is_refused_and_a_restart_asks_for_calibration() {
 
 #[test]
 fn the_button_calibrates_at_home() {
-    let (home, _) = on_counts(&Setup::default(), &Vec3::new(-0.03, 0.02, 0.04));
-    let setup = Setup {
+    let (home, _) = on_counts(
+        &WoodenHapticsConfig::default(),
+        &Vec3::new(-0.03, 0.02, 0.04),
+    );
+    let setup = WoodenHapticsConfig {
         home: Some(home),
         form: Form::Long,
-        ..Setup::default()
+        ..WoodenHapticsConfig::default()
     };
     let link = Link::new(device(None, home), &setup);
     let mut driver = link.open(&setup);
@@ -418,7 +421,7 @@ fn the_button_calibrates_at_home() {
 
 #[test]
 fn a_wrong_length_is_corrupt_and_no_sign_of_life() {
-    let (mut driver, link) = calibrated(None, &Setup::default());
+    let (mut driver, link) = calibrated(None, &WoodenHapticsConfig::default());
     let force = push(Vec3::new(0.0, 0.2, 0.0));
     for bad in [vec![0; 13], vec![0; 15], vec![0; 64], vec![1]] {
         link.world(|world| world.replaced = Some(bad));
@@ -441,7 +444,7 @@ fn a_wrong_length_is_corrupt_and_no_sign_of_life() {
 
 #[test]
 fn the_motors_are_off_half_a_second_after_the_driver_stops() {
-    let (mut driver, link) = calibrated(None, &Setup::default());
+    let (mut driver, link) = calibrated(None, &WoodenHapticsConfig::default());
     let force = push(Vec3::new(0.0, 0.2, 0.0));
     driver.exchange(&force).expect("a report came");
     // The last report arrived half a millisecond before the reply did.
@@ -462,7 +465,7 @@ fn the_motors_are_off_half_a_second_after_the_driver_stops() {
 
 #[test]
 fn a_device_that_is_plugged_in_again_has_no_force_until_it_is_calibrated() {
-    let setup = Setup::default();
+    let setup = WoodenHapticsConfig::default();
     let (mut driver, link) = calibrated(None, &setup);
     let force = push(Vec3::new(0.0, 0.2, 0.0));
     driver.exchange(&force).expect("a report came");
@@ -526,7 +529,7 @@ proptest! {
     fn a_device_that_is_not_calibrated_has_no_force_whatever_happens(
         events in prop::collection::vec(event(), 1..100), homed in any::<bool>(),
     ) {
-        let setup = Setup { home: homed.then(Vec3::zeros), ..Setup::default() };
+        let setup = WoodenHapticsConfig { home: homed.then(Vec3::zeros), ..WoodenHapticsConfig::default() };
         let (mut driver, link) = calibrated(Some(moving()), &setup);
         for event in events {
             match event {

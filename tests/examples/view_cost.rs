@@ -163,7 +163,7 @@ fn steps(quick: bool, random: &mut Random) -> Result<(), Box<dyn Error>> {
             *cells = CELLS;
         }
     }
-    // As under the real clock, factors are made beside the steps.
+    // As under the real clock, factors are made in the background.
     let how = BuildOptions {
         real: true,
         ..BuildOptions::default()

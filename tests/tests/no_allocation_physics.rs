@@ -6,7 +6,7 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Border, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
-    HandleSpec, Integrator, IntegratorOptions, Material, Part, Precision, Preconditioner,
+    HandleSpec, Integrator, IntegratorOptions, Material, Phase, Precision, Preconditioner,
     ShapeOptions, Shapes, SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions,
     TimeScheme, Vec3, Weave,
 };
@@ -162,7 +162,7 @@ fn fast_steps_allocate_nothing<T: Precision>(preconditioner: Preconditioner) {
                     factors += 1;
                 }
                 if k % 50 == 1 {
-                    stepper.repeat(Part::Refresh).unwrap();
+                    stepper.repeat(Phase::Refresh).unwrap();
                 }
             }
         };

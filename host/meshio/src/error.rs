@@ -28,10 +28,10 @@ pub enum MeshFileError {
     )]
     NoTexture,
     /// The file has a syntax error.
-    #[error("{place}: expected {expected}, found {found}")]
+    #[error("{position}: expected {expected}, found {found}")]
     Syntax {
-        /// Place of the error.
-        place: Place,
+        /// Position of the error.
+        position: FilePosition,
         /// The expected text, in some cases with advice.
         expected: String,
         /// The text found, shortened.
@@ -47,10 +47,10 @@ pub enum MeshFileError {
 
 /// The cells of a file form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("{place}: {source}")]
+#[error("{position}: {source}")]
 pub struct InvalidMesh {
-    /// Place of the faulty cell or vertex.
-    pub place: Place,
+    /// Position of the faulty cell or vertex.
+    pub position: FilePosition,
     /// The fault.
     pub source: MeshFault,
 }
@@ -80,9 +80,9 @@ impl MeshFault {
     }
 }
 
-/// A place in a mesh file.
+/// A position in a mesh file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum FilePosition {
     /// A line, counted from one.
     Line(usize),
     /// A byte of a file that is not text, counted from zero.
@@ -96,7 +96,7 @@ pub enum Place {
     },
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for FilePosition {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(line) => write!(to, "line {line}"),
@@ -108,12 +108,12 @@ impl fmt::Display for Place {
 
 impl MeshFileError {
     pub(crate) fn syntax(
-        place: Place,
+        position: FilePosition,
         expected: impl Into<String>,
         found: impl Into<String>,
     ) -> Self {
         Self::Syntax {
-            place,
+            position,
             expected: expected.into(),
             found: found.into(),
         }
@@ -124,10 +124,10 @@ impl MeshFileError {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum GmshError {
     /// A number, a name or a section is missing or malformed.
-    #[error("{place}: expected {expected}, found {found}")]
+    #[error("{position}: expected {expected}, found {found}")]
     Syntax {
         /// Where.
-        place: Place,
+        position: FilePosition,
         /// What should stand there.
         expected: String,
         /// The text found, shortened.
@@ -154,10 +154,10 @@ pub enum GmshError {
         line: usize,
     },
     /// The file has elements of an unsupported type.
-    #[error("{place}: found elements of type {code} ({name}), expected {expected}; {advice}")]
+    #[error("{position}: found elements of type {code} ({name}), expected {expected}; {advice}")]
     Element {
         /// Where the block of elements starts.
-        place: Place,
+        position: FilePosition,
         /// Gmsh's number for the type.
         code: u32,
         /// The type in words.
@@ -169,34 +169,34 @@ pub enum GmshError {
     },
     /// Some elements are of first order, others of second order.
     #[error(
-        "{place}: found {name}, in {first} {first_name}; mesh again with one Mesh.ElementOrder for \
+        "{position}: found {name}, in {first} {first_name}; mesh again with one Mesh.ElementOrder for \
          all"
     )]
     MixedOrder {
         /// Where the block of elements of the other order starts.
-        place: Place,
+        position: FilePosition,
         /// The name of these elements.
         name: &'static str,
         /// Where the first block of tetrahedra starts.
-        first: Place,
+        first: FilePosition,
         /// The name of the elements of that block.
         first_name: &'static str,
     },
     /// A section, a field or a tag that may occur only once occurs again.
-    #[error("{place}: expected {item} once, found a second one; the first is in {first}")]
+    #[error("{position}: expected {item} once, found a second one; the first is in {first}")]
     Repeated {
         /// Where the repetition stands.
-        place: Place,
+        position: FilePosition,
         /// The section, the field, or the kind of tag with its number.
         item: String,
         /// Where the first one stands.
-        first: Place,
+        first: FilePosition,
     },
     /// A section is missing.
-    #[error("{place}: expected a section {section}, found the end of the file")]
+    #[error("{position}: expected a section {section}, found the end of the file")]
     Missing {
         /// The end of the file.
-        place: Place,
+        position: FilePosition,
         /// The section.
         section: &'static str,
     },

@@ -31,7 +31,7 @@ pub fn read_mesh(name: &str, bytes: &[u8]) -> Result<Mesh, MeshFileError> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Choices {
     /// The distance within which vertices are merged, in the unit of the file's coordinates. Without it, two vertices at one
-    /// place are an error.
+    /// position are an error.
     pub merge: Option<f64>,
     /// The unit of the texture coordinates (m), if they are the flat pattern of a sheet.
     pub texture_unit: Option<f64>,

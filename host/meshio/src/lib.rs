@@ -38,5 +38,5 @@ pub mod write_gmsh;
 pub mod write_vtk;
 pub mod write_vtu;
 
-pub use error::{GmshError, InvalidMesh, MeshFault, MeshFileError, Place};
+pub use error::{FilePosition, GmshError, InvalidMesh, MeshFault, MeshFileError};
 pub use file::{Choices, read_mesh, read_mesh_as};

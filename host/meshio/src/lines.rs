@@ -1,6 +1,6 @@
-//! A text as lines of fields, with errors that name the place.
+//! A text as lines of fields, with errors that name the position.
 
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::text::quoted;
 use std::str::FromStr;
 
@@ -8,7 +8,7 @@ use std::str::FromStr;
 #[derive(Debug)]
 pub(crate) struct Unexpected {
     /// Where.
-    pub(crate) place: Place,
+    pub(crate) position: FilePosition,
     pub(crate) expected: String,
     pub(crate) found: String,
 }
@@ -57,7 +57,7 @@ impl<'a> Lines<'a> {
     /// The next line that is not blank. Without one, the error names `expected`.
     pub(crate) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, Unexpected> {
         self.next().ok_or_else(|| Unexpected {
-            place: Place::Line(self.last.max(1)),
+            position: FilePosition::Line(self.last.max(1)),
             expected: expected.to_owned(),
             found: "the end of the file".to_owned(),
         })
@@ -82,12 +82,12 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// The place of the line.
-    pub(crate) fn place(&self) -> Place {
+    /// The position of the line.
+    pub(crate) fn position(&self) -> FilePosition {
         if self.is_byte {
-            Place::Byte(self.at)
+            FilePosition::Byte(self.at)
         } else {
-            Place::Line(self.at)
+            FilePosition::Line(self.at)
         }
     }
 
@@ -104,7 +104,7 @@ impl<'a> Fields<'a> {
             quoted(self.rest)
         };
         Unexpected {
-            place: self.place(),
+            position: self.position(),
             expected: expected.to_owned(),
             found,
         }
@@ -168,7 +168,7 @@ impl<'a> Fields<'a> {
 impl From<Unexpected> for MeshFileError {
     fn from(error: Unexpected) -> Self {
         Self::Syntax {
-            place: error.place,
+            position: error.position,
             expected: error.expected,
             found: error.found,
         }

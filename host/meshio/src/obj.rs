@@ -16,7 +16,7 @@
 //!   edges with their angles). Curved surfaces are an error.
 //! - A backslash at the end of a line continues the statement on the next line.
 
-use crate::error::{InvalidMesh, MAX_GROUPS, MeshFileError, Place};
+use crate::error::{FilePosition, InvalidMesh, MAX_GROUPS, MeshFileError};
 use crate::lines::{Fields, Lines};
 use crate::soup::{Fault, Soup, set_groups};
 use crate::text::line_of;
@@ -108,7 +108,7 @@ pub fn parse(
             .triangle()
             .and_then(|triangle| extras.triangle_lines.get(triangle as usize));
         InvalidMesh {
-            place: Place::Line(line.map_or(1, |&line| line as usize)),
+            position: FilePosition::Line(line.map_or(1, |&line| line as usize)),
             source: MeshError::from(error).into(),
         }
     })?;
@@ -128,8 +128,8 @@ fn read(
 ) -> Result<(TriMesh, Extras), MeshFileError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
-        let place = Place::Line(line_of(bytes, error.valid_up_to()));
-        MeshFileError::syntax(place, "OBJ text in UTF-8", "bytes that are no text")
+        let position = FilePosition::Line(line_of(bytes, error.valid_up_to()));
+        MeshFileError::syntax(position, "OBJ text in UTF-8", "bytes that are no text")
     })?;
     let text = joined(text);
     let mut lines = Lines::new(&text);
@@ -221,7 +221,7 @@ impl Reader {
         if !rest.is_empty() && !rest.starts_with('#') {
             let count = 3 + rest.split_whitespace().count();
             return Err(MeshFileError::syntax(
-                Place::Line(fields.at),
+                FilePosition::Line(fields.at),
                 "a triangle (export the mesh with triangulated faces)",
                 format!("a face of {count} vertices"),
             ));
@@ -305,7 +305,7 @@ impl Reader {
         let vertices = self.soup.positions.len();
         let line = |lines: &[u32], index: u32| {
             let line = lines.get(index as usize);
-            Place::Line(line.map_or(last_line, |&line| line as usize))
+            FilePosition::Line(line.map_or(last_line, |&line| line as usize))
         };
         for (triangle, corners) in (0_u32..).zip(&self.soup.cells) {
             if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= vertices) {
@@ -332,12 +332,12 @@ impl Reader {
             .soup
             .into_mesh(merge)
             .map_err(|Fault { source, location }| {
-                let place = match location {
+                let position = match location {
                     Location::Vertex(vertex) => line(&self.vertex_lines, vertex),
                     Location::Cell(triangle) => line(&self.triangle_lines, triangle),
-                    Location::Mesh => Place::Line(last_line),
+                    Location::Mesh => FilePosition::Line(last_line),
                 };
-                InvalidMesh { place, source }
+                InvalidMesh { position, source }
             })?;
         set_groups(&mut mesh, self.groups);
         let extras = Extras {

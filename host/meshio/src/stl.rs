@@ -6,7 +6,7 @@
 //!
 //! Many binary files begin with the word `solid`, so the length of the file tells which of the two it is.
 
-use crate::error::{InvalidMesh, MAX_GROUPS, MeshFileError, Place};
+use crate::error::{FilePosition, InvalidMesh, MAX_GROUPS, MeshFileError};
 use crate::lines::Lines;
 use crate::merge;
 use crate::soup::{Fault, Soup, set_groups};
@@ -72,12 +72,12 @@ pub(crate) fn parse(bytes: &[u8], distance: Option<f64>) -> Result<TriMesh, Mesh
     };
     let firsts = merge::firsts(&facets.corners, 0.0);
     let triangles = firsts.as_chunks::<3>().0.to_vec();
-    let place = |triangle: u32| {
+    let position = |triangle: u32| {
         if binary {
-            return Place::Byte(HEAD + TRIANGLE * triangle as usize);
+            return FilePosition::Byte(HEAD + TRIANGLE * triangle as usize);
         }
         let line = lines.get(triangle as usize);
-        Place::Line(line.map_or(1, |&line| line as usize))
+        FilePosition::Line(line.map_or(1, |&line| line as usize))
     };
     let soup = Soup {
         positions: facets.corners,
@@ -86,10 +86,10 @@ pub(crate) fn parse(bytes: &[u8], distance: Option<f64>) -> Result<TriMesh, Mesh
     let (mut mesh, _) = soup
         .into_mesh(distance)
         .map_err(|Fault { source, location }| InvalidMesh {
-            place: match location {
-                Location::Vertex(vertex) => place(vertex / 3),
-                Location::Cell(triangle) => place(triangle),
-                Location::Mesh => place(0),
+            position: match location {
+                Location::Vertex(vertex) => position(vertex / 3),
+                Location::Cell(triangle) => position(triangle),
+                Location::Mesh => position(0),
             },
             source,
         })?;
@@ -109,9 +109,9 @@ fn binary_facets(bytes: &[u8]) -> Result<Facets, MeshFileError> {
                 *coordinate = f64::from(f32::from_le_bytes(bytes));
             }
             if !position.iter().all(|x| x.is_finite()) {
-                let place = Place::Byte(HEAD + TRIANGLE * number);
+                let position = FilePosition::Byte(HEAD + TRIANGLE * number);
                 return Err(MeshFileError::syntax(
-                    place,
+                    position,
                     "a triangle with finite coordinates",
                     "another number",
                 ));
@@ -125,9 +125,9 @@ fn binary_facets(bytes: &[u8]) -> Result<Facets, MeshFileError> {
 /// The corners in a text file, and the line of each triangle.
 fn text_facets(bytes: &[u8]) -> Result<(Facets, Vec<u32>), MeshFileError> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
-        let place = Place::Line(line_of(bytes, error.valid_up_to()));
+        let position = FilePosition::Line(line_of(bytes, error.valid_up_to()));
         MeshFileError::syntax(
-            place,
+            position,
             "STL text in UTF-8, or a binary file of 84 bytes and 50 for each triangle",
             "bytes that are no text",
         )
@@ -145,7 +145,7 @@ fn text_facets(bytes: &[u8]) -> Result<(Facets, Vec<u32>), MeshFileError> {
                 let number = places.len() as u32;
                 places.push(fields.at as u32);
                 facet(&mut lines, &mut facets.corners)?;
-                if let Some(group) = current.and_then(|place: usize| facets.groups.get_mut(place)) {
+                if let Some(group) = current.and_then(|group: usize| facets.groups.get_mut(group)) {
                     group.members.push(number);
                 }
             }

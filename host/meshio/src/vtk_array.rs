@@ -2,7 +2,7 @@
 //!
 //! Numbers are parsed on demand. An array that is not encoded therefore takes no memory in addition to the file.
 
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::text::{line_of, quoted_bytes};
 use std::borrow::Cow;
 use std::ops::Range;
@@ -101,18 +101,18 @@ impl<'a> Array<'a> {
         self.len
     }
 
-    /// The place of a number, or the end of the array if the number does not exist.
-    pub(crate) fn place(&self, item: usize) -> Place {
+    /// The position of a number, or the end of the array if the number does not exist.
+    pub(crate) fn position(&self, item: usize) -> FilePosition {
         match (self.origin, &self.numbers) {
-            (Origin::Encoded { line }, _) => Place::Item { line, item },
+            (Origin::Encoded { line }, _) => FilePosition::Item { line, item },
             (Origin::File { file, offset }, Numbers::Bytes { scalar, .. }) => {
                 let within = item.saturating_mul(scalar.size());
-                Place::Byte(offset.saturating_add(within).min(file.len()))
+                FilePosition::Byte(offset.saturating_add(within).min(file.len()))
             }
             (Origin::File { file, offset }, Numbers::Text(text)) => {
                 let end = text.trim_ascii_end().len();
                 let within = nth_word(text, item).map_or(end, |word| word.start);
-                Place::Line(line_of(file, offset.saturating_add(within)))
+                FilePosition::Line(line_of(file, offset.saturating_add(within)))
             }
         }
     }
@@ -129,7 +129,7 @@ impl<'a> Array<'a> {
                     return Ok(number);
                 }
                 let found = format!("{number:?}");
-                Err(MeshFileError::syntax(self.place(item), expected, found))
+                Err(MeshFileError::syntax(self.position(item), expected, found))
             })
         })
     }
@@ -152,8 +152,9 @@ impl<'a> Array<'a> {
             .map(move |(bytes, scalar, big)| (Some(from_bytes(bytes, scalar, big)), bytes));
         let numbers = text.chain(bytes).enumerate();
         numbers.map(move |(item, (number, raw))| {
-            number
-                .ok_or_else(|| MeshFileError::syntax(self.place(item), expected, quoted_bytes(raw)))
+            number.ok_or_else(|| {
+                MeshFileError::syntax(self.position(item), expected, quoted_bytes(raw))
+            })
         })
     }
 
@@ -172,7 +173,7 @@ impl<'a> Array<'a> {
                         format!("one of type {scalar:?}, too large or not whole")
                     }
                 };
-                MeshFileError::syntax(self.place(item), "a whole number", found)
+                MeshFileError::syntax(self.position(item), "a whole number", found)
             })
         })
     }
@@ -210,7 +211,7 @@ pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
         .filter(|word| !word.is_empty())
 }
 
-/// The place of word number `n`, from zero.
+/// The position of word number `n`, from zero.
 pub(crate) fn nth_word(text: &[u8], n: usize) -> Option<Range<usize>> {
     let mut seen = 0;
     let mut start = None;

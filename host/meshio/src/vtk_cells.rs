@@ -2,7 +2,7 @@
 //!
 //! Source: "VTK File Formats" in the VTK documentation, and `vtkCellType.h` for the numbers of the types.
 
-use crate::error::{InvalidMesh, MeshFileError, Place};
+use crate::error::{FilePosition, InvalidMesh, MeshFileError};
 use crate::soup::{Fault, Soup};
 use crate::vtk_array::Array;
 use physics::Vec3;
@@ -31,10 +31,10 @@ pub(crate) struct Cells<'a> {
     triangles: Vec<[u32; 3]>,
     /// `Some` from the first tetrahedron on. Triangles are skipped from then on.
     tetrahedra: Option<Tetrahedra>,
-    /// Place and name of the first line or triangle of second order, which is an error in a sheet.
-    second_order: Option<(Place, &'static str)>,
+    /// Position and name of the first line or triangle of second order, which is an error in a sheet.
+    second_order: Option<(FilePosition, &'static str)>,
     /// Where the first line of other than two points stands, and how many it has: an error in a thread.
-    odd_line: Option<(Place, usize)>,
+    odd_line: Option<(FilePosition, usize)>,
     /// For each line, triangle or tetrahedron, where its first point stands in the array of points' numbers.
     starts: Vec<u32>,
     /// For each triangle or tetrahedron, its number among all cells of the file.
@@ -81,7 +81,7 @@ impl<'a> Cells<'a> {
         &mut self,
         types: impl Iterator<Item = Result<i64, MeshFileError>>,
         ends: impl Iterator<Item = Result<i64, MeshFileError>>,
-        end_place: impl Fn(usize) -> Place,
+        end_position: impl Fn(usize) -> FilePosition,
         numbers: &Array,
     ) -> Result<(), MeshFileError> {
         let mut nodes = Nodes::new(numbers);
@@ -94,7 +94,7 @@ impl<'a> Cells<'a> {
                 .ok_or_else(|| {
                     let expected =
                         format!("the end of a cell, from {} to {}", nodes.at, numbers.len());
-                    MeshFileError::syntax(end_place(cell), expected, end.to_string())
+                    MeshFileError::syntax(end_position(cell), expected, end.to_string())
                 })?;
             self.cell(code?, size, &mut nodes)?;
         }
@@ -109,7 +109,7 @@ impl<'a> Cells<'a> {
     ) -> Result<(), MeshFileError> {
         let mut nodes = Nodes::new(numbers);
         for code in types {
-            let place = nodes.at;
+            let at = nodes.at;
             let size = nodes.next()?;
             let left = numbers.len() - nodes.at;
             let size = usize::try_from(size)
@@ -117,7 +117,7 @@ impl<'a> Cells<'a> {
                 .filter(|&size| size <= left)
                 .ok_or_else(|| {
                     let expected = format!("the number of a cell's points, from 0 to {left}");
-                    MeshFileError::syntax(numbers.place(place), expected, size.to_string())
+                    MeshFileError::syntax(numbers.position(at), expected, size.to_string())
                 })?;
             self.cell(code?, size, &mut nodes)?;
         }
@@ -131,7 +131,7 @@ impl<'a> Cells<'a> {
         nodes: &mut Nodes<'_, impl Iterator<Item = Result<i64, MeshFileError>>>,
     ) -> Result<(), MeshFileError> {
         let start = nodes.at;
-        let kept = self.judge(code, size, || nodes.numbers.place(start))?;
+        let kept = self.judge(code, size, || nodes.numbers.position(start))?;
         let mut vertices = [0; 10];
         for k in 0..size {
             let vertex = self.vertex(nodes)?;
@@ -158,13 +158,13 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    /// Whether a cell is kept or skipped, or else an error at `place`. With the first triangle, what was kept of lines
+    /// Whether a cell is kept or skipped, or else an error at `position`. With the first triangle, what was kept of lines
     /// is dropped; with the first tetrahedron, what was kept of either.
     fn judge(
         &mut self,
         code: i64,
         size: usize,
-        place: impl Fn() -> Place,
+        position: impl Fn() -> FilePosition,
     ) -> Result<Kept, MeshFileError> {
         let code = of_order(code, size);
         match (code, size) {
@@ -179,14 +179,14 @@ impl<'a> Cells<'a> {
                     return Ok(Kept::Line);
                 }
                 if self.odd_line.is_none() {
-                    self.odd_line = Some((place(), size));
+                    self.odd_line = Some((position(), size));
                 }
                 return Ok(Kept::Nothing);
             }
             (QUADRATIC_EDGE, 3) | (QUADRATIC_TRIANGLE, 6) => {
                 let name = if size == 3 { LINE_2 } else { TRIANGLE_2 };
                 if self.second_order.is_none() && self.tetrahedra.is_none() {
-                    self.second_order = Some((place(), name));
+                    self.second_order = Some((position(), name));
                 }
                 return Ok(Kept::Nothing);
             }
@@ -194,7 +194,7 @@ impl<'a> Cells<'a> {
             _ => {
                 return match refused(code, size) {
                     None => Ok(Kept::Nothing),
-                    Some(found) => Err(not_kept(place(), found)),
+                    Some(found) => Err(not_kept(position(), found)),
                 };
             }
         }
@@ -216,7 +216,7 @@ impl<'a> Cells<'a> {
                         ("first", "second")
                     };
                     return Err(MeshFileError::syntax(
-                        place(),
+                        position(),
                         format!("a tetrahedron of {expected} order, as those before"),
                         format!("one of {found} order"),
                     ));
@@ -247,13 +247,13 @@ impl<'a> Cells<'a> {
         &self,
         nodes: &mut Nodes<'_, impl Iterator<Item = Result<i64, MeshFileError>>>,
     ) -> Result<u32, MeshFileError> {
-        let place = nodes.at;
+        let at = nodes.at;
         let number = nodes.next()?;
         let points = self.positions.len();
         match u32::try_from(number) {
             Ok(vertex) if (vertex as usize) < points => Ok(vertex),
             _ => Err(MeshFileError::syntax(
-                nodes.numbers.place(place),
+                nodes.numbers.position(at),
                 format!("the number of one of {points} points, counted from 0"),
                 number.to_string(),
             )),
@@ -267,12 +267,12 @@ impl<'a> Cells<'a> {
         numbers: &Array,
         merge: Option<f64>,
     ) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
-        if let (None, Some((place, name))) = (&self.tetrahedra, self.second_order) {
-            return Err(not_kept(place, name));
+        if let (None, Some((position, name))) = (&self.tetrahedra, self.second_order) {
+            return Err(not_kept(position, name));
         }
-        if let (true, Some((place, size))) = (!self.lines.is_empty(), self.odd_line) {
+        if let (true, Some((position, size))) = (!self.lines.is_empty(), self.odd_line) {
             return Err(MeshFileError::syntax(
-                place,
+                position,
                 "a line of 2 points, as others of this file are (cut the rest to such lines first)",
                 format!("a line of {size} points"),
             ));
@@ -288,16 +288,16 @@ impl<'a> Cells<'a> {
             count,
             ..
         } = self;
-        let place = |location| match location {
-            Location::Vertex(vertex) => points.place(3 * vertex as usize),
+        let position = |location| match location {
+            Location::Vertex(vertex) => points.position(3 * vertex as usize),
             Location::Cell(cell) => {
                 let start = starts.get(cell as usize);
-                numbers.place(start.map_or(0, |&start| start as usize))
+                numbers.position(start.map_or(0, |&start| start as usize))
             }
-            Location::Mesh => numbers.place(numbers.len()),
+            Location::Mesh => numbers.position(numbers.len()),
         };
         let refused = |Fault { source, location }| InvalidMesh {
-            place: place(location),
+            position: position(location),
             source,
         };
         let mesh = match tetrahedra {
@@ -320,10 +320,10 @@ impl<'a> Cells<'a> {
     }
 }
 
-fn not_kept(place: Place, found: impl Into<String>) -> MeshFileError {
+fn not_kept(position: FilePosition, found: impl Into<String>) -> MeshFileError {
     let expected = "a triangle or a tetrahedron (cut to them first, as ParaView's filters Triangulate and \
                     Tetrahedralize do)";
-    MeshFileError::syntax(place, expected, found)
+    MeshFileError::syntax(position, expected, found)
 }
 
 /// An array of points' numbers, and the count of the numbers already read.
@@ -347,8 +347,8 @@ impl<I: Iterator<Item = Result<i64, MeshFileError>>> Nodes<'_, I> {
     fn next(&mut self) -> Result<i64, MeshFileError> {
         let number = self.rest.next().unwrap_or_else(|| {
             let found = format!("the end of {} numbers", self.numbers.len());
-            let place = self.numbers.place(self.at);
-            Err(MeshFileError::syntax(place, "the next cell", found))
+            let position = self.numbers.position(self.at);
+            Err(MeshFileError::syntax(position, "the next cell", found))
         })?;
         self.at += 1;
         Ok(number)
@@ -360,9 +360,13 @@ impl<I: Iterator<Item = Result<i64, MeshFileError>>> Nodes<'_, I> {
         if left == 0 {
             return Ok(());
         }
-        let place = self.numbers.place(self.at);
+        let position = self.numbers.position(self.at);
         let found = format!("{left} more numbers");
-        Err(MeshFileError::syntax(place, "the end of the cells", found))
+        Err(MeshFileError::syntax(
+            position,
+            "the end of the cells",
+            found,
+        ))
     }
 }
 

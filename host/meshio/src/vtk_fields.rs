@@ -1,6 +1,6 @@
 //! Converts VTK's arrays of cell data to the fields of a mesh, for legacy and XML files alike.
 
-use crate::error::{MAX_FIELDS, MeshFileError, Place};
+use crate::error::{FilePosition, MAX_FIELDS, MeshFileError};
 use crate::text::quoted;
 use crate::vtk_array::Array;
 use physics::mesh::{Field, Mesh};
@@ -12,7 +12,7 @@ use physics::mesh::{Field, Mesh};
 pub(crate) fn add(
     mesh: &mut Mesh,
     (cells, kept): (usize, &[u32]),
-    (place, name): (Place, &str),
+    (position, name): (FilePosition, &str),
     array: &Array,
 ) -> Result<(), MeshFileError> {
     if name.trim().is_empty() {
@@ -20,12 +20,12 @@ pub(crate) fn add(
     }
     check_name(
         mesh.fields_mut().iter().map(|field| &field.name[..]),
-        place,
+        position,
         name,
     )?;
     if array.len() != cells {
         return Err(MeshFileError::syntax(
-            place,
+            position,
             format!("a value for each of {cells} cells in {}", quoted(name)),
             format!("{} values", array.len()),
         ));
@@ -51,16 +51,16 @@ pub(crate) fn add(
 /// Checks that a further field may have this name.
 pub(crate) fn check_name<'a>(
     mut names: impl ExactSizeIterator<Item = &'a str>,
-    place: Place,
+    position: FilePosition,
     name: &str,
 ) -> Result<(), MeshFileError> {
     if names.len() >= MAX_FIELDS {
         let expected = format!("at most {MAX_FIELDS} arrays of cell data");
-        return Err(MeshFileError::syntax(place, expected, quoted(name)));
+        return Err(MeshFileError::syntax(position, expected, quoted(name)));
     }
     if names.any(|other| other == name) {
         let expected = format!("cell data {} once", quoted(name));
-        return Err(MeshFileError::syntax(place, expected, "a second one"));
+        return Err(MeshFileError::syntax(position, expected, "a second one"));
     }
     Ok(())
 }

@@ -13,7 +13,7 @@
 mod attributes;
 mod cursor;
 
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::lines::Fields;
 use crate::text::quoted;
 use crate::vtk_array::{Array, Scalar};
@@ -36,8 +36,8 @@ struct Sections<'a> {
 
 /// The section that names the points of each cell.
 struct Connectivity<'a> {
-    /// The place where the section begins.
-    place: Place,
+    /// The position where the section begins.
+    position: FilePosition,
     cells: usize,
     /// From version 5 on: the start of each cell, and the end of the last cell.
     offsets: Option<Array<'a>>,
@@ -64,11 +64,11 @@ pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileEr
             let expected = "DATASET POLYDATA or DATASET UNSTRUCTURED_GRID (make one of them first, as \
                             ParaView's filters Extract Surface and Tetrahedralize do)";
             let found = format!("DATASET {}", quoted(kind));
-            return Err(MeshFileError::syntax(line.place(), expected, found));
+            return Err(MeshFileError::syntax(line.position(), expected, found));
         }
     };
     let sections = sections(&mut cursor, is_grid, version_5)?;
-    let end = cursor.place();
+    let end = cursor.position();
     let missing = |section: &str| MeshFileError::syntax(end, section, "the end of the data set");
     let points = sections.points.ok_or_else(|| missing("POINTS"))?;
     let name = if is_grid { "CELLS" } else { "POLYGONS" };
@@ -79,7 +79,7 @@ pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileEr
         if types.len() != connectivity.cells {
             let expected = format!("{} cells, as CELL_TYPES has", types.len());
             return Err(MeshFileError::syntax(
-                connectivity.place,
+                connectivity.position,
                 expected,
                 connectivity.cells.to_string(),
             ));
@@ -89,8 +89,13 @@ pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileEr
         let types = std::iter::repeat_n(Ok(POLYGON), connectivity.cells);
         mesh(cells, &connectivity, types, merge)?
     };
-    for CellArray { place, name, array } in &sections.cell_data {
-        vtk_fields::add(&mut mesh, (count, &kept), (*place, name), array)?;
+    for CellArray {
+        position,
+        name,
+        array,
+    } in &sections.cell_data
+    {
+        vtk_fields::add(&mut mesh, (count, &kept), (*position, name), array)?;
     }
     Ok(mesh)
 }
@@ -179,12 +184,12 @@ fn connectivity<'a>(
     mut line: Fields<'a>,
     version_5: bool,
 ) -> Result<Connectivity<'a>, MeshFileError> {
-    let place = line.place();
+    let position = line.position();
     let first = line.count("two counts")?;
     let second = line.count("two counts")?;
     if !version_5 {
         return Ok(Connectivity {
-            place,
+            position,
             cells: first,
             offsets: None,
             numbers: cursor.array(&line, Some(second), Scalar::I32)?,
@@ -202,7 +207,7 @@ fn connectivity<'a>(
     let offsets = named("OFFSETS", first)?;
     let numbers = named("CONNECTIVITY", second)?;
     Ok(Connectivity {
-        place,
+        position,
         cells: first.saturating_sub(1),
         offsets: Some(offsets),
         numbers,
@@ -271,12 +276,12 @@ fn mesh(
         {
             let found = first.to_string();
             return Err(MeshFileError::syntax(
-                offsets.place(0),
+                offsets.position(0),
                 "a first offset of 0",
                 found,
             ));
         }
-        cells.add(types, ends, |cell| offsets.place(cell + 1), numbers)?;
+        cells.add(types, ends, |cell| offsets.position(cell + 1), numbers)?;
     } else {
         cells.add_counted(types, numbers)?;
     }

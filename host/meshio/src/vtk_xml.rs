@@ -16,7 +16,7 @@ mod data;
 mod document;
 mod tag;
 
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::vtk_array::Array;
 use crate::vtk_cells::{Cells, POLYGON};
 use crate::vtk_fields;
@@ -44,7 +44,7 @@ pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileEr
     let document = document::read(bytes)?;
     let mut unpacker = Unpacker::new(bytes, &document.encoding);
     let piece = &document.piece;
-    let at = Place::Line(piece.line);
+    let at = FilePosition::Line(piece.line);
     if piece.strips > 0 {
         return Err(MeshFileError::syntax(
             at,
@@ -58,22 +58,22 @@ pub(crate) fn parse(bytes: &[u8], merge: Option<f64>) -> Result<Mesh, MeshFileEr
     let numbers = array(&document, &mut unpacker, Role::Connectivity)?;
     let ends = array(&document, &mut unpacker, Role::Offsets)?;
     count(piece, "ends of cells", Some(piece.cells), &ends)?;
-    let end_place = |cell| ends.place(cell);
+    let end_position = |cell| ends.position(cell);
 
     let mut cells = Cells::new(points, piece.others)?;
     if document.is_grid {
         let types = array(&document, &mut unpacker, Role::Types)?;
         count(piece, "types of cells", Some(piece.cells), &types)?;
-        cells.add(types.integers(), ends.integers(), end_place, &numbers)?;
+        cells.add(types.integers(), ends.integers(), end_position, &numbers)?;
     } else {
         let types = std::iter::repeat_n(Ok(POLYGON), ends.len());
-        cells.add(types, ends.integers(), end_place, &numbers)?;
+        cells.add(types, ends.integers(), end_position, &numbers)?;
     }
     let (mut mesh, count, kept) = cells.finish(&numbers, merge)?;
     for NamedArray { name, array } in &piece.cell_data {
-        let place = Place::Line(array.line);
+        let position = FilePosition::Line(array.line);
         let array = unpacker.array(array)?;
-        vtk_fields::add(&mut mesh, (count, &kept), (place, name), &array)?;
+        vtk_fields::add(&mut mesh, (count, &kept), (position, name), &array)?;
     }
     Ok(mesh)
 }
@@ -89,7 +89,7 @@ fn array<'a>(
         Some((_, array)) => unpacker.array(array),
         None if piece.points == 0 || piece.cells == 0 => Ok(Array::none(piece.line)),
         None => Err(MeshFileError::syntax(
-            Place::Line(piece.line),
+            FilePosition::Line(piece.line),
             format!("a DataArray of {}", role.name()),
             "none in this Piece",
         )),
@@ -108,7 +108,7 @@ fn count(
     }
     let claimed = claimed.map_or_else(|| "too many".to_owned(), |claimed| claimed.to_string());
     Err(MeshFileError::syntax(
-        Place::Line(piece.line),
+        FilePosition::Line(piece.line),
         format!("{claimed} {items}, as this Piece says"),
         format!("{} in the DataArray", array.len()),
     ))

@@ -2,7 +2,7 @@
 
 mod support;
 
-use meshio::Place;
+use meshio::FilePosition;
 use meshio::gmsh::MAX_GROUPS;
 use meshio::{GmshError, InvalidMesh, MeshFileError, read_mesh};
 use physics::Vec3;
@@ -282,7 +282,7 @@ fn a_section_that_occurs_once_may_not_repeat_or_be_missing() {
     assert_eq!(
         parse(without),
         Err(GmshError::Missing {
-            place: Place::Line(without.lines().count()),
+            position: FilePosition::Line(without.lines().count()),
             section: "$Elements"
         })
     );
@@ -307,7 +307,7 @@ fn a_mesh_at_fault_is_traced_to_its_line() {
     assert_eq!(
         error,
         GmshError::Mesh(InvalidMesh {
-            place: Place::Line(second),
+            position: FilePosition::Line(second),
             source: source.into(),
         })
     );
@@ -319,13 +319,13 @@ fn a_mesh_at_fault_is_traced_to_its_line() {
     assert_eq!(
         error,
         GmshError::Mesh(InvalidMesh {
-            place: Place::Line(second),
+            position: FilePosition::Line(second),
             source: source.into(),
         })
     );
     let error = parse(&with_line(line_of("$Nodes", 8), "1e10 1 0")).unwrap_err();
     assert!(
-        matches!(error, GmshError::Mesh(InvalidMesh { place, .. }) if place == Place::Line(line_of("$Nodes", 8))),
+        matches!(error, GmshError::Mesh(InvalidMesh { position, .. }) if position == FilePosition::Line(line_of("$Nodes", 8))),
         "{error}"
     );
 }

@@ -7,7 +7,7 @@
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Part, Refresher, SolidLaw,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Phase, Refresher, SolidLaw,
     SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 use std::hint::{black_box, spin_loop};
@@ -107,10 +107,10 @@ impl Cube {
         }
     }
 
-    /// Repeats the parts of a step, so that the caches hold their data.
+    /// Repeats the phases of a step, so that the caches hold their data.
     fn warm(&mut self) {
-        for part in [Part::Linearize, Part::Product, Part::Precondition] {
-            self.stepper.repeat(part).unwrap();
+        for phase in [Phase::Linearize, Phase::Product, Phase::Precondition] {
+            self.stepper.repeat(phase).unwrap();
         }
     }
 }

@@ -234,7 +234,7 @@ fn run(
     if tears {
         tearing = Some(tears_of(sheet, &mut body, tip)?);
     }
-    // New factors are made beside the steps.
+    // New factors are made in the background.
     let stepping = StepperOptions {
         refresh: false,
         ..StepperOptions::default()

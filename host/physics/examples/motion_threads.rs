@@ -13,7 +13,7 @@ mod threads;
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Part, SolidLaw, SolidMaterial,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Phase, SolidLaw, SolidMaterial,
     Stepper, StepperOptions, Vec3,
 };
 use std::error::Error;
@@ -24,7 +24,7 @@ use threads::{Threads, awake};
 const STEP: f64 = 0.005;
 const ROUNDS: usize = 12;
 const STEPS: usize = 20;
-const PARTS: [Part; 3] = [Part::Linearize, Part::Product, Part::Precondition];
+const PHASES: [Phase; 3] = [Phase::Linearize, Phase::Product, Phase::Precondition];
 
 /// One number of threads, with a body of its own.
 struct Setting {
@@ -70,10 +70,10 @@ impl Setting {
             ..
         } = self;
         pool.run(|| {
-            for (part, times) in PARTS.iter().zip(parts) {
+            for (phase, times) in PHASES.iter().zip(parts) {
                 for _ in 0..STEPS {
                     let start = Instant::now();
-                    awake(|| stepper.repeat(*part)).map_err(|e| e.to_string())?;
+                    awake(|| stepper.repeat(*phase)).map_err(|e| e.to_string())?;
                     times.push(start.elapsed().as_secs_f64());
                 }
             }

@@ -274,7 +274,7 @@ pub enum StepError {
     Forces(BodyError),
     /// The calls of a step were not made in their order, or the topology epoch of the body changed between two calls.
     #[error("`{call}` was called on a step before `{first}` was called")]
-    Stage {
+    Order {
         /// The call that was made.
         call: &'static str,
         /// The call that has to come first.

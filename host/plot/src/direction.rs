@@ -8,9 +8,9 @@ use super::reduce::usable;
 /// A direction within 18 degrees of an axis of the world is drawn as that axis (cosine of the angle).
 const SNAP: f64 = 0.95;
 
-/// The part of a force that a picture shows. Pictures of the same part of different runs can be compared.
+/// The component of a force that a picture shows. Pictures of the same component of different runs can be compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Part {
+pub enum Component {
     /// The component along the principal direction of the force, which each picture finds by itself.
     #[default]
     Principal,
@@ -20,7 +20,7 @@ pub enum Part {
     Norm,
 }
 
-impl Part {
+impl Component {
     /// The component of `vector` along the axis, or its norm; the norm if a picture finds its direction by itself.
     pub fn of(self, vector: &Vector3<f64>) -> f64 {
         match self {
@@ -29,7 +29,7 @@ impl Part {
         }
     }
 
-    /// The words of a label about the part, after the name of the quantity; the norm if a picture finds its direction by
+    /// The words of a label about the component, after the name of the quantity; the norm if a picture finds its direction by
     /// itself.
     pub fn label(self) -> String {
         match self {

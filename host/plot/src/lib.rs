@@ -11,27 +11,27 @@ mod force_displacement;
 mod ink;
 mod lines;
 mod map;
-mod moment;
 mod page;
 mod panels;
 mod png;
 mod reduce;
 mod run;
+mod still;
 mod view;
 
 pub use axis::Scale;
 pub use chart::{Series, line_chart_svg};
 pub use collisions::collisions;
-pub use direction::Part;
+pub use direction::Component;
 pub use file::write_picture;
 pub use force_displacement::{LoadCurve, force_displacement_svg};
 pub use ink::Role;
 pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
-pub use moment::{MomentPicture, Ribbons, moment_svg};
 pub use page::Marker;
 pub use panels::{Panel, panels_svg};
 pub use png::png;
 pub use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position_svg};
+pub use still::{Ribbons, StillPicture, still_svg};
 pub use view::{HandMark, Shape};
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use plotters::prelude::*;
 
 use super::axis::Axis;
-use super::direction::{Direction, Part, first_usable, main_direction};
+use super::direction::{Component, Direction, first_usable, main_direction};
 use super::ink::{self, Role};
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
@@ -30,8 +30,8 @@ pub struct PlotData {
     pub devices: Vec<DeviceSeries>,
     /// The intervals to mark.
     pub marks: Vec<Mark>,
-    /// The part of forces and displacements that is drawn.
-    pub part: Part,
+    /// The component of forces and displacements that is drawn.
+    pub component: Component,
 }
 
 /// One device of a [`PlotData`].
@@ -128,7 +128,7 @@ impl Cause {
 pub fn force_and_position_svg(data: &PlotData) -> String {
     let devices = data.devices.iter();
     let devices: Vec<_> = devices
-        .map(|series| Trace::new(series, data.part))
+        .map(|series| Trace::new(series, data.component))
         .collect();
     page::svg(WIDTH, HEIGHT, |area| draw(area, data, &devices))
 }
@@ -136,27 +136,27 @@ pub fn force_and_position_svg(data: &PlotData) -> String {
 /// One device along its direction.
 struct Trace<'a> {
     series: &'a DeviceSeries,
-    part: Part,
+    component: Component,
     direction: Direction,
     start: Vector3<f64>,
 }
 
 impl<'a> Trace<'a> {
-    fn new(series: &'a DeviceSeries, part: Part) -> Self {
+    fn new(series: &'a DeviceSeries, component: Component) -> Self {
         let direction = main_direction(&series.force, &series.position);
         Self {
             series,
-            part,
+            component,
             direction,
             start: first_usable(&series.position),
         }
     }
 
-    /// The part of a vector that is drawn.
+    /// The component of a vector that is drawn.
     fn value(&self, vector: &Vector3<f64>) -> f64 {
-        match self.part {
-            Part::Principal => self.direction.axis.dot(vector),
-            part => part.of(vector),
+        match self.component {
+            Component::Principal => self.direction.axis.dot(vector),
+            component => component.of(vector),
         }
     }
 
@@ -184,9 +184,9 @@ fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
     // The axes name a direction that all devices have in common. Otherwise the legend names each direction.
     let common = devices.first().map(|first| &first.direction.name);
     let common = common.filter(|name| devices.iter().all(|d| d.direction.name == **name));
-    let along = match data.part {
-        Part::Principal => common.map(|name| format!(" along {name}")),
-        part => Some(part.label()),
+    let along = match data.component {
+        Component::Principal => common.map(|name| format!(" along {name}")),
+        component => Some(component.label()),
     };
     let bands = bands(&data.marks, &data.time);
 

@@ -1,5 +1,5 @@
 use super::{
-    Cause, DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, Panel, Part, PlotData,
+    Cause, Component, DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, Panel, PlotData,
     Role, Scale, Series, collisions, force_and_position_svg, line_chart_svg, map_svg, panels_svg,
 };
 
@@ -48,23 +48,26 @@ fn check(svg: &str) {
 #[test]
 fn a_run_is_drawn_along_the_axis_that_is_asked_for_or_by_its_norm() {
     // Pull along x, and a tenth of a newton along y.
-    let drawn = |part| {
+    let drawn = |component| {
         let svg = force_and_position_svg(&PlotData {
-            part,
+            component,
             ..stretch(1000)
         });
         check(&svg);
         svg
     };
-    let along = drawn(Part::Axis(1));
+    let along = drawn(Component::Axis(1));
     assert!(along.contains("Force along y (N)"), "{along}");
     assert!(along.contains("Displacement along y (mm)"), "{along}");
-    assert_ne!(along, drawn(Part::Axis(0)));
-    assert_eq!(drawn(Part::Axis(0)), drawn(Part::Principal));
-    let norm = drawn(Part::Norm);
+    assert_ne!(along, drawn(Component::Axis(0)));
+    assert_eq!(drawn(Component::Axis(0)), drawn(Component::Principal));
+    let norm = drawn(Component::Norm);
     assert!(norm.contains("Force, norm (N)"), "{norm}");
-    let part = |part: Part| part.of(&nalgebra::Vector3::new(3.0, 0.0, -4.0));
-    assert_eq!((part(Part::Axis(2)), part(Part::Norm)), (-4.0, 5.0));
+    let component = |component: Component| component.of(&nalgebra::Vector3::new(3.0, 0.0, -4.0));
+    assert_eq!(
+        (component(Component::Axis(2)), component(Component::Norm)),
+        (-4.0, 5.0)
+    );
 }
 
 #[test]

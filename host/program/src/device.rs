@@ -45,7 +45,7 @@ pub(super) enum DeviceCommandError {
     #[error("{connect}: {problem}")]
     Open { connect: String, problem: String },
     #[error(transparent)]
-    Place(#[from] emulator::PlaceError),
+    Listener(#[from] emulator::ListenerError),
     #[error(transparent)]
     Gadget(#[from] emulator::usb::GadgetError),
     #[error(transparent)]

@@ -36,8 +36,8 @@ mod watch;
 mod written;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
+use host::preparation::Preparation;
 use host::scene::{LoadedScene, SceneError};
-use host::stage::Stage;
 use host::world::World;
 use progress::ProgressBar;
 use sets::{Sets, Values};
@@ -337,7 +337,7 @@ fn load(path: Option<&Path>, sets: &Sets) -> Result<LoadedScene, CommandError> {
 
 /// Builds a loaded scene. Prints what its meshes show to be possible, but unlikely.
 fn build<'a>(loaded: &'a LoadedScene, bar: &ProgressBar) -> Result<World<'a>, CommandError> {
-    bar.stage(Stage::Building);
+    bar.preparing(Preparation::Building);
     let world = World::new(loaded)?;
     for warning in &world.warnings[loaded.warnings.len()..] {
         bar.say(&format!("warning: {warning}"));

@@ -152,10 +152,10 @@ pub(super) enum OutputError {
         path: PathBuf,
         allowed: String,
     },
-    /// A folder where a file is needed.
+    /// The path leads to a folder, and the output is a file.
     #[error("{flag} {}: this is a folder; give a file", path.display())]
     Folder { flag: &'static str, path: PathBuf },
-    /// A file where a folder is needed.
+    /// The path leads to a file, and the output is a folder.
     #[error("{flag} {}: this is not a folder; give a folder, which may be new", path.display())]
     NoFolder { flag: &'static str, path: PathBuf },
     /// The folder of the file does not exist.
@@ -165,7 +165,7 @@ pub(super) enum OutputError {
         path: PathBuf,
         folder: PathBuf,
     },
-    /// A pipe where a file is needed.
+    /// The path leads to a pipe, and the output needs a file.
     #[error(
         "{flag} {}: this is a pipe; the command needs a file, as it does not write from beginning to end",
         path.display()
@@ -369,7 +369,7 @@ impl Declared {
         format.check(flag, path)
     }
 
-    /// Refuses a place where the output cannot be.
+    /// Refuses a path at which the output cannot be.
     fn check_place(&self, output: &Output) -> Result<(), OutputError> {
         let (flag, path) = (output.flag, output.path.clone());
         let there = fs::metadata(&path);

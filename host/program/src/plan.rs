@@ -6,10 +6,10 @@ use host::atomic_file::write_json;
 use host::engine::plan::{BodyPlan, Stage, stages};
 use host::engine::rehearsal::Rehearsal;
 use host::engine::unrendered::{DampedSummary, StiffSummary};
+use host::preparation::Preparation;
 use host::run::prepare;
 use host::run::slow_host::{StepTime, cores};
 use host::scene::connections;
-use host::stage::Stage as Preparation;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -60,15 +60,15 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     // A scene that cannot run gets no plan. This also reports faults of its meshes.
     let world = build(&loaded, &bar)?;
     prepare::check(&world)?;
-    bar.stage(Preparation::Settling);
+    bar.preparing(Preparation::Settling);
     world.settle();
     let plans: Vec<_> = (0..world.bodies.len())
         .map(|index| BodyPlan::new(&world, index))
         .collect();
     let stages = stages(&loaded.scene, &plans);
-    bar.stage(Preparation::Factorizing);
+    bar.preparing(Preparation::Factorizing);
     let mut rehearsal = Rehearsal::new(&world)?;
-    bar.stage(Preparation::Timing);
+    bar.preparing(Preparation::Timing);
     let stiff = rehearsal.stiff();
     let damped = rehearsal.damped();
     let step_time = (!arguments.no_timing).then(|| rehearsal.step_time());

@@ -2,9 +2,9 @@
 //! and the later ones more and more rarely.
 //!
 //! A thread of its own draws, so that a person sees that the program works even while a factor takes minutes. Before the
-//! work has a fraction, the progress names the stage of the preparation.
+//! work has a fraction, the progress names what is prepared.
 
-use host::stage::Stage;
+use host::preparation::Preparation;
 use indicatif::{ProgressBar as Bar, ProgressStyle};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -35,7 +35,7 @@ struct Shared {
     lines: bool,
     start: Instant,
     position: AtomicU64,
-    stage: Mutex<Stage>,
+    preparation: Mutex<Preparation>,
     /// Time of the next line (s).
     next: Mutex<f64>,
     over: Mutex<bool>,
@@ -52,7 +52,7 @@ impl ProgressBar {
             lines,
             start: Instant::now(),
             position: AtomicU64::new(NONE),
-            stage: Mutex::new(Stage::Preparing),
+            preparation: Mutex::new(Preparation::Reading),
             next: Mutex::new(FIRST),
             over: Mutex::new(false),
             changed: Condvar::new(),
@@ -69,9 +69,9 @@ impl ProgressBar {
         }
     }
 
-    /// Says that the preparation is now at this stage.
-    pub(super) fn stage(&self, stage: Stage) {
-        *lock(&self.shared.stage) = stage;
+    /// Says what is prepared now.
+    pub(super) fn preparing(&self, preparation: Preparation) {
+        *lock(&self.shared.preparation) = preparation;
     }
 
     /// Sets the position, in parts of a thousand.
@@ -161,7 +161,7 @@ impl Shared {
                 self.bar.set_style(style);
             }
             if position == NONE {
-                self.bar.set_message(lock(&self.stage).name());
+                self.bar.set_message(lock(&self.preparation).name());
                 self.bar.tick();
             } else {
                 self.bar.set_position(position);
@@ -170,7 +170,7 @@ impl Shared {
             let mut next = lock(&self.next);
             if seconds >= *next {
                 *next = after(seconds);
-                errln!("{}", line(seconds, position, *lock(&self.stage)));
+                errln!("{}", line(seconds, position, *lock(&self.preparation)));
             }
         }
     }
@@ -182,9 +182,9 @@ fn after(seconds: f64) -> f64 {
 }
 
 /// A line of progress after `seconds` of work.
-fn line(seconds: f64, position: u64, stage: Stage) -> String {
+fn line(seconds: f64, position: u64, preparation: Preparation) -> String {
     if position == NONE {
-        return format!("{seconds:.0} s: {}", stage.name());
+        return format!("{seconds:.0} s: {}", preparation.name());
     }
     let fraction = position as f64 / PARTS as f64;
     let percent = 100.0 * fraction;
@@ -217,11 +217,14 @@ mod tests {
     }
 
     #[test]
-    fn a_line_names_the_stage_and_then_the_fraction() {
-        assert_eq!(line(2.0, NONE, Stage::Factorizing), "2 s: factorizing");
-        assert_eq!(line(4.0, 0, Stage::Factorizing), "4 s: 0.0 % done");
+    fn a_line_names_what_is_prepared_and_then_the_fraction() {
         assert_eq!(
-            line(8.0, 250, Stage::Factorizing),
+            line(2.0, NONE, Preparation::Factorizing),
+            "2 s: factorizing"
+        );
+        assert_eq!(line(4.0, 0, Preparation::Factorizing), "4 s: 0.0 % done");
+        assert_eq!(
+            line(8.0, 250, Preparation::Factorizing),
             "8 s: 25.0 % done, about 24 s left"
         );
     }

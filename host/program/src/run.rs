@@ -12,7 +12,7 @@ use super::watch::Watch;
 use super::{COMMIT, CommandError, SceneArgument, build};
 use devices::panel::{Panel, TimedOrder};
 use host::engine::faults::HostFault;
-use host::plot::Part;
+use host::plot::Component;
 use host::run::frames::FrameOptions;
 #[cfg(feature = "view")]
 use host::run::view::ViewOptions;
@@ -201,7 +201,7 @@ enum InstructionsName {
     Portable,
 }
 
-/// The part of a force that a picture shows.
+/// The component of a force that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum AxisName {
     X,
@@ -210,7 +210,7 @@ pub(super) enum AxisName {
     Norm,
 }
 
-impl From<AxisName> for Part {
+impl From<AxisName> for Component {
     fn from(name: AxisName) -> Self {
         match name {
             AxisName::X => Self::Axis(0),
@@ -356,7 +356,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         log: arguments.log.clone(),
         log_frames: arguments.log_frames,
         plot: arguments.plot.clone(),
-        part: arguments.axis.map_or(Part::default(), Part::from),
+        component: arguments.axis.map_or(Component::default(), Component::from),
         ticks,
         histogram: arguments.histogram.clone(),
         frames,
@@ -404,8 +404,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let world = build(&loaded, &bar)?;
     let mut warned = false;
     let result = host::run::run(&world, &options, &mut |progress| {
-        if let Some(stage) = progress.stage {
-            bar.stage(stage);
+        if let Some(preparation) = progress.preparation {
+            bar.preparing(preparation);
             return;
         }
         // The devices are open now.

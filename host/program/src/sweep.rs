@@ -5,7 +5,7 @@ use super::run::AxisName;
 use super::sets::{Assignment, assignment};
 use super::stress::{run_study, threads};
 use super::{CommandError, load};
-use host::plot::Part;
+use host::plot::Component;
 use std::num::NonZero;
 use std::path::PathBuf;
 use study::stress::jobs::{Options, Shard};
@@ -63,8 +63,8 @@ pub(super) fn run(arguments: &SweepArguments) -> Result<(), CommandError> {
         field: set.field.clone(),
         values: set.values.clone(),
     });
-    let part = Part::from(arguments.axis);
-    let sweep = Sweep::new(&loaded, &axes.collect::<Vec<_>>(), part)?;
+    let component = Component::from(arguments.axis);
+    let sweep = Sweep::new(&loaded, &axes.collect::<Vec<_>>(), component)?;
     let sweep = sweep.with(arguments.seed, arguments.duration);
     let options = Options {
         shard: Shard::default(),

@@ -5,7 +5,7 @@ use clap::builder::PossibleValue;
 use clap::{Arg, Command};
 use std::path::Path;
 
-/// What was probably meant by the arguments `given` after the name of the program, as a message; `None` if the line is
+/// Tells in a message what the arguments `given` after the name of the program probably mean; `None` if the line is
 /// as it should be, or wrong in a way for which clap has the right words.
 pub(super) fn tip(program: &Command, given: &[String]) -> Option<String> {
     no_command(program, given).or_else(|| {

@@ -66,10 +66,10 @@ pub(super) struct ViewArguments {
     #[arg(long, value_name = "X", value_parser = speed, requires = "log")]
     speed: Option<f64>,
     /// Log: begin at this time of the log
-    #[arg(long, value_name = "SECONDS", value_parser = moment, requires = "log")]
+    #[arg(long, value_name = "SECONDS", value_parser = instant, requires = "log")]
     from: Option<f64>,
     /// Log: write the state at this time of the log with --plot, --csv or --curves, and end
-    #[arg(long, value_name = "SECONDS", value_parser = moment, requires = "log",
+    #[arg(long, value_name = "SECONDS", value_parser = instant, requires = "log",
           conflicts_with_all = ["lines", "web", "foxglove", "from", "speed"])]
     at: Option<f64>,
     /// Draw the bodies, the hands and their forces at the moment --at (SVG or PNG)
@@ -224,9 +224,9 @@ fn playback(log: &Path, arguments: &ViewArguments) -> Result<Box<dyn Feed>, View
     if let Some(factor) = arguments.speed {
         player.command(&Command::Speed { factor });
     }
-    let moments = [("from", arguments.from), ("at", arguments.at)];
-    let moments = moments.into_iter();
-    for (option, seconds) in moments.filter_map(|(option, given)| Some((option, given?))) {
+    let instants = [("from", arguments.from), ("at", arguments.at)];
+    let instants = instants.into_iter();
+    for (option, seconds) in instants.filter_map(|(option, given)| Some((option, given?))) {
         let end = player.end();
         if seconds > end {
             return Err(ViewError::AfterTheLog {
@@ -413,8 +413,8 @@ fn speed(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A moment of a log (s).
-fn moment(text: &str) -> Result<f64, String> {
+/// An instant of a log (s).
+fn instant(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
     if (0.0..=1e9).contains(&value) {
         Ok(value)

@@ -38,54 +38,54 @@ pub enum SceneError {
         known: String,
     },
     /// The text is not TOML, or has a fault that no other case describes.
-    #[error("{place}: {problem}")]
+    #[error("{location}: {problem}")]
     Malformed {
-        /// Place of the fault.
-        place: Place,
+        /// Location of the fault.
+        location: SourceLocation,
         /// The parser's message.
         problem: String,
     },
     /// A required field is missing.
-    #[error("{place}: missing field {name}")]
+    #[error("{location}: missing field {name}")]
     Missing {
         /// The table that should hold the field.
-        place: Place,
+        location: SourceLocation,
         /// The name of the field.
         name: String,
     },
     /// A field of this name does not exist.
-    #[error("{place}: unknown field, allowed: {allowed}")]
+    #[error("{location}: unknown field, allowed: {allowed}")]
     Unknown {
-        /// Place of the field.
-        place: Place,
+        /// Location of the field.
+        location: SourceLocation,
         /// The fields that exist in this table.
         allowed: String,
     },
     /// A value is of the wrong type, out of its range, or in contradiction to another field.
-    #[error("{place}: found {found}, allowed: {allowed}")]
+    #[error("{location}: found {found}, allowed: {allowed}")]
     Value {
-        /// Place of the value.
-        place: Place,
+        /// Location of the value.
+        location: SourceLocation,
         /// The value in the file.
         found: String,
         /// The allowed values.
         allowed: String,
     },
     /// A mesh file that the scene names holds no valid mesh.
-    #[error("{place}: cannot use {}: {source}", path.display())]
+    #[error("{location}: cannot use {}: {source}", path.display())]
     Mesh {
         /// The field that names the file.
-        place: Place,
+        location: SourceLocation,
         /// The file.
         path: PathBuf,
-        /// The fault and its place in the file.
+        /// The fault and its location in the file.
         source: Box<MeshFileError>,
     },
     /// A file that the scene names cannot be read.
-    #[error("{place}: cannot read {}: {source}", path.display())]
+    #[error("{location}: cannot read {}: {source}", path.display())]
     File {
         /// The field that names the file.
-        place: Place,
+        location: SourceLocation,
         /// The file.
         path: PathBuf,
         /// The system's error.
@@ -93,9 +93,9 @@ pub enum SceneError {
     },
 }
 
-/// A place in a file.
+/// A location in the text of a scene or of a file that it names.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct SourceLocation {
     /// The name of the file, as the user gave it.
     pub file: String,
     /// Line, counted from 1.
@@ -104,7 +104,7 @@ pub struct Place {
     pub field: String,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for SourceLocation {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(to, "{}:{}", self.file, self.line)?;
         if self.field.is_empty() {
@@ -116,16 +116,16 @@ impl fmt::Display for Place {
 }
 
 impl SceneError {
-    /// The place in the text of the scene; `None` if no text was read.
-    pub(super) fn place_mut(&mut self) -> Option<&mut Place> {
+    /// The location in the text of the scene; `None` if no text was read.
+    pub(super) fn location_mut(&mut self) -> Option<&mut SourceLocation> {
         match self {
             Self::Read { .. } | Self::DeviceFile { .. } | Self::NoDevice { .. } => None,
-            Self::Malformed { place, .. }
-            | Self::Missing { place, .. }
-            | Self::Unknown { place, .. }
-            | Self::Value { place, .. }
-            | Self::Mesh { place, .. }
-            | Self::File { place, .. } => Some(place),
+            Self::Malformed { location, .. }
+            | Self::Missing { location, .. }
+            | Self::Unknown { location, .. }
+            | Self::Value { location, .. }
+            | Self::Mesh { location, .. }
+            | Self::File { location, .. } => Some(location),
         }
     }
 
@@ -139,7 +139,7 @@ impl SceneError {
             format!("not valid TOML: {message}; found {}", source.line_at(start))
         };
         Self::Malformed {
-            place: source.place_at("", start),
+            location: source.location_at("", start),
             problem,
         }
     }
@@ -152,19 +152,19 @@ impl SceneError {
             field,
             problem,
         } = error;
-        let place = Place { file, line, field };
+        let location = SourceLocation { file, line, field };
         match problem {
             ModelProblem::Syntax(problem) => Self::Malformed {
-                place,
+                location,
                 problem: format!("not valid TOML: {problem}"),
             },
             ModelProblem::Missing(name) => Self::Missing {
-                place,
+                location,
                 name: format!("`{name}`"),
             },
-            ModelProblem::Unknown { allowed } => Self::Unknown { place, allowed },
+            ModelProblem::Unknown { allowed } => Self::Unknown { location, allowed },
             ModelProblem::Value { found, allowed } => Self::Value {
-                place,
+                location,
                 found,
                 allowed,
             },
@@ -176,22 +176,22 @@ impl SceneError {
     pub(super) fn refused(source: &Source, field: &str, error: &toml::de::Error) -> Self {
         let field = if field == "." { "" } else { field };
         let span = error.span();
-        let place = match &span {
-            Some(span) => source.place_at(field, span.start),
-            None => source.place(field),
+        let location = match &span {
+            Some(span) => source.location_at(field, span.start),
+            None => source.location(field),
         };
         let message = error.message();
         let (before, allowed) = message.rsplit_once(", expected ").unwrap_or((message, ""));
         let allowed = plain(allowed);
         if let Some(name) = before.strip_prefix("missing field ") {
             return Self::Missing {
-                place,
+                location,
                 name: name.to_owned(),
             };
         }
         if before.starts_with("unknown field ") {
             let allowed = format!("{allowed}{}", advice::of_field(field, &allowed));
-            return Self::Unknown { place, allowed };
+            return Self::Unknown { location, allowed };
         }
         let allowed = if before.ends_with("overflowed") {
             "a number below 1.8e308".to_owned()
@@ -199,13 +199,13 @@ impl SceneError {
             allowed
         } else {
             let problem = cut(message, LONGEST);
-            return Self::Malformed { place, problem };
+            return Self::Malformed { location, problem };
         };
         let found = span.map_or_else(|| cut(before, LONGEST), |span| source.quote(span));
         let advice = advice::meant(&found, &allowed) + &advice::example(field, &allowed);
         let allowed = allowed + &advice;
         Self::Value {
-            place,
+            location,
             found,
             allowed,
         }

@@ -22,7 +22,7 @@ pub mod spec;
 
 pub use device_file::NamedDevice;
 pub use drivers::real_drivers;
-pub use error::{Place, SceneError};
+pub use error::{SceneError, SourceLocation};
 pub use field::{Field, FieldError};
 pub use load::{LoadedScene, MeshFile, read_bytes};
 pub use overrides::Override;

@@ -222,7 +222,7 @@ impl<R: Fn(&Path) -> io::Result<Vec<u8>>> Reader<'_, R> {
 
     fn refused(&self, field: &str, path: PathBuf, source: io::Error) -> SceneError {
         SceneError::File {
-            place: self.source.place(field),
+            location: self.source.location(field),
             path,
             source,
         }

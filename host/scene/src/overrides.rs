@@ -155,9 +155,9 @@ impl LoadedScene {
                 .ok_or_else(|| io::ErrorKind::NotFound.into())
         };
         load(source, folder, kept).map_err(|mut error| {
-            // A field of a wrong type is found by its place in the edited text.
-            if let Some(place) = error.place_mut() {
-                place.line = self.source.place(&place.field).line;
+            // A field of a wrong type is found by its location in the edited text.
+            if let Some(location) = error.location_mut() {
+                location.line = self.source.location(&location.field).line;
             }
             error
         })

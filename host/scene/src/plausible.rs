@@ -6,7 +6,7 @@
 //! wide range, `allowed`, is an error of the scene. A value outside the narrow range, `usual`, is a [`Warning`]. The
 //! narrow ranges contain the materials, devices and hands that the field uses, with some room.
 
-use super::error::{Place, SceneError};
+use super::error::{SceneError, SourceLocation};
 use super::recording::Sample;
 use super::source::Source;
 use super::spec::{Body, Device, Hand, Scene};
@@ -19,7 +19,7 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     /// The field that gives the value.
-    pub place: Place,
+    pub location: SourceLocation,
     /// The value, in words.
     pub found: String,
     /// The usual values, in words.
@@ -31,12 +31,12 @@ pub struct Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
-            place,
+            location,
             found,
             usual,
             advice,
         } = self;
-        write!(to, "{place}: found {found}, usual: {usual}; {advice}")
+        write!(to, "{location}: found {found}, usual: {usual}; {advice}")
     }
 }
 
@@ -88,7 +88,7 @@ impl Quantity {
             return Err(source.error(field, found, allowed));
         }
         Ok(Some(Warning {
-            place: source.place(field),
+            location: source.location(field),
             found,
             usual: words(self.usual),
             advice: advice.to_owned(),

@@ -3,7 +3,7 @@
 //! Lines that begin with `#` and empty lines are skipped. Numbers need no quotes, so each line is split at its
 //! commas. Crate `csv` is not used because its line numbers are wrong after comments.
 
-use super::error::{Place, SceneError};
+use super::error::{SceneError, SourceLocation};
 use super::source::quoted;
 
 /// Names of the columns, in this order.
@@ -68,13 +68,13 @@ struct Location<'a> {
 
 impl Location<'_> {
     fn wrong(self, column: &str, found: &str, allowed: impl Into<String>) -> SceneError {
-        let place = Place {
+        let location = SourceLocation {
             file: self.name.to_owned(),
             line: self.line,
             field: column.to_owned(),
         };
         SceneError::Value {
-            place,
+            location,
             found: quoted(found),
             allowed: allowed.into(),
         }

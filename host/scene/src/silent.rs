@@ -24,7 +24,7 @@ pub(super) fn check(
     let mut warnings = Vec::new();
     let mut warn = |field: &str, found: String, usual: &str, advice: &str| {
         warnings.push(Warning {
-            place: source.place(field),
+            location: source.location(field),
             found,
             usual: usual.to_owned(),
             advice: advice.to_owned(),
@@ -76,14 +76,14 @@ pub(super) fn weaker(scene: &Scene, source: &Source, profiles: &[DeviceFile]) ->
         let most = device.max_force.unwrap_or(own);
         if most > own {
             return Some(Warning {
-                place: source.place(&format!("device[{index}].max_force")),
+                location: source.location(&format!("device[{index}].max_force")),
                 found: format!("{most} N"),
                 usual: format!("at most {own} N, the largest force of {}", profile.name),
                 advice: "the device gives no more, and larger forces of the body are cut off".to_owned(),
             });
         }
         (is_falcon && most > MOST_FORCE).then(|| Warning {
-            place: source.place(&format!("device[{index}].connect")),
+            location: source.location(&format!("device[{index}].connect")),
             found: format!("a Falcon with up to {most} N"),
             usual: format!("at most {MOST_FORCE} N, which the driver commands"),
             advice: format!(

@@ -1,6 +1,6 @@
 //! The text of a scene, kept to find the line of each field.
 
-use super::error::{Place, SceneError};
+use super::error::{SceneError, SourceLocation};
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
@@ -48,7 +48,7 @@ impl Source {
         allowed: impl Into<String>,
     ) -> SceneError {
         SceneError::Value {
-            place: self.place(field),
+            location: self.location(field),
             found: cut(&found.into(), LONGEST),
             allowed: allowed.into(),
         }
@@ -57,7 +57,7 @@ impl Source {
     /// An error about a field whose fault is a sentence, and not a value.
     pub fn problem(&self, field: &str, problem: impl Into<String>) -> SceneError {
         SceneError::Malformed {
-            place: self.place(field),
+            location: self.location(field),
             problem: problem.into(),
         }
     }
@@ -66,13 +66,13 @@ impl Source {
     /// tells that the table needs the field.
     pub fn missing(&self, table: &str, name: &str) -> SceneError {
         SceneError::Missing {
-            place: self.place(table),
+            location: self.location(table),
             name: format!("`{name}`"),
         }
     }
 
-    /// The place of a field: its line, or the line of the innermost table that should hold it.
-    pub fn place(&self, field: &str) -> Place {
+    /// The location of a field: its line, or the line of the innermost table that should hold it.
+    pub fn location(&self, field: &str) -> SourceLocation {
         // The text is parsed again. This is cheap, and the types of the scene need no positions.
         let text = self.file.as_ref().unwrap_or(&self.text);
         let (root, _) = DeTable::parse_recoverable(text);
@@ -88,23 +88,23 @@ impl Source {
                 Err(_) => value.get(step),
             };
             let Some(next) = next else { break };
-            // A table that is defined by dotted keys only has no place of its own.
+            // A table that is defined by dotted keys only has no location of its own.
             if !next.span().is_empty() {
                 span = next.span();
             }
             value = next.get_ref();
         }
-        self.place_in(text, field, span.start)
+        self.location_in(text, field, span.start)
     }
 
-    /// The place of a field that begins at a byte of the text.
-    pub(super) fn place_at(&self, field: &str, byte: usize) -> Place {
-        self.place_in(&self.text, field, byte)
+    /// The location of a field that begins at a byte of the text.
+    pub(super) fn location_at(&self, field: &str, byte: usize) -> SourceLocation {
+        self.location_in(&self.text, field, byte)
     }
 
-    fn place_in(&self, text: &str, field: &str, byte: usize) -> Place {
+    fn location_in(&self, text: &str, field: &str, byte: usize) -> SourceLocation {
         let before = &text.as_bytes()[..byte.min(text.len())];
-        Place {
+        SourceLocation {
             file: self.name.clone(),
             line: before.split(|&b| b == b'\n').count(),
             field: cut(field, 2 * QUOTED),

@@ -1,4 +1,4 @@
-//! Work beside the steps: on a thread of its own, or, in virtual time, taken at a fixed step.
+//! Background work: on a thread of its own, or, in virtual time, taken at a fixed step.
 
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread;

@@ -2,7 +2,7 @@
 //!
 //! A change begins a topology epoch, and every epoch needs another solver: another order of elimination, another
 //! factor, other shapes. The construction of a solver takes many times as long as a step. A thread therefore makes the
-//! change beside the steps, on a copy of the body, while the body and its solver continue. When the new solver is ready,
+//! change in the background, on a copy of the body, while the body and its solver continue. When the new solver is ready,
 //! the new body continues the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with
 //! the first step after the work; in virtual time it lands at a fixed step.
 
@@ -140,7 +140,7 @@ pub(super) struct Made {
     pub(super) solver: Solver,
 }
 
-/// A change as work beside the steps: edits of a copy of the body, and its new solver.
+/// A change as background work: edits of a copy of the body, and its new solver.
 pub(super) struct Rebuild {
     recipe: Recipe,
     /// The time over which models predict the response of the body (s).

@@ -1,4 +1,4 @@
-//! How the solver of a body is made: before a run, and again beside the steps when the body's topology changes.
+//! How the solver of a body is made: before a run, and again in the background when the body's topology changes.
 
 use super::background::Background;
 use super::build::BuildOptions;
@@ -50,7 +50,7 @@ impl Recipe {
         }
     }
 
-    /// Whether solvers work beside the steps on threads.
+    /// Whether solvers do their background work on threads.
     pub(super) fn is_real(&self) -> bool {
         self.real
     }

@@ -1,8 +1,8 @@
-//! A stepper for the topology that tears have made, beside the steps.
+//! A stepper for the topology that tears have made, in the background.
 //!
 //! A stepper serves a torn sheet with the factor of the sheet before: each vertex that a tear adds costs a few columns
 //! beside the factor. After some vertices a factor of the new topology pays, with its own order of elimination and its
-//! own pattern. Such a factor takes many times as long as a step. A thread therefore makes it beside the steps, on a
+//! own pattern. Such a factor takes many times as long as a step. A thread therefore makes it in the background, on a
 //! **mirror**: a copy of the body that makes the same edits. A tear may grow meanwhile. The new stepper then follows the
 //! edits that it missed, and takes over the motion of the old one ([`Stepper::adopt`]).
 //!

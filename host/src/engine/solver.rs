@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// has the shapes of the model before, so that the longest steps are shorter.
 const MUCH_WORK: usize = 3;
 /// Time in which an iteration of a sheet that tears counts in virtual time (s): a step of many iterations takes longer than
-/// its length, and the work beside the steps continues meanwhile.
+/// its length, and the background work continues meanwhile.
 const ITERATION: f64 = 0.25e-3;
 /// Most models in turn with the same shapes.
 const MOST_KEPT: usize = 2;

@@ -90,7 +90,7 @@ pub struct Tally {
     pub(crate) condense: Option<u64>,
     /// Iterations of the solver, whether it converged, and the relative residual.
     pub(crate) solved: Option<(usize, bool, f64)>,
-    /// Factors that were made beside the steps and then taken.
+    /// Factors that were made in the background and then taken.
     pub(super) factors: u64,
     /// Time of the tears (ns), for a body that can tear.
     pub(crate) tear: Option<u64>,
@@ -115,7 +115,7 @@ pub struct EngineStats {
     pub condense: LatencyHistogram,
     /// Solver iterations a step.
     pub iterations: LatencyHistogram,
-    /// Factors that were made beside the steps and then taken.
+    /// Factors that were made in the background and then taken.
     pub factors: u64,
     /// Changes of topology or constraints that have landed.
     pub changes: u64,

@@ -213,7 +213,7 @@ impl VirtualCoupling {
         }
     }
 
-    /// Writes the model's blocks and its wrenches, `a' - B' v`, where `v` is the velocity of the handles.
+    /// Writes the model's blocks and its wrenches, `a' - B' v`, with the velocity `v` of the handles.
     fn write(&mut self, model: &LocalModel) {
         let places = self.speed.chunks_exact_mut(6);
         let places = places.zip(self.wrench.chunks_exact_mut(6));

@@ -109,7 +109,7 @@ pub struct Frame {
     /// Totals since the start of the run. Of a log, those up to this moment if they are known.
     pub totals: Totals,
     /// The hands at the last tick, by device.
-    pub hands: Vec<Hand>,
+    pub hands: Vec<HandState>,
     /// The bodies at the last tick.
     pub bodies: Vec<BodyState>,
     /// The host; `None` if nothing is known, as in a log.
@@ -230,7 +230,7 @@ pub struct Bins(pub Vec<(u64, u64)>);
 
 /// One hand.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Hand {
+pub struct HandState {
     /// Position of the proxy (m).
     pub position: [f64; 3],
     /// Rotation of the proxy: a unit quaternion x, y, z, w.

@@ -14,7 +14,7 @@ pub mod range;
 pub mod socket;
 
 pub use frame::{
-    Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
+    Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, HandState, HandleInfo,
     Hello, LogMessage, Playback, Source, Totals, Vertices,
 };
 pub use message::{Message, MessageError};

@@ -24,7 +24,7 @@ use std::time::Instant;
 /// Frames that may wait for the writer.
 const WAITING: usize = 8;
 
-/// Which frames of a run are written, and where.
+/// The choice of the frames of a run that are written, and their folder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameOptions {
     /// The folder; it may be new.

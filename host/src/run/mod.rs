@@ -40,9 +40,9 @@ use crate::engine::faults::HostFault;
 use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
+use crate::preparation::Preparation;
 use crate::record::Group;
 use crate::scene::{LoadedScene, SceneError, connections};
-use crate::stage::Stage;
 use crate::world::{World, scheme};
 use ::devices::panel::{Operated, Panel, TimedOrder};
 use collect::Collector;
@@ -85,8 +85,8 @@ pub struct RunOptions {
     pub log_frames: Option<f64>,
     /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
-    /// The part of forces and displacements that the plot shows.
-    pub part: plot::Part,
+    /// The component of forces and displacements that the plot shows.
+    pub component: plot::Component,
     /// The table and the picture of force against displacement.
     pub ticks: TickOutputs,
     /// Path of the distributions of lateness and tick time (CSV or SVG) of a run under the real clock; `None` for a run
@@ -124,7 +124,7 @@ impl RunOptions {
             log: None,
             log_frames: None,
             plot: None,
-            part: plot::Part::default(),
+            component: plot::Component::default(),
             ticks: TickOutputs::default(),
             histogram: None,
             frames: None,
@@ -173,8 +173,8 @@ pub enum RunError {
 /// The progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
-    /// The stage of the preparation that begins; `None` once ticks are made.
-    pub stage: Option<Stage>,
+    /// The part of the preparation that begins; `None` once ticks are made.
+    pub preparation: Option<Preparation>,
     /// Ticks done.
     pub ticks: u64,
     /// Ticks in the whole run.
@@ -243,13 +243,13 @@ pub fn run_watched(
         Clock::Virtual => CoreChoice::Anywhere,
     };
     let reserved = Reserved::new(core, &Cores::of_this_machine());
-    let mut stage = |stage| {
+    let mut preparing = |preparation| {
         progress(Progress {
-            stage: Some(stage),
+            preparation: Some(preparation),
             ..Progress::default()
         });
     };
-    let mut prepared = prepare(world, options, seed, &mut stage)?;
+    let mut prepared = prepare(world, options, seed, &mut preparing)?;
     let told = std::mem::take(&mut prepared.told);
     let frames = options
         .frames
@@ -303,7 +303,7 @@ pub fn run_watched(
         let logged = logged.load(Ordering::Relaxed);
         let slow = found.get().copied();
         progress(Progress {
-            stage: None,
+            preparation: None,
             ticks,
             of,
             logged,
@@ -353,7 +353,7 @@ fn prepare(
     world: &World<'_>,
     options: &RunOptions,
     seed: u64,
-    stage: &mut dyn FnMut(Stage),
+    preparing: &mut dyn FnMut(Preparation),
 ) -> Result<Prepared, SceneError> {
     let session = Options {
         duration: options.duration.unwrap_or(world.loaded.scene.duration),
@@ -362,7 +362,7 @@ fn prepare(
         real: options.clock == Clock::Real,
         faults: options.faults.clone(),
     };
-    let mut prepared = Prepared::told(world, &session, stage)?;
+    let mut prepared = Prepared::told(world, &session, preparing)?;
     let devices = std::mem::take(&mut prepared.tick.devices).into_iter();
     prepared.tick.devices = devices
         .map(|device| {
@@ -429,7 +429,7 @@ fn write_files(
         }
     };
     if let Some(path) = &options.plot {
-        let data = report::plot_data(loaded, &ended.observed.collected, options.part);
+        let data = report::plot_data(loaded, &ended.observed.collected, options.component);
         let svg = plot::force_and_position_svg(&data);
         note(summary, path, plot::write_picture(path, &svg));
     }

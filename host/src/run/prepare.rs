@@ -9,9 +9,9 @@ use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::Rehearsal;
 use crate::engine::{Engine, build};
+use crate::preparation::Preparation;
 use crate::scene::spec::{self, Scene};
 use crate::scene::{LoadedScene, SceneError};
-use crate::stage::Stage;
 use crate::world::{World, bodies_held, port, scheme};
 use physics::FactorCode;
 use rt_core::controller::DeviceConfig;
@@ -114,29 +114,29 @@ impl Prepared {
         Self::told(world, options, &mut |_| ())
     }
 
-    /// Prepares a session as `new` does. `stage` receives each stage of the preparation when it begins.
+    /// Prepares a session as `new` does. `preparing` receives each part of the preparation when it begins.
     ///
     /// # Errors
     /// As [`new`](Self::new).
     pub fn told(
         world: &World<'_>,
         options: &Options,
-        stage: &mut dyn FnMut(Stage),
+        preparing: &mut dyn FnMut(Preparation),
     ) -> Result<Self, SceneError> {
         let scene = &world.loaded.scene;
         build::check(world.loaded)?;
-        stage(Stage::Settling);
+        preparing(Preparation::Settling);
         world.settle();
         // Under the real clock, a warning must come before hands hold the devices.
         let slow = if options.real {
-            stage(Stage::Factorizing);
+            preparing(Preparation::Factorizing);
             let rehearsal = Rehearsal::new(world)?;
-            stage(Stage::Timing);
+            preparing(Preparation::Timing);
             SlowWatch::rehearsed(scene, StepTime::new(scene, rehearsal.step_time()))
         } else {
             SlowWatch::new(scene)
         };
-        stage(Stage::Factorizing);
+        preparing(Preparation::Factorizing);
         let how = BuildOptions {
             code: options.code,
             real: options.real,

@@ -10,7 +10,7 @@ use super::{Clock, RunOptions, held_back, instructions, slow_host};
 use crate::engine::plan::publishes_energy;
 use crate::engine::unrendered::{DampedSummary, StiffSummary};
 use crate::machine::Machine;
-use crate::plot::{DeviceSeries, Part, PlotData};
+use crate::plot::{Component, DeviceSeries, PlotData};
 use crate::record::Distribution;
 use crate::scene::{LoadedScene, Scene};
 use crate::world::{World, scheme};
@@ -373,8 +373,12 @@ fn stiff(scene: &Scene, host: &HostSide) -> Vec<StiffSummary> {
     found.collect()
 }
 
-/// What the picture of a run shows: the `part` of its forces.
-pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected, part: Part) -> PlotData {
+/// What the picture of a run shows: the `component` of its forces.
+pub(super) fn plot_data(
+    loaded: &LoadedScene,
+    collected: &Collected,
+    component: Component,
+) -> PlotData {
     let scene = &loaded.scene;
     let series = scene.devices.iter().enumerate().map(|(index, device)| {
         let of = |pick: fn(&(rt_core::Vec3, rt_core::Vec3)) -> rt_core::Vec3| {
@@ -400,7 +404,7 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected, part: Part)
         time: collected.samples.iter().map(|sample| sample.time).collect(),
         devices: series.collect(),
         marks: collected.marks.clone(),
-        part,
+        component,
     }
 }
 

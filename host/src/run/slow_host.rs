@@ -162,7 +162,7 @@ impl SlowWatch {
         watch
     }
 
-    /// Where the time of a step will be found, if a step takes too long. Another thread may look there.
+    /// Receives the time of a step, if a step takes too long. Another thread may read it.
     pub(super) fn found(&self) -> Arc<OnceLock<StepTime>> {
         Arc::clone(&self.found)
     }

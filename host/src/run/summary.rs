@@ -125,7 +125,7 @@ pub struct HostSummary {
     pub vertices: usize,
     /// The solver of each body, and the reason for the choice.
     pub solvers: Vec<String>,
-    /// Background refactorizations: factors computed beside the steps.
+    /// Background refactorizations.
     pub factors: u64,
     /// Measured time to solve, a step. Measured times do not enter the state. Under virtual time they are processor time.
     pub solve: Distribution,

@@ -4,7 +4,7 @@ use super::grasp::{grasps, handles, held_once, holding};
 use super::kind::Kind;
 use super::mesh::Notched;
 use super::tear::TearSpec;
-use super::{grasp, load, material, places, tear};
+use super::{grasp, load, material, selection, tear};
 use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
 use nalgebra::UnitQuaternion;
@@ -75,7 +75,7 @@ impl Built {
     }
 }
 
-/// Builds one body, at rest, of its mesh and the vertices of its `places` ([`grasp::places`]). `origins`: those of what
+/// Builds one body, at rest, of its mesh and the vertices of its handles, `held` ([`grasp::vertices`]). `origins`: those of what
 /// each device holds.
 ///
 /// # Errors
@@ -84,14 +84,14 @@ pub(super) fn build(
     loaded: &LoadedScene,
     index: usize,
     notched: Notched<'_>,
-    places: Vec<Vec<u32>>,
+    held: Vec<Vec<u32>>,
     origins: &[Option<Vec3>],
 ) -> Result<Built, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
     let mesh = &*notched.mesh;
     let material = material::build(loaded, index, mesh)?;
-    let mut handles = handles(loaded, index, mesh, places, origins);
+    let mut handles = handles(loaded, index, mesh, held, origins);
     let constraints = supports(loaded, index, mesh, &mut handles)?;
     let tear = tear::build(loaded, index, &notched, &material.elements, &handles)?;
     let config = BodyConfig {
@@ -211,7 +211,7 @@ fn supports(
     let find = |(number, support): (usize, &spec::Support)| {
         let field = format!("body[{index}].support[{number}]");
         let group = support.group.as_deref();
-        places::vertices(loaded, &field, group, support.in_box, mesh)
+        selection::vertices(loaded, &field, group, support.in_box, mesh)
     };
     let all: Vec<_> = supports
         .iter()
@@ -315,8 +315,8 @@ fn field_of_handle(
         return format!("body[{index}].support[{support}]");
     }
     let grasps = grasps(&loaded.scene, &loaded.scene.bodies[index]);
-    let place = grasps.get(number).map_or(number, |grasp| grasp.places[0]);
-    format!("body[{index}].handle[{place}]")
+    let first = grasps.get(number).map_or(number, |grasp| grasp.handles[0]);
+    format!("body[{index}].handle[{first}]")
 }
 
 /// The error of a handle or a support at `field` that cannot clamp the border.

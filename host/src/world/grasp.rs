@@ -1,50 +1,53 @@
-//! Grasps. A grasp is all that one device holds. The handles of a scene that name the same device are the places of one
-//! grasp, such as those of the prongs of a fork. The grasp is rigid: its places move with the device, and the hand feels the sum of their
+//! Grasps. A grasp is all that one device holds. The handles of a scene that name the same device are one grasp, such as
+//! those of the prongs of a fork. The grasp is rigid: its handles move with the device, and the hand feels the sum of their
 //! forces and, if the device renders moments, of their moments about the origin of the grasp.
 //!
-//! On one body, the places of a grasp are one handle of the physics. On several bodies, the grasp has one such handle on
+//! On one body, the handles of a grasp are one handle of the physics. On several bodies, the grasp has one such handle on
 //! each, and all of them turn about the same origin. Every body keeps its own account of energy for its part of the
 //! force (`rt_core::Controller`), so the accounts of all bodies add up to the work of the device.
 
 use super::mesh::Notched;
-use super::places;
+use super::selection;
 use crate::scene::spec::{Body, Handle, Scene};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::Mesh;
 use physics::{Border, Freedom, HandleSpec, Vec3};
 
-/// The places of one grasp on one body.
+/// One grasp on one body.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grasp {
-    /// The device that holds the places.
+    /// The device that holds the handles.
     pub device: usize,
-    /// The numbers of the body's handles that are places of the grasp, in their order.
-    pub places: Vec<usize>,
+    /// The numbers of the scene's handles of the body that belong to the grasp, in their order.
+    pub handles: Vec<usize>,
 }
 
 impl Grasp {
-    /// The name of the grasp's part on `body`: the names of its places.
+    /// The name of the grasp's part on `body`: the names of its handles.
     pub fn name(&self, body: &Body) -> String {
-        let names = self.places.iter().map(|&place| &*body.handles[place].name);
+        let names = self
+            .handles
+            .iter()
+            .map(|&number| &*body.handles[number].name);
         names.collect::<Vec<_>>().join(" + ")
     }
 
-    /// The first place of the grasp on `body`.
+    /// The first handle of the grasp on `body`.
     pub fn first<'a>(&self, body: &'a Body) -> &'a Handle {
-        &body.handles[self.places[0]]
+        &body.handles[self.handles[0]]
     }
 }
 
-/// The grasps of a body, in the order of their first places. They are the handles of the body in the physics.
+/// The grasps of a body, in the order of their first handles. They are the handles of the body in the physics.
 pub fn grasps(scene: &Scene, body: &Body) -> Vec<Grasp> {
     let mut grasps: Vec<Grasp> = Vec::new();
     for (number, handle) in body.handles.iter().enumerate() {
         let device = scene.device_of(handle);
         match grasps.iter_mut().find(|grasp| grasp.device == device) {
-            Some(grasp) => grasp.places.push(number),
+            Some(grasp) => grasp.handles.push(number),
             None => grasps.push(Grasp {
                 device,
-                places: vec![number],
+                handles: vec![number],
             }),
         }
     }
@@ -66,7 +69,7 @@ pub fn bodies_held(scene: &Scene) -> Vec<usize> {
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field, for a handle without vertices, or two that hold the same vertex.
-pub(super) fn places(
+pub(super) fn vertices(
     loaded: &LoadedScene,
     index: usize,
     mesh: &Mesh,
@@ -76,7 +79,7 @@ pub(super) fn places(
     for (number, handle) in handles.iter().enumerate() {
         let field = format!("body[{index}].handle[{number}]");
         let group = handle.group.as_deref();
-        let vertices = places::vertices(loaded, &field, group, handle.in_box, mesh)?;
+        let vertices = selection::vertices(loaded, &field, group, handle.in_box, mesh)?;
         for (other, earlier) in handles.iter().zip(&all) {
             let [this, other] = [&handle.name, &other.name].map(|name| format!("handle {name:?}"));
             held_once(loaded, &field, &this, &vertices, &other, earlier)?;
@@ -86,7 +89,7 @@ pub(super) fn places(
     Ok(all)
 }
 
-/// The origin of what each device of a scene holds, at rest (m): the mean of the centres of its places on all bodies, whose
+/// The origin of what each device of a scene holds, at rest (m): the mean of the centres of its handles on all bodies, whose
 /// vertices are `held`; `None` for a device that holds nothing.
 pub(super) fn origins(
     scene: &Scene,
@@ -96,8 +99,8 @@ pub(super) fn origins(
     let mut centres = vec![Vec::new(); scene.devices.len()];
     for ((body, notched), held) in scene.bodies.iter().zip(meshes).zip(held) {
         for grasp in grasps(scene, body) {
-            let places = grasp.places.iter();
-            let each = places.map(|&place| centre(&held[place], &notched.mesh));
+            let numbers = grasp.handles.iter();
+            let each = numbers.map(|&number| centre(&held[number], &notched.mesh));
             centres[grasp.device].extend(each);
         }
     }
@@ -108,12 +111,12 @@ pub(super) fn origins(
     centres.into_iter().map(mean).collect()
 }
 
-/// The handles of a scene's body: one for each grasp, of the vertices of its places.
+/// The handles of a scene's body: one for each grasp, of the vertices of its handles in the scene, which are `held`.
 pub(super) fn handles(
     loaded: &LoadedScene,
     index: usize,
     mesh: &Mesh,
-    mut places: Vec<Vec<u32>>,
+    mut held: Vec<Vec<u32>>,
     origins: &[Option<Vec3>],
 ) -> Vec<HandleSpec> {
     let spec = &loaded.scene.bodies[index];
@@ -121,21 +124,21 @@ pub(super) fn handles(
     let each = grasps(&loaded.scene, spec).into_iter().map(|grasp| {
         let handle = grasp.first(spec);
         let mut vertices: Vec<u32> = Vec::new();
-        for &place in &grasp.places {
-            vertices.append(&mut places[place]);
+        for &number in &grasp.handles {
+            vertices.append(&mut held[number]);
         }
         vertices.sort_unstable();
-        let held = holding(
+        let holding = holding(
             vertices,
             mesh,
             freedom(loaded, handle),
             handle.border.into(),
         );
-        let alone = grasp.places.len() == 1 && bodies[grasp.device] == 1;
+        let alone = grasp.handles.len() == 1 && bodies[grasp.device] == 1;
         let origin = if alone { None } else { origins[grasp.device] };
         HandleSpec {
-            origin: origin.unwrap_or(held.origin),
-            ..held
+            origin: origin.unwrap_or(holding.origin),
+            ..holding
         }
     });
     each.collect()
@@ -150,7 +153,7 @@ pub(super) fn held_once(
     other: &str,
     held: &[u32],
 ) -> Result<(), SceneError> {
-    let shared = places::shared(vertices, held);
+    let shared = selection::shared(vertices, held);
     if shared == 0 {
         return Ok(());
     }

@@ -77,7 +77,7 @@ pub(super) fn warnings(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<W
     let equal = equal(mesh).into_iter();
     let used = equal.filter(|equal| equal.names.iter().any(|name| named.contains(name)));
     let each = used.map(|equal| Warning {
-        place: loaded.source.place(&format!("body[{index}].mesh")),
+        location: loaded.source.location(&format!("body[{index}].mesh")),
         found: equal.to_string(),
         usual: "groups that differ".to_owned(),
         advice: ADVICE.to_owned(),

@@ -1,6 +1,6 @@
 //! Converts the loads of a body to forces on its vertices.
 
-use super::places;
+use super::selection;
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
 use physics::body::load::{Spread, spread_on_sheet, spread_on_solid, spread_on_thread};
@@ -16,7 +16,7 @@ pub(super) fn build(
     for (number, load) in loaded.scene.bodies[index].loads.iter().enumerate() {
         let field = format!("body[{index}].load[{number}]");
         let group = load.group.as_deref();
-        let vertices = places::vertices(loaded, &field, group, load.in_box, mesh)?;
+        let vertices = selection::vertices(loaded, &field, group, load.in_box, mesh)?;
         let Spread { fractions, area } = match mesh {
             Mesh::Thread(mesh) => spread_on_thread(mesh, &vertices),
             Mesh::Sheet(mesh) => spread_on_sheet(mesh, &vertices),

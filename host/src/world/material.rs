@@ -2,7 +2,7 @@
 //! scene.
 
 use super::kind::{Kind, bending, bends};
-use super::{mesh, places};
+use super::{mesh, selection};
 use crate::scene::plausible::{self, Warning};
 use crate::scene::spec::MeshSource;
 use crate::scene::spec::body::{LawName, WeaveFields};
@@ -301,7 +301,7 @@ pub(super) fn locks(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Option<W
     let poisson = build(loaded, index, mesh).ok()?.poisson;
     let most = poisson.iter().copied().fold(f64::MIN, f64::max);
     (most > LOCKS).then(|| Warning {
-        place: loaded.source.place(&format!("body[{index}].mesh")),
+        location: loaded.source.location(&format!("body[{index}].mesh")),
         found: format!("linear tetrahedra with a Poisson's ratio of {most}"),
         usual: format!("up to {LOCKS} for linear tetrahedra"),
         advice: "linear tetrahedra lock where the volume hardly changes, and forces are far too large: set mesh.order = 2"
@@ -344,7 +344,7 @@ fn values(
     let field = format!("body[{index}].material.fields.{quantity}");
     let names = fields.iter().map(|f| &f.name);
     let nothing = "nothing (the mesh has no values by element that are finite numbers)";
-    let found = places::named(loaded, &field, name, names, "field", nothing)?;
+    let found = selection::named(loaded, &field, name, names, "field", nothing)?;
     let values = fields[found].values.clone();
     let (allowed, fits): (_, fn(f64) -> bool) = if quantity == "poisson" {
         ("numbers above -1 and below 0.5", |v| v > -1.0 && v < 0.5)
@@ -376,7 +376,7 @@ fn overwrite(
             given,
         )?;
         let group = region.group.as_deref();
-        for element in places::elements(loaded, &field, group, region.in_box, mesh)? {
+        for element in selection::elements(loaded, &field, group, region.in_box, mesh)? {
             let element = element as usize;
             // A thread may have no Poisson's ratio: then a region's has no element to write to.
             let write = |all: &mut Vec<f64>, value: Option<f64>| {

@@ -184,7 +184,7 @@ fn from_file(loaded: &LoadedScene, index: usize) -> Result<&Mesh, SceneError> {
             .error(&field, "no file", "a file that was loaded")
     })?;
     file.mesh().map_err(|source| SceneError::Mesh {
-        place: loaded.source.place(&field),
+        location: loaded.source.location(&field),
         path: file.path.clone(),
         source: Box::new(source.clone()),
     })

@@ -15,9 +15,9 @@ mod material;
 mod mesh;
 mod mount;
 mod notch;
-mod places;
 mod port;
 mod press;
+mod selection;
 pub mod shapes;
 mod survey;
 mod tear;
@@ -63,7 +63,7 @@ impl<'a> World<'a> {
             .collect::<Result<_, _>>()?;
         let numbered = || meshes.iter().enumerate();
         let held: Vec<Vec<Vec<u32>>> = numbered()
-            .map(|(index, notched)| grasp::places(loaded, index, &notched.mesh))
+            .map(|(index, notched)| grasp::vertices(loaded, index, &notched.mesh))
             .collect::<Result<_, _>>()?;
         let origins = grasp::origins(scene, &meshes, &held);
         let mounts = (0..scene.devices.len())

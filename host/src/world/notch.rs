@@ -59,8 +59,8 @@ impl Cuts {
         self.tips.iter().filter(of).count()
     }
 
-    /// Notes that a cut of the notch of this number, which the scene says is `length` (m) long, ends where its `tips` are. The
-    /// scene says `wanted`.
+    /// Notes that a cut of the notch of this number ends at its `tips`. The scene gives the length `length` (m) and the ends
+    /// `wanted`.
     fn note(&mut self, number: usize, length: f64, wanted: [Vec3; 2], tips: [Option<Vec3>; 2]) {
         for (wanted, tip) in wanted.into_iter().zip(tips) {
             let Some(tip) = tip else { continue };
@@ -257,16 +257,16 @@ pub(super) fn cut(
     Ok((notched(mesh, &surface, plane), cuts))
 }
 
-/// Warnings about notches of the body number `index` that do not end where the scene says.
+/// Warnings about notches of the body number `index` whose ends are not those of the scene.
 pub(super) fn moved(loaded: &LoadedScene, index: usize, cuts: &Cuts) -> Vec<Warning> {
     let warning = |moved: &Moved| {
         let words = |p: Vec3| format!("[{:.4}, {:.4}, {:.4}]", p.x, p.y, p.z);
         let [wanted, tip] = moved.ends.map(words);
         let number = moved.number;
         Warning {
-            place: loaded
+            location: loaded
                 .source
-                .place(&format!("body[{index}].tear.notch[{number}]")),
+                .location(&format!("body[{index}].tear.notch[{number}]")),
             found: format!(
                 "a notch that ends at {tip}, {:.4} m from {wanted}: no vertex of the mesh can move there",
                 moved.distance()

@@ -3,7 +3,7 @@
 //! A solid that is pressed by most of its height is outside of every law's measurements, and a few millimetres
 //! further its elements invert. Such a motion is mostly one in another unit, or in the axes of another device.
 
-use super::places;
+use super::selection;
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
 use physics::Vec3;
@@ -19,7 +19,7 @@ pub(super) fn warnings(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<W
     };
     let body = &loaded.scene.bodies[index];
     let points = |field: &str, group: Option<&str>, in_box| -> Vec<Vec3> {
-        let found = places::vertices(loaded, field, group, in_box, mesh);
+        let found = selection::vertices(loaded, field, group, in_box, mesh);
         let found = found.unwrap_or_default().into_iter();
         found.map(|v| mesh.positions()[v as usize]).collect()
     };
@@ -63,7 +63,7 @@ pub(super) fn warnings(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<W
     each.filter_map(|(field, held, to)| {
         let height = height(held, &still, &to.normalize())?;
         (to.norm() > MOST * height).then(|| Warning {
-            place: loaded.source.place(field),
+            location: loaded.source.location(field),
             found: format!(
                 "a motion of {:.4} m towards supports that are {height:.4} m ahead",
                 to.norm()

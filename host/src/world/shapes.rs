@@ -131,7 +131,7 @@ pub(super) fn needles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Option
     let harm = needles.harm.as_ref()?;
     let worst = needles.described(*needles.worst.first()?);
     Some(Warning {
-        place: loaded.source.place(&format!("body[{index}].mesh")),
+        location: loaded.source.location(&format!("body[{index}].mesh")),
         found: format!("{needles}, the worst {worst}"),
         usual: if needles.share > SHARE {
             format!("{NEEDLE} or above")

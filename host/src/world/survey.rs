@@ -3,7 +3,7 @@
 
 use super::mesh::Notched;
 use super::mount::Mount;
-use super::{groups, material, mesh, mount, notch, places, press, shapes, tear};
+use super::{groups, material, mesh, mount, notch, press, selection, shapes, tear};
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
 use physics::mesh::{Bounds, Mesh};
@@ -53,7 +53,7 @@ fn held_twice(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
     for (number, handle) in body.handles.iter().enumerate() {
         let field = format!("body[{index}].handle[{number}]");
         let group = handle.group.as_deref();
-        let Ok(held) = places::vertices(loaded, &field, group, handle.in_box, mesh) else {
+        let Ok(held) = selection::vertices(loaded, &field, group, handle.in_box, mesh) else {
             continue;
         };
         // The supports that share vertices with the handle, and what the first of them shares.
@@ -64,10 +64,10 @@ fn held_twice(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
             }
             let at = format!("body[{index}].support[{number}]");
             let group = support.group.as_deref();
-            let Ok(guided) = places::vertices(loaded, &at, group, support.in_box, mesh) else {
+            let Ok(guided) = selection::vertices(loaded, &at, group, support.in_box, mesh) else {
                 continue;
             };
-            let shared = places::shared(&held, &guided);
+            let shared = selection::shared(&held, &guided);
             if shared == 0 {
                 continue;
             }
@@ -83,7 +83,7 @@ fn held_twice(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
                 _ => format!(", and some in {others} other supports"),
             };
             warnings.push(Warning {
-                place: loaded.source.place(&field),
+                location: loaded.source.location(&field),
                 found: format!(
                     "{shared} vertices in both handle {:?} ({} vertices) and support {support:?}{more}",
                     handle.name,
@@ -125,7 +125,7 @@ fn overlap(a: &Bounds, b: &Bounds) -> bool {
 fn through_each_other(loaded: &LoadedScene, first: usize, second: usize) -> Warning {
     let bodies = &loaded.scene.bodies;
     Warning {
-        place: loaded.source.place(&format!("body[{second}]")),
+        location: loaded.source.location(&format!("body[{second}]")),
         found: format!(
             "body {:?} in the space of body {:?}: the boxes around the two bodies overlap",
             bodies[second].name, bodies[first].name

@@ -190,9 +190,9 @@ pub(super) fn short(loaded: &LoadedScene, index: usize, mesh: &Mesh, cuts: &Cuts
         return Vec::new();
     };
     let warning = |short: Short| Warning {
-        place: loaded
+        location: loaded
             .source
-            .place(&format!("body[{index}].tear.notch[{}]", short.number)),
+            .location(&format!("body[{index}].tear.notch[{}]", short.number)),
         found: format!("a {} of {:.1} edges", short.name, short.edges),
         usual: format!("{} edges or more", short.least),
         advice: format!(
@@ -235,7 +235,9 @@ pub(super) fn coarse(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Option<
         return None;
     };
     Some(Warning {
-        place: loaded.source.place(&format!("body[{index}].tear.{field}")),
+        location: loaded
+            .source
+            .location(&format!("body[{index}].tear.{field}")),
         found: format!("edges of {edge:.2e} m for an Irwin length of {irwin:.2e} m"),
         usual: format!("edges up to {COARSE} times young * toughness / strength^2"),
         advice: advice.to_owned(),

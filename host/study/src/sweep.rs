@@ -7,7 +7,7 @@ use crate::StudyError;
 use crate::compare::{Ran, run};
 use crate::stress::{Done, Study, Verdict};
 use crate::thin::thin;
-use host::plot::{self, Panel, Part, Role, Series};
+use host::plot::{self, Component, Panel, Role, Series};
 use host::run::tear_force::TearForce;
 use host::scene::spec::Rotation;
 use host::scene::{Field, LoadedScene, Override, SceneError};
@@ -33,8 +33,8 @@ pub struct Sweep {
     fields: Vec<String>,
     /// The values of the fields and the scene with these values, the last field changing first.
     cells: Vec<(Vec<String>, LoadedScene)>,
-    /// The part of the forces over time that is kept.
-    part: Part,
+    /// The component of the forces over time that is kept.
+    component: Component,
     /// The text of the scene without the values, on which all results depend.
     text: String,
     /// The name of the scene.
@@ -101,12 +101,16 @@ pub struct SweepError {
 }
 
 impl Sweep {
-    /// The combinations of the values of `axes` in `loaded`, with the `part` of their forces over time. Every scene is checked
+    /// The combinations of the values of `axes` in `loaded`, with the `component` of their forces over time. Every scene is checked
     /// before the first run.
     ///
     /// # Errors
     /// [`SweepError`] for the first combination that the scene refuses.
-    pub fn new(loaded: &LoadedScene, axes: &[Axis], part: Part) -> Result<Self, SweepError> {
+    pub fn new(
+        loaded: &LoadedScene,
+        axes: &[Axis],
+        component: Component,
+    ) -> Result<Self, SweepError> {
         let mut choices: Vec<Vec<&str>> = vec![Vec::new()];
         for axis in axes {
             let longer = choices.iter().flat_map(|chosen| {
@@ -130,7 +134,7 @@ impl Sweep {
         Ok(Self {
             fields: axes.iter().map(|axis| axis.field.to_string()).collect(),
             cells: cells.collect::<Result<_, _>>()?,
-            part,
+            component,
             text: loaded.source.text.clone(),
             scene: loaded.scene.name.clone(),
             seed: None,
@@ -167,7 +171,7 @@ impl Study for Sweep {
             "fields": self.fields,
             "values": values,
             "duration": self.duration,
-            "force": self.part.label(),
+            "force": self.component.label(),
         })
     }
 
@@ -176,7 +180,7 @@ impl Study for Sweep {
         let mut loaded = loaded.clone();
         loaded.scene.seed = self.seed.unwrap_or(loaded.scene.seed);
         loaded.scene.duration = self.duration.unwrap_or(loaded.scene.duration);
-        swept(values.clone(), &loaded, self.part, done)
+        swept(values.clone(), &loaded, self.component, done)
     }
 
     fn summary(&self, cells: &BTreeMap<u64, Swept>) -> String {
@@ -193,15 +197,20 @@ impl Study for Sweep {
 
     fn draw(&self, cells: &BTreeMap<u64, Swept>) -> Option<String> {
         let runs: Vec<&Swept> = cells.values().collect();
-        Some(picture(&self.scene, &self.fields, &runs, self.part))
+        Some(picture(&self.scene, &self.fields, &runs, self.component))
     }
 }
 
-fn swept(values: Vec<String>, loaded: &LoadedScene, part: Part, done: &dyn Fn(f64)) -> Swept {
+fn swept(
+    values: Vec<String>,
+    loaded: &LoadedScene,
+    component: Component,
+    done: &dyn Fn(f64),
+) -> Swept {
     match run(loaded, &[], &|thousandths: u64| {
         done(1e-3 * thousandths as f64);
     }) {
-        Ok(ran) => measured(values, loaded, part, &ran),
+        Ok(ran) => measured(values, loaded, component, &ran),
         Err(error) => Swept {
             values,
             devices: Vec::new(),
@@ -212,7 +221,7 @@ fn swept(values: Vec<String>, loaded: &LoadedScene, part: Part, done: &dyn Fn(f6
     }
 }
 
-fn measured(values: Vec<String>, loaded: &LoadedScene, part: Part, ran: &Ran) -> Swept {
+fn measured(values: Vec<String>, loaded: &LoadedScene, component: Component, ran: &Ran) -> Swept {
     let record = &ran.record;
     let devices = loaded.scene.devices.iter().zip(&record.devices);
     let devices = devices.map(|(device, found)| {
@@ -222,7 +231,7 @@ fn measured(values: Vec<String>, loaded: &LoadedScene, part: Part, ran: &Ran) ->
         let mounted = device.mounting.rotation.map(Rotation::quaternion);
         let in_scene = |force: &Vec3| mounted.map_or(*force, |rotation| rotation * force);
         let drawn: Vec<f64> = (found.force.iter())
-            .map(|force| part.of(&in_scene(force)))
+            .map(|force| component.of(&in_scene(force)))
             .collect();
         SweptDevice {
             name: device.name.clone(),
@@ -324,13 +333,13 @@ fn named(fields: &[String], run: &Swept) -> String {
 }
 
 /// The force of each device over time, a line for each run.
-fn picture(scene: &str, fields: &[String], runs: &[&Swept], part: Part) -> String {
+fn picture(scene: &str, fields: &[String], runs: &[&Swept], component: Component) -> String {
     let first = runs.iter().max_by_key(|run| run.devices.len());
     let devices = first.map_or(&[][..], |run| &run.devices);
     let panels = devices.iter().enumerate().map(|(index, device)| Panel {
         title: device.name.clone(),
         x_label: "Time (s)".to_owned(),
-        y_label: format!("Force{} (N)", part.label()),
+        y_label: format!("Force{} (N)", component.label()),
         series: (runs.iter().enumerate())
             .filter_map(|(number, run)| {
                 Some(Series {
@@ -368,7 +377,7 @@ mod tests {
             axis("body[0].material.young", &["1e5", "2e5", "3e5"]),
             axis("loop.scheme", &["hold", "capped"]),
         ];
-        let sweep = Sweep::new(&loaded, &axes, Part::Norm).expect("six scenes");
+        let sweep = Sweep::new(&loaded, &axes, Component::Norm).expect("six scenes");
         let found: Vec<_> = (sweep.cells.iter())
             .map(|(values, cell)| (values.join(" "), cell.scene.bodies[0].material.young))
             .collect();
@@ -376,7 +385,7 @@ mod tests {
         assert_eq!(found[1], ("1e5 capped".to_owned(), 1e5));
         assert_eq!(found[4], ("3e5 hold".to_owned(), 3e5));
         let axes = [axis("body[0].material.young", &["1e5", "-2"])];
-        let said = Sweep::new(&loaded, &axes, Part::Norm)
+        let said = Sweep::new(&loaded, &axes, Component::Norm)
             .expect_err("refused")
             .to_string();
         assert!(

@@ -1,5 +1,5 @@
 //! Changes of a body in the host loop: hands take hold and let go, supports come and go, and a mesh is replaced while
-//! the body moves. The new solver is made beside the steps, and the old one serves until then.
+//! the body moves. The new solver is made in the background, and the old one serves until then.
 
 use crate::rig;
 use host::world::World;

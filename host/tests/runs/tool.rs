@@ -1,4 +1,4 @@
-//! Grasps: one device holds several places, on one body or on several.
+//! Grasps: one device holds several handles, on one body or on several.
 
 use host::run::prepare::{self, Options, Prepared};
 use host::run::session::Session;
@@ -36,13 +36,13 @@ fn handle(name: &str, place: &str) -> String {
     format!("[[body.handle]]\nname = '{name}'\n{place}\ndevice = 'd'\n")
 }
 
-/// A place on the top of the block between these two x (m).
+/// A handle on the top of the block between these two x (m).
 fn prong(name: &str, low: f64, high: f64) -> String {
     let place = format!("box = [[{low}, -1.0, 0.019], [{high}, 1.0, 1.0]]");
     handle(name, &place)
 }
 
-/// Two places of one grasp. The columns of vertices lie at x = -0.05, -0.03, ..., 0.05.
+/// Two handles of one grasp. The columns of vertices lie at x = -0.05, -0.03, ..., 0.05.
 fn fork() -> String {
     prong("left prong", -0.05, -0.02) + &prong("right prong", 0.02, 0.05)
 }
@@ -59,7 +59,7 @@ fn observed(loaded: &LoadedScene, duration: f64) -> (Vec<Telemetry>, Vec<(usize,
 }
 
 #[test]
-fn two_places_move_as_one_handle_of_their_vertices() {
+fn two_handles_move_as_one_handle_of_their_vertices() {
     let fork = pressed("omega3", &(block("b", "") + &fork()));
     let spec = &fork.scene.bodies[0];
     let found = grasps(&fork.scene, spec);
@@ -88,7 +88,7 @@ fn two_places_move_as_one_handle_of_their_vertices() {
     assert!((1.8..2.2).contains(&ratio), "{ratio}");
 }
 
-/// A grasp of two places is one reaction. The columns and the curves of the supports behind it are those of the supports.
+/// A grasp of two handles is one reaction. The columns and the curves of the supports behind it are those of the supports.
 #[test]
 fn a_solve_has_one_reaction_for_a_tool() {
     let body = block("b", "").replace(
@@ -210,7 +210,7 @@ fn a_tool_of_six_degrees_of_freedom_feels_the_moments_about_its_origin() {
 }
 
 #[test]
-fn four_devices_hold_two_bodies_at_six_places() {
+fn four_devices_hold_two_bodies_by_six_handles() {
     let loaded = load(include_str!("../../scenes/two_people.toml"));
     let scene = &loaded.scene;
     assert_eq!((scene.bodies.len(), scene.devices.len()), (2, 4));

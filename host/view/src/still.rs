@@ -2,7 +2,7 @@
 
 use crate::history::History;
 use host::live::{Folded, Frame, Hello, Range, Vertices};
-use host::plot::{HandMark, MomentPicture, Ribbons, Shape, moment_svg};
+use host::plot::{HandMark, Ribbons, Shape, StillPicture, still_svg};
 use host::record::Surface;
 use host::table::quoted;
 use std::fmt::Write as _;
@@ -68,7 +68,7 @@ impl Still<'_> {
             triangles: surface.triangles.as_chunks().0.to_vec(),
             lines: surface.lines.as_chunks().0.to_vec(),
         });
-        moment_svg(&MomentPicture {
+        still_svg(&StillPicture {
             title: format!("{} at {:.3} s", hello.scene, seconds(frame.time_ns)),
             subtitle: format!(
                 "Tick {}, {} Hz, {} clock, scheme {}. So far {} deadlines missed, {} trips.",

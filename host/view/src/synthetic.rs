@@ -3,7 +3,7 @@
 use crate::feed::{Command, Feed, FeedError};
 use host::live::frame::{FoldedBody, FoldedHand, PROTOCOL};
 use host::live::{
-    Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
+    Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, HandState, HandleInfo,
     Hello, Message, Range, Totals, Vertices,
 };
 use host::record::Distribution;
@@ -155,14 +155,14 @@ fn frame(number: u64, edge: u32) -> Frame {
     let positions =
         grid(edge).flat_map(|(x, y)| [(x * stretch) as f32, y as f32, wave(x, y) as f32]);
     let sides = [-1.0, 1.0];
-    let hands = sides.map(|side| Hand {
+    let hands = sides.map(|side| HandState {
         position: [side * (SIDE / 2.0 + pull), 0.0, 0.0],
         rotation: [0.0, 0.0, 0.0, 1.0],
         force: [-side * 150.0 * pull, 0.2 * (3.0 * time).sin(), 0.0],
         fresh: true,
         safety: "normal".into(),
         peak_force: 3.0,
-        ..Hand::default()
+        ..HandState::default()
     });
     let folded = hands.iter().map(|hand| FoldedHand {
         force: hand.force.map(|f| Range {

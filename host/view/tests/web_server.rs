@@ -182,8 +182,8 @@ fn the_page_and_its_files_are_served_with_a_strict_policy() {
         assert!(head.contains(&length), "{}", asset.path);
     }
     assert!(server.page("").contains("<title>Palpate</title>"));
-    assert!(server.page("moment.csv").contains("\r\n\r\nmessages\n"));
-    status(&server.page("moment.svg"), "503");
+    assert!(server.page("still.csv").contains("\r\n\r\nmessages\n"));
+    status(&server.page("still.svg"), "503");
     status(&server.page("nothing.js"), "404");
     status(&server.page("../secret"), "404");
 }

@@ -58,7 +58,7 @@ pub enum Control {
 
 /// A request on the control pipe of a USB device, without data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Setup {
+pub struct SetupPacket {
     /// `bmRequestType`.
     pub kind: u8,
     /// `bRequest`.
@@ -79,7 +79,7 @@ impl Control {
     /// let setup = Control::Divisor(0x4138).setup();
     /// assert_eq!((setup.kind, setup.request, setup.value, setup.index), (0x40, 3, 0x4138, 0));
     /// ```
-    pub fn setup(self) -> Setup {
+    pub fn setup(self) -> SetupPacket {
         let line = |level: Option<bool>, bit: u16| match level {
             // The high byte says which lines change.
             Some(high) => bit << 8 | if high { bit } else { 0 },
@@ -96,7 +96,7 @@ impl Control {
             Self::EventCharacter(Some(character)) => (6, 0x100 | u16::from(character)),
             Self::Latency(ms) => (9, u16::from(ms)),
         };
-        Setup {
+        SetupPacket {
             kind: OUT,
             request,
             value,
@@ -105,7 +105,7 @@ impl Control {
     }
 
     /// The request in a setup, as the chip reads it; `None` for any other setup.
-    pub fn from_setup(setup: Setup) -> Option<Self> {
+    pub fn from_setup(setup: SetupPacket) -> Option<Self> {
         let [low, high] = setup.value.to_le_bytes();
         let line = |bit: u8| (high & bit != 0).then_some(low & bit != 0);
         let control = match (setup.request, setup.value) {
@@ -147,7 +147,7 @@ pub trait Usb: Send {
     ///
     /// # Errors
     /// The error number of the system.
-    fn request(&mut self, setup: Setup) -> Result<(), i32>;
+    fn request(&mut self, setup: SetupPacket) -> Result<(), i32>;
 
     /// Waits at most for `wait` for one packet, and returns its length; zero if no packet came.
     ///
@@ -248,10 +248,10 @@ mod tests {
     use std::collections::VecDeque;
 
     /// A device that gives packets in order, and keeps the last request.
-    struct Script(VecDeque<Vec<u8>>, Option<Setup>);
+    struct Script(VecDeque<Vec<u8>>, Option<SetupPacket>);
 
     impl Usb for Script {
-        fn request(&mut self, setup: Setup) -> Result<(), i32> {
+        fn request(&mut self, setup: SetupPacket) -> Result<(), i32> {
             self.1 = Some(setup);
             Ok(())
         }
@@ -357,7 +357,7 @@ mod tests {
         fn any_setup_is_read_without_a_panic(
             kind in any::<u8>(), request in 0..12_u8, value in any::<u16>(), index in 0..2_u16,
         ) {
-            let setup = Setup { kind, request, value, index };
+            let setup = SetupPacket { kind, request, value, index };
             if let Some(control) = Control::from_setup(setup) {
                 prop_assert_eq!(control.setup(), setup);
             }

@@ -10,7 +10,7 @@
 //! Source: the kernel's documentation, *USB host-side API*, and the layout of `linux/usbdevice_fs.h`.
 
 use crate::found::{self, FindError, Which, udev_rule, usb_rule};
-use crate::ftdi::{PACKET, Setup, Usb};
+use crate::ftdi::{PACKET, SetupPacket, Usb};
 use std::ffi::{c_uint, c_void};
 use std::fmt;
 use std::fs::File;
@@ -140,7 +140,7 @@ impl UsbDevice {
 }
 
 impl Usb for UsbDevice {
-    fn request(&mut self, setup: Setup) -> Result<(), i32> {
+    fn request(&mut self, setup: SetupPacket) -> Result<(), i32> {
         kernel::control(&self.file, setup, SEND_MS)
     }
 
@@ -164,7 +164,7 @@ impl Usb for UsbDevice {
 /// The requests of the kernel.
 #[allow(unsafe_code)]
 mod kernel {
-    use super::{AsRawFd, File, PACKET, Setup, c_uint, c_void};
+    use super::{AsRawFd, File, PACKET, SetupPacket, c_uint, c_void};
     use std::ptr::null_mut;
 
     /// `struct usbdevfs_ctrltransfer`.
@@ -226,7 +226,7 @@ mod kernel {
     }
 
     /// A control transfer without data.
-    pub(super) fn control(file: &File, setup: Setup, timeout_ms: c_uint) -> Result<(), i32> {
+    pub(super) fn control(file: &File, setup: SetupPacket, timeout_ms: c_uint) -> Result<(), i32> {
         let mut transfer = ControlTransfer {
             kind: setup.kind,
             request: setup.request,

@@ -33,6 +33,6 @@ pub mod report;
 pub mod velocity;
 
 pub use connect::WoodenHapticsDriver;
-pub use driver::{CalibrationError, Counts, Setup, WoodenHaptics};
+pub use driver::{CalibrationError, Counts, WoodenHaptics, WoodenHapticsConfig};
 pub use geometry::{Geometry, GeometryError, Kinematics};
 pub use report::{CurrentReport, EncoderReport, Form, LengthError};

@@ -49,9 +49,9 @@ impl Default for RunnerConfig {
     }
 }
 
-/// The outcome of the requests.
+/// What the system granted, and what it did not.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Setup {
+pub(crate) struct Granted {
     pub(crate) degradations: Vec<Degradation>,
     pub(crate) core: Option<usize>,
     pub(crate) isolated: bool,
@@ -67,22 +67,22 @@ pub(crate) fn set_up(
     config: &RunnerConfig,
     tick_loop: &TickLoop,
     locked: &mut LockedMemory,
-) -> (Setup, Option<KeepAwake>) {
-    let mut setup = Setup::default();
+) -> (Granted, Option<KeepAwake>) {
+    let mut granted = Granted::default();
     sharpen_timers();
     // The first reading of the clock finds the code that reads the clock without the kernel.
     now_ns();
     let machine = Cores::of_this_machine();
     match pin(config.core, &machine) {
         Ok(core) => {
-            setup.core = core;
-            setup.isolated = core.is_some_and(|core| machine.is_isolated(core));
+            granted.core = core;
+            granted.isolated = core.is_some_and(|core| machine.is_isolated(core));
         }
-        Err(degradation) => setup.degradations.push(degradation),
+        Err(degradation) => granted.degradations.push(degradation),
     }
     match config.priority.map(realtime) {
-        Some(Ok(priority)) => setup.priority = Some(priority),
-        Some(Err(degradation)) => setup.degradations.push(degradation),
+        Some(Ok(priority)) => granted.priority = Some(priority),
+        Some(Err(degradation)) => granted.degradations.push(degradation),
         None => {}
     }
     let mut awake = None;
@@ -90,18 +90,18 @@ pub(crate) fn set_up(
         match KeepAwake::hold(Path::new(config.wake_latency)) {
             Ok(held) => {
                 awake = Some(held);
-                setup.kept_awake = true;
+                granted.kept_awake = true;
             }
-            Err(degradation) => setup.degradations.push(degradation),
+            Err(degradation) => granted.degradations.push(degradation),
         }
     }
     if config.lock_memory {
-        setup.degradations.extend(lock_all(tick_loop, locked));
-        setup.locked_bytes = locked.bytes();
+        granted.degradations.extend(lock_all(tick_loop, locked));
+        granted.locked_bytes = locked.bytes();
     } else {
         touch_stack();
     }
-    (setup, awake)
+    (granted, awake)
 }
 
 /// The memory that the tick uses, without its stack: the most important ranges first.

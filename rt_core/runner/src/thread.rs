@@ -16,7 +16,7 @@ use crate::latency::{Latencies, LatencyReader, recorder};
 use crate::link::{TickCounters, TickEnd};
 use crate::memory::LockedMemory;
 use crate::schedule::KeepAwake;
-use crate::setup::{RunnerConfig, Setup};
+use crate::setup::{Granted, RunnerConfig};
 use crate::tick_loop::{AnyDevice, TickLoop};
 use crate::trap::{FilterError, ForbiddenCall};
 use body::{body, message};
@@ -78,7 +78,7 @@ pub enum SpawnError {
     Thread(#[from] std::io::Error),
     /// The thread ended before its first tick.
     #[error("the thread of the tick ended before its first tick")]
-    Setup,
+    Ended,
     /// The system did not grant everything that the configuration requires.
     #[error("the system did not grant what the tick requires:{}", lines(.0))]
     NotGranted(Vec<Degradation>),
@@ -196,7 +196,7 @@ pub struct TickThread {
     stop: Arc<Stop>,
     ticks: Arc<AtomicU64>,
     tick_time: LatencyReader,
-    setup: Setup,
+    granted: Granted,
 }
 
 /// Starts a loop over `devices` (in the order of the controller). Returns when the thread is set up, about one period
@@ -233,22 +233,22 @@ pub fn spawn(
         .stack_size(STACK)
         .name("palpate-tick".into())
         .spawn(move || body(config, tick_loop, recorder, &theirs.0, &theirs.1, &sender))?;
-    let setup = match ready.recv() {
-        Ok(Ok(setup)) => setup,
+    let granted = match ready.recv() {
+        Ok(Ok(granted)) => granted,
         Ok(Err(refusal)) => {
             // The thread ends by itself, without a tick. A panic on exit is ignored, because the refusal already names
             // the cause.
             let _ = handle.join();
             return Err(refusal);
         }
-        Err(_) => return Err(SpawnError::Setup),
+        Err(_) => return Err(SpawnError::Ended),
     };
     Ok(TickThread {
         handle: Some(handle),
         stop,
         ticks,
         tick_time,
-        setup,
+        granted,
     })
 }
 
@@ -265,17 +265,17 @@ impl TickThread {
 
     /// The requests that the system did not grant to the run.
     pub fn degradations(&self) -> &[Degradation] {
-        &self.setup.degradations
+        &self.granted.degradations
     }
 
     /// The core to which the tick is pinned.
     pub fn core(&self) -> Option<usize> {
-        self.setup.core
+        self.granted.core
     }
 
     /// Size of the memory that is locked for the loop (bytes).
     pub fn locked_bytes(&self) -> usize {
-        self.setup.locked_bytes
+        self.granted.locked_bytes
     }
 
     /// Whether the loop has ended; a join then does not wait.

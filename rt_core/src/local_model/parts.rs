@@ -40,6 +40,12 @@ impl Parts {
         }
         self.stored = self.stored * (1.0 - fraction) + other.stored * fraction;
     }
+
+    /// The parts of the wrench on each handle.
+    fn rows(&mut self) -> impl Iterator<Item = RowParts<'_>> {
+        let each = self.elastic.iter_mut().zip(&mut self.viscous);
+        each.map(|(elastic, viscous)| RowParts { elastic, viscous })
+    }
 }
 
 /// The lag of a held force behind the motion of a handle. A damper makes up for the lag.
@@ -69,6 +75,12 @@ struct Row<'a> {
     damping: &'a [Mat6; MAX_HANDLES],
 }
 
+/// The parts of the wrench on one handle.
+struct RowParts<'a> {
+    elastic: &'a mut Vec6,
+    viscous: &'a mut Vec6,
+}
+
 impl LocalModel {
     /// The rows of the handles in use.
     fn rows(&self) -> impl Iterator<Item = Row<'_>> {
@@ -91,38 +103,33 @@ impl LocalModel {
     ) -> Parts {
         let mut parts = Parts::none();
         let n = usize::from(self.head.handle_count);
-        let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
-        let motions = deviations.iter().zip(lead);
+        let motions = || deviations.iter().zip(lead);
         let mut work = 0.0;
-        for ((row, (elastic, viscous)), (own, own_lead)) in self.rows().zip(outs).zip(motions) {
+        for ((row, out), (own, own_lead)) in self.rows().zip(parts.rows()).zip(motions()) {
             let drift = row.handle.drift.stacked();
             let begin = row.handle.unweighted() + drift * ahead;
-            *viscous = drift.component_mul(&own_lead.time);
+            *out.viscous = drift.component_mul(&own_lead.time);
             let mut fall = Vec6::zeros();
             let blocks = row.stiffness.iter().zip(row.damping);
-            for ((k, b), (deviation, lead)) in blocks.zip(deviations.iter().zip(lead)).take(n) {
+            for ((k, b), (deviation, lead)) in blocks.zip(motions()).take(n) {
                 fall += k * deviation.displacement;
-                *viscous -= b * deviation.velocity + k * lead.step;
+                *out.viscous -= b * deviation.velocity + k * lead.step;
             }
-            *elastic = begin - fall;
+            *out.elastic = begin - fall;
             // The force is linear along the displacement, so the mean force does the work.
             work += (begin - fall * 0.5).dot(&own.displacement);
         }
         if let Some(beyond) = self.beyond_limit(deviations, lead) {
-            let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
-            for ((elastic, viscous), (handle, own)) in outs.zip(self.handles().zip(deviations)) {
-                *elastic += handle.tear_slope * beyond.spring;
-                *viscous += handle.tear_slope * beyond.lead;
+            let moved = self.handles().zip(deviations);
+            for (out, (handle, own)) in parts.rows().zip(moved) {
+                *out.elastic += handle.tear_slope * beyond.spring;
+                *out.viscous += handle.tear_slope * beyond.lead;
                 work += handle.tear_slope.dot(&own.displacement) * beyond.work;
             }
         }
         parts.stored = (self.head.energy - work).max(0.0);
-        for ((elastic, viscous), handle) in parts
-            .elastic
-            .iter_mut()
-            .zip(&mut parts.viscous)
-            .zip(self.handles())
-        {
+        let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
+        for ((elastic, viscous), handle) in outs.zip(self.handles()) {
             if handle.contact == Vec3::zeros() {
                 continue;
             }

@@ -66,9 +66,9 @@ impl LastStep {
     }
 }
 
-/// One device and its memory.
+/// The memory of one hand and its device.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Hand {
+pub(crate) struct HandMemory {
     pub(super) port: Port,
     /// Whether the device holds the body.
     pub(super) holds: bool,
@@ -106,7 +106,7 @@ pub(crate) struct Hand {
     pub(super) reach: [f64; 2],
 }
 
-impl Hand {
+impl HandMemory {
     pub(super) fn new(port: Port) -> Self {
         Self {
             port,

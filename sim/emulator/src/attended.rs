@@ -3,7 +3,7 @@
 //! The person calibrates a WoodenHaptics by its button soon after a host has come. The hand of a device may have a motion
 //! of its own: the motion begins when a host commands the device, anew with each host.
 
-use crate::{Place, Served, serve};
+use crate::{Listener, Served, serve};
 use devices::transport::Packets;
 use devices::woodenhaptics::report::LENGTH;
 use devices::woodenhaptics::{Form, Geometry, GeometryError};
@@ -24,10 +24,10 @@ const PRESS_NS: u64 = 300_000_000;
 /// Why an emulated device no longer serves hosts.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The place cannot wait for a host.
+    /// The listener cannot wait for a host.
     #[error("the transport of the emulated device failed: {0}")]
     Host(io::Error),
-    /// The transport of a place that gives reports ended.
+    /// The transport of a listener that gives reports ended.
     #[error("the transport of the emulated device ended (system error {0})")]
     Ended(i32),
 }
@@ -106,9 +106,9 @@ impl Attended {
         }
     }
 
-    /// How a scene connects to the device at `place`.
-    pub fn connection(&self, place: &Place) -> String {
-        let address = place.connection();
+    /// How a scene connects to the device at `listener`.
+    pub fn connection(&self, listener: &Listener) -> String {
+        let address = listener.connection();
         match (&self.protocol, address.strip_prefix("hid:")) {
             (Protocol::Firmware { .. }, _) => address,
             // HID is the usual transport of this device, which is found by its numbers. Of several, each is named by its
@@ -164,14 +164,14 @@ impl Attended {
         }
     }
 
-    /// Serves the device at `place` to one host after the other, until `stop`. `see` is given the device after each arrival
+    /// Serves the device at `listener` to one host after the other, until `stop`. `see` is given the device after each arrival
     /// of bytes (true), and from time to time (false).
     ///
     /// # Errors
     /// [`ServeError`]. The end of a stream of bytes is no error, because the next host may come.
     pub fn serve(
         &mut self,
-        place: &mut Place,
+        listener: &mut Listener,
         stop: &AtomicBool,
         served: &mut Served,
         see: &mut dyn FnMut(&Self, bool),
@@ -181,7 +181,7 @@ impl Attended {
         let start = Instant::now();
         let now_ns = || u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         while !stop.load(Ordering::Relaxed) {
-            let Some(mut transport) = place.host(PERIOD).map_err(ServeError::Host)? else {
+            let Some(mut transport) = listener.host(PERIOD).map_err(ServeError::Host)? else {
                 self.run(now_ns());
                 see(self, false);
                 continue;

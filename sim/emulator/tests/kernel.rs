@@ -17,7 +17,7 @@ use devices::{
 };
 use emulator::uhid::Identity;
 use emulator::usb::Chip;
-use emulator::{Place, PlaceError, Served, serve};
+use emulator::{Listener, ListenerError, Served, serve};
 use rt_core::{Device, DeviceError, DeviceState, Vec3, Wrench};
 use sim::emulate::falcon::{Falcon as EmulatedFalcon, Faults, Settings, UploadFault};
 use sim::emulate::{Emulator, Firmware, Framing, Operated, WoodenHaptics};
@@ -135,10 +135,10 @@ impl<E: Send + 'static> Server<E> {
 }
 
 impl<E: Emulator + Send + 'static> Server<E> {
-    fn on(mut place: Place, emulator: E) -> Self {
+    fn on(mut listener: Listener, emulator: E) -> Self {
         Self::new(emulator, move |shared, stop, served| {
             let mut shared = Shared(Arc::clone(shared));
-            let host = place.host(PERIOD).expect("a HID device needs no host");
+            let host = listener.host(PERIOD).expect("a HID device needs no host");
             let mut host = host.expect("a HID device needs no host");
             serve(&mut shared, &mut host, PERIOD, stop, served).expect("the transport goes on");
         })
@@ -226,8 +226,8 @@ fn identity((vid, pid): (u16, u16), report: u8) -> Identity {
     }
 }
 
-type MakePlace = fn(Identity) -> Result<Place, PlaceError>;
-const PLACES: [(&str, MakePlace); 2] = [("usb", Place::usb), ("uhid", Place::uhid)];
+type MakeListener = fn(Identity) -> Result<Listener, ListenerError>;
+const LISTENERS: [(&str, MakeListener); 2] = [("usb", Listener::usb), ("uhid", Listener::uhid)];
 
 /// Checks that the machine has none of our gadgets.
 fn no_gadget() {
@@ -268,8 +268,8 @@ fn works(device: &mut dyn Device, emulator: &Shared<Firmware>) {
 #[test]
 fn a_device_of_the_firmware_protocol_works_and_comes_back() {
     let _machine = machine();
-    for (name, place) in PLACES {
-        let Some(made) = made(place(identity(NUMBERS, 64))) else {
+    for (name, listener) in LISTENERS {
+        let Some(made) = made(listener(identity(NUMBERS, 64))) else {
             continue;
         };
         let connection = made.connection();
@@ -289,7 +289,7 @@ fn a_device_of_the_firmware_protocol_works_and_comes_back() {
             (!matches!(state, Err(DeviceError::Disconnected(_)))).then_some(Wrench::zero())
         });
         no_gadget();
-        let again = place(identity(NUMBERS, 64)).expect("it was made before");
+        let again = listener(identity(NUMBERS, 64)).expect("it was made before");
         let server = Server::on(again, pushed());
         works(&mut *device, &server.emulator);
         drop(device);
@@ -313,8 +313,8 @@ fn wooden() -> WoodenHaptics {
 fn a_woodenhaptics_is_calibrated_and_has_force() {
     let _machine = machine();
     let numbers = (0x1234, 0x0006);
-    for (name, place) in PLACES {
-        let Some(made) = made(place(identity(numbers, 14))) else {
+    for (name, listener) in LISTENERS {
+        let Some(made) = made(listener(identity(numbers, 14))) else {
             continue;
         };
         let server = Server::on(made, wooden());
@@ -545,7 +545,7 @@ const MAKES: &str = "PALPATE_MAKES";
 fn a_process_with_gadgets_is_killed() {
     let hid = std::env::var_os(MAKES).is_some_and(|what| what == "hid");
     let _gadgets = (
-        hid.then(|| Place::usb(identity(NUMBERS, 64)).expect("the test before made it")),
+        hid.then(|| Listener::usb(identity(NUMBERS, 64)).expect("the test before made it")),
         (!hid).then(|| Chip::create("kernel").expect("the test before made it")),
     );
     let process = rustix::process::getpid();
@@ -556,7 +556,7 @@ fn a_process_with_gadgets_is_killed() {
 #[test]
 fn gadgets_of_a_killed_process_are_removed_by_the_next() {
     let _machine = machine();
-    let Some(first) = made(Place::usb(identity(NUMBERS, 64))) else {
+    let Some(first) = made(Listener::usb(identity(NUMBERS, 64))) else {
         return;
     };
     drop(first);
@@ -571,7 +571,7 @@ fn gadgets_of_a_killed_process_are_removed_by_the_next() {
         assert_eq!(status.signal(), Some(9), "{status}");
         let left = std::fs::read_dir(GADGETS).expect("the kernel has gadgets");
         assert_eq!(left.count(), 1, "{what}");
-        drop(Place::usb(identity(NUMBERS, 64)).expect("the controller is free again"));
+        drop(Listener::usb(identity(NUMBERS, 64)).expect("the controller is free again"));
         no_gadget();
     }
 }
@@ -579,13 +579,13 @@ fn gadgets_of_a_killed_process_are_removed_by_the_next() {
 #[test]
 fn gadgets_take_all_controllers_and_no_more() {
     let _machine = machine();
-    let Some(first) = made(Place::usb(identity(NUMBERS, 64))) else {
+    let Some(first) = made(Listener::usb(identity(NUMBERS, 64))) else {
         return;
     };
     let controllers = std::fs::read_dir("/sys/class/udc").expect("there is one");
     let mut gadgets = vec![first];
     let error = loop {
-        match Place::usb(identity(NUMBERS, 64)) {
+        match Listener::usb(identity(NUMBERS, 64)) {
             Ok(gadget) => gadgets.push(gadget),
             Err(error) => break error.to_string(),
         }

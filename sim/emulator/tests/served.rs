@@ -7,7 +7,7 @@ use devices::conformance::Suite;
 use devices::transport::Packets;
 use devices::woodenhaptics::{Form, Geometry, WoodenHapticsDriver};
 use devices::{AnyDevice, Connection, DeviceModel, Registry, Request, Tcp, Tty};
-use emulator::{Place, Served, serve};
+use emulator::{Listener, Served, serve};
 use firmware_proto::report::WATCHDOG_US;
 use rt_core::{Device, DeviceError, DeviceState, Vec3, Wrench};
 use sim::emulate::firmware::LOOP_NS;
@@ -69,7 +69,7 @@ impl<E: Emulator> Emulator for Behind<E> {
     }
 }
 
-/// A place with an emulator, served by a thread.
+/// A listener with an emulator, served by a thread.
 struct Server<E> {
     shared: Arc<Shared<E>>,
     connection: String,
@@ -81,8 +81,8 @@ struct Server<E> {
 
 impl<E: Emulator + Send + 'static> Server<E> {
     /// Serves `emulator`. If the bytes of the host have no framing of their own, they come in packets of `length`.
-    fn start(mut place: Place, emulator: E, length: Option<usize>) -> Self {
-        let connection = place.connection();
+    fn start(mut listener: Listener, emulator: E, length: Option<usize>) -> Self {
+        let connection = listener.connection();
         let shared = Arc::new(Shared {
             inside: Mutex::new(Inside {
                 emulator,
@@ -103,7 +103,7 @@ impl<E: Emulator + Send + 'static> Server<E> {
                 if end.load(Ordering::SeqCst) {
                     break;
                 }
-                let host = place.host(Duration::from_millis(1)).expect("a place");
+                let host = listener.host(Duration::from_millis(1)).expect("a listener");
                 let Some(mut host) = host else { continue };
                 let mut served = Served::default();
                 // An error is the end of a host. The next one may come.
@@ -190,8 +190,11 @@ fn push(force: Vec3) -> Wrench {
     }
 }
 
-fn places() -> [Place; 2] {
-    [Place::pty().expect("a pty"), Place::tcp(0).expect("a port")]
+fn listeners() -> [Listener; 2] {
+    [
+        Listener::pty().expect("a pty"),
+        Listener::tcp(0).expect("a port"),
+    ]
 }
 
 fn omega() -> DeviceModel {
@@ -223,8 +226,8 @@ fn works(server: &Server<Firmware>, device: &mut dyn Device) {
 
 #[test]
 fn a_device_over_a_stream_has_states_and_force() {
-    for place in places() {
-        let server = Server::start(place, pushed(), None);
+    for listener in listeners() {
+        let server = Server::start(listener, pushed(), None);
         let mut device = server.open(&omega(), None);
         works(&server, &mut *device);
         // A restarted device comes back by itself.
@@ -243,7 +246,7 @@ fn a_device_over_a_stream_has_states_and_force() {
 
 #[test]
 fn a_device_over_tcp_comes_back_after_its_connection_ended() {
-    let server = Server::start(Place::tcp(0).expect("a port"), pushed(), None);
+    let server = Server::start(Listener::tcp(0).expect("a port"), pushed(), None);
     let mut device = server.open(&omega(), None);
     works(&server, &mut *device);
     server.hang_up();
@@ -257,7 +260,7 @@ fn a_device_over_tcp_comes_back_after_its_connection_ended() {
 
 #[test]
 fn another_devices_profile_is_refused_over_the_line() {
-    let server = Server::start(Place::pty().expect("a pty"), pushed(), None);
+    let server = Server::start(Listener::pty().expect("a pty"), pushed(), None);
     let connection = Connection::parse(&server.connection);
     let hapkit = DeviceModel::named("hapkit").expect("a built-in device");
     let request = Request::new(&hapkit, &connection.address);
@@ -279,8 +282,8 @@ fn wooden() -> WoodenHaptics {
 
 #[test]
 fn a_woodenhaptics_over_a_stream_is_calibrated_and_has_force() {
-    for place in places() {
-        let server = Server::start(place, wooden(), Some(Form::Short.length()));
+    for listener in listeners() {
+        let server = Server::start(listener, wooden(), Some(Form::Short.length()));
         let mut device = server.open(&wooden_model(), Some("woodenhaptics"));
         let mut events = 0_u32;
         server.run(&mut *device, |emulator, state| {
@@ -307,15 +310,15 @@ fn a_woodenhaptics_over_a_stream_is_calibrated_and_has_force() {
 
 #[test]
 fn every_device_over_a_stream_conforms() {
-    for place in places() {
-        let server = Server::start(place, pushed(), None);
+    for listener in listeners() {
+        let server = Server::start(listener, pushed(), None);
         // The suite does not wait for states.
         Suite::new(&server.connection)
             .states(0)
             .check(|| server.open(&omega(), None));
     }
-    for place in places() {
-        let server = Server::start(place, wooden(), Some(Form::Short.length()));
+    for listener in listeners() {
+        let server = Server::start(listener, wooden(), Some(Form::Short.length()));
         Suite::new(&server.connection)
             .states(0)
             .check(|| server.open(&wooden_model(), Some("woodenhaptics")));

@@ -21,7 +21,7 @@ use devices::falcon::boot::{
 };
 use devices::falcon::geometry::{CENTRE, Jacobian, TORQUE_LIMIT, count_of, inverse, torque_of};
 use devices::falcon::packet::{Command, END, Framer, LENGTH, Lights, Report};
-use devices::ftdi::{Buffer, Control, PACKET, STATUS, Setup};
+use devices::ftdi::{Buffer, Control, PACKET, STATUS, SetupPacket};
 use rt_core::{Device, Vec3, Wrench};
 use std::collections::VecDeque;
 
@@ -321,7 +321,7 @@ impl Falcon {
     ///
     /// # Errors
     /// The error number of the system for a request that the chip does not know.
-    pub fn control(&mut self, setup: Setup, now_ns: u64) -> Result<(), i32> {
+    pub fn control(&mut self, setup: SetupPacket, now_ns: u64) -> Result<(), i32> {
         self.advance(now_ns);
         match Control::from_setup(setup).ok_or(STALLED)? {
             Control::Purge(Buffer::One) => {

@@ -7,7 +7,7 @@
 use super::Emulator;
 use super::falcon::Falcon;
 use crate::{Trajectory, TrajectoryError};
-use devices::ftdi::{PACKET, Setup};
+use devices::ftdi::{PACKET, SetupPacket};
 use rt_core::Vec3;
 
 /// Time from the request for homing until the hand moves (s).
@@ -61,7 +61,7 @@ impl Operated {
     ///
     /// # Errors
     /// The error number of the system for a request that the chip does not know.
-    pub fn control(&mut self, setup: Setup, now_ns: u64) -> Result<(), i32> {
+    pub fn control(&mut self, setup: SetupPacket, now_ns: u64) -> Result<(), i32> {
         self.falcon.control(setup, now_ns)
     }
 

@@ -8,7 +8,7 @@ use devices::exchange::{Handed, Poller, Reply, SLOTS, Step, TickEnd, let_go_afte
 use devices::falcon::{Falcon, Firmware, Settings, Tries};
 use devices::ftdi::Chip;
 use devices::serial::Serial;
-use devices::woodenhaptics::{Setup, WoodenHaptics};
+use devices::woodenhaptics::{WoodenHaptics, WoodenHapticsConfig};
 use devices::{Exchange, Transport, hid};
 use firmware_proto::report::LENGTH;
 use rt_core::{Reading, Vec3, Wrench};
@@ -64,9 +64,9 @@ impl Driver {
                 }
             }
             Protocol::WoodenHaptics => {
-                let setup = Setup {
+                let setup = WoodenHapticsConfig {
                     home: Some(Vec3::zeros()),
-                    ..Setup::default()
+                    ..WoodenHapticsConfig::default()
                 };
                 match WoodenHaptics::open(&setup, open, clock) {
                     Ok(driver) => threaded(Box::new(driver)),

@@ -9,7 +9,7 @@ use crate::emulate::{Emulator, Firmware, Framing, WoodenHaptics};
 use crate::protocol::Protocol;
 use crate::{NetEnergy, SimDevice};
 use devices::Transport;
-use devices::ftdi::{PACKET, STATUS, Setup, Usb};
+use devices::ftdi::{PACKET, STATUS, SetupPacket, Usb};
 use devices::woodenhaptics::{Form, Geometry};
 use firmware_proto::report::fault::EMERGENCY_STOP;
 use rand_core::Rng;
@@ -502,7 +502,7 @@ impl Transport for Link {
 }
 
 impl Usb for Link {
-    fn request(&mut self, setup: Setup) -> Result<(), i32> {
+    fn request(&mut self, setup: SetupPacket) -> Result<(), i32> {
         let mut world = self.world();
         if world.is_unplugged() {
             return Err(NO_DEVICE);

@@ -2,7 +2,7 @@
 //! `cargo run --release -p palpate-qemu-board --example board -- IMAGE [PORT]`. `tests/firmware` builds the images.
 
 use devices::transport::Stream;
-use emulator::{Place, Served, serve};
+use emulator::{Listener, Served, serve};
 use qemu_board::{Board, Paced};
 use std::error::Error;
 use std::path::Path;
@@ -19,16 +19,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let usage = "usage: board IMAGE [PORT]; tests/firmware builds the images";
     let image = arguments.next().ok_or(usage)?;
     let port = arguments.next().map_or(Ok(4000), |port| port.parse());
-    let mut place = Place::tcp(port.map_err(|error| format!("the port: {error}; {usage}"))?)?;
+    let mut listener = Listener::tcp(port.map_err(|error| format!("the port: {error}; {usage}"))?)?;
     let mut board = Board::start(Path::new(&image))?;
     let mut device = Paced::new(Stream::tcp(&board.line().to_string())?);
     // This call finds an image that does not run, before a host comes.
     board.truth()?;
-    println!("{}", place.connection());
+    println!("{}", listener.connection());
     let stop = AtomicBool::new(false);
     loop {
         device.clear();
-        if let Some(mut host) = place.host(WAIT)? {
+        if let Some(mut host) = listener.host(WAIT)? {
             // An error is the end of a host. The next one may come.
             let _ = serve(
                 &mut device,

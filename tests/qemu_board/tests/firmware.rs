@@ -12,7 +12,7 @@
 use devices::conformance::Suite;
 use devices::transport::Stream;
 use devices::{AnyDevice, DeviceModel, Registry, Request, Tcp};
-use emulator::{Place, Served, serve};
+use emulator::{Listener, Served, serve};
 use firmware_proto::report::{
     CapabilitiesReport, FirmwareVersion, HelloReport, LENGTH, Mode, Report, Sends, StateReport,
     VERSION, WATCHDOG_MOST_US, WrenchReport, axes, fault, flags, status,
@@ -65,8 +65,8 @@ fn each(test: fn(Tested)) {
 /// Says once that there is no image.
 fn skipped(name: &str, variable: &str) {
     static SAID: [Once; 2] = [Once::new(), Once::new()];
-    let place = usize::from(variable == IMAGES[1].0);
-    SAID[place].call_once(|| {
+    let image = usize::from(variable == IMAGES[1].0);
+    SAID[image].call_once(|| {
         let _ = writeln!(
             std::io::stderr(),
             "\n!! SKIPPED: the firmware \"{name}\" in QEMU: {variable} names no image (run tests/firmware)"
@@ -700,8 +700,8 @@ fn the_driver_finds_that_the_firmware_conforms() {
 fn the_driver_moves_the_handle_of_the_firmware_through_a_paced_line() {
     each(|mut board| {
         let name = board.name;
-        let mut place = Place::tcp(0).expect("a port");
-        let connection = place.connection();
+        let mut listener = Listener::tcp(0).expect("a port");
+        let connection = listener.connection();
         let address = connection.strip_prefix("tcp:").expect("a port");
         let line = Stream::tcp(&board.board.line().to_string()).expect("QEMU listens");
         let mut paced = Paced::new(line);
@@ -710,7 +710,7 @@ fn the_driver_moves_the_handle_of_the_firmware_through_a_paced_line() {
             scope.spawn(|| {
                 while !stop.load(Ordering::Relaxed) {
                     paced.clear();
-                    let host = place.host(Duration::from_millis(1)).expect("a place");
+                    let host = listener.host(Duration::from_millis(1)).expect("a listener");
                     let Some(mut host) = host else { continue };
                     // An error is the end of a host.
                     let _ = serve(&mut paced, &mut host, PERIOD, &stop, &mut Served::default());

@@ -6,7 +6,7 @@ use devices::falcon::driver::STALE;
 use devices::falcon::geometry::{TORQUE_LIMIT, WORKSPACE};
 use devices::falcon::packet::{Command, Framer, LENGTH, Report};
 use devices::falcon::{Falcon, Firmware, Settings, Tries};
-use devices::ftdi::{Chip, PACKET, STATUS, Setup, Usb, strip};
+use devices::ftdi::{Chip, PACKET, STATUS, SetupPacket, Usb, strip};
 use rt_core::{DeviceError, DeviceState, Vec3, Wrench};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -102,7 +102,7 @@ impl World {
 }
 
 impl Usb for Link {
-    fn request(&mut self, _setup: Setup) -> Result<(), i32> {
+    fn request(&mut self, _setup: SetupPacket) -> Result<(), i32> {
         self.world().error()
     }
 

@@ -3,7 +3,9 @@
 use super::Input;
 use devices::woodenhaptics::driver::QUEUE;
 use devices::woodenhaptics::report::LONG;
-use devices::woodenhaptics::{CurrentReport, EncoderReport, Form, Setup, WoodenHaptics};
+use devices::woodenhaptics::{
+    CurrentReport, EncoderReport, Form, WoodenHaptics, WoodenHapticsConfig,
+};
 use devices::{Exchange, Transport};
 use rt_core::{DeviceError, DeviceState, Vec3, Wrench};
 use std::collections::VecDeque;
@@ -163,10 +165,10 @@ pub fn woodenhaptics(bytes: &[u8]) -> usize {
         counters: [0; 3],
         currents: None,
     })));
-    let setup = Setup {
+    let setup = WoodenHapticsConfig {
         form,
         home: Some(Vec3::zeros()),
-        ..Setup::default()
+        ..WoodenHapticsConfig::default()
     };
     let (near, clock) = (link.clone(), link.clone());
     let opened = WoodenHaptics::open(

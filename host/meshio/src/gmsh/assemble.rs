@@ -5,7 +5,7 @@ use super::elements::of_dimension;
 use super::groups::groups;
 use super::sections::Sections;
 use super::{elements::Element, fields};
-use crate::error::{GmshError, InvalidMesh, Place};
+use crate::error::{FilePosition, GmshError, InvalidMesh};
 use crate::soup::{CellList, Fault, Soup};
 use physics::mesh::check::Location;
 use physics::mesh::{Cells, LineMesh, TetMesh, TriMesh};
@@ -64,9 +64,9 @@ fn cells<const N: usize>(
     of_dimension(&sections.blocks, dim)
         .map(|element| {
             let mut nodes = [0; N];
-            for (place, &tag) in nodes.iter_mut().zip(element.nodes) {
+            for (vertex, &tag) in nodes.iter_mut().zip(element.nodes) {
                 // The numbers overflow only for a mesh that is refused for its size.
-                *place = place_of(tag, element, sections, places)? as u32;
+                *vertex = place_of(tag, element, sections, places)? as u32;
             }
             Ok(nodes)
         })
@@ -89,7 +89,7 @@ fn mesh_of<C: CellList>(
 ) -> Result<(C::Mesh, Vec<u32>), InvalidMesh> {
     let positions = sections.nodes.iter().map(|node| node.position).collect();
     let refused = |Fault { source, location }| InvalidMesh {
-        place: place_of_fault(location, sections, dim),
+        position: position_of_fault(location, sections, dim),
         source,
     };
     Soup { positions, cells }.into_mesh(merge).map_err(refused)
@@ -104,9 +104,9 @@ fn places(sections: &Sections) -> Result<Places, GmshError> {
             let item = format!("node tag {}", node.tag);
             let first = sections.nodes.get(earlier).map_or(0, |node| node.at);
             return Err(GmshError::Repeated {
-                place: sections.place(node.at),
+                position: sections.position(node.at),
                 item,
-                first: sections.place(first),
+                first: sections.position(first),
             });
         }
     }
@@ -121,14 +121,14 @@ pub(super) fn place_of(
     places: &Places,
 ) -> Result<usize, GmshError> {
     places.get(&tag).copied().ok_or_else(|| GmshError::Syntax {
-        place: sections.place(element.at),
+        position: sections.position(element.at),
         expected: "the tag of a node in $Nodes".to_owned(),
         found: tag.to_string(),
     })
 }
 
-/// The place of a faulty node, or of a faulty element among those of a dimension.
-fn place_of_fault(location: Location, sections: &Sections, dim: u8) -> Place {
+/// The position of a faulty node, or of a faulty element among those of a dimension.
+fn position_of_fault(location: Location, sections: &Sections, dim: u8) -> FilePosition {
     let at = match location {
         Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.at),
         Location::Cell(cell) => of_dimension(&sections.blocks, dim)
@@ -136,5 +136,5 @@ fn place_of_fault(location: Location, sections: &Sections, dim: u8) -> Place {
             .map(|element| element.at),
         Location::Mesh => None,
     };
-    at.map_or(sections.end(), |at| sections.place(at))
+    at.map_or(sections.end(), |at| sections.position(at))
 }

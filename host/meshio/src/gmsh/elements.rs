@@ -2,7 +2,7 @@
 
 use super::input::Input;
 use super::sections::{Sections, dimension, head, total};
-use crate::error::{GmshError, Place};
+use crate::error::{FilePosition, GmshError};
 
 /// A kind of element.
 #[derive(Debug, PartialEq, Eq)]
@@ -97,9 +97,9 @@ pub(super) fn of_dimension(blocks: &[Block], dim: u8) -> impl Iterator<Item = El
 }
 
 /// The kind of elements that a file names by its number.
-pub(super) fn kind_of(code: u32, place: Place) -> Result<&'static Kind, GmshError> {
+pub(super) fn kind_of(code: u32, position: FilePosition) -> Result<&'static Kind, GmshError> {
     let kind = KINDS.iter().find(|kind| kind.code == code);
-    kind.ok_or_else(|| unsupported(place, code))
+    kind.ok_or_else(|| unsupported(position, code))
 }
 
 /// Reads the section.
@@ -115,7 +115,7 @@ pub(super) fn read(input: &mut Input) -> Result<Vec<Block>, GmshError> {
         let code: u32 = input.int("an element type")?;
         let in_block: usize = input.size("a number of elements")?;
         input.end()?;
-        let kind = kind_of(code, start.place())?;
+        let kind = kind_of(code, start.position())?;
         if dim != kind.dim {
             let expected = format!("dimension {} for elements of type {code}", kind.dim);
             return Err(input.refuse(&start, &expected, dim));
@@ -161,13 +161,13 @@ pub(super) fn highest_dimension(sections: &Sections) -> Result<u8, GmshError> {
     };
     Err(match solid {
         Some(solid) => GmshError::MixedOrder {
-            place: sections.place(other.at),
+            position: sections.position(other.at),
             name: other.kind.name,
-            first: sections.place(solid.at),
+            first: sections.position(solid.at),
             first_name: solid.kind.name,
         },
         None => GmshError::Element {
-            place: sections.place(other.at),
+            position: sections.position(other.at),
             code: other.kind.code,
             name: other.kind.name,
             expected: "3-node triangles, 2-node lines or points",
@@ -179,7 +179,7 @@ pub(super) fn highest_dimension(sections: &Sections) -> Result<u8, GmshError> {
 const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
 
 /// The error for elements of other types. It names the types that users are likely to have, with advice.
-fn unsupported(place: Place, code: u32) -> GmshError {
+fn unsupported(position: FilePosition, code: u32) -> GmshError {
     const TRIANGLES: &str = "set Mesh.RecombineAll = 0 and mesh again";
     const TETRAHEDRA: &str = "mesh again with tetrahedra: neither recombined nor in layers";
     const LOWER_ORDER: &str = "set Mesh.ElementOrder = 1 or 2 and mesh again";
@@ -199,7 +199,7 @@ fn unsupported(place: Place, code: u32) -> GmshError {
         ),
     };
     GmshError::Element {
-        place,
+        position,
         code,
         name,
         expected: "tetrahedra, triangles, lines or points, of first or second order",

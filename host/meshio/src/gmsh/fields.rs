@@ -3,7 +3,7 @@
 use super::elements::{Block, Element, of_dimension};
 use super::input::Input;
 use super::sections::Sections;
-use crate::error::{GmshError, MAX_FIELDS, Place};
+use crate::error::{FilePosition, GmshError, MAX_FIELDS};
 use crate::lines::{Fields, Unexpected};
 use crate::text::quoted;
 use physics::mesh::Field;
@@ -11,7 +11,7 @@ use physics::mesh::Field;
 /// A field of the file: one number for each of some elements.
 pub(super) struct Data {
     name: String,
-    place: Place,
+    position: FilePosition,
     /// In the file's order.
     values: Vec<Value>,
 }
@@ -43,7 +43,7 @@ pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, G
         let expected = INTEGERS.to_owned();
         let found = integers.to_string();
         return Err(GmshError::Syntax {
-            place: fields.place(),
+            position: fields.position(),
             expected,
             found,
         });
@@ -65,9 +65,9 @@ pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, G
     }
     if let Some(earlier) = before.iter().find(|earlier| earlier.name == name) {
         return Err(GmshError::Repeated {
-            place: head.place(),
+            position: head.position(),
             item: format!("the field {}", quoted(name)),
-            first: earlier.place,
+            first: earlier.position,
         });
     }
     // "1 1" and its line's end.
@@ -76,7 +76,7 @@ pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, G
         let start = input.item(END)?;
         if start.rest() == END {
             return Err(GmshError::Syntax {
-                place: claim.place(),
+                position: claim.position(),
                 expected: format!("{claimed} values, as this line says"),
                 found: values.len().to_string(),
             });
@@ -99,7 +99,7 @@ pub(super) fn read(input: &mut Input, before: &[Data]) -> Result<Option<Data>, G
     values.shrink_to_fit();
     Ok(Some(Data {
         name: name.to_owned(),
-        place: head.place(),
+        position: head.position(),
         values,
     }))
 }
@@ -165,11 +165,11 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
             at,
         } in &data.values
         {
-            let place = cells.binary_search_by_key(&element, |&(tag, _)| tag);
-            let cell = place.ok().and_then(|place| cells.get(place));
+            let index = cells.binary_search_by_key(&element, |&(tag, _)| tag);
+            let cell = index.ok().and_then(|index| cells.get(index));
             let Some(&(_, cell)) = cell else {
                 return Err(GmshError::Syntax {
-                    place: sections.place(at),
+                    position: sections.position(at),
                     expected: "the tag of an element in $Elements".to_owned(),
                     found: element.to_string(),
                 });
@@ -182,9 +182,9 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
                 let mut lines = data.values.iter().filter(|value| value.element == element);
                 let first = lines.next().map_or(at, |value| value.at);
                 return Err(GmshError::Repeated {
-                    place: sections.place(at),
+                    position: sections.position(at),
                     item,
-                    first: sections.place(first),
+                    first: sections.position(first),
                 });
             }
             *slot = number;
@@ -197,7 +197,7 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
             let mut cells = of_dimension(&sections.blocks, dim);
             let missing = cells.nth(missing).map_or(0, |element| element.tag);
             return Err(GmshError::Syntax {
-                place: data.place,
+                position: data.position,
                 expected: format!("values for all {count} elements of the mesh"),
                 found: format!("{named}, none for element {missing}"),
             });
@@ -225,8 +225,8 @@ fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
     tags.sort_unstable();
     if !sections.repeated.is_empty() {
         let cell_of = |tag| {
-            let place = tags.binary_search_by_key(&tag, |&(tag, _)| tag);
-            place.map_or(NO_CELL, |place| tags[place].1)
+            let index = tags.binary_search_by_key(&tag, |&(tag, _)| tag);
+            index.map_or(NO_CELL, |index| tags[index].1)
         };
         let repeated = sections.repeated.iter();
         let mut repeated: Vec<(u64, u32)> = repeated
@@ -244,9 +244,13 @@ fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
     let all = sections.blocks.iter().flat_map(Block::elements);
     let mut lines = all
         .filter(|element| element.tag == tag)
-        .map(|element| sections.place(element.at));
+        .map(|element| sections.position(element.at));
     let mut next = || lines.next().unwrap_or(sections.end());
-    let (first, place) = (next(), next());
+    let (first, position) = (next(), next());
     let item = format!("element tag {tag}");
-    Err(GmshError::Repeated { place, item, first })
+    Err(GmshError::Repeated {
+        position,
+        item,
+        first,
+    })
 }

@@ -3,7 +3,7 @@
 //! The sections of both files have the same items in the same order, so one reader reads both. The names of sections and
 //! the beginnings of fields are lines of text in a binary file, too.
 
-use crate::error::{GmshError, Place};
+use crate::error::{FilePosition, GmshError};
 use crate::lines::{Fields, Lines, Unexpected};
 use std::fmt::Display;
 use std::str::FromStr;
@@ -50,7 +50,7 @@ impl<'a> Input<'a> {
         matches!(self, Self::Binary { .. })
     }
 
-    /// The last place read, as [`Fields::at`](crate::lines::Fields).
+    /// The last position read, as [`Fields::at`](crate::lines::Fields).
     pub(super) fn last(&self) -> usize {
         match self {
             Self::Text { lines, .. } => lines.last(),
@@ -88,7 +88,7 @@ impl<'a> Input<'a> {
             .filter(|line| line.len() <= LONGEST_LINE);
         line.map(|line| Some(Fields::at_byte(start, line)))
             .ok_or_else(|| Unexpected {
-                place: Place::Byte(start),
+                position: FilePosition::Byte(start),
                 expected: "a line of text".to_owned(),
                 found: "other bytes".to_owned(),
             })
@@ -169,14 +169,14 @@ impl<'a> Input<'a> {
         if let Self::Text { item, .. } = self {
             return item.number(expected);
         }
-        let place = self.mark().place();
+        let position = self.mark().position();
         let (bytes, big_endian) = self.take(expected)?;
         let number = if big_endian {
             i32::from_be_bytes(bytes)
         } else {
             i32::from_le_bytes(bytes)
         };
-        T::try_from(number).map_err(|_| unexpected(place, expected, number))
+        T::try_from(number).map_err(|_| unexpected(position, expected, number))
     }
 
     /// The next number of the item that is a `size_t` in a binary file.
@@ -187,14 +187,14 @@ impl<'a> Input<'a> {
         if let Self::Text { item, .. } = self {
             return item.number(expected);
         }
-        let place = self.mark().place();
+        let position = self.mark().position();
         let (bytes, big_endian) = self.take(expected)?;
         let number = if big_endian {
             u64::from_be_bytes(bytes)
         } else {
             u64::from_le_bytes(bytes)
         };
-        T::try_from(number).map_err(|_| unexpected(place, expected, number))
+        T::try_from(number).map_err(|_| unexpected(position, expected, number))
     }
 
     /// The next number of the item that is a `double` in a binary file. It has to be finite.
@@ -202,12 +202,12 @@ impl<'a> Input<'a> {
         if let Self::Text { item, .. } = self {
             return item.finite(expected);
         }
-        let place = self.mark().place();
+        let position = self.mark().position();
         let number = self.number(expected)?;
         if number.is_finite() {
             Ok(number)
         } else {
-            Err(unexpected(place, expected, number))
+            Err(unexpected(position, expected, number))
         }
     }
 
@@ -246,14 +246,14 @@ impl<'a> Input<'a> {
     /// Reads the number one, by which a binary file tells its byte order.
     pub(super) fn byte_order(&mut self) -> Result<(), Unexpected> {
         const EXPECTED: &str = "the number 1 in four bytes, which tells the byte order";
-        let place = self.mark().place();
+        let position = self.mark().position();
         let (bytes, _) = self.take::<4>(EXPECTED)?;
         let is_big = match bytes {
             [1, 0, 0, 0] => false,
             [0, 0, 0, 1] => true,
             _ => {
                 let found = i32::from_le_bytes(bytes);
-                return Err(unexpected(place, EXPECTED, found));
+                return Err(unexpected(position, EXPECTED, found));
             }
         };
         if let Self::Binary { big_endian, .. } = self {
@@ -279,13 +279,13 @@ impl<'a> Input<'a> {
 
     /// The error that the file has ended.
     fn ended(&self, expected: &str) -> Unexpected {
-        unexpected(self.mark().place(), expected, "the end of the file")
+        unexpected(self.mark().position(), expected, "the end of the file")
     }
 }
 
-fn unexpected(place: Place, expected: &str, found: impl Display) -> Unexpected {
+fn unexpected(position: FilePosition, expected: &str, found: impl Display) -> Unexpected {
     Unexpected {
-        place,
+        position,
         expected: expected.to_owned(),
         found: found.to_string(),
     }

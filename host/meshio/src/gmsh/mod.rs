@@ -46,7 +46,7 @@ pub const MAX_TAGS: usize = 16;
 impl From<Unexpected> for GmshError {
     fn from(error: Unexpected) -> Self {
         Self::Syntax {
-            place: error.place,
+            position: error.position,
             expected: error.expected,
             found: error.found,
         }

@@ -4,7 +4,7 @@ use super::elements::{self, Block};
 use super::fields::{self, Data};
 use super::input::Input;
 use super::{MAX_GROUPS, MAX_TAGS, version2};
-use crate::error::{GmshError, Place};
+use crate::error::{FilePosition, GmshError};
 use crate::lines::{Fields, Lines};
 use crate::text::shortened;
 use physics::Vec3;
@@ -22,7 +22,7 @@ pub(super) struct Sections {
     /// earlier one.
     pub(super) repeated: Vec<(u64, u64)>,
     pub(super) data: Vec<Data>,
-    /// The place of the file's end.
+    /// The position of the file's end.
     last: usize,
     is_binary: bool,
 }
@@ -35,7 +35,7 @@ pub(super) struct PhysicalName {
     pub(super) dim: u8,
     pub(super) tag: u32,
     pub(super) name: String,
-    place: Place,
+    position: FilePosition,
 }
 
 /// A point, curve, surface or volume of the model.
@@ -60,22 +60,22 @@ pub(super) struct Node {
 }
 
 impl Sections {
-    /// A place of the file: a line of a text, or a byte of a binary file.
-    pub(super) fn place(&self, at: usize) -> Place {
-        place(self.is_binary, at)
+    /// A position of the file: a line of a text, or a byte of a binary file.
+    pub(super) fn position(&self, at: usize) -> FilePosition {
+        position(self.is_binary, at)
     }
 
-    /// The place of the file's end.
-    pub(super) fn end(&self) -> Place {
-        self.place(self.last)
+    /// The position of the file's end.
+    pub(super) fn end(&self) -> FilePosition {
+        self.position(self.last)
     }
 }
 
-fn place(is_binary: bool, at: usize) -> Place {
+fn position(is_binary: bool, at: usize) -> FilePosition {
     if is_binary {
-        Place::Byte(at)
+        FilePosition::Byte(at)
     } else {
-        Place::Line(at)
+        FilePosition::Line(at)
     }
 }
 
@@ -101,8 +101,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Sections, GmshError> {
         ..Sections::default()
     };
     let mut elements = version2::Elements::default();
-    let mut seen: BTreeMap<&str, Place> = BTreeMap::new();
-    seen.insert("$MeshFormat", place(sections.is_binary, 1));
+    let mut seen: BTreeMap<&str, FilePosition> = BTreeMap::new();
+    seen.insert("$MeshFormat", position(sections.is_binary, 1));
     while let Some(fields) = input.next_line()? {
         let section = fields.rest();
         let is_word =
@@ -121,10 +121,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Sections, GmshError> {
             "$Elements",
         ];
         if known.contains(&section)
-            && let Some(first) = seen.insert(section, fields.place())
+            && let Some(first) = seen.insert(section, fields.position())
         {
             return Err(GmshError::Repeated {
-                place: fields.place(),
+                position: fields.position(),
                 item: section.to_owned(),
                 first,
             });
@@ -160,7 +160,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Sections, GmshError> {
     for section in ["$Nodes", "$Elements"] {
         if !seen.contains_key(section) {
             return Err(GmshError::Missing {
-                place: sections.end(),
+                position: sections.end(),
                 section,
             });
         }
@@ -259,7 +259,7 @@ fn physical_names(input: &mut Input) -> Result<Vec<PhysicalName>, GmshError> {
     let mut names: Vec<PhysicalName> = Vec::new();
     for _ in 0..count {
         let mut fields = input.line("a physical name: dimension, tag, \"name\"")?;
-        let place = fields.place();
+        let position = fields.position();
         let before = fields;
         let dim = fields.number("a dimension from 0 to 3")?;
         if dim > 3 {
@@ -279,16 +279,16 @@ fn physical_names(input: &mut Input) -> Result<Vec<PhysicalName>, GmshError> {
         {
             let item = format!("physical tag {tag} of dimension {dim}");
             return Err(GmshError::Repeated {
-                place,
+                position,
                 item,
-                first: earlier.place,
+                first: earlier.position,
             });
         }
         names.push(PhysicalName {
             dim,
             tag,
             name: name.to_owned(),
-            place,
+            position,
         });
     }
     input.marker("$EndPhysicalNames")?;
@@ -356,9 +356,9 @@ fn entities(input: &mut Input, parts: bool) -> Result<Entities, GmshError> {
             if let Some(earlier) = entities.insert((dim, tag), Entity { physical, at }) {
                 let item = format!("entity {tag} of dimension {dim}");
                 return Err(GmshError::Repeated {
-                    place: start.place(),
+                    position: start.position(),
                     item,
-                    first: place(input.is_binary(), earlier.at),
+                    first: position(input.is_binary(), earlier.at),
                 });
             }
         }
@@ -409,7 +409,7 @@ fn nodes(input: &mut Input) -> Result<Vec<Node>, GmshError> {
     Ok(nodes)
 }
 
-/// The first item of `$Nodes` and `$Elements`: the place, the number of blocks and that of items.
+/// The first item of `$Nodes` and `$Elements`: the position, the number of blocks and that of items.
 pub(super) fn head<'a>(input: &mut Input<'a>) -> Result<(Fields<'a>, usize, usize), GmshError> {
     const EXPECTED: &str = "numbers of blocks and items, least and greatest tag";
     let start = input.item(EXPECTED)?;
@@ -430,13 +430,13 @@ pub(super) fn total(
     if claimed == found {
         return Ok(());
     }
-    let place = head.place();
-    let this = match place {
-        Place::Line(_) => "this line",
-        Place::Byte(_) | Place::Item { .. } => "the number here",
+    let position = head.position();
+    let this = match position {
+        FilePosition::Line(_) => "this line",
+        FilePosition::Byte(_) | FilePosition::Item { .. } => "the number here",
     };
     Err(GmshError::Syntax {
-        place,
+        position,
         expected: format!("{claimed} {items}, as {this} says"),
         found: format!("{found} in the blocks below"),
     })

@@ -65,7 +65,7 @@ pub(super) fn elements(input: &mut Input) -> Result<Elements, GmshError> {
         if !input.is_binary() {
             number = tag(input, "an element's tag")?;
         }
-        let kind = kind_of(input.int(TYPE)?, at.place())?;
+        let kind = kind_of(input.int(TYPE)?, at.position())?;
         // In a binary file these numbers precede the elements of one kind.
         let before = input.mark();
         let mut in_block: usize = 1;

@@ -1,18 +1,18 @@
 //! The attributes of points and cells in a legacy file, from `POINT_DATA` or `CELL_DATA` to the end of the file.
 //!
-//! All attributes are read, because the place of an attribute depends on the size of those before it. Only fields of
+//! All attributes are read, because the position of an attribute depends on the size of those before it. Only fields of
 //! cells are kept.
 
 use super::cursor::Cursor;
 use super::{Items, items};
-use crate::error::{MAX_FIELDS, MeshFileError, Place};
+use crate::error::{FilePosition, MAX_FIELDS, MeshFileError};
 use crate::lines::Fields;
 use crate::vtk_array::{Array, Scalar};
 use crate::vtk_fields::check_name;
 
 /// One number for each cell.
 pub(super) struct CellArray<'a> {
-    pub(super) place: Place,
+    pub(super) position: FilePosition,
     pub(super) name: String,
     pub(super) array: Array<'a>,
 }
@@ -47,8 +47,8 @@ pub(super) fn read<'a>(
         }
         for new in begin..found.len() {
             let (before, rest) = found.split_at(new);
-            if let Some(CellArray { place, name, .. }) = rest.first() {
-                check_name(before.iter().map(|array| &array.name[..]), *place, name)?;
+            if let Some(CellArray { position, name, .. }) = rest.first() {
+                check_name(before.iter().map(|array| &array.name[..]), *position, name)?;
             }
         }
         next = cursor.next()?;
@@ -62,7 +62,7 @@ fn scalars<'a>(
     mut line: Fields<'a>,
     tuples: usize,
 ) -> Result<Option<CellArray<'a>>, MeshFileError> {
-    let place = line.place();
+    let position = line.position();
     let name = decoded(line.word("a name")?);
     let items = items(&mut line)?;
     let components = if line.rest().is_empty() {
@@ -86,7 +86,11 @@ fn scalars<'a>(
         return Ok(None);
     };
     let array = cursor.array(&table, count, scalar)?;
-    Ok((components == 1).then_some(CellArray { place, name, array }))
+    Ok((components == 1).then_some(CellArray {
+        position,
+        name,
+        array,
+    }))
 }
 
 /// Reads `FIELD name arrays`, then arrays with a name, a number of components, a number of tuples and a type. Returns
@@ -104,7 +108,7 @@ pub(super) fn field<'a>(
             cursor.skip_paragraph();
             line = cursor.expect("an array of the field")?;
         }
-        let (whole, place) = (line, line.place());
+        let (whole, position) = (line, line.position());
         let name = decoded(line.word("an array's name")?);
         let components = line.count("a number of components")?;
         let tuples = line.count("a number of tuples")?;
@@ -121,7 +125,11 @@ pub(super) fn field<'a>(
                     .unexpected(&format!("at most {MAX_FIELDS} arrays"))
                     .into());
             }
-            found.push(CellArray { place, name, array });
+            found.push(CellArray {
+                position,
+                name,
+                array,
+            });
         }
     }
     Ok(found)

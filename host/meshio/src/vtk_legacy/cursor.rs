@@ -1,7 +1,7 @@
 //! Reads a file that mixes lines of text and binary arrays.
 
 use super::Items;
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::lines::Fields;
 use crate::text::{newlines, quoted_bytes};
 use crate::vtk_array::{Array, Origin, Scalar, nth_word, words};
@@ -17,7 +17,7 @@ pub(super) struct Cursor<'a> {
     /// Whether arrays are binary rather than text.
     pub(super) binary: bool,
     /// The number of line ends before the byte `counted`. Lines are counted incrementally: a count from the start of
-    /// the file for each place would take a time quadratic in the length of the file.
+    /// the file for each position would take a time quadratic in the length of the file.
     lines: usize,
     counted: usize,
 }
@@ -37,15 +37,15 @@ impl<'a> Cursor<'a> {
         self.file.get(self.at..).unwrap_or_default()
     }
 
-    /// The present place: a line if the file is text, otherwise a byte.
-    pub(super) fn place(&mut self) -> Place {
+    /// The present position: a line if the file is text, otherwise a byte.
+    pub(super) fn position(&mut self) -> FilePosition {
         if self.binary {
-            return Place::Byte(self.at);
+            return FilePosition::Byte(self.at);
         }
         let passed = self.file.get(self.counted..self.at).unwrap_or_default();
         self.lines += newlines(passed);
         self.counted = self.at;
-        Place::Line(1 + self.lines)
+        FilePosition::Line(1 + self.lines)
     }
 
     /// The next line that is not blank, if any.
@@ -55,24 +55,30 @@ impl<'a> Cursor<'a> {
         if self.rest().is_empty() {
             return Ok(None);
         }
-        let place = self.place();
+        let position = self.position();
         let line = self.skip_line();
         let text = std::str::from_utf8(line)
             .ok()
             .filter(|line| line.len() <= LONGEST_LINE)
             .ok_or_else(|| {
-                MeshFileError::syntax(place, "a line of text with a keyword", quoted_bytes(line))
+                MeshFileError::syntax(
+                    position,
+                    "a line of text with a keyword",
+                    quoted_bytes(line),
+                )
             })?;
-        Ok(Some(match place {
-            Place::Byte(at) => Fields::at_byte(at, text),
-            Place::Line(at) | Place::Item { line: at, .. } => Fields::at_line(at, text),
+        Ok(Some(match position {
+            FilePosition::Byte(at) => Fields::at_byte(at, text),
+            FilePosition::Line(at) | FilePosition::Item { line: at, .. } => {
+                Fields::at_line(at, text)
+            }
         }))
     }
 
     /// The next line that is not blank. Without one, the error names `expected`.
     pub(super) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, MeshFileError> {
         let line = self.next()?;
-        line.ok_or_else(|| MeshFileError::syntax(self.place(), expected, "the end of the file"))
+        line.ok_or_else(|| MeshFileError::syntax(self.position(), expected, "the end of the file"))
     }
 
     /// Skips the rest of the present line and returns it.
@@ -126,7 +132,7 @@ impl<'a> Cursor<'a> {
         }
         let expected = "as many texts after this line as it says";
         Err(MeshFileError::syntax(
-            line.place(),
+            line.position(),
             expected,
             "the end of the file",
         ))
@@ -143,7 +149,7 @@ impl<'a> Cursor<'a> {
         let too_few = |found: String| {
             let claimed = count.map_or_else(|| "too many".to_owned(), |count| count.to_string());
             let expected = format!("{claimed} numbers after this line, as it says");
-            MeshFileError::syntax(line.place(), expected, found)
+            MeshFileError::syntax(line.position(), expected, found)
         };
         let offset = self.at;
         let rest = self.rest();

@@ -6,7 +6,7 @@
 
 use super::document::{Data, DataArray, Encoding};
 use super::{MAX_RATIO, MAX_UNPACKED, MIN_UNPACKED};
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::text::quoted_bytes;
 use crate::vtk_array::{Array, Origin};
 use flate2::{Decompress, FlushDecompress, Status};
@@ -27,7 +27,7 @@ enum Source<'a> {
     Base64(Base64<'a>),
 }
 
-/// The place where an array begins, for errors.
+/// The position where an array begins, for errors.
 #[derive(Clone, Copy)]
 struct At {
     line: usize,
@@ -35,7 +35,7 @@ struct At {
 
 impl At {
     fn wrong(self, expected: impl Into<String>, found: impl Into<String>) -> MeshFileError {
-        MeshFileError::syntax(Place::Line(self.line), expected, found)
+        MeshFileError::syntax(FilePosition::Line(self.line), expected, found)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Reads the tags of a VTU or VTP file: the arrays and their places. The numbers of the arrays are not read here.
 
 use super::tag::Tag;
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::text::{line_of, newlines, quoted};
 use crate::vtk_array::Scalar;
 use crate::vtk_fields::check_name;
@@ -64,7 +64,7 @@ pub(super) struct DataArray<'a> {
     pub(super) data: Data<'a>,
 }
 
-/// The place of an array's numbers.
+/// The position of an array's numbers.
 pub(super) enum Data<'a> {
     /// In the file as text, from this byte on.
     Ascii { text: &'a [u8], offset: usize },
@@ -112,8 +112,9 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
         let passed = file.get(counted..at).unwrap_or_default();
         line += newlines(passed);
         counted = at;
-        let place = Place::Line(line);
-        let wrong = |expected: &str, found: String| MeshFileError::syntax(place, expected, found);
+        let position = FilePosition::Line(line);
+        let wrong =
+            |expected: &str, found: String| MeshFileError::syntax(position, expected, found);
         let start = match event {
             Ok(Event::Start(start)) => start,
             Ok(Event::End(_)) => {
@@ -126,10 +127,10 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
             }
             Ok(_) => continue,
             Err(error) => {
-                let place = usize::try_from(reader.error_position()).unwrap_or(usize::MAX);
-                let place = Place::Line(line_of(file, place));
+                let position = usize::try_from(reader.error_position()).unwrap_or(usize::MAX);
+                let position = FilePosition::Line(line_of(file, position));
                 let found = quoted(&error.to_string());
-                return Err(MeshFileError::syntax(place, "well-formed XML", found));
+                return Err(MeshFileError::syntax(position, "well-formed XML", found));
             }
         };
         if path.len() >= MAX_DEPTH {
@@ -164,7 +165,7 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
                     && let Some(name) = tag.name_of_scalars()?
                 {
                     let names = piece.cell_data.iter().map(|array| &array.name[..]);
-                    check_name(names, place, &name)?;
+                    check_name(names, position, &name)?;
                     let array = tag.array(false, file, at)?;
                     piece.cell_data.push(NamedArray { name, array });
                 }
@@ -181,7 +182,8 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
         }
         path.push(start.local_name().as_ref().to_owned());
     }
-    let missing = |name| MeshFileError::syntax(Place::Line(line), name, "the end of the tags");
+    let missing =
+        |name| MeshFileError::syntax(FilePosition::Line(line), name, "the end of the tags");
     let (is_grid, encoding) = root.ok_or_else(|| missing("a VTKFile"))?;
     let piece = piece.ok_or_else(|| missing("a Piece"))?;
     Ok(Document {

@@ -1,7 +1,7 @@
 //! One tag of a VTU or VTP file: its attributes, each checked by itself.
 
 use super::document::{Appended, Data, DataArray, Encoding, Piece, Role};
-use crate::error::{MeshFileError, Place};
+use crate::error::{FilePosition, MeshFileError};
 use crate::text::quoted;
 use crate::vtk_array::Scalar;
 use quick_xml::escape::unescape;
@@ -21,7 +21,7 @@ const TYPES: [(&str, Scalar); 10] = [
     ("Float64", Scalar::F64),
 ];
 
-/// A tag with its place.
+/// A tag with its position.
 pub(super) struct Tag<'a, 'e> {
     pub(super) line: usize,
     pub(super) start: &'e BytesStart<'a>,
@@ -83,7 +83,7 @@ impl<'a> Tag<'a, '_> {
     }
 
     fn wrong(&self, expected: &str, found: String) -> MeshFileError {
-        MeshFileError::syntax(Place::Line(self.line), expected, found)
+        MeshFileError::syntax(FilePosition::Line(self.line), expected, found)
     }
 
     /// `VTKFile`: whether the file holds a grid, and the encoding of its arrays.

@@ -27,6 +27,6 @@ pub use integrator::{Integrator, IntegratorOptions, StepReport, TimeScheme};
 pub use newton::{NewtonOptions, NewtonReport};
 pub use refresh::Refresher;
 pub use stepper::{
-    Equation, Guess, Ledger, Part, Stepper, StepperOptions, StepperReport, complete_bytes,
+    Equation, Guess, Ledger, Phase, Stepper, StepperOptions, StepperReport, complete_bytes,
 };
 pub use tearing::{Course, Grown, Starts, TearLimit, TearOptions, TearReport, Tearing};

@@ -99,9 +99,9 @@ pub(crate) enum Guide<'a> {
     To(&'a [Vec3]),
 }
 
-/// The equation of one stage, by node.
+/// The equation of one stage of an integrator, by node.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stage<'a> {
+pub(crate) struct StageEquation<'a> {
     /// `a` (m).
     pub(crate) anchor: &'a [Vec3],
     /// `p` (m).
@@ -160,7 +160,7 @@ impl Newton {
     pub(crate) fn solve(
         &mut self,
         body: &mut Body,
-        stage: Option<Stage<'_>>,
+        stage: Option<StageEquation<'_>>,
         held: &[Vec3],
         guide: Guide<'_>,
     ) -> Result<NewtonReport, StepError> {
@@ -256,7 +256,7 @@ impl Newton {
     fn end_at_rounding(
         &mut self,
         body: &mut Body,
-        stage: Option<Stage<'_>>,
+        stage: Option<StageEquation<'_>>,
         tangent: Tangent,
         last: f64,
         mut report: NewtonReport,
@@ -287,7 +287,7 @@ impl Newton {
 
     /// Computes the residual at the present positions, by node (N). On held nodes the residual is the force of the
     /// hand.
-    fn balance(&mut self, body: &Body, stage: Option<Stage<'_>>) {
+    fn balance(&mut self, body: &Body, stage: Option<StageEquation<'_>>) {
         let damping = body.model.config.stiffness_damping;
         if let Some(stage) = stage {
             for (node, velocity) in self.velocity.iter_mut().enumerate() {
@@ -311,7 +311,7 @@ impl Newton {
     }
 
     /// Writes the norms of residual and reference forces into `report`.
-    fn judge(&self, body: &Body, stage: Option<Stage<'_>>, report: &mut NewtonReport) {
+    fn judge(&self, body: &Body, stage: Option<StageEquation<'_>>, report: &mut NewtonReport) {
         let free = body.assembly.places.free();
         let mask = body.constraints.supports.mask();
         let (mut residual, mut reference) = (0.0, 0.0);
@@ -342,7 +342,7 @@ impl Newton {
         factors: Factors,
         exact: bool,
         prescribed: bool,
-        stage: Option<Stage<'_>>,
+        stage: Option<StageEquation<'_>>,
         report: &mut NewtonReport,
     ) -> Result<(), StepError> {
         if exact && !self.factorize(body, factors, stage)? {
@@ -386,7 +386,7 @@ impl Newton {
         &mut self,
         body: &Body,
         factors: Factors,
-        stage: Option<Stage<'_>>,
+        stage: Option<StageEquation<'_>>,
     ) -> Result<bool, StepError> {
         let mass = if stage.is_some() {
             factors.mass
@@ -411,7 +411,7 @@ impl Newton {
         &mut self,
         body: &Body,
         factors: Factors,
-        stage: Option<Stage<'_>>,
+        stage: Option<StageEquation<'_>>,
     ) -> Result<(), StepError> {
         let unit = stiffness_per_mass(body) * factors.stiffness;
         let mut last = CondenseError::NotPositiveDefinite { pivot: 0 };
@@ -440,7 +440,7 @@ impl Newton {
         &mut self,
         body: &mut Body,
         factors: Factors,
-        stage: Option<Stage<'_>>,
+        stage: Option<StageEquation<'_>>,
         report: &mut NewtonReport,
     ) -> bool {
         let elastic = body.elastic_energy();

@@ -13,7 +13,7 @@ use physics::material::law::Frame;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandleSpec, Material, Node, Part, Real, SolidLaw,
+    Body, BodyConfig, Border, Freedom, HandleSpec, Material, Node, Phase, Real, SolidLaw,
     SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 use std::cell::Cell;
@@ -249,18 +249,18 @@ fn the_stated_operations_of_isotropic_laws_are_the_counted_ones() {
             }
             // The first pass finds the axes. The second starts from these axes and takes one sweep.
             for _ in 0..2 {
-                stepper.repeat(Part::Linearize).unwrap();
+                stepper.repeat(Phase::Linearize).unwrap();
             }
-            let found = operations(|| stepper.repeat(Part::Linearize).unwrap());
-            let stated = stepper.cost(Part::Linearize).unwrap().flops;
+            let found = operations(|| stepper.repeat(Phase::Linearize).unwrap());
+            let stated = stepper.cost(Phase::Linearize).unwrap().flops;
             // Lanes that pad the last block compute as well, and the energies of lanes are summed at the end.
             let filled = elements.next_multiple_of(LANES);
             assert_eq!(
                 found,
                 stated / elements * filled + filled * fill(nodes) + LANES
             );
-            let found = operations(|| stepper.repeat(Part::Product).unwrap());
-            let stated = stepper.cost(Part::Product).unwrap().flops;
+            let found = operations(|| stepper.repeat(Phase::Product).unwrap());
+            let stated = stepper.cost(Phase::Product).unwrap().flops;
             assert_eq!(found, stated / elements * filled + filled * fill(nodes));
         }
     }
@@ -300,16 +300,16 @@ fn swinging_sheet(bending: f64, (nx, ny): (u32, u32)) -> Stepper<Counted> {
 fn the_stated_operations_of_bending_are_the_counted_ones() {
     for (nx, ny) in [(4, 4), (8, 4), (8, 8)] {
         let [mut plain, mut bent] = [0.0, 1.0].map(|bending| swinging_sheet(bending, (nx, ny)));
-        let stated = |part| {
-            let flops = |stepper: &Stepper<Counted>| stepper.cost(part).unwrap().flops;
+        let stated = |phase| {
+            let flops = |stepper: &Stepper<Counted>| stepper.cost(phase).unwrap().flops;
             flops(&bent) - flops(&plain)
         };
-        let stated = [Part::Linearize, Part::Product].map(stated);
-        let mut found = |part| {
-            let repeat = |stepper: &mut Stepper<Counted>| stepper.repeat(part).unwrap();
+        let stated = [Phase::Linearize, Phase::Product].map(stated);
+        let mut found = |phase| {
+            let repeat = |stepper: &mut Stepper<Counted>| stepper.repeat(phase).unwrap();
             operations(|| repeat(&mut bent)) - operations(|| repeat(&mut plain))
         };
-        let found = [Part::Linearize, Part::Product].map(&mut found);
+        let found = [Phase::Linearize, Phase::Product].map(&mut found);
         let (triangles, nodes) = ((2 * nx * ny) as usize, ((nx + 1) * (ny + 1)) as usize);
         let edges = (3 * nx * ny - nx - ny) as usize;
         // A product takes 12 operations for each of the entries, there and back.
@@ -363,17 +363,17 @@ fn repeating_a_part_changes_no_step() {
     let run = |repeated: bool| {
         let mut body = body.clone();
         let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
-        assert!(stepper.repeat(Part::Product).is_err());
+        assert!(stepper.repeat(Phase::Product).is_err());
         for _ in 0..5 {
             stepper.step(&mut body, 0.01, &[pose], || false).unwrap();
             if repeated {
-                for part in [
-                    Part::Linearize,
-                    Part::Product,
-                    Part::Precondition,
-                    Part::Vectors,
+                for phase in [
+                    Phase::Linearize,
+                    Phase::Product,
+                    Phase::Precondition,
+                    Phase::Vectors,
                 ] {
-                    stepper.repeat(part).unwrap();
+                    stepper.repeat(phase).unwrap();
                 }
             }
         }
@@ -395,17 +395,17 @@ fn costs_are_those_of_the_data() {
     let stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
     let single = Stepper::<f32>::new(&body, StepperOptions::default()).unwrap();
     let (elements, nodes) = (384, 125);
-    let product = stepper.cost(Part::Product).unwrap();
+    let product = stepper.cost(Phase::Product).unwrap();
     assert_eq!(product.flops, elements * LINEAR_PRODUCT_FLOPS);
     // An element has four node numbers and ten numbers of eight bytes; 384 elements fill twelve blocks. The pass also
     // reads the vector, and clears and writes the result.
     assert_eq!(product.read, elements * (16 + 80) + 2 * nodes * 32);
     assert_eq!(product.written, 2 * nodes * 32);
     assert_eq!(product.touched, elements * (16 + 80) + 2 * nodes * 32);
-    let half = single.cost(Part::Product).unwrap();
+    let half = single.cost(Phase::Product).unwrap();
     assert_eq!(half.read, elements * (16 + 40) + 2 * nodes * 16);
     assert_eq!(half.flops, product.flops);
-    let linearize = stepper.cost(Part::Linearize).unwrap();
+    let linearize = stepper.cost(Phase::Linearize).unwrap();
     assert_eq!(linearize.flops, elements * LINEAR_LINEARIZE_FLOPS);
     // An element has its node numbers, nine gradients and a scale, four numbers of a quaternion, and the ratio of the
     // moduli.
@@ -413,7 +413,7 @@ fn costs_are_those_of_the_data() {
     assert_eq!(linearize.written, elements * 8 * 13 + 2 * nodes * 32);
     // A factorization takes at most the operations of a dense one, the third power of the size, and at least one
     // product for each number.
-    let refresh = stepper.cost(Part::Refresh).unwrap();
+    let refresh = stepper.cost(Phase::Refresh).unwrap();
     let unknowns: usize = 3 * 100;
     assert!(refresh.flops > unknowns * unknowns / 8 && refresh.flops < unknowns.pow(3));
     // The memory of a stepper exceeds the memory that any of its parts touches. In single precision it is smaller.

@@ -7,7 +7,7 @@ use common::{Split, block, grid, handle, rest_poses};
 use physics::linear::dense::Square;
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Condenser, Cost, Freedom, HandlePose, HandleSpec, Material, Part,
+    Body, BodyConfig, Border, Condenser, Cost, Freedom, HandlePose, HandleSpec, Material, Phase,
     Preconditioner, ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
     complete_bytes,
 };
@@ -232,7 +232,7 @@ fn a_factor_may_be_lent_and_costs_are_known() {
         assert!(report.converged);
         if let Some(mut refresher) = stepper.lend() {
             assert!(stepper.lend().is_none(), "it is not here");
-            assert_eq!(stepper.cost(Part::Refresh), None);
+            assert_eq!(stepper.cost(Phase::Refresh), None);
             refresher.work().unwrap();
             let read = [(); 3].map(|()| refresher.read_ahead(3));
             assert_eq!(read, [false, false, true]);
@@ -241,10 +241,10 @@ fn a_factor_may_be_lent_and_costs_are_known() {
         }
     }
     assert!(taken > 1, "{taken}");
-    for part in [Part::Precondition, Part::Refresh] {
-        let Cost { read, flops, .. } = stepper.cost(part).unwrap();
+    for phase in [Phase::Precondition, Phase::Refresh] {
+        let Cost { read, flops, .. } = stepper.cost(phase).unwrap();
         assert!(read > 100 * body.vertex_count() && flops > 100 * body.vertex_count());
-        stepper.repeat(part).unwrap();
+        stepper.repeat(phase).unwrap();
     }
 }
 

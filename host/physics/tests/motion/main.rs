@@ -8,6 +8,7 @@ static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 
 mod beam;
 mod calculix;
+mod calls;
 mod equilibrium;
 mod guard;
 mod guess;
@@ -17,7 +18,6 @@ mod inverted;
 mod joined;
 mod rounding;
 mod stability;
-mod stages;
 mod step;
 mod stepper;
 mod strip;

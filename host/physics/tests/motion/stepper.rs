@@ -397,7 +397,7 @@ fn a_shape_beyond_the_bound_renews_them_all() {
     assert!(residual <= bound, "{residual}");
 }
 
-/// A factor that is computed beside the steps and arrives late changes only the number of iterations of a step.
+/// A factor that is computed in the background and arrives late changes only the number of iterations of a step.
 #[test]
 fn a_factor_may_be_made_beside_the_steps() {
     let (body, handles) = solid(SolidLaw::StableNeoHookean, false, false);

@@ -26,12 +26,12 @@ pub(super) struct SpeedArguments {
     quick: bool,
     /// Measure only this part of the study
     #[arg(long, value_name = "PART")]
-    only: Option<Part>,
+    only: Option<SectionName>,
 }
 
 /// A part of the study, as an argument.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Part {
+enum SectionName {
     /// The cube's scenes
     Cube,
     /// The sheets' scenes
@@ -48,16 +48,16 @@ enum Part {
     Kernels,
 }
 
-impl From<Part> for Section {
-    fn from(part: Part) -> Self {
+impl From<SectionName> for Section {
+    fn from(part: SectionName) -> Self {
         match part {
-            Part::Cube => Self::Cube,
-            Part::Sheets => Self::Sheets,
-            Part::Scaling => Self::Scaling,
-            Part::Skips => Self::Skips,
-            Part::Precision => Self::Precision,
-            Part::Parts => Self::Parts,
-            Part::Kernels => Self::Kernels,
+            SectionName::Cube => Self::Cube,
+            SectionName::Sheets => Self::Sheets,
+            SectionName::Scaling => Self::Scaling,
+            SectionName::Skips => Self::Skips,
+            SectionName::Precision => Self::Precision,
+            SectionName::Parts => Self::Parts,
+            SectionName::Kernels => Self::Kernels,
         }
     }
 }

@@ -5,15 +5,15 @@ use super::super::outputs::{Declared, Format};
 use super::{level, tell, with_bar};
 use host::scene::{LoadedScene, Scene};
 use std::path::PathBuf;
-use study::tearing::runs::{self, RunPart};
-use study::tearing::{self, Part};
+use study::tearing::runs::{self, RunSection};
+use study::tearing::{self, Section};
 
 /// Arguments of `palpate bench tearing`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct TearingArguments {
     /// Run this part only
     #[arg(long, value_enum, value_name = "PART")]
-    part: Option<PartName>,
+    part: Option<SectionName>,
     /// Write the tables as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -31,7 +31,7 @@ pub(super) struct TearingArguments {
 
 /// The parts, by name.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum PartName {
+enum SectionName {
     /// Force, energy and start of tears on meshes of several sizes and patterns
     Mesh,
     /// The displacement at which a tear runs through a clamped strip, whatever mesh, damping and steps
@@ -60,25 +60,25 @@ enum PartName {
 
 /// A part of one of the two studies.
 enum Either {
-    Sheets(Part),
-    Runs(RunPart),
+    Sheets(Section),
+    Runs(RunSection),
 }
 
-impl PartName {
+impl SectionName {
     fn part(self) -> Either {
         match self {
-            Self::Mesh => Either::Sheets(Part::Mesh),
-            Self::Running => Either::Sheets(Part::Running),
-            Self::Smooth => Either::Sheets(Part::Smooth),
-            Self::Path => Either::Sheets(Part::Path),
-            Self::Trousers => Either::Sheets(Part::Trousers),
-            Self::Notches => Either::Sheets(Part::Notches),
-            Self::Strength => Either::Sheets(Part::Strength),
-            Self::Energy => Either::Sheets(Part::Energy),
-            Self::Meshes => Either::Sheets(Part::Meshes),
-            Self::Figure => Either::Runs(RunPart::Figure),
-            Self::Table => Either::Runs(RunPart::Table),
-            Self::Feel => Either::Runs(RunPart::Feel),
+            Self::Mesh => Either::Sheets(Section::Mesh),
+            Self::Running => Either::Sheets(Section::Running),
+            Self::Smooth => Either::Sheets(Section::Smooth),
+            Self::Path => Either::Sheets(Section::Path),
+            Self::Trousers => Either::Sheets(Section::Trousers),
+            Self::Notches => Either::Sheets(Section::Notches),
+            Self::Strength => Either::Sheets(Section::Strength),
+            Self::Energy => Either::Sheets(Section::Energy),
+            Self::Meshes => Either::Sheets(Section::Meshes),
+            Self::Figure => Either::Runs(RunSection::Figure),
+            Self::Table => Either::Runs(RunSection::Table),
+            Self::Feel => Either::Runs(RunSection::Feel),
         }
     }
 }
@@ -90,7 +90,7 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
         .file("--plot", plot, Format::Picture)
         .check()?;
     let level = level(arguments.quick);
-    let parts = match arguments.part.map(PartName::part) {
+    let parts = match arguments.part.map(SectionName::part) {
         Some(Either::Runs(part)) => {
             let scenes = arguments.scene.iter().map(|path| Scene::load(path));
             let scenes: Vec<LoadedScene> = scenes.collect::<Result<_, _>>()?;
@@ -98,7 +98,7 @@ pub(super) fn run(arguments: &TearingArguments) -> Result<(), CommandError> {
             return tell(&found, json, plot);
         }
         Some(Either::Sheets(part)) => vec![part],
-        None => Part::ALL.to_vec(),
+        None => Section::ALL.to_vec(),
     };
     let found = with_bar(|progress| tearing::run(&parts, level, progress))?;
     tell(&found, json, plot)

@@ -8,7 +8,7 @@ use super::super::{CommandError, load};
 use super::DeviceCommandError;
 use devices::DeviceFile;
 use emulator::uhid::Identity;
-use emulator::{Attended, Place, Served};
+use emulator::{Attended, Listener, Served};
 use host::run::simulated_hand;
 use host::scene::NamedDevice;
 use host::world::World;
@@ -75,12 +75,12 @@ enum ProtocolName {
     Falcon,
 }
 
-/// The place that `--on` names, for a device that is called `model`.
-fn place(
+/// The listener that `--on` names, for a device that is called `model`.
+fn listener(
     arguments: &EmulateArguments,
     model: &str,
     protocol: ProtocolName,
-) -> Result<Place, DeviceCommandError> {
+) -> Result<Listener, DeviceCommandError> {
     let (vid, pid, report) = match protocol {
         ProtocolName::Woodenhaptics => (0x1234, 0x0006, 14),
         _ => (VENDOR, PRODUCT, 64),
@@ -93,12 +93,12 @@ fn place(
         report,
     };
     match arguments.on.split_once(':') {
-        None if arguments.on == "pty" => Ok(Place::pty()?),
-        None if arguments.on == "tcp" => Ok(Place::tcp(0)?),
-        None if arguments.on == "uhid" => Ok(Place::uhid(identity)?),
-        None if arguments.on == "usb" => Ok(Place::usb(identity)?),
+        None if arguments.on == "pty" => Ok(Listener::pty()?),
+        None if arguments.on == "tcp" => Ok(Listener::tcp(0)?),
+        None if arguments.on == "uhid" => Ok(Listener::uhid(identity)?),
+        None if arguments.on == "usb" => Ok(Listener::usb(identity)?),
         Some(("tcp", port)) if port.parse::<u16>().is_ok() => {
-            Ok(Place::tcp(port.parse().unwrap_or(0))?)
+            Ok(Listener::tcp(port.parse().unwrap_or(0))?)
         }
         _ => Err(DeviceCommandError::NotEmulated(format!(
             "--on: found {:?}, allowed: pty, tcp, tcp:PORT, uhid, usb",
@@ -108,7 +108,7 @@ fn place(
 }
 
 impl EmulateArguments {
-    /// Whether the place gives reports, and no stream of bytes.
+    /// Whether the listener gives reports, and no stream of bytes.
     fn has_reports(&self) -> bool {
         matches!(self.on.as_str(), "uhid" | "usb")
     }
@@ -217,15 +217,15 @@ pub(super) fn run(arguments: &EmulateArguments) -> Result<(), CommandError> {
     if moves {
         emulated = emulated.moving();
     }
-    let mut place = place(arguments, &name, protocol)?;
-    outln!("connect = \"{}\"", emulated.connection(&place));
+    let mut listener = listener(arguments, &name, protocol)?;
+    outln!("connect = \"{}\"", emulated.connection(&listener));
     errln!("emulating {name} until Ctrl-C");
     // The device stands for hardware, which no other program delays. A refusal makes it as late as any program.
     let _ = realtime(PRIORITY);
     let mut served = Served::default();
     let stop = ending.stop().flag();
     let unseen = &mut |_: &Attended, _| ();
-    let ended = emulated.serve(&mut place, &stop, &mut served, unseen);
+    let ended = emulated.serve(&mut listener, &stop, &mut served, unseen);
     ended.map_err(DeviceCommandError::from)?;
     report(&served);
     if let Some(device) = emulated.as_firmware() {

@@ -29,7 +29,7 @@ pub(super) fn save(model: &Model) -> String {
         return "there is no frame yet".to_owned();
     };
     let still = shown.still();
-    let name = format!("moment_{:.3}s", shown.frame.time_ns as f64 * 1e-9);
+    let name = format!("still_{:.3}s", shown.frame.time_ns as f64 * 1e-9);
     let [picture, table] = ["png", "csv"].map(|ending| PathBuf::from(format!("{name}.{ending}")));
     let written = plot::write_picture(&picture, &still.svg())
         .and_then(|()| write_atomically(&table, still.vertices_csv().as_bytes()));

@@ -220,7 +220,7 @@ fn a_sweep_is_one_run_for_each_value_and_goes_on_where_it_stopped() -> Outcome {
     Ok(())
 }
 
-/// A sweep tells where the peak is that of the device, for as long and by as much as the run.
+/// If the limit of a device cuts the peak, a sweep tells for how long and by how much, as the run does.
 #[test]
 fn a_sweep_tells_what_the_limit_of_a_device_held_back() -> Outcome {
     let folder = tempfile::tempdir()?;

@@ -350,7 +350,7 @@ fn a_display_waits_for_a_run_and_for_the_next_run() {
 /// Presses the key that saves the moment, and checks the message and the files.
 fn save(terminal: &Terminal) {
     terminal.press("s");
-    let screen = terminal.wait_for(" saved moment_");
+    let screen = terminal.wait_for(" saved still_");
     let line = screen.lines().last().unwrap();
     let names: Vec<_> = line.split_whitespace().skip(1).step_by(2).collect();
     let [picture, table] = names[..] else {

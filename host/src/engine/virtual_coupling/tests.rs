@@ -19,7 +19,7 @@ type Stacked = SVector<f64, SIZE>;
 /// Time over which the drift acts (s).
 const AHEAD: f64 = 0.02;
 
-/// A model of a moving body with `handles` handles. Its stiffness is `J^T J`, where `J` has `rows` rows, and its
+/// A model of a moving body with `handles` handles. Its stiffness is `J^T J`; `J` has `rows` rows. Its
 /// damping is a hundredth of the stiffness, in seconds.
 fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
     let size = 6 * handles;

@@ -2,16 +2,16 @@
 //!
 //! A number that is not finite, which only a damaged log holds, becomes zero, because a message has finite numbers only.
 
-use crate::live::{BodyState, Hand};
+use crate::live::{BodyState, HandState};
 use crate::record::energy_sums;
 use crate::record::totals::DeviceTotals;
 use rt_core::Vec3;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 
 /// The hand that holds a device.
-pub(super) fn hand(device: &DeviceTelemetry, totals: &DeviceTotals) -> Hand {
+pub(super) fn hand(device: &DeviceTelemetry, totals: &DeviceTotals) -> HandState {
     let rotation = device.pose.rotation.coords;
-    Hand {
+    HandState {
         position: vector(&device.pose.position),
         rotation: [rotation.x, rotation.y, rotation.z, rotation.w].map(finite),
         force: vector(&device.wrench.force),

@@ -49,7 +49,7 @@ pub struct TearSummary {
     pub full: bool,
     /// Measured time of the tears, a step. Measured times do not enter the state.
     pub time: Distribution,
-    /// Solvers for new topologies that were made beside the steps and then taken, of all bodies.
+    /// Solvers for new topologies that were made in the background and then taken, of all bodies.
     pub renewed: u64,
 }
 

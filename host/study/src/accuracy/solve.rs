@@ -49,7 +49,7 @@ pub(super) fn settle(body: &mut Body) -> Result<(), StudyError> {
     Ok(())
 }
 
-/// The same for a linear body that is too large to factorize: one step that is so long that inertia is negligible, by
+/// Brings a linear body to rest that is too large to factorize, in one step that is so long that inertia is negligible, by
 /// conjugate gradients.
 pub(super) fn settle_linear(body: &mut Body) -> Result<(), StudyError> {
     body.step(1e9, &[])?;

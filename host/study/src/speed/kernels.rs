@@ -12,7 +12,7 @@ use super::path::{NEWTON, frozen, to};
 use super::sheets;
 use super::trial::drive;
 use crate::{Level, StudyError};
-use physics::{Body, HandlePose, Part, SheetLawName, SolidLaw, Stepper, StepperOptions, Vec3};
+use physics::{Body, HandlePose, Phase, SheetLawName, SolidLaw, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
 /// One kind of element under one law. Times are processor times per element (s).
@@ -153,15 +153,15 @@ impl Task {
             stepper.step(&mut body, STEP, &targets, || false)?;
         }
         let mut failed = Ok(());
-        let mut repeated = |part| {
+        let mut repeated = |phase| {
             let (_, time) = median(self.time, || {
-                if let Err(error) = stepper.repeat(part) {
+                if let Err(error) = stepper.repeat(phase) {
                     failed = Err(error);
                 }
             });
             time
         };
-        let (linearize, product) = (repeated(Part::Linearize), repeated(Part::Product));
+        let (linearize, product) = (repeated(Phase::Linearize), repeated(Phase::Product));
         failed?;
         let (_, assemble) = median(self.time, || body.assemble());
         Ok((linearize, product, assemble))

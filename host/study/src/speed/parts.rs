@@ -12,16 +12,16 @@ use super::cube::{EDGE, Stiffness, TOP, cube};
 use super::motion::Motion;
 use super::sheets;
 use crate::{Level, StudyError};
-use physics::{Body, Cost, HandlePose, Part, Precision, Stepper, StepperOptions, Vec3};
+use physics::{Body, Cost, HandlePose, Phase, Precision, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
-/// The parts, with their names.
-const PARTS: [(Part, &str); 5] = [
-    (Part::Linearize, "linearize"),
-    (Part::Product, "product"),
-    (Part::Precondition, "precondition"),
-    (Part::Vectors, "vectors"),
-    (Part::Refresh, "refresh"),
+/// The phases of a step, with the names of the parts of its time.
+const PHASES: [(Phase, &str); 5] = [
+    (Phase::Linearize, "linearize"),
+    (Phase::Product, "product"),
+    (Phase::Precondition, "precondition"),
+    (Phase::Vectors, "vectors"),
+    (Phase::Refresh, "refresh"),
 ];
 
 /// Length of a step (s).
@@ -182,23 +182,23 @@ impl Task {
             .push(memory(self.name, precision, &body, &stepper));
         let (step, iterations) = self.steps(&mut body, &mut stepper)?;
         let first = found.timed.len();
-        for (part, name) in PARTS {
-            let Some(cost) = stepper.cost(part) else {
+        for (phase, name) in PHASES {
+            let Some(cost) = stepper.cost(phase) else {
                 continue;
             };
             let mut outcome = Ok(());
-            let (count, time) = median(self.time, || outcome = stepper.repeat(part));
+            let (count, time) = median(self.time, || outcome = stepper.repeat(phase));
             outcome?;
-            let per_step = match part {
-                Part::Linearize => 1.0,
+            let per_step = match phase {
+                Phase::Linearize => 1.0,
                 // One product is that of the initial guess.
-                Part::Product => iterations + 1.0,
-                Part::Precondition | Part::Vectors => iterations,
-                Part::Refresh => 0.0,
+                Phase::Product => iterations + 1.0,
+                Phase::Precondition | Phase::Vectors => iterations,
+                Phase::Refresh => 0.0,
             };
-            let numbers = match part {
-                Part::Precondition => "f32",
-                Part::Refresh => "f64",
+            let numbers = match phase {
+                Phase::Precondition => "f32",
+                Phase::Refresh => "f64",
                 _ => precision,
             };
             found.timed.push(Timed {

@@ -4,7 +4,7 @@
 
 use crate::StudyError;
 use physics::{
-    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Part, Precision,
+    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Phase, Precision,
     Preconditioner, Refresher, StepperOptions, TimeScheme,
 };
 use std::thread;
@@ -187,8 +187,8 @@ pub(super) const INCOMPLETE: Path = Path {
     strict: true,
 };
 
-/// The parts of a step that read the arrays of a stepper.
-const PARTS: [Part; 3] = [Part::Linearize, Part::Product, Part::Precondition];
+/// The phases of a step that read the arrays of a stepper.
+const PHASES: [Phase; 3] = [Phase::Linearize, Phase::Product, Phase::Precondition];
 
 /// A frozen stepper. Another thread makes the factors, and its time does not count. The stepper takes a factor after a
 /// fixed number of steps, about ten milliseconds and the steps that read the factor ahead, so that errors are
@@ -214,13 +214,13 @@ impl<T: Precision> Frozen<T> {
         Ok(frozen)
     }
 
-    /// Repeats the parts of a step, but not with a new factor. This study waits for each factor, and a host does not.
+    /// Repeats the phases of a step, but not with a new factor. This study waits for each factor, and a host does not.
     /// During a wait of ten milliseconds, other users of the machine take the caches. The next step may then take twice
     /// as long, whatever the program does (the example `motion_tails` of the physics).
     fn warm(&mut self) -> Result<(), StudyError> {
         for _ in 0..2 {
-            for part in PARTS {
-                self.stepper.repeat(part)?;
+            for phase in PHASES {
+                self.stepper.repeat(phase)?;
             }
         }
         Ok(())

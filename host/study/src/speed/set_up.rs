@@ -3,7 +3,7 @@
 use super::clock::cpu_time;
 use super::path::Method;
 use crate::StudyError;
-use physics::{Body, Part, Precision, Stepper, StepperOptions};
+use physics::{Body, Phase, Precision, Stepper, StepperOptions};
 use serde::Serialize;
 
 /// The cost of one stepper.
@@ -26,7 +26,7 @@ fn measure<T: Precision>(
     let mut stepper = Stepper::<T>::new(body, options)?;
     stepper.prepare(body, h)?;
     let ready = cpu_time();
-    stepper.repeat(Part::Refresh)?;
+    stepper.repeat(Phase::Refresh)?;
     Ok(SetUp {
         bytes: stepper.bytes(),
         time: ready - start,

@@ -124,7 +124,7 @@ impl Outcome {
         Self::of_energy_to(ROUNDING, trial, kind, method, run)
     }
 
-    /// The same, if a rise of the energy by the fraction `rounding` of the initial energy is allowed.
+    /// Does what `of_energy` does, but the energy may rise by the fraction `rounding` of the initial energy.
     pub(super) fn of_energy_to(
         rounding: f64,
         trial: &mut Trial,

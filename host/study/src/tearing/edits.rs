@@ -1,4 +1,4 @@
-//! Part `meshes`: what tears do to a mesh, with and without snapping.
+//! Section `meshes`: what tears do to a mesh, with and without snapping.
 
 use super::patterns::Pattern;
 use super::pull::{EditErrors, Pull};

@@ -1,4 +1,4 @@
-//! Part `energy`: where the work of the hands goes while a sheet is torn from border to border.
+//! Section `energy`: where the work of the hands goes while a sheet is torn from border to border.
 //!
 //! Each term has its own formula, summed over all steps ([`physics::motion::stepper::Ledger`]). Kinetic, elastic and
 //! potential energy are taken from the body at the start and at the end, and the energy of the tear is the toughness times

@@ -1,4 +1,4 @@
-//! Part `path`: the load at which a crack at an angle to the load starts, and where it goes.
+//! Section `path`: the load at which a crack at an angle to the load starts, and where it goes.
 //!
 //! A square sheet, held flat, has a short straight crack in its middle and is pulled by the tractions of an even stress at an
 //! angle to the crack, or sheared. The largest hoop stress says at which load the crack starts and where it turns (Erdogan

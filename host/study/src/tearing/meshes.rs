@@ -1,4 +1,4 @@
-//! Part `mesh`: force and energy of a tear on meshes of several sizes and patterns, under both laws.
+//! Section `mesh`: force and energy of a tear on meshes of several sizes and patterns, under both laws.
 //!
 //! Fracture mechanics gives one force and one energy for a unit of torn area, whatever the mesh. The force is averaged
 //! over the motion of the hands, from the start of the tear on, and the energy over the torn area.

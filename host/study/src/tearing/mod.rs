@@ -42,9 +42,9 @@ use serde::Serialize;
 /// The numbers of triangles of the meshes.
 const SIZES: [usize; 4] = [700, 1400, 2800, 5600];
 
-/// A part of the study.
+/// A section of the study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Section {
     /// Force, energy and start on different meshes.
     Mesh,
     /// The displacement at which a tear runs through a strip.
@@ -65,8 +65,8 @@ pub enum Part {
     Meshes,
 }
 
-impl Part {
-    /// All parts, in their order.
+impl Section {
+    /// All sections, in their order.
     pub const ALL: [Self; 9] = [
         Self::Mesh,
         Self::Running,
@@ -80,7 +80,7 @@ impl Part {
     ];
 }
 
-/// The results of the study. A part that did not run is missing.
+/// The results of the study. A section that did not run is missing.
 #[derive(Clone, Debug, Serialize)]
 pub struct TearingStudy {
     /// `palpate.tearing/1`.
@@ -107,12 +107,12 @@ pub struct TearingStudy {
     pub meshes: Option<Vec<edits::Mesh>>,
 }
 
-/// Runs some parts. `progress` receives the fraction done.
+/// Runs some sections. `progress` receives the fraction done.
 ///
 /// # Errors
 /// [`StudyError`].
 pub fn run(
-    parts: &[Part],
+    sections: &[Section],
     level: Level,
     progress: &dyn Fn(f64),
 ) -> Result<TearingStudy, StudyError> {
@@ -129,19 +129,19 @@ pub fn run(
         energy: None,
         meshes: None,
     };
-    let count = parts.len().max(1) as f64;
-    for (number, part) in parts.iter().enumerate() {
+    let count = sections.len().max(1) as f64;
+    for (number, section) in sections.iter().enumerate() {
         let progress = |done: f64| progress((number as f64 + done) / count);
-        match part {
-            Part::Mesh => found.mesh = Some(meshes::run(level, &progress)?),
-            Part::Running => found.running = Some(running::run(level, &progress)?),
-            Part::Smooth => found.smooth = Some(smooth::run(level, &progress)?),
-            Part::Trousers => found.trousers = Some(trousers::run(level, &progress)?),
-            Part::Path => found.path = Some(kinks::run(level, &progress)?),
-            Part::Notches => found.notches = Some(notches::run(level, &progress)?),
-            Part::Strength => found.strength = Some(strength::run(level, &progress)?),
-            Part::Energy => found.energy = Some(energy::run(level, &progress)?),
-            Part::Meshes => found.meshes = Some(edits::run(level, &progress)?),
+        match section {
+            Section::Mesh => found.mesh = Some(meshes::run(level, &progress)?),
+            Section::Running => found.running = Some(running::run(level, &progress)?),
+            Section::Smooth => found.smooth = Some(smooth::run(level, &progress)?),
+            Section::Trousers => found.trousers = Some(trousers::run(level, &progress)?),
+            Section::Path => found.path = Some(kinks::run(level, &progress)?),
+            Section::Notches => found.notches = Some(notches::run(level, &progress)?),
+            Section::Strength => found.strength = Some(strength::run(level, &progress)?),
+            Section::Energy => found.energy = Some(energy::run(level, &progress)?),
+            Section::Meshes => found.meshes = Some(edits::run(level, &progress)?),
         }
     }
     Ok(found)

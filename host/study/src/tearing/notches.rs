@@ -1,4 +1,4 @@
-//! Part `notches`: the load at which a tear starts from notches and slits of few edges.
+//! Section `notches`: the load at which a tear starts from notches and slits of few edges.
 //!
 //! A plate of 40 x 80 edges is pulled by even tractions across a notch in its border, or across a slit in its middle. The
 //! exact load is that of the handbook (H. Tada, P. C. Paris and G. R. Irwin, "The Stress Analysis of Cracks Handbook", 2000):

@@ -1,4 +1,4 @@
-//! Part `running`: the displacement at which a tear runs through a long clamped strip.
+//! Section `running`: the displacement at which a tear runs through a long clamped strip.
 //!
 //! The energy release rate of the strip of part `mesh` does not depend on the length of its tear, so the tear runs through
 //! the whole strip at the displacement at which it starts, `d0` (Rivlin and Thomas, "Rupture of rubber", 1953), whatever

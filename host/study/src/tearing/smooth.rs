@@ -1,4 +1,4 @@
-//! Part `smooth`: the force of hands that tear a cloth, whatever the damping and the length of the steps.
+//! Section `smooth`: the force of hands that tear a cloth, whatever the damping and the length of the steps.
 //!
 //! The cloth is that of the scene `tear_cloth`: two hands hold it close beside a notch in its border and move apart. It lies
 //! flat. The force falls slowly as the arms beside the tear grow longer. The difference from this trend is the ripple that a

@@ -1,4 +1,4 @@
-//! Part `strength`: strips without a notch.
+//! Section `strength`: strips without a notch.
 //!
 //! A strip that two hands pull by its ends carries the strength times its section and parts, whatever its toughness.
 //! The strip lies flat, and tears may start anywhere. Without contraction across the pull the stress is even. With it

@@ -1,4 +1,4 @@
-//! Part `mesh`: the strain at which a long clamped strip starts to tear.
+//! Section `mesh`: the strain at which a long clamped strip starts to tear.
 //!
 //! A strip, held flat, is clamped along both long sides and cut along its middle from one end to its centre. Far behind
 //! the tip the strip is slack, far ahead it is stretched evenly. Its energy release rate is therefore exactly the energy

@@ -1,4 +1,4 @@
-//! Part `trousers`: the force of a trousers test.
+//! Section `trousers`: the force of a trousers test.
 //!
 //! A strip that is cut along its middle has two legs. The hands hold their ends and pull them apart, up and down, until
 //! the legs are one line. From then on each length of tear lengthens both legs. The energy of the hands covers the tear and

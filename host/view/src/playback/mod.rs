@@ -6,8 +6,8 @@
 
 mod error;
 mod facts;
-mod moment;
 mod seek;
+mod shown;
 
 pub use error::PlayerError;
 

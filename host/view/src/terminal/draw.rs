@@ -2,7 +2,7 @@
 
 use super::body;
 use super::chart::{self, Curve, Window};
-use super::format::{fit, moment, scaled};
+use super::format::{fit, instant, scaled};
 use super::histogram;
 use super::keys::{Tab, View, help};
 use super::model::{Model, Over, SPAN};
@@ -148,7 +148,7 @@ impl Screen<'_> {
         });
         let mut right = Vec::new();
         if let Some(frame) = &model.frame {
-            right.push(moment(frame.time_ns));
+            right.push(instant(frame.time_ns));
             if !model.is_log()
                 && let Some(age) = model.frame_age(now)
             {

@@ -46,8 +46,8 @@ pub(super) fn count(value: u64) -> String {
     grouped
 }
 
-/// A moment of the run, to the millisecond.
-pub(super) fn moment(ns: u64) -> String {
+/// An instant of the run, to the millisecond.
+pub(super) fn instant(ns: u64) -> String {
     format!("{:.3} s", ns as f64 * 1e-9)
 }
 

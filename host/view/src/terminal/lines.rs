@@ -1,6 +1,6 @@
 //! Plain lines, if there is no terminal: one a second of the run's own time, and one for each event.
 
-use super::format::{count, moment, scaled, time};
+use super::format::{count, instant, scaled, time};
 use super::model::{Model, Over, kind};
 use super::{Ended, Options, TerminalError, signal};
 use crate::feed::Feed;
@@ -47,7 +47,7 @@ pub fn lines(
         }
         // A list of events that is only written here has no need of a memory.
         for event in model.events.drain(..) {
-            let (when, word) = (moment(event.time_ns), kind(event.kind).1);
+            let (when, word) = (instant(event.time_ns), kind(event.kind).1);
             let _ = writeln!(text, "{when}  event {word}: {}", event.text);
         }
         if model.more_events > 0 {
@@ -71,12 +71,12 @@ pub fn lines(
                 .as_ref()
                 .is_some_and(|p| !p.playing && p.at_ns >= p.to_ns) =>
             {
-                let _ = writeln!(text, "the end of the log, at {}", moment(model.time_ns()));
+                let _ = writeln!(text, "the end of the log, at {}", instant(model.time_ns()));
                 Some(Ended::Over)
             }
             None => None,
             Some(Over::Ended(_)) => {
-                let _ = writeln!(text, "the end, at {}", moment(model.time_ns()));
+                let _ = writeln!(text, "the end, at {}", instant(model.time_ns()));
                 Some(Ended::Over)
             }
             Some(Over::Broken(reason)) => {
@@ -101,7 +101,7 @@ fn line(model: &Model) -> String {
     let totals = &frame.totals;
     let mut text = format!(
         "{}  ticks {}  missed {}",
-        moment(frame.time_ns),
+        instant(frame.time_ns),
         count(totals.ticks),
         count(totals.missed)
     );

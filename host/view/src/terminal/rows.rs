@@ -1,6 +1,6 @@
 //! Rows of numbers: a name, and values of which those that fit are shown.
 
-use super::format::{count, fit, moment, scaled, time};
+use super::format::{count, fit, instant, scaled, time};
 use super::model::{Model, kind};
 use super::palette::Palette;
 use host::live::Event;
@@ -143,7 +143,7 @@ pub(super) fn ticks(model: &Model, palette: Palette) -> Vec<Row> {
 /// One row for each hand.
 pub(super) fn hands(model: &Model, palette: Palette) -> Vec<Row> {
     let hands = model.frame.iter().flat_map(|frame| &frame.hands);
-    let row = |(index, hand): (usize, &host::live::Hand)| {
+    let row = |(index, hand): (usize, &host::live::HandState)| {
         let name = format!("{} {}", index + 1, model.device(index));
         let style = palette.hand(index).add_modifier(Modifier::BOLD);
         let row = Row::new(name, style).value(format!("{:>7}", scaled(norm(hand.force), "N")));
@@ -335,7 +335,7 @@ pub(super) fn events(
 fn event(buffer: &mut Buffer, area: Rect, event: &Event, palette: Palette, recent: bool) {
     let width = usize::from(area.width);
     let (_, word) = kind(event.kind);
-    let when = format!("{:>10} ", moment(event.time_ns));
+    let when = format!("{:>10} ", instant(event.time_ns));
     let (x, _) = buffer.set_stringn(area.x, area.y, &when, width, palette.faint());
     let left = width.saturating_sub(when.chars().count());
     let style = if recent {

@@ -10,7 +10,7 @@ use super::{Ended, Options, collect, picture};
 use crate::feed::{Command, Feed};
 use crate::synthetic::Synthetic;
 use host::live::{
-    Bins, BodyState, Event, EventKind, Folded, Frame, Hand, Hello, Message, Playback, Range,
+    Bins, BodyState, Event, EventKind, Folded, Frame, HandState, Hello, Message, Playback, Range,
     Source, Vertices,
 };
 use host::record::Surface;
@@ -155,7 +155,7 @@ fn flat(frames: u64, spike: Option<(u64, f64)>) -> Model {
             number,
             time_ns: folded.to_ns,
             folded,
-            hands: vec![Hand::default()],
+            hands: vec![HandState::default()],
             ..Frame::default()
         };
         model.take(Message::Frame(Box::new(frame)), Instant::now());
@@ -581,16 +581,16 @@ fn any_folded() -> impl Strategy<Value = Folded> {
     )
 }
 
-fn any_hand() -> impl Strategy<Value = Hand> {
+fn any_hand() -> impl Strategy<Value = HandState> {
     let vector = || [any_number(), any_number(), any_number()];
     (vector(), vector(), any_number(), any_text(), any::<bool>()).prop_map(
-        |(position, force, peak_force, safety, fresh)| Hand {
+        |(position, force, peak_force, safety, fresh)| HandState {
             position,
             force,
             peak_force,
             safety,
             fresh,
-            ..Hand::default()
+            ..HandState::default()
         },
     )
 }

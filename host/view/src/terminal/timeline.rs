@@ -1,6 +1,6 @@
 //! The timeline of a log: the state of the playback, and below it the whole log with its events.
 
-use super::format::{digits, fit, moment};
+use super::format::{digits, fit, instant};
 use super::model::{Model, kind};
 use super::palette::{HEAD, Palette};
 use host::live::{Playback, Range};
@@ -25,7 +25,7 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, model: &Model, palette: Pale
     };
     let mut parts = vec![
         format!("{state} at {} x", digits(playback.speed)),
-        format!("{} of {}", moment(playback.at_ns), moment(playback.to_ns)),
+        format!("{} of {}", instant(playback.at_ns), instant(playback.to_ns)),
         format!("tick {}", playback.tick),
     ];
     if !playback.complete {

@@ -53,7 +53,7 @@ pub struct Options {
     pub port: u16,
     /// Receives the address of the page, and a line about each client that is refused.
     pub say: Say,
-    /// Makes `moment.svg`, `moment.png` and `moment.csv`.
+    /// Makes `still.svg`, `still.png` and `still.csv`.
     pub draw: Arc<Draw>,
     /// The server ends soon after this becomes true.
     pub stop: Arc<AtomicBool>,

@@ -83,9 +83,9 @@ impl Service for Page {
             .strip_prefix('/')
             .ok_or_else(|| missing("The address of the page ends with a slash."))?;
         match path {
-            "moment.svg" => self.still(Picture::Svg, path, "image/svg+xml"),
-            "moment.png" => self.still(Picture::Png, path, "image/png"),
-            "moment.csv" => self.still(Picture::Csv, path, "text/csv"),
+            "still.svg" => self.still(Picture::Svg, path, "image/svg+xml"),
+            "still.png" => self.still(Picture::Png, path, "image/png"),
+            "still.csv" => self.still(Picture::Csv, path, "text/csv"),
             path => {
                 let asset = assets::find(path);
                 let asset = asset.ok_or_else(|| missing("The page has no file of this name."))?;

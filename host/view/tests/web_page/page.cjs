@@ -275,7 +275,7 @@ async function log(browser, address) {
   await until(page, () => window.__palpate.state.playback.at_ns < 60e9);
   await page.locator("#save summary").click();
   const [csv] = await Promise.all([page.waitForEvent("download"), page.getByText("Moment as CSV").click()]);
-  assert.strictEqual(csv.suggestedFilename(), "moment.csv");
+  assert.strictEqual(csv.suggestedFilename(), "still.csv");
   const [png] = await Promise.all([page.waitForEvent("download"), page.keyboard.press("s")]);
   assert(png.suggestedFilename().endsWith(".png"));
   await page.locator("#timeline").press(" ");

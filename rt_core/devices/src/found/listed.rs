@@ -37,8 +37,8 @@ pub(crate) fn hid(root: &Path) -> Vec<Listed> {
         let device = path.join("device");
         let facts = fs::read_to_string(device.join("uevent")).ok()?;
         let facts = HidFacts::parse(&facts)?;
-        let place = Place::of(&device).filter(|_| facts.on_usb);
-        let (port, interface) = place.map_or_else(Default::default, Place::names);
+        let folders = UsbFolders::of(&device).filter(|_| facts.on_usb);
+        let (port, interface) = folders.map_or_else(Default::default, UsbFolders::names);
         Some(Listed {
             name: facts.name,
             numbers: facts.numbers,
@@ -85,13 +85,15 @@ pub(crate) fn lines(root: &Path) -> Vec<Listed> {
         if !name.starts_with("ttyACM") && !name.starts_with("ttyUSB") {
             return None;
         }
-        let place = Place::of(&path.join("device"));
-        let fact = |file: &str| text(&place.as_ref()?.device, file);
+        let folders = UsbFolders::of(&path.join("device"));
+        let fact = |file: &str| text(&folders.as_ref()?.device, file);
         let product = fact("product").unwrap_or_else(|| "serial line".to_owned());
         let serial = fact("serial").unwrap_or_default();
-        let numbers = place.as_ref().and_then(|place| numbers(&place.device));
+        let numbers = folders
+            .as_ref()
+            .and_then(|folders| numbers(&folders.device));
         let on_usb = numbers.is_some();
-        let (port, interface) = place.map_or_else(Default::default, Place::names);
+        let (port, interface) = folders.map_or_else(Default::default, UsbFolders::names);
         Some(Listed {
             name: product,
             numbers: numbers.unwrap_or_default(),
@@ -108,16 +110,16 @@ pub(crate) fn lines(root: &Path) -> Vec<Listed> {
     each.collect()
 }
 
-/// The place of a device on USB.
-struct Place {
+/// The folders of a device on USB.
+struct UsbFolders {
     /// The folder of the USB device.
     device: PathBuf,
     /// The name of the folder of its interface.
     interface: String,
 }
 
-impl Place {
-    /// The place of a device whose folder is below that of a USB device; `None` on another bus.
+impl UsbFolders {
+    /// The folders of a device whose folder is below that of a USB device; `None` on another bus.
     fn of(folder: &Path) -> Option<Self> {
         let folder = fs::canonicalize(folder).ok()?;
         let is_device = |folder: &&Path| folder.join("idVendor").exists();

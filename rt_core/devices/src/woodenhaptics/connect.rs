@@ -1,6 +1,6 @@
 //! The driver `woodenhaptics`: finds and opens the device that a scene names.
 
-use super::driver::{OpenError as DriverError, Setup, WoodenHaptics};
+use super::driver::{OpenError as DriverError, WoodenHaptics, WoodenHapticsConfig};
 use super::geometry::Geometry;
 use super::report::{Form, LENGTH};
 use crate::exchange::{Exchanged, clock, first_then};
@@ -151,7 +151,7 @@ impl Driver for WoodenHapticsDriver {
             });
         };
         let (first, form) = address.open().map_err(refused)?;
-        let setup = Setup {
+        let setup = WoodenHapticsConfig {
             geometry: Geometry::default(),
             form,
             home: Some(Vec3::zeros()),

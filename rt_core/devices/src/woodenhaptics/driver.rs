@@ -37,7 +37,7 @@ const TRIES: u8 = 5;
 
 /// The parameters of a device and its connection.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Setup {
+pub struct WoodenHapticsConfig {
     /// The mechanism, the encoders and the motors.
     pub geometry: Geometry,
     /// Length of the reports.
@@ -163,7 +163,7 @@ impl<T: Transport> WoodenHaptics<T> {
     /// # Errors
     /// [`OpenError`] if a parameter is out of its range, or if `open` fails.
     pub fn open(
-        setup: &Setup,
+        setup: &WoodenHapticsConfig,
         mut open: impl FnMut() -> Result<T, i32> + Send + 'static,
         clock: impl FnMut() -> u64 + Send + 'static,
     ) -> Result<Self, OpenError> {

@@ -9,7 +9,7 @@ use crate::latency::LatencyRecorder;
 use crate::memory::LockedMemory;
 use crate::pace::Pace;
 use crate::seccomp::confine;
-use crate::setup::{RunnerConfig, Setup, set_up};
+use crate::setup::{Granted, RunnerConfig, set_up};
 use crate::tick_loop::TickLoop;
 use crate::trap;
 use alloc_count::calls;
@@ -26,19 +26,19 @@ pub(super) fn body(
     mut tick_time: LatencyRecorder,
     stop: &Stop,
     ticks: &AtomicU64,
-    sender: &SyncSender<Result<Setup, SpawnError>>,
+    sender: &SyncSender<Result<Granted, SpawnError>>,
 ) -> (Outcome, Held) {
     let counted = calls::are_counted();
     let mut locked = LockedMemory::new();
-    let (setup, awake) = set_up(&config, &tick_loop, &mut locked);
+    let (granted, awake) = set_up(&config, &tick_loop, &mut locked);
     let held = Held {
         _awake: awake,
         _locked: locked,
     };
-    let ready = ready(&config, &setup);
+    let ready = ready(&config, &granted);
     let length = if ready.is_ok() { config.ticks } else { Some(0) };
     // The thread that called `spawn` waits for this message. If it no longer waits, `stop` still ends the run.
-    let _ = sender.send(ready.map(|()| setup.clone()));
+    let _ = sender.send(ready.map(|()| granted.clone()));
 
     // The first deadline is a whole period ahead, so the first tick has as much time as the others.
     let mut pace = Pace::new(now_ns().saturating_add(config.period_ns), config.period_ns);
@@ -70,12 +70,12 @@ pub(super) fn body(
         missed_deadlines: pace.missed(),
         longest_miss: pace.longest_miss(),
         slots: pace.slots(),
-        degradations: setup.degradations,
-        core: setup.core,
-        isolated: setup.isolated,
-        priority: setup.priority,
-        locked_bytes: setup.locked_bytes,
-        kept_awake: setup.kept_awake,
+        degradations: granted.degradations,
+        core: granted.core,
+        isolated: granted.isolated,
+        priority: granted.priority,
+        locked_bytes: granted.locked_bytes,
+        kept_awake: granted.kept_awake,
         forbidden_call,
         allocator_calls,
         ..TickReport::from(*tick_loop)
@@ -85,9 +85,9 @@ pub(super) fn body(
 
 /// The last stage before the first tick: refuses to start if a grant that `config` requires is missing, then
 /// forbids every system call that `config` does not allow.
-fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
-    if config.require_grants && !setup.degradations.is_empty() {
-        return Err(SpawnError::NotGranted(setup.degradations.clone()));
+fn ready(config: &RunnerConfig, granted: &Granted) -> Result<(), SpawnError> {
+    if config.require_grants && !granted.degradations.is_empty() {
+        return Err(SpawnError::NotGranted(granted.degradations.clone()));
     }
     Ok(config.calls.map_or(Ok(()), confine)?)
 }

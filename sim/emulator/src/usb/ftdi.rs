@@ -60,14 +60,14 @@ pub fn answer(device: &mut Operated, request: HostRequest, now_ns: u64) -> Answe
 mod tests {
     use super::*;
     use devices::DeviceModel;
-    use devices::ftdi::Setup;
+    use devices::ftdi::SetupPacket;
     use sim::SimDevice;
     use sim::emulate::falcon::{Falcon, Settings};
 
     /// A request of the host without bytes.
     fn request(kind: u8, request: u8, value: u16) -> HostRequest {
         HostRequest {
-            setup: Setup {
+            setup: SetupPacket {
                 kind,
                 request,
                 value,

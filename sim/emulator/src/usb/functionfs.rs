@@ -6,7 +6,7 @@
 //!
 //! Source: `linux/usb/functionfs.h`, and chapter 9 of the USB 2.0 specification for the descriptors.
 
-use devices::ftdi::Setup;
+use devices::ftdi::SetupPacket;
 
 /// First word of descriptors in version 2.
 const DESCRIPTORS: u32 = 3;
@@ -86,7 +86,7 @@ fn with_length(mut bytes: Vec<u8>) -> Vec<u8> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostRequest {
     /// The request.
-    pub setup: Setup,
+    pub setup: SetupPacket,
     /// Number of bytes that follow, or that the host expects.
     pub length: u16,
 }
@@ -125,7 +125,7 @@ impl Event {
             2 => Self::Enabled,
             3 => Self::Disabled,
             4 => Self::Request(HostRequest {
-                setup: Setup {
+                setup: SetupPacket {
                     kind,
                     request,
                     value: u16::from_le_bytes([v0, v1]),
@@ -195,7 +195,7 @@ mod tests {
             Event::of(&bytes)
         };
         let expected = HostRequest {
-            setup: Setup {
+            setup: SetupPacket {
                 kind: 0x40,
                 request: 9,
                 value: 0x0110,

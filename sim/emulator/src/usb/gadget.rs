@@ -166,7 +166,7 @@ pub struct Numbers {
 
 /// One folder, file or link of a gadget, relative to its own folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Part {
+enum Entry {
     Folder(String),
     /// A text or bytes in an attribute.
     Attribute(String, Vec<u8>),
@@ -174,32 +174,32 @@ enum Part {
     Newer(&'static str, &'static str),
 }
 
-/// The parts of a gadget in their order, with its function in the folder `functions/FUNCTION`.
-fn parts(numbers: &Numbers, function: &str, attributes: &[(&str, Vec<u8>)]) -> Vec<Part> {
+/// The entries of a gadget in their order, with its function in the folder `functions/FUNCTION`.
+fn entries(numbers: &Numbers, function: &str, attributes: &[(&str, Vec<u8>)]) -> Vec<Entry> {
     let number = |name: &str, value: u16| {
-        Part::Attribute(name.to_owned(), format!("{value:#06x}\n").into_bytes())
+        Entry::Attribute(name.to_owned(), format!("{value:#06x}\n").into_bytes())
     };
     let text = |name: &str, text: &str| {
-        Part::Attribute(format!("{ENGLISH}/{name}"), cut(text).as_bytes().to_vec())
+        Entry::Attribute(format!("{ENGLISH}/{name}"), cut(text).as_bytes().to_vec())
     };
-    let mut parts = vec![
+    let mut entries = vec![
         number("idVendor", numbers.vid),
         number("idProduct", numbers.pid),
         number("bcdDevice", numbers.release),
-        Part::Folder(ENGLISH.to_owned()),
+        Entry::Folder(ENGLISH.to_owned()),
         text("manufacturer", &numbers.manufacturer),
         text("product", &numbers.product),
         text("serialnumber", &numbers.serial),
-        Part::Folder(CONFIGURATION.to_owned()),
-        Part::Folder(format!("functions/{function}")),
+        Entry::Folder(CONFIGURATION.to_owned()),
+        Entry::Folder(format!("functions/{function}")),
     ];
     if numbers.full_speed {
-        parts.insert(3, Part::Newer("max_speed", "full-speed\n"));
+        entries.insert(3, Entry::Newer("max_speed", "full-speed\n"));
     }
-    parts.extend(attributes.iter().map(|(name, bytes)| {
-        Part::Attribute(format!("functions/{function}/{name}"), bytes.clone())
+    entries.extend(attributes.iter().map(|(name, bytes)| {
+        Entry::Attribute(format!("functions/{function}/{name}"), bytes.clone())
     }));
-    parts
+    entries
 }
 
 /// A text that the kernel takes: no longer than [`TEXT`], in whole characters, on one line.
@@ -251,9 +251,9 @@ impl Gadget {
             .map_err(|source| GadgetError::of("making", &new.folder, source))?;
         // From here on, an error removes the folders again.
         let functions = new.folder.join("functions").join(&new.function);
-        for part in parts(numbers, &new.function, attributes) {
-            match part {
-                Part::Folder(folder) => {
+        for entry in entries(numbers, &new.function, attributes) {
+            match entry {
+                Entry::Folder(folder) => {
                     let path = new.folder.join(folder);
                     fs::create_dir(&path).map_err(|source| match source.kind() {
                         ErrorKind::NotFound if path == functions => {
@@ -262,12 +262,12 @@ impl Gadget {
                         _ => GadgetError::of("making", &path, source),
                     })?;
                 }
-                Part::Attribute(file, bytes) => {
+                Entry::Attribute(file, bytes) => {
                     let path = new.folder.join(file);
                     fs::write(&path, bytes)
                         .map_err(|source| GadgetError::of("writing", &path, source))?;
                 }
-                Part::Newer(file, text) => {
+                Entry::Newer(file, text) => {
                     let _ = fs::write(new.folder.join(file), text);
                 }
             }
@@ -403,24 +403,24 @@ mod tests {
 
     #[test]
     fn a_gadget_has_its_parts_in_the_order_of_the_kernel() {
-        let parts = parts(&numbers(), "hid.a", &[("report_length", b"64\n".to_vec())]);
+        let entries = entries(&numbers(), "hid.a", &[("report_length", b"64\n".to_vec())]);
         let attribute =
-            |name: &str, text: &str| Part::Attribute(name.into(), text.as_bytes().to_vec());
+            |name: &str, text: &str| Entry::Attribute(name.into(), text.as_bytes().to_vec());
         let expected = [
             attribute("idVendor", "0x1209\n"),
             attribute("idProduct", "0x0001\n"),
             attribute("bcdDevice", "0x0400\n"),
-            Part::Newer("max_speed", "full-speed\n"),
-            Part::Folder("strings/0x409".into()),
+            Entry::Newer("max_speed", "full-speed\n"),
+            Entry::Folder("strings/0x409".into()),
             attribute("strings/0x409/manufacturer", "palpate"),
             // The letter of two bytes would be cut in its middle.
             attribute("strings/0x409/product", &"x".repeat(125)),
             attribute("strings/0x409/serialnumber", "left"),
-            Part::Folder("configs/c.1".into()),
-            Part::Folder("functions/hid.a".into()),
+            Entry::Folder("configs/c.1".into()),
+            Entry::Folder("functions/hid.a".into()),
             attribute("functions/hid.a/report_length", "64\n"),
         ];
-        assert_eq!(parts, expected);
+        assert_eq!(entries, expected);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::error::StepError;
-use crate::motion::newton::{Guide, NewtonReport, Stage};
+use crate::motion::newton::{Guide, NewtonReport, StageEquation};
 
 /// 1 - 1 / sqrt 2: half of `gamma`, and the factor of the step length in the matrix of both stages.
 const D: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
@@ -219,7 +219,7 @@ impl Integrator {
                 }
             }
         }
-        let stage = Stage {
+        let stage = StageEquation {
             anchor: &self.anchor,
             predicted: &self.predicted,
             g,

@@ -1,10 +1,10 @@
-//! The cost of the parts of a step: bytes and operations, counted from the data. Each part can also run alone, to be
+//! The cost of the phases of a step: bytes and operations, counted from the data. Each phase can also run alone, to be
 //! timed.
 //!
 //! The bytes of each array are counted once for each pass that reads or writes the array. Nodes are gathered many times
 //! in a pass and counted once, because the nearest cache serves the other times. Operations are additions,
 //! subtractions, multiplications, divisions and roots as they are written, one each. Comparisons, changes of sign and
-//! the padding of nodes are not counted. Bytes and operations over the time of a part show what limits the part: see S.
+//! the padding of nodes are not counted. Bytes and operations over the time of a phase show what limits the phase: see S.
 //! Williams, A. Waterman and D. Patterson, "Roofline: an insightful visual performance model for multicore
 //! architectures" (2009).
 
@@ -16,9 +16,9 @@ use crate::error::CondenseError;
 use crate::lanes::Node;
 use crate::linear::vectors;
 
-/// A part of a step.
+/// A phase of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Phase {
     /// Forces and tangent of all elements.
     Linearize,
     /// The stiffness times a vector.
@@ -28,30 +28,30 @@ pub enum Part {
     Precondition,
     /// The other operations of an iteration on whole vectors.
     Vectors,
-    /// A new factor and, for a complete factor, its panels. Not every step has this part.
+    /// A new factor and, for a complete factor, its panels. Not every step has this phase.
     Refresh,
 }
 
 impl<T: Precision> Stepper<T> {
-    /// The cost of a part; `None` for elements without a kernel of their own, whose cost is not counted, and for the
+    /// The cost of a phase; `None` for elements without a kernel of their own, whose cost is not counted, and for the
     /// refresh while the refresher is lent.
     ///
     /// The cost of a refresh counts the factorization and the panels. The assembly of the matrix is left out: it takes
     /// some hundredths of their operations.
     #[inline(never)]
-    pub fn cost(&self, part: Part) -> Option<Cost> {
+    pub fn cost(&self, phase: Phase) -> Option<Cost> {
         let node = size_of::<Node<T>>();
         let all = node * self.places.node.len();
         let free = node * self.places.free;
-        match part {
-            Part::Linearize | Part::Product => {
+        match phase {
+            Phase::Linearize | Phase::Product => {
                 // The forces, or the result, start at zero. The vector that is multiplied is counted with the first
                 // kernel.
                 let mut sum = Cost::write(all) + Cost::read(all).again();
                 sum.touched += all;
                 for (i, set) in self.elements.sets.iter().enumerate() {
-                    let own = match part {
-                        Part::Linearize => set.linearize_cost()?,
+                    let own = match phase {
+                        Phase::Linearize => set.linearize_cost()?,
                         _ => set.product_cost()?,
                     };
                     sum = sum + own + Cost::update(all).again();
@@ -61,13 +61,13 @@ impl<T: Precision> Stepper<T> {
                 }
                 Some(sum)
             }
-            Part::Precondition => {
+            Phase::Precondition => {
                 let z = size_of::<Node<f32>>() * self.places.free;
                 let ends = Cost::read(free) + Cost::read(free).again() + Cost::write(z);
                 let dot = Cost::read(z).again() + Cost::flops(6 * self.places.free);
                 Some(self.factor.solves.cost() + ends + dot)
             }
-            Part::Vectors => {
+            Phase::Vectors => {
                 let turn = Cost::read((size_of::<Node<f32>>() + size_of::<T>()) * self.places.free)
                     + Cost::update(free)
                     + Cost::write(free)
@@ -78,7 +78,7 @@ impl<T: Precision> Stepper<T> {
                     + Cost::flops(18 * self.places.free);
                 Some(turn + dot + advance)
             }
-            Part::Refresh => self
+            Phase::Refresh => self
                 .factor
                 .refresher
                 .as_ref()
@@ -86,25 +86,25 @@ impl<T: Precision> Stepper<T> {
         }
     }
 
-    /// Repeats a part at the present state of the body. The next step is not affected.
+    /// Repeats a phase at the present state of the body. The next step is not affected.
     ///
     /// # Errors
     ///
     /// [`CondenseError::NotAssembled`] before the first step, and those of [`Refresher::work`](crate::Refresher::work).
     #[inline(never)]
-    pub fn repeat(&mut self, part: Part) -> Result<(), CondenseError> {
+    pub fn repeat(&mut self, phase: Phase) -> Result<(), CondenseError> {
         let factors = self.factor.factors.ok_or(CondenseError::NotAssembled)?;
-        match part {
-            Part::Linearize => self.elements.linearize_here(&*self.team),
-            Part::Product => {
+        match phase {
+            Phase::Linearize => self.elements.linearize_here(&*self.team),
+            Phase::Product => {
                 self.cg.q.fill([T::ZERO; 4]);
                 self.elements
                     .product(&*self.team, T::of(1.0), &self.cg.u, &mut self.cg.q);
             }
-            Part::Precondition => {
+            Phase::Precondition => {
                 self.precondition(Solved::Step);
             }
-            Part::Vectors => {
+            Phase::Vectors => {
                 let free = self.places.free;
                 let (p, q) = (&mut self.cg.p[..free], &mut self.cg.q[..free]);
                 vectors::turn(&self.cg.z, T::ZERO, &self.cg.inertia, p, q);
@@ -118,7 +118,7 @@ impl<T: Precision> Stepper<T> {
                     &mut self.cg.residual[..free],
                 );
             }
-            Part::Refresh => self.refresh(factors)?,
+            Phase::Refresh => self.refresh(factors)?,
         }
         Ok(())
     }

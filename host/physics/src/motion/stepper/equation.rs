@@ -4,7 +4,7 @@
 //! `Equation::solved` stands for `solve`. The forces of the joints are forces from outside: their work over the step is
 //! counted as that of hands is.
 
-use super::stages::{Stage, Underway};
+use super::calls::{Call, Underway};
 use super::{Solved, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
@@ -28,9 +28,9 @@ impl<T: Precision> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`StepError::Stage`] if the step has not been constrained.
+    /// [`StepError::Order`] if the step has not been constrained.
     pub fn equation(&mut self) -> Result<Option<Equation<'_, T>>, StepError> {
-        let step = self.begun(Stage::Constrained)?;
+        let step = self.begun(Call::Constrain)?;
         if step.report.asleep {
             self.present.underway = Some(step);
             return Ok(None);
@@ -47,7 +47,7 @@ impl<T: Precision> Stepper<T> {
     pub fn is_solved(&self) -> bool {
         self.present
             .underway
-            .is_some_and(|step| step.stage == Stage::Solved)
+            .is_some_and(|step| step.last == Call::Solve)
     }
 
     /// Wakes a body that sleeps.
@@ -201,7 +201,7 @@ impl<T: Precision> Equation<'_, T> {
         let (places, cg) = (&stepper.places, &stepper.cg);
         stepper.pairs.shear(by_node(&places.of, &cg.u));
         stepper.last.unfinished = !converged;
-        step.stage = Stage::Solved;
+        step.last = Call::Solve;
         stepper.present.underway = Some(*step);
     }
 }

@@ -190,12 +190,12 @@ impl<T: Precision> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`StepError::Stage`] for a stepper without a [factor](Self::prepare), and for one that has not followed all earlier
+    /// [`StepError::Order`] for a stepper without a [factor](Self::prepare), and for one that has not followed all earlier
     /// edits. The stepper then makes itself again in its next step.
     #[inline(never)]
     pub fn grow(&mut self, body: &Body, done: &Done) -> Result<(), StepError> {
         let fail = |first| {
-            Err(StepError::Stage {
+            Err(StepError::Order {
                 call: "grow",
                 first,
             })
@@ -370,11 +370,11 @@ impl<T: Precision> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`StepError::Stage`] if this stepper has no factor, or has not followed the same edits; nothing has changed then.
+    /// [`StepError::Order`] if this stepper has no factor, or has not followed the same edits; nothing has changed then.
     #[inline(never)]
     pub fn adopt(&mut self, running: &mut Self, body: &mut Body) -> Result<(), StepError> {
         let fail = |first| {
-            Err(StepError::Stage {
+            Err(StepError::Order {
                 call: "adopt",
                 first,
             })

@@ -12,11 +12,12 @@
 //! long been used in this role, e.g. Courtecuisse et al., "Real-time simulation of contact and cutting of heterogeneous
 //! soft-tissues", 2014).
 //!
-//! A step is one call or four calls, between which several bodies can be joined: see `stages` and `equation`.
+//! A step is one call or four calls, between which several bodies can be joined: see `calls` and `equation`.
 //!
 //! The next step begins with the forces and the tangent at the end of the last step. The energy there bounds the step
 //! (`guard`) at no further cost.
 
+mod calls;
 mod correct;
 mod cost;
 mod equation;
@@ -31,10 +32,9 @@ mod linearized;
 mod options;
 mod places;
 mod release;
-mod stages;
 mod turns;
 
-pub use cost::Part;
+pub use cost::Phase;
 pub use equation::Equation;
 pub use factor::complete_bytes;
 use finish::Last;
@@ -53,10 +53,10 @@ use crate::element::{self, Elements, parts::Divided};
 use crate::error::{CondenseError, StepError};
 use crate::lanes::{to_node, to_vec};
 use crate::team::{self, Alone, Team};
+use calls::Present;
 use factor::{Factor, factors};
 use linearized::Linearized;
 use places::Places;
-use stages::Present;
 use std::sync::Arc;
 
 /// The next step uses the learned directions only after a step of more iterations than this.

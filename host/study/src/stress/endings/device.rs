@@ -1,7 +1,7 @@
 //! A device for a command to hold, of which this process sees the force that it renders.
 
 use super::Held;
-use emulator::{Attended, Place, ServeError, Served};
+use emulator::{Attended, Listener, ServeError, Served};
 use host::scene::NamedDevice;
 use runner::schedule::realtime;
 use sim::emulate::Framing;
@@ -113,13 +113,13 @@ impl Watched {
         } else {
             Attended::firmware(device, model, Framing::Stream)
         };
-        let mut place = Place::pty().map_err(|error| text(&error))?;
-        let connect = attended.connection(&place);
+        let mut listener = Listener::pty().map_err(|error| text(&error))?;
+        let connect = attended.connection(&listener);
         let serve = move || {
             // As `palpate device emulate`.
             let _ = realtime(PRIORITY);
             let mut see = |device: &Attended, after_bytes| see(device.force(), after_bytes);
-            attended.serve(&mut place, &theirs, &mut Served::default(), &mut see)
+            attended.serve(&mut listener, &theirs, &mut Served::default(), &mut see)
         };
         Ok(Some(Self {
             seen,

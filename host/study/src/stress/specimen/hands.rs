@@ -1,6 +1,6 @@
 //! The devices of a drawn cell and the hands that hold them, as the text of a scene.
 
-use super::{Cause, Draw, Hand, Task};
+use super::{Cause, Draw, DrawnHand, Task};
 use crate::stress::scene::draw::{ARRIVED, BEGIN};
 use physics::Vec3;
 use sim::Arm;
@@ -44,7 +44,7 @@ impl Moves {
 }
 
 /// `[[device]]` of a hand. Without `moves` the hand stays.
-pub(super) fn device(draw: &Draw, index: usize, hand: &Hand, moves: Option<&Moves>) -> String {
+pub(super) fn device(draw: &Draw, index: usize, hand: &DrawnHand, moves: Option<&Moves>) -> String {
     let model = draw.model(index);
     let arm = Arm::between(hand.grip);
     let names = ["relaxed", "typical", "firm", "rigid"];

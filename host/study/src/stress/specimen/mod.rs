@@ -182,7 +182,7 @@ impl Cause {
 
 /// One hand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Hand {
+pub struct DrawnHand {
     /// Its device, by its name among `sim::models::FILES`.
     pub device: String,
     /// Metres of the scene per metre of the device, a factor.
@@ -205,7 +205,7 @@ pub struct Draw {
     /// The kind of the body.
     pub kind: Kind,
     /// The hands, one to three.
-    pub hands: Vec<Hand>,
+    pub hands: Vec<DrawnHand>,
     /// Whether the body is fixed to a table or a wall, too.
     pub supported: bool,
     /// The stiffness of the stiffest motion of the handles at rest, a factor of what their devices render.
@@ -384,11 +384,11 @@ fn cause(chance: Chance) -> (Cause, Span) {
     }
 }
 
-fn hands(chance: Chance, kind: Kind, supported: bool, turn: u64, count: usize) -> Vec<Hand> {
+fn hands(chance: Chance, kind: Kind, supported: bool, turn: u64, count: usize) -> Vec<DrawnHand> {
     let devices: Vec<_> = DeviceModel::spatial().map(|(name, _)| name).collect();
     let together = supported && chance.unit(20) < 0.3;
     let opposed = chance.unit(21) < 0.5;
-    let mut all: Vec<Hand> = Vec::new();
+    let mut all: Vec<DrawnHand> = Vec::new();
     for index in 0..count {
         let chance = chance.of("hand").of(&index.to_string());
         let device = match index {
@@ -410,7 +410,7 @@ fn hands(chance: Chance, kind: Kind, supported: bool, turn: u64, count: usize) -
             Some(first) if opposed && index == 1 => direction = first.direction.map(|x| -x),
             _ => {}
         }
-        all.push(Hand {
+        all.push(DrawnHand {
             device: devices[device].to_owned(),
             // Half of the devices move as far as the handles.
             scale: if chance.unit(3) < 0.5 {

@@ -1,6 +1,6 @@
 //! The mesh, the material, the supports and the handles of a drawn body, as the text of a scene.
 
-use super::{Draw, GRAVITY, Hand, Kind};
+use super::{Draw, DrawnHand, GRAVITY, Kind};
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 
@@ -33,7 +33,7 @@ fn whole(fraction: f64, low: u32, high: u32) -> u32 {
 
 /// The vertex along the body at which each of the hands holds it: each in a part of its own of the vertices `range`, with
 /// at least one vertex between two hands.
-fn along(hands: &[Hand], range: RangeInclusive<u32>) -> Vec<u32> {
+fn along(hands: &[DrawnHand], range: RangeInclusive<u32>) -> Vec<u32> {
     let (first, last) = (*range.start(), *range.end());
     let count = hands.len() as u32;
     let whole = f64::from(last - first);

@@ -48,7 +48,7 @@ pub fn load((name, text): Shipped) -> Result<LoadedScene, StudyError> {
 
 /// A part of the study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RunPart {
+pub enum RunSection {
     /// The course of the force.
     Figure,
     /// The times of the steps.
@@ -78,7 +78,7 @@ pub struct TearingRuns {
 /// # Errors
 /// [`StudyError`].
 pub fn run(
-    part: RunPart,
+    part: RunSection,
     scenes: &[LoadedScene],
     level: Level,
     progress: &dyn Fn(f64),
@@ -96,8 +96,8 @@ pub fn run(
         Level::Full => f64::INFINITY,
     };
     match part {
-        RunPart::Figure => found.figure = Some(figure::run(&load(CLOTH)?, most, progress)?),
-        RunPart::Table => {
+        RunSection::Figure => found.figure = Some(figure::run(&load(CLOTH)?, most, progress)?),
+        RunSection::Table => {
             let shipped = match scenes {
                 [] => vec![load(CLOTH)?, load(BANKNOTE)?, load(BANKNOTE_SHEAR)?],
                 _ => Vec::new(),
@@ -109,7 +109,7 @@ pub fn run(
             });
             found.table = Some(rows.collect::<Result<_, _>>()?);
         }
-        RunPart::Feel => found.feel = Some(feel::run(&load(CLOTH)?, most, progress)?),
+        RunSection::Feel => found.feel = Some(feel::run(&load(CLOTH)?, most, progress)?),
     }
     Ok(found)
 }

@@ -191,9 +191,9 @@ impl Transport for Line {
 
 /// A device and the host that has a line to it.
 #[derive(Clone)]
-struct Place(Arc<Mutex<World>>);
+struct Rig(Arc<Mutex<World>>);
 
-impl Place {
+impl Rig {
     fn new(model: Model) -> Self {
         Self(Arc::new(Mutex::new(World::new(model))))
     }
@@ -232,8 +232,8 @@ fn push(force: f64) -> Wrench {
 /// Two devices on two lines: each renders its own wrench, and is released by its own host.
 #[test]
 fn each_device_renders_its_own_wrench_until_it_is_released() {
-    let places = [1000, 500].map(|rate| Place::new(model(b'a', rate)));
-    let mut drivers = [0, 1].map(|k: usize| places[k].open().expect("a device"));
+    let rigs = [1000, 500].map(|rate| Rig::new(model(b'a', rate)));
+    let mut drivers = [0, 1].map(|k: usize| rigs[k].open().expect("a device"));
     for (driver, force) in drivers.iter_mut().zip([1.0, 2.0]) {
         assert_eq!(driver.name(), Some(Name([b'a'; 16])));
         for _ in 0..5 {
@@ -241,7 +241,7 @@ fn each_device_renders_its_own_wrench_until_it_is_released() {
             assert_eq!(state.rendering, Rendering::Commanded);
         }
     }
-    assert_eq!([places[0].force(), places[1].force()], [1.0, 2.0]);
+    assert_eq!([rigs[0].force(), rigs[1].force()], [1.0, 2.0]);
     // The wrench is in force at the moment of its arrival, a period after the state that it answers.
     for (driver, period_ns) in drivers.iter().zip([MS, 2 * MS]) {
         let shown = driver.motion_to_force();
@@ -250,18 +250,18 @@ fn each_device_renders_its_own_wrench_until_it_is_released() {
         assert_eq!((driver.refused_wrenches(), driver.garbage()), (Some(0), 0));
     }
     drivers[0].release();
-    assert_eq!([places[0].force(), places[1].force()], [0.0, 2.0]);
+    assert_eq!([rigs[0].force(), rigs[1].force()], [0.0, 2.0]);
 }
 
 #[test]
 fn the_refusals_of_the_device_are_told() {
-    let place = Place::new(model(b'a', 1000));
-    let mut driver = place.open().expect("a device");
+    let rig = Rig::new(model(b'a', 1000));
+    let mut driver = rig.open().expect("a device");
     for _ in 0..3 {
         driver.exchange(&push(1.0)).expect("a state");
     }
     for refused in [7, 14] {
-        place.world(|world| {
+        rig.world(|world| {
             let time_us = world.time_us();
             for _ in 0..7 {
                 assert!(world.firmware.receive(&[0; 64], time_us).is_err());
@@ -279,10 +279,10 @@ fn the_refusals_of_the_device_are_told() {
 #[test]
 fn a_greeting_without_an_answer_says_what_came() {
     let opened = |change: &dyn Fn(&mut World)| {
-        let place = Place::new(model(b'a', 1000));
-        place.world(|world| change(world));
-        let error = place.open().err().expect("no device");
-        (error, place.world(|world| world.now_ns))
+        let rig = Rig::new(model(b'a', 1000));
+        rig.world(|world| change(world));
+        let error = rig.open().err().expect("no device");
+        (error, rig.world(|world| world.now_ns))
     };
     let silent = opened(&|world| world.sends = Sends::Nothing);
     assert_eq!(silent.0, GreetingError::Silent);
@@ -308,29 +308,29 @@ fn a_greeting_without_an_answer_says_what_came() {
 /// The device comes back as itself, after another device was plugged in at its place.
 #[test]
 fn a_lost_device_comes_back_as_itself_alone() {
-    let place = Place::new(model(b'a', 1000));
-    let mut driver = place.open().expect("a device");
+    let rig = Rig::new(model(b'a', 1000));
+    let mut driver = rig.open().expect("a device");
     for _ in 0..5 {
         driver.exchange(&push(1.0)).expect("a state");
     }
-    place.world(|world| world.gone = Some(5));
+    rig.world(|world| world.gone = Some(5));
     assert_eq!(
         driver.exchange(&push(1.0)),
         Err(DeviceError::Disconnected(5))
     );
     // The test and the two closures of the driver: no line is open.
-    assert_eq!(Arc::strong_count(&place.0), 3);
+    assert_eq!(Arc::strong_count(&rig.0), 3);
     assert_eq!(driver.reopen(), Err(DeviceError::Disconnected(5)));
     for (name, result) in [
         (b'b', Err(DeviceError::Disconnected(NO_DEVICE))),
         (b'a', Ok(())),
     ] {
-        let now_ns = place.world(|world| world.now_ns);
-        place.world(|world| *world = World::new(model(name, 1000)));
-        place.world(|world| (world.now_ns, world.next_ns) = (now_ns, now_ns));
+        let now_ns = rig.world(|world| world.now_ns);
+        rig.world(|world| *world = World::new(model(name, 1000)));
+        rig.world(|world| (world.now_ns, world.next_ns) = (now_ns, now_ns));
         assert_eq!(driver.reopen(), result);
         assert_eq!(
-            Arc::strong_count(&place.0),
+            Arc::strong_count(&rig.0),
             if result.is_ok() { 4 } else { 3 }
         );
         if result.is_err() {
@@ -339,28 +339,28 @@ fn a_lost_device_comes_back_as_itself_alone() {
                 Err(DeviceError::Disconnected(NO_DEVICE))
             );
         }
-        assert_eq!(place.force(), 0.0);
+        assert_eq!(rig.force(), 0.0);
     }
     for _ in 0..5 {
         driver.exchange(&push(1.0)).expect("a state");
     }
-    assert_eq!(place.force(), 1.0);
+    assert_eq!(rig.force(), 1.0);
 }
 
 /// A device may be exchanged for another on an open line, as behind a bridge.
 #[test]
 fn another_device_on_the_open_line_is_a_lost_device() {
-    let place = Place::new(model(b'a', 1000));
-    let mut driver = place.open().expect("a device");
+    let rig = Rig::new(model(b'a', 1000));
+    let mut driver = rig.open().expect("a device");
     driver.exchange(&push(1.0)).expect("a state");
-    let now_ns = place.world(|world| world.now_ns);
-    place.world(|world| *world = World::new(model(b'b', 1000)));
-    place.world(|world| (world.now_ns, world.next_ns) = (now_ns, now_ns));
+    let now_ns = rig.world(|world| world.now_ns);
+    rig.world(|world| *world = World::new(model(b'b', 1000)));
+    rig.world(|world| (world.now_ns, world.next_ns) = (now_ns, now_ns));
     let lost = (0..100).find_map(|_| match driver.exchange(&push(1.0)) {
         Err(DeviceError::Disconnected(number)) => Some(number),
         _ => None,
     });
-    assert_eq!((lost, place.force()), (Some(NO_DEVICE), 0.0));
+    assert_eq!((lost, rig.force()), (Some(NO_DEVICE), 0.0));
 }
 
 /// The silence after which a device counts as lost: 50 of its periods, but neither less than 50 ms nor more than a second.
@@ -372,10 +372,10 @@ fn a_device_that_falls_silent_is_lost_after_a_time() {
         (200, 250 * MS, 5 * MS),
         (20, 1000 * MS, 10 * MS),
     ] {
-        let place = Place::new(model(b'a', rate));
-        let mut driver = place.open().expect("a device");
+        let rig = Rig::new(model(b'a', rate));
+        let mut driver = rig.open().expect("a device");
         while driver.exchange(&push(1.0)).is_err() {}
-        let start_ns = place.world(|world| {
+        let start_ns = rig.world(|world| {
             world.sends = Sends::Nothing;
             world.now_ns
         });
@@ -383,7 +383,7 @@ fn a_device_that_falls_silent_is_lost_after_a_time() {
         while driver.exchange(&push(1.0)) == Err(DeviceError::NoReport) {
             waits += 1;
         }
-        let after_ns = place.world(|world| world.now_ns) - start_ns;
+        let after_ns = rig.world(|world| world.now_ns) - start_ns;
         // Each exchange waits for one period of the device, at most for ten milliseconds.
         assert_eq!(
             (after_ns, (waits + 1) * wait_ns),
@@ -398,10 +398,10 @@ fn a_device_that_falls_silent_is_lost_after_a_time() {
 /// The newest state that has come is taken without a wait for another.
 #[test]
 fn the_newest_state_is_taken_and_the_last_before_the_end_is_good() {
-    let place = Place::new(model(b'a', 1000));
-    let mut driver = place.open().expect("a device");
+    let rig = Rig::new(model(b'a', 1000));
+    let mut driver = rig.open().expect("a device");
     driver.exchange(&push(1.0)).expect("a state");
-    let (newest, now_ns) = place.world(|world| {
+    let (newest, now_ns) = rig.world(|world| {
         for _ in 0..5 {
             world.now_ns = world.next_ns;
             world.send();
@@ -410,19 +410,19 @@ fn the_newest_state_is_taken_and_the_last_before_the_end_is_good() {
     });
     let state = driver.exchange(&push(1.0)).expect("a state");
     assert_eq!(state.pose.position.x, f64::from(newest) * 1e-7);
-    assert_eq!(place.world(|world| world.now_ns), now_ns);
+    assert_eq!(rig.world(|world| world.now_ns), now_ns);
     // Garbage beside a state is counted, and is no error.
-    place.world(|world| world.bytes.extend([1, 2, 3, 0]));
-    place.world(|world| {
+    rig.world(|world| world.bytes.extend([1, 2, 3, 0]));
+    rig.world(|world| {
         world.now_ns = world.next_ns;
         world.send();
     });
     assert!(driver.exchange(&push(1.0)).is_ok() && driver.garbage() == 1);
-    place.world(|world| world.bytes.extend([1, 2, 3, 0]));
-    place.world(|world| world.sends = Sends::Nothing);
+    rig.world(|world| world.bytes.extend([1, 2, 3, 0]));
+    rig.world(|world| world.sends = Sends::Nothing);
     let corrupt = Err(DeviceError::Corrupt(Corruption::Length));
     assert_eq!(driver.exchange(&push(1.0)), corrupt);
-    place.world(|world| {
+    rig.world(|world| {
         world.sends = Sends::States;
         world.next_ns = world.now_ns;
         world.send();
@@ -438,27 +438,27 @@ fn the_newest_state_is_taken_and_the_last_before_the_end_is_good() {
 /// A slow line may give its bytes one by one. An endless stream must not hold up the exchange.
 #[test]
 fn an_exchange_reads_a_bounded_number_of_times() {
-    let place = Place::new(model(b'a', 1000));
-    let mut driver = place.open().expect("a device");
-    place.world(|world| world.chunk = 1);
+    let rig = Rig::new(model(b'a', 1000));
+    let mut driver = rig.open().expect("a device");
+    rig.world(|world| world.chunk = 1);
     for _ in 0..20 {
         let _ = driver.exchange(&push(1.0));
     }
     assert!(driver.exchange(&push(1.0)).is_ok());
-    let left = place.world(|world| {
+    let left = rig.world(|world| {
         world.bytes = [1; 1000].into();
         world.bytes.len()
     });
     let _ = driver.exchange(&push(1.0));
-    assert_eq!(place.world(|world| left - world.bytes.len()), READS);
+    assert_eq!(rig.world(|world| left - world.bytes.len()), READS);
 }
 
 #[test]
 fn a_device_that_goes_while_it_is_waited_for_is_lost_at_once() {
-    let place = Place::new(model(b'a', 1000));
-    let mut driver = place.open().expect("a device");
+    let rig = Rig::new(model(b'a', 1000));
+    let mut driver = rig.open().expect("a device");
     driver.exchange(&push(1.0)).expect("a state");
-    place.world(|world| world.goes = true);
+    rig.world(|world| world.goes = true);
     let lost = Err(DeviceError::Disconnected(7));
     assert_eq!(driver.exchange(&push(1.0)), lost);
 }

@@ -104,9 +104,9 @@ fn origin() -> [i16; 3] {
 fn open(home: Option<Vec3>) -> (WoodenHaptics<Link>, Link) {
     let link = Link::default();
     let keep = link.clone();
-    let setup = Setup {
+    let setup = WoodenHapticsConfig {
         home,
-        ..Setup::default()
+        ..WoodenHapticsConfig::default()
     };
     let driver = WoodenHaptics::open(&setup, move || Ok(keep.clone()), counted(MS)).unwrap();
     (driver, link)
@@ -387,7 +387,8 @@ fn a_lost_device_is_closed_before_it_is_looked_for() {
         seen.lock().unwrap().push(Arc::strong_count(&opened.0) - 2);
         opened.end(|end| end.gone).map_or(Ok(opened.clone()), Err)
     };
-    let mut driver = WoodenHaptics::open(&Setup::default(), open, counted(MS)).unwrap();
+    let mut driver =
+        WoodenHaptics::open(&WoodenHapticsConfig::default(), open, counted(MS)).unwrap();
     end.end(|end| end.gone = Some(5));
     assert_eq!(driver.exchange(&push()), Err(DeviceError::Disconnected(5)));
     // The connection is closed at once, not only when the driver looks for the device: the new device may come sooner.
@@ -425,8 +426,12 @@ fn the_clock_of_the_states_starts_at_the_first_exchange_and_never_goes_back() {
     let keep = link.clone();
     let mut times = [500, 600, 700, 600, 900].into_iter();
     let clock = move || times.next().unwrap_or(1000);
-    let mut driver =
-        WoodenHaptics::open(&Setup::default(), move || Ok(keep.clone()), clock).unwrap();
+    let mut driver = WoodenHaptics::open(
+        &WoodenHapticsConfig::default(),
+        move || Ok(keep.clone()),
+        clock,
+    )
+    .unwrap();
     link.reply([at(origin()); 5]);
     driver.calibrate(&Vec3::zeros()).unwrap();
     let found = [0; 3].map(|_| driver.exchange(&push()).unwrap().device_time_ns);
@@ -435,19 +440,19 @@ fn the_clock_of_the_states_starts_at_the_first_exchange_and_never_goes_back() {
 
 #[test]
 fn a_device_that_cannot_be_opened_says_why() {
-    let refused = |setup: &Setup| {
+    let refused = |setup: &WoodenHapticsConfig| {
         WoodenHaptics::<Link>::open(setup, || Err(13), counted(MS))
             .err()
             .expect("refused")
             .to_string()
     };
-    assert!(refused(&Setup::default()).contains("system error 13"));
-    let far = Setup {
+    assert!(refused(&WoodenHapticsConfig::default()).contains("system error 13"));
+    let far = WoodenHapticsConfig {
         home: Some(Vec3::new(0.0, 0.0, 2.0)),
-        ..Setup::default()
+        ..WoodenHapticsConfig::default()
     };
     assert!(refused(&far).contains("beyond the reach"));
-    let mut bad = Setup::default();
+    let mut bad = WoodenHapticsConfig::default();
     bad.geometry.torque_constant = 0.0;
     assert!(refused(&bad).contains("torque constant"));
 }

@@ -20,7 +20,7 @@ const AROUND_ROWS: i32 = 14;
 
 /// The content of a still.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct MomentPicture {
+pub struct StillPicture {
     /// The title.
     pub title: String,
     /// The smaller text under the title.
@@ -31,7 +31,7 @@ pub struct MomentPicture {
     pub shapes: Vec<Shape>,
     /// The hands. The curves are in their order.
     pub hands: Vec<HandMark>,
-    /// The moment (s).
+    /// Its time (s).
     pub time: f64,
     /// The upper and the lower chart.
     pub charts: [Ribbons; 2],
@@ -48,30 +48,24 @@ pub struct Ribbons {
     pub curves: Vec<Vec<[f64; 3]>>,
 }
 
-/// Draws a moment as SVG, 900 pixels wide. Numbers that are not finite are left out.
-pub fn moment_svg(moment: &MomentPicture) -> String {
-    let entries = entries(moment);
-    let head = page::title_height(WIDTH, &moment.subtitle) + page::legend_height(WIDTH, &entries);
-    let rows = moment.states.iter().map(Vec::len).max().unwrap_or_default() as i32;
+/// Draws a still as SVG, 900 pixels wide. Numbers that are not finite are left out.
+pub fn still_svg(still: &StillPicture) -> String {
+    let entries = entries(still);
+    let head = page::title_height(WIDTH, &still.subtitle) + page::legend_height(WIDTH, &entries);
+    let rows = still.states.iter().map(Vec::len).max().unwrap_or_default() as i32;
     let below = head + HEIGHT + AROUND_ROWS;
     let height = below + ROW * rows + AROUND_ROWS;
     page::svg(WIDTH, height, |area| {
-        let top = page::title(area, &moment.title, &moment.subtitle)?;
+        let top = page::title(area, &still.title, &still.subtitle)?;
         page::legend(area, WIDTH, top, &entries)?;
         let place = [20, head, VIEW - 20, HEIGHT];
-        view::draw(
-            area,
-            place,
-            &moment.color_label,
-            &moment.shapes,
-            &moment.hands,
-        )?;
+        view::draw(area, place, &still.color_label, &still.shapes, &still.hands)?;
         let right = area.clone().shrink(
             (VIEW * UNITS, head * UNITS),
             ((WIDTH - VIEW) * UNITS, HEIGHT * UNITS),
         );
-        charts(area, &right, moment)?;
-        for (lines, x) in moment.states.iter().zip([28, VIEW + 24]) {
+        charts(area, &right, still)?;
+        for (lines, x) in still.states.iter().zip([28, VIEW + 24]) {
             for (k, line) in (0..).zip(lines) {
                 let width = WIDTH / 2 - 40;
                 let y = below + ROW * k + ROW / 2;
@@ -82,8 +76,8 @@ pub fn moment_svg(moment: &MomentPicture) -> String {
     })
 }
 
-fn entries(moment: &MomentPicture) -> Vec<Entry> {
-    let hands = moment.hands.iter().enumerate();
+fn entries(still: &StillPicture) -> Vec<Entry> {
+    let hands = still.hands.iter().enumerate();
     let hands = hands.map(|(index, hand)| Entry {
         name: hand.name.clone(),
         key: Key::Ink(Role::Number(index).ink(0), Marker::Circle),
@@ -95,18 +89,18 @@ fn entries(moment: &MomentPicture) -> Vec<Entry> {
     hands.chain([now]).collect()
 }
 
-/// The line at the moment.
+/// The line at the still.
 const NOW: Ink = Ink {
     color: page::TEXT,
     dash: &[4.0, 3.0],
     width: ink::WIDTH,
 };
 
-fn charts(page: &Area, area: &Area, moment: &MomentPicture) -> Drawn {
-    let curves = || moment.charts.iter().flat_map(|chart| chart.curves.iter());
+fn charts(page: &Area, area: &Area, still: &StillPicture) -> Drawn {
+    let curves = || still.charts.iter().flat_map(|chart| chart.curves.iter());
     let times = curves().flatten().map(|piece| piece[0]);
-    let time = Axis::linear(times.chain([moment.time]), 0.0, 6.0);
-    let axes = moment.charts.each_ref().map(|chart| {
+    let time = Axis::linear(times.chain([still.time]), 0.0, 6.0);
+    let axes = still.charts.each_ref().map(|chart| {
         let values = chart.curves.iter().flatten();
         let values = values.flat_map(|piece| [piece[1], piece[2]]);
         Axis::linear(values.filter(|value| usable(*value)), 0.06, 5.0)
@@ -115,7 +109,7 @@ fn charts(page: &Area, area: &Area, moment: &MomentPicture) -> Drawn {
     let upper_height = (HEIGHT - page::BELOW) / 2;
     let (upper, lower) = area.split_vertically(upper_height * UNITS);
     let labels = [None, Some("Time (s)")];
-    let charts = moment.charts.iter().zip(&axes).zip(labels);
+    let charts = still.charts.iter().zip(&axes).zip(labels);
     for (area, ((chart, y), x_label)) in [upper, lower].iter().zip(charts) {
         let axes = Axes {
             x: &time,
@@ -131,7 +125,7 @@ fn charts(page: &Area, area: &Area, moment: &MomentPicture) -> Drawn {
         if chart.curves.iter().all(Vec::is_empty) {
             page::nothing(&panel)?;
         }
-        let ends = [at(moment.time, y.from), at(moment.time, y.to)];
+        let ends = [at(still.time, y.from), at(still.time, y.to)];
         let path: Vec<_> = ends.into_iter().flatten().collect();
         lines::line(page, &path, NOW)?;
         for (index, curve) in chart.curves.iter().enumerate() {

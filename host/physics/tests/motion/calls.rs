@@ -101,7 +101,7 @@ fn four_calls_over_two_bodies_are_a_step_of_each() {
 fn calls_out_of_order_are_refused_and_move_nothing() {
     let mut body = bar(SolidLaw::Corotational);
     let before = bits(&body);
-    let missing = |call, first| Err(StepError::Stage { call, first });
+    let missing = |call, first| Err(StepError::Order { call, first });
     let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
     let targets = poses(1);
     assert_eq!(

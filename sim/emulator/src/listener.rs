@@ -1,4 +1,4 @@
-//! The place of an emulated device: a pty, a TCP port, a HID device of the kernel, or a USB gadget.
+//! What an emulated device listens on: a pty, a TCP port, a HID device of the kernel, or a USB gadget.
 
 use crate::uhid::{FILE, Identity, Uhid};
 use crate::usb::{GadgetError, HidGadget};
@@ -10,9 +10,9 @@ use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::time::Duration;
 
-/// The reason why a place could not be made.
+/// The reason why a listener could not be made.
 #[derive(Debug, thiserror::Error)]
-pub enum PlaceError {
+pub enum ListenerError {
     /// The system gave no pty.
     #[error("the system gave no pty: {0}")]
     Pty(#[source] io::Error),
@@ -37,9 +37,9 @@ pub enum PlaceError {
     Usb(#[from] GadgetError),
 }
 
-/// The place of a device, before a host has come.
+/// What a device listens on until a host comes.
 #[derive(Debug)]
-pub enum Place {
+pub enum Listener {
     /// A pty.
     Pty {
         /// The end of the device.
@@ -70,12 +70,12 @@ pub enum Place {
     },
 }
 
-impl Place {
+impl Listener {
     /// A new pty.
     ///
     /// # Errors
-    /// [`PlaceError::Pty`].
-    pub fn pty() -> Result<Self, PlaceError> {
+    /// [`ListenerError::Pty`].
+    pub fn pty() -> Result<Self, ListenerError> {
         let made = || -> io::Result<Self> {
             let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
             grantpt(&master)?;
@@ -96,37 +96,37 @@ impl Place {
                 path,
             })
         };
-        made().map_err(PlaceError::Pty)
+        made().map_err(ListenerError::Pty)
     }
 
     /// A port of this machine alone; 0 for any free port.
     ///
     /// # Errors
-    /// [`PlaceError::Tcp`].
-    pub fn tcp(port: u16) -> Result<Self, PlaceError> {
+    /// [`ListenerError::Tcp`].
+    pub fn tcp(port: u16) -> Result<Self, ListenerError> {
         let made = || -> io::Result<Self> {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
             listener.set_nonblocking(true)?;
             let port = listener.local_addr()?.port();
             Ok(Self::Tcp { listener, port })
         };
-        made().map_err(|source| PlaceError::Tcp { port, source })
+        made().map_err(|source| ListenerError::Tcp { port, source })
     }
 
     /// A HID device of the kernel.
     ///
     /// # Errors
-    /// [`PlaceError::Uhid`].
-    pub fn uhid(identity: Identity) -> Result<Self, PlaceError> {
-        let device = Uhid::create(&identity).map_err(PlaceError::Uhid)?;
+    /// [`ListenerError::Uhid`].
+    pub fn uhid(identity: Identity) -> Result<Self, ListenerError> {
+        let device = Uhid::create(&identity).map_err(ListenerError::Uhid)?;
         Ok(Self::Uhid { device, identity })
     }
 
     /// A HID device on USB, as a gadget of the kernel.
     ///
     /// # Errors
-    /// [`PlaceError::Usb`].
-    pub fn usb(identity: Identity) -> Result<Self, PlaceError> {
+    /// [`ListenerError::Usb`].
+    pub fn usb(identity: Identity) -> Result<Self, ListenerError> {
         let gadget = HidGadget::create(&identity)?;
         Ok(Self::Usb { gadget, identity })
     }

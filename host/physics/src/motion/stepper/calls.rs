@@ -13,18 +13,19 @@ use crate::element::precision::Precision;
 use crate::error::StepError;
 use crate::motion::constraint::by_node;
 
-/// The stage that a step has reached.
+/// A call of a step that another call must follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stage {
-    Predicted,
-    Constrained,
-    Solved,
+pub(super) enum Call {
+    Predict,
+    Constrain,
+    Solve,
 }
 
 /// A step that has begun.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Underway {
-    pub(super) stage: Stage,
+    /// The last call that was made.
+    pub(super) last: Call,
     /// Length of the step (s).
     h: f64,
     /// Factors of mass and stiffness in the matrix of the step.
@@ -90,7 +91,7 @@ impl<T: Precision> Stepper<T> {
             self.begin_history(body);
         }
         self.present.underway = Some(Underway {
-            stage: Stage::Predicted,
+            last: Call::Predict,
             h,
             factors: factors(body, h),
             limits: Limits {
@@ -110,16 +111,16 @@ impl<T: Precision> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`StepError::Targets`], [`StepError::Target`], [`StepError::Matrix`], and [`StepError::Stage`] if the step has
+    /// [`StepError::Targets`], [`StepError::Target`], [`StepError::Matrix`], and [`StepError::Order`] if the step has
     /// not been predicted. After an error the step has to begin again.
     #[inline(never)]
     pub fn constrain(&mut self, body: &mut Body, targets: &[HandlePose]) -> Result<(), StepError> {
-        let mut step = self.underway(body, Stage::Predicted)?;
+        let mut step = self.underway(body, Call::Predict)?;
         body.check_targets(targets)?;
         let (h, factors) = (step.h, step.factors);
         self.present.targets.clear();
         self.present.targets.extend_from_slice(targets);
-        step.stage = Stage::Constrained;
+        step.last = Call::Constrain;
         let speed = self.options.sleep_speed;
         if speed > 0.0 && self.sleep.goes_on(body, h, targets, speed) {
             step.report = StepperReport {
@@ -168,7 +169,7 @@ impl<T: Precision> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`StepError::Stage`] if the step has not been constrained.
+    /// [`StepError::Order`] if the step has not been constrained.
     pub fn solve(&mut self, mut out_of_time: impl FnMut() -> bool) -> Result<(), StepError> {
         self.solve_until(&mut out_of_time)
     }
@@ -179,7 +180,7 @@ impl<T: Precision> Stepper<T> {
         &mut self,
         out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<(), StepError> {
-        let mut step = self.begun(Stage::Constrained)?;
+        let mut step = self.begun(Call::Constrain)?;
         if !step.report.asleep {
             let reference = step.report.reference;
             step.report = if self.pairs.is_empty() {
@@ -193,7 +194,7 @@ impl<T: Precision> Stepper<T> {
             self.factor.observe(&step.report, self.options.patience);
             self.ask_for_turns(step.report.iterations);
         }
-        step.stage = Stage::Solved;
+        step.last = Call::Solve;
         self.present.underway = Some(step);
         Ok(())
     }
@@ -203,7 +204,7 @@ impl<T: Precision> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`StepError::Diverged`], and [`StepError::Stage`] if the step has not been solved; the body keeps its state
+    /// [`StepError::Diverged`], and [`StepError::Order`] if the step has not been solved; the body keeps its state
     /// then.
     pub fn finish(
         &mut self,
@@ -220,7 +221,7 @@ impl<T: Precision> Stepper<T> {
         body: &mut Body,
         out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<StepperReport, StepError> {
-        let step = self.underway(body, Stage::Solved)?;
+        let step = self.underway(body, Call::Solve)?;
         let (h, mut report) = (step.h, step.report);
         if report.asleep {
             return Ok(report);
@@ -240,33 +241,33 @@ impl<T: Precision> Stepper<T> {
         ended.map(|()| report)
     }
 
-    /// The step that has begun, if it has reached `stage` and the topology epoch of `body` has not changed since.
-    fn underway(&mut self, body: &Body, stage: Stage) -> Result<Underway, StepError> {
-        let step = self.begun(stage)?;
+    /// The step that has begun, if its last call was `last` and the topology epoch of `body` has not changed since.
+    fn underway(&mut self, body: &Body, last: Call) -> Result<Underway, StepError> {
+        let step = self.begun(last)?;
         if self.epoch == body.epoch() {
             Ok(step)
         } else {
-            Err(stage.missing())
+            Err(last.missing())
         }
     }
 
-    /// The step that has begun, if it has reached `stage`.
-    pub(super) fn begun(&mut self, stage: Stage) -> Result<Underway, StepError> {
+    /// The step that has begun, if its last call was `last`.
+    pub(super) fn begun(&mut self, last: Call) -> Result<Underway, StepError> {
         match self.present.underway.take() {
-            Some(step) if step.stage == stage => Ok(step),
-            _ => Err(stage.missing()),
+            Some(step) if step.last == last => Ok(step),
+            _ => Err(last.missing()),
         }
     }
 }
 
-impl Stage {
-    /// The error of a call that needs this stage, for a step that has not reached it.
+impl Call {
+    /// The error of the call that must follow this call, for a step whose last call was another.
     fn missing(self) -> StepError {
         let (call, first) = match self {
-            Self::Predicted => ("constrain", "predict"),
-            Self::Constrained => ("solve", "constrain"),
-            Self::Solved => ("finish", "solve"),
+            Self::Predict => ("constrain", "predict"),
+            Self::Constrain => ("solve", "constrain"),
+            Self::Solve => ("finish", "solve"),
         };
-        StepError::Stage { call, first }
+        StepError::Order { call, first }
     }
 }

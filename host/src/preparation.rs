@@ -1,10 +1,10 @@
-//! The stages of a preparation, before the work has a measurable fraction: for people who wait.
+//! What is prepared before the work has a measurable fraction: for people who wait.
 
-/// A stage of the preparation.
+/// A part of the preparation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Reading scenes and meshes, and preparing anything that has no stage of its own.
-    Preparing,
+pub enum Preparation {
+    /// Reading scenes and meshes, and preparing anything else that has no variant.
+    Reading,
     /// Making the meshes and elements of bodies.
     Building,
     /// Bringing bodies to equilibrium under their weight.
@@ -15,11 +15,11 @@ pub enum Stage {
     Timing,
 }
 
-impl Stage {
-    /// The stage for people.
+impl Preparation {
+    /// The preparation for people.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Preparing => "preparing",
+            Self::Reading => "preparing",
             Self::Building => "building the bodies",
             Self::Settling => "settling the bodies under their weight",
             Self::Factorizing => "factorizing",
