@@ -297,7 +297,7 @@ fn write_still(arguments: &ViewArguments) -> Result<(), CommandError> {
     let shown = model.shown().ok_or(ViewError::NoMoment)?;
     let still = shown.still();
     if let Some(path) = &arguments.plot {
-        host::plot::write_picture(path, &still.svg())?;
+        host::plot::write_picture(path, &still.picture())?;
     }
     if let Some(path) = &arguments.csv {
         write_atomically(path, still.vertices_csv().as_bytes())?;

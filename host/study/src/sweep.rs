@@ -7,7 +7,7 @@ use crate::StudyError;
 use crate::compare::{Ran, run};
 use crate::stress::{Done, Study, Verdict};
 use crate::thin::thin;
-use host::plot::{self, Panel, Part, Role, Series};
+use host::plot::{self, Panel, Part, Picture, Role, Series};
 use host::run::tear_force::TearForce;
 use host::scene::spec::Rotation;
 use host::scene::{Field, LoadedScene, Override, SceneError};
@@ -191,7 +191,7 @@ impl Study for Sweep {
         }
     }
 
-    fn draw(&self, cells: &BTreeMap<u64, Swept>) -> Option<String> {
+    fn draw(&self, cells: &BTreeMap<u64, Swept>) -> Option<Picture> {
         let runs: Vec<&Swept> = cells.values().collect();
         Some(picture(&self.scene, &self.fields, &runs, self.part))
     }
@@ -324,7 +324,7 @@ fn named(fields: &[String], run: &Swept) -> String {
 }
 
 /// The force of each device over time, a line for each run.
-fn picture(scene: &str, fields: &[String], runs: &[&Swept], part: Part) -> String {
+fn picture(scene: &str, fields: &[String], runs: &[&Swept], part: Part) -> Picture {
     let first = runs.iter().max_by_key(|run| run.devices.len());
     let devices = first.map_or(&[][..], |run| &run.devices);
     let panels = devices.iter().enumerate().map(|(index, device)| Panel {
@@ -345,7 +345,7 @@ fn picture(scene: &str, fields: &[String], runs: &[&Swept], part: Part) -> Strin
     });
     let panels: Vec<_> = panels.collect();
     let subtitle = format!("virtual time; by {}", fields.join(", "));
-    plot::panels_svg(
+    plot::panels(
         &format!("{scene}: {} runs", runs.len()),
         &subtitle,
         1,

@@ -114,14 +114,15 @@ fn a_moment_is_drawn_whole() -> Outcome {
         ("press.toml", 1.8),
     ] {
         let seen = run_to(scene, time)?;
-        let svg = seen.still().svg();
-        assert_eq!(collisions(&svg), Vec::<String>::new(), "{scene}");
+        let picture = seen.still().picture();
+        let svg = picture.svg();
+        assert_eq!(collisions(&picture), Vec::<String>::new(), "{scene}");
         let triangles: u32 = seen.surfaces.iter().map(|s| s.triangle_count).sum();
         assert!(svg.matches("<polygon").count() > triangles as usize);
         let name = &seen.hello.scene;
         assert!(svg.contains(&format!("{name} at {:.3} s", seconds(seen.frame.time_ns))));
         assert!(svg.contains("model live") && svg.contains("last stage normal"));
-        let image = host::plot::png(&svg)?;
+        let image = picture.png()?;
         assert!(image.starts_with(b"\x89PNG"));
         if let Some(folder) = std::env::var_os("PALPATE_MOMENTS") {
             std::fs::write(Path::new(&folder).join(format!("{name}.png")), &image)?;
@@ -134,11 +135,12 @@ fn a_moment_is_drawn_whole() -> Outcome {
 #[test]
 fn a_spike_is_drawn_and_a_body_without_vertices_is_not() -> Outcome {
     let mut seen = synthetic(40)?;
-    let whole = seen.still().svg();
-    assert_eq!(collisions(&whole), Vec::<String>::new());
+    let picture = seen.still().picture();
+    let whole = picture.svg();
+    assert_eq!(collisions(&picture), Vec::<String>::new());
     for piece in [true, false] {
         seen.frame.bodies = vec![BodyState::default(); usize::from(piece)];
-        let svg = seen.still().svg();
+        let svg = seen.still().picture().svg();
         assert!(svg.contains("this moment has no bodies"));
         assert!(svg.len() < whole.len() / 2);
     }
@@ -151,9 +153,9 @@ fn a_spike_is_drawn_and_a_body_without_vertices_is_not() -> Outcome {
         }
         flat.push(&piece);
     }
-    let spiked = seen.still().svg();
+    let spiked = seen.still().picture().svg();
     seen.history = flat;
-    assert_ne!(spiked, seen.still().svg());
+    assert_ne!(spiked, seen.still().picture().svg());
     Ok(())
 }
 
@@ -170,16 +172,17 @@ fn numbers_that_are_not_finite_do_not_spoil_the_picture() -> Outcome {
     let mut piece = seen.frame.folded.clone();
     piece.hands = vec![FoldedHand::default()];
     seen.history.push(&piece);
-    let svg = seen.still().svg();
+    let picture = seen.still().picture();
+    let svg = picture.svg();
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
-    host::plot::png(&svg)?;
+    picture.png()?;
     let nothing = Seen {
         hello: Hello::default(),
         surfaces: Vec::new(),
         frame: Frame::default(),
         history: History::new(1.0),
     };
-    host::plot::png(&nothing.still().svg())?;
+    nothing.still().picture().png()?;
     Ok(())
 }
 
