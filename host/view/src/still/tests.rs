@@ -1,6 +1,5 @@
 use super::*;
-use crate::feed::Feed;
-use crate::synthetic::Synthetic;
+use fuzz_rules::synthetic::Synthetic;
 use host::engine::Engine;
 use host::live::Message;
 use host::live::frame::FoldedHand;
@@ -13,7 +12,6 @@ use host::run::{Clock, RunOptions, facts};
 use host::scene::Scene;
 use host::world::World;
 use std::path::Path;
-use std::time::Duration;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
@@ -37,14 +35,13 @@ impl Seen {
 }
 
 fn synthetic(frames: u64) -> Result<Seen, Box<dyn std::error::Error>> {
-    let mut feed = Synthetic::new(frames);
     let mut seen = Seen {
         hello: Hello::default(),
         surfaces: Vec::new(),
         frame: Frame::default(),
         history: History::new(5.0),
     };
-    while let Some(message) = feed.next(Duration::ZERO)? {
+    for message in Synthetic::new(frames).messages() {
         match message {
             Message::Hello(hello) => seen.hello = *hello,
             Message::Surface(surface) => seen.surfaces.push(surface),
