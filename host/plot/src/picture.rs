@@ -7,13 +7,12 @@ use std::convert::Infallible;
 use std::io;
 
 use plotters::prelude::*;
-use plotters_backend::{
-    BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingErrorKind,
-};
+use plotters_backend::{BackendColor, BackendCoord as Point, BackendStyle as Style};
+use plotters_backend::{BackendTextStyle, DrawingErrorKind};
 
 use super::font::FAMILIES;
 use super::page::UNITS;
-use super::png::Canvas;
+use super::png::png;
 
 /// A page, which is written as SVG or as PNG.
 #[derive(Clone)]
@@ -27,15 +26,15 @@ pub struct Picture {
 /// One shape or one line of text. Coordinates are units of the page, from its upper left corner.
 #[derive(Clone)]
 pub(super) enum Call {
-    Line([BackendCoord; 2], ShapeStyle),
-    Path(Vec<BackendCoord>, ShapeStyle),
-    Polygon(Vec<BackendCoord>, ShapeStyle),
+    Line([Point; 2], ShapeStyle),
+    /// A line through points, or the polygon between them if it is filled.
+    Path(Vec<Point>, ShapeStyle),
     /// The upper left and the lower right corner.
-    Rectangle([BackendCoord; 2], ShapeStyle),
+    Rectangle([Point; 2], ShapeStyle),
     /// The centre and the radius.
-    Circle(BackendCoord, u32, ShapeStyle),
+    Circle(Point, u32, ShapeStyle),
     /// The text and its anchor.
-    Text(String, BackendCoord, TextStyle<'static>),
+    Text(String, Point, TextStyle<'static>),
 }
 
 impl Picture {
@@ -49,13 +48,13 @@ impl Picture {
             // Writing to a string cannot fail.
             let _ = self.calls.iter().try_for_each(|call| match call {
                 Call::Line([from, to], style) => page.draw_line(*from, *to, style),
-                Call::Path(points, style) => page.draw_path(points.iter().copied(), style),
-                Call::Polygon(points, style) => page.fill_polygon(points.iter().copied(), style),
-                Call::Rectangle([from, to], style) => {
-                    page.draw_rect(*from, *to, style, style.filled)
+                Call::Path(points, style) if style.filled => {
+                    page.fill_polygon(points.clone(), style)
                 }
-                Call::Circle(center, radius, style) => {
-                    page.draw_circle(*center, *radius, style, style.filled)
+                Call::Path(points, style) => page.draw_path(points.clone(), style),
+                Call::Rectangle([a, b], style) => page.draw_rect(*a, *b, style, style.filled),
+                Call::Circle(at, radius, style) => {
+                    page.draw_circle(*at, *radius, style, style.filled)
                 }
                 Call::Text(text, at, style) => page.draw_text(text, style, *at),
             });
@@ -70,11 +69,9 @@ impl Picture {
     /// the font that the program contains, so that a picture is the same on every machine.
     ///
     /// # Errors
-    /// The page is too large for an image.
+    /// The page has no pixels, or too many.
     pub fn png(&self) -> io::Result<Vec<u8>> {
-        let mut canvas = Canvas::new(self.size)?;
-        self.calls.iter().for_each(|call| canvas.draw(call));
-        canvas.png()
+        png(self)
     }
 }
 
@@ -83,14 +80,7 @@ pub(super) struct Recorder<'a>(pub(super) &'a mut Picture);
 
 type Recorded = Result<(), DrawingErrorKind<Infallible>>;
 
-impl Recorder<'_> {
-    fn push(&mut self, call: Call) -> Recorded {
-        self.0.calls.push(call);
-        Ok(())
-    }
-}
-
-fn recorded(style: &impl BackendStyle, filled: bool) -> ShapeStyle {
+fn recorded(style: &impl Style, filled: bool) -> ShapeStyle {
     let color = style.color();
     let (red, green, blue) = color.rgb;
     ShapeStyle {
@@ -116,63 +106,55 @@ impl DrawingBackend for Recorder<'_> {
         Ok(())
     }
 
-    fn draw_pixel(&mut self, (x, y): BackendCoord, color: BackendColor) -> Recorded {
+    fn draw_pixel(&mut self, (x, y): Point, color: BackendColor) -> Recorded {
         self.draw_rect((x, y), (x + 1, y + 1), &color, true)
     }
 
-    fn draw_line<S: BackendStyle>(
-        &mut self,
-        from: BackendCoord,
-        to: BackendCoord,
-        style: &S,
-    ) -> Recorded {
-        self.push(Call::Line([from, to], recorded(style, false)))
+    fn draw_line<S: Style>(&mut self, from: Point, to: Point, style: &S) -> Recorded {
+        let call = Call::Line([from, to], recorded(style, false));
+        self.0.calls.push(call);
+        Ok(())
     }
 
-    fn draw_rect<S: BackendStyle>(
-        &mut self,
-        from: BackendCoord,
-        to: BackendCoord,
-        style: &S,
-        fill: bool,
-    ) -> Recorded {
-        self.push(Call::Rectangle([from, to], recorded(style, fill)))
+    fn draw_rect<S: Style>(&mut self, from: Point, to: Point, style: &S, fill: bool) -> Recorded {
+        let call = Call::Rectangle([from, to], recorded(style, fill));
+        self.0.calls.push(call);
+        Ok(())
     }
 
-    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
+    fn draw_path<S: Style, I: IntoIterator<Item = Point>>(
         &mut self,
         points: I,
         style: &S,
     ) -> Recorded {
-        let points = points.into_iter().collect();
-        self.push(Call::Path(points, recorded(style, false)))
+        let call = Call::Path(points.into_iter().collect(), recorded(style, false));
+        self.0.calls.push(call);
+        Ok(())
     }
 
-    fn draw_circle<S: BackendStyle>(
+    fn draw_circle<S: Style>(
         &mut self,
-        center: BackendCoord,
+        center: Point,
         radius: u32,
         style: &S,
         fill: bool,
     ) -> Recorded {
-        self.push(Call::Circle(center, radius, recorded(style, fill)))
+        let call = Call::Circle(center, radius, recorded(style, fill));
+        self.0.calls.push(call);
+        Ok(())
     }
 
-    fn fill_polygon<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
+    fn fill_polygon<S: Style, I: IntoIterator<Item = Point>>(
         &mut self,
         points: I,
         style: &S,
     ) -> Recorded {
-        let points = points.into_iter().collect();
-        self.push(Call::Polygon(points, recorded(style, true)))
+        let call = Call::Path(points.into_iter().collect(), recorded(style, true));
+        self.0.calls.push(call);
+        Ok(())
     }
 
-    fn draw_text<S: BackendTextStyle>(
-        &mut self,
-        text: &str,
-        style: &S,
-        at: BackendCoord,
-    ) -> Recorded {
+    fn draw_text<S: BackendTextStyle>(&mut self, text: &str, style: &S, at: Point) -> Recorded {
         // All text has the families of the page.
         let font = FontDesc::new(FontFamily::Name(FAMILIES), style.size(), style.style());
         let style = TextStyle {
@@ -180,6 +162,8 @@ impl DrawingBackend for Recorder<'_> {
             color: style.color(),
             pos: style.anchor(),
         };
-        self.push(Call::Text(text.to_owned(), at, style))
+        let call = Call::Text(text.to_owned(), at, style);
+        self.0.calls.push(call);
+        Ok(())
     }
 }

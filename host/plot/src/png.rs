@@ -11,13 +11,36 @@ use tiny_skia::{
 
 use super::font::{Font, LINE_HEIGHT};
 use super::page::UNITS;
-use super::picture::Call;
+use super::picture::{Call, Picture};
 
 /// Pixels of the PNG for each pixel of the page: 300 to the inch if a page of 720 pixels is printed 12 cm wide.
 const SCALE: u32 = 2;
 
+/// The picture as PNG, on white.
+///
+/// # Errors
+/// The page has no pixels, or too many.
+pub(super) fn png(picture: &Picture) -> io::Result<Vec<u8>> {
+    let (width, height) = picture.size;
+    let pixels = Pixmap::new(width * SCALE, height * SCALE);
+    let mut pixels = pixels.ok_or_else(|| {
+        io::Error::other(format!(
+            "a PNG cannot show a page of {width} by {height} pixels"
+        ))
+    })?;
+    pixels.fill(Color::WHITE);
+    let scale = SCALE as f32 / UNITS as f32;
+    let mut canvas = Canvas {
+        pixels,
+        place: Transform::from_scale(scale, scale),
+        fonts: [Font::new(false), Font::new(true)],
+    };
+    picture.calls.iter().for_each(|call| canvas.draw(call));
+    canvas.pixels.encode_png().map_err(io::Error::other)
+}
+
 /// The page while it is drawn.
-pub(super) struct Canvas {
+struct Canvas {
     pixels: Pixmap,
     /// From units of the page to pixels.
     place: Transform,
@@ -25,34 +48,10 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// A white page of this width and height (pixels of the page).
-    ///
-    /// # Errors
-    /// The page has no pixels, or too many.
-    pub(super) fn new((width, height): (u32, u32)) -> io::Result<Self> {
-        let pixels = Pixmap::new(width * SCALE, height * SCALE);
-        let mut pixels = pixels.ok_or_else(|| {
-            let size = format!("a picture of {width} by {height} pixels cannot be drawn as PNG");
-            io::Error::new(io::ErrorKind::InvalidInput, size)
-        })?;
-        pixels.fill(Color::WHITE);
-        let scale = SCALE as f32 / UNITS as f32;
-        Ok(Self {
-            pixels,
-            place: Transform::from_scale(scale, scale),
-            fonts: [Font::new(false), Font::new(true)],
-        })
-    }
-
-    pub(super) fn png(&self) -> io::Result<Vec<u8>> {
-        self.pixels.encode_png().map_err(io::Error::other)
-    }
-
-    pub(super) fn draw(&mut self, call: &Call) {
+    fn draw(&mut self, call: &Call) {
         match call {
             Call::Line(ends, style) => self.shape(through(ends, false), style),
-            Call::Path(points, style) => self.shape(through(points, false), style),
-            Call::Polygon(points, style) => self.shape(through(points, true), style),
+            Call::Path(points, style) => self.shape(through(points, style.filled), style),
             Call::Rectangle([from, to], style) => {
                 let [left, top, right, bottom] = [from.0, from.1, to.0, to.1].map(|at| at as f32);
                 let area = Rect::from_ltrb(left, top, right, bottom);
@@ -100,7 +99,7 @@ impl Canvas {
             FontTransform::Rotate90 => 90.0,
             FontTransform::Rotate180 => 180.0,
             FontTransform::Rotate270 => 270.0,
-            _ => 0.0,
+            FontTransform::None => 0.0,
         };
         // The text turns about its anchor.
         let base = self
