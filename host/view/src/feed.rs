@@ -73,20 +73,3 @@ pub trait Feed: Send {
     /// surfaces, `History`, the last frame with all vertices, and for a log `Playback`.
     fn present(&self) -> Vec<Message>;
 }
-
-/// Messages as a feed, for the tests of the displays.
-#[cfg(test)]
-pub(crate) struct Given<I>(pub(crate) I);
-
-#[cfg(test)]
-impl<I: Iterator<Item = Message> + Send> Feed for Given<I> {
-    fn next(&mut self, _wait: Duration) -> Result<Option<Message>, FeedError> {
-        Ok(self.0.next())
-    }
-
-    fn command(&mut self, _command: &Command) {}
-
-    fn present(&self) -> Vec<Message> {
-        Vec::new()
-    }
-}

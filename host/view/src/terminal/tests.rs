@@ -7,7 +7,7 @@ use super::lines::lines;
 use super::model::{Model, Over};
 use super::palette::{Colours, Palette};
 use super::{Ended, Options, collect, picture};
-use crate::feed::{Command, Given};
+use crate::feed::{Command, Feed, FeedError};
 use fuzz_rules::synthetic::Synthetic;
 use host::live::{
     Bins, BodyState, Event, EventKind, Folded, Frame, Hand, Hello, Message, Playback, Range,
@@ -18,9 +18,24 @@ use proptest::prelude::*;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 const SIZES: [(u16, u16); 4] = [(80, 24), (100, 30), (120, 40), (200, 60)];
+
+/// Messages as a feed.
+struct Given<I>(I);
+
+impl<I: Iterator<Item = Message> + Send> Feed for Given<I> {
+    fn next(&mut self, _wait: Duration) -> Result<Option<Message>, FeedError> {
+        Ok(self.0.next())
+    }
+
+    fn command(&mut self, _command: &Command) {}
+
+    fn present(&self) -> Vec<Message> {
+        Vec::new()
+    }
+}
 
 fn synthetic(frames: u64) -> Model {
     collect(&mut Given(Synthetic::new(frames).messages())).unwrap()
