@@ -10,6 +10,7 @@
 //! - [`mesh`], [`scene`]: the files of a person.
 //! - [`log`]: logs, and the messages from a run to its viewer.
 //! - [`changed`]: sound inputs, changed at random.
+//! - [`synthetic`]: a made-up run, for the tests of the viewer.
 
 pub mod changed;
 pub mod device;
@@ -22,6 +23,8 @@ pub mod report;
 pub mod scene;
 #[cfg(feature = "host")]
 pub mod sound;
+#[cfg(feature = "host")]
+pub mod synthetic;
 
 /// Checks the error of a reader: a person is shown one line.
 #[cfg(feature = "host")]

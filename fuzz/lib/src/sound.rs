@@ -1,9 +1,8 @@
 //! Sound logs and messages of each kind: the seeds of their fuzz targets, and what tests change.
 
+use crate::synthetic::Synthetic;
 use host::live::Message;
 use std::io::Cursor;
-use std::time::Duration;
-use view::feed::Feed;
 
 /// The bytes of a log that a change should leave alone: the text of its scene, which has a fuzzer of its own.
 pub fn scene_of(log: &[u8]) -> std::ops::Range<usize> {
@@ -154,15 +153,8 @@ hand = {}
 pub fn messages() -> Vec<Vec<u8>> {
     use host::live::frame::LogMessage;
     use host::live::{Event, Folded, Playback};
-    let mut messages = view::synthetic::Synthetic::new(2).present();
-    let mut feed = view::synthetic::Synthetic::new(1);
-    while let Ok(Some(message)) = feed.next(Duration::ZERO) {
-        let ends = matches!(message, Message::End(_));
-        messages.push(message);
-        if ends {
-            break;
-        }
-    }
+    // A hello, a surface, a frame and an end.
+    let mut messages: Vec<Message> = Synthetic::new(1).messages().take(4).collect();
     for message in &mut messages {
         match message {
             Message::Hello(hello) => {

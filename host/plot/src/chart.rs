@@ -4,6 +4,7 @@ use super::axis::{Axis, Scale};
 use super::ink::Role;
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
+use super::picture::Picture;
 
 const WIDTH: i32 = 720;
 const HEIGHT: i32 = 460;
@@ -28,7 +29,7 @@ pub struct Series {
 /// the number of omitted points.
 ///
 /// ```
-/// use plot::{Marker, Series, line_chart_svg};
+/// use plot::{Marker, Series, line_chart};
 ///
 /// let series = Series {
 ///     name: "linear".to_owned(),
@@ -36,17 +37,17 @@ pub struct Series {
 ///     marker: Marker::Circle,
 ///     ..Series::default()
 /// };
-/// let svg = line_chart_svg("Error", "Rate (Hz)", "Error (N)", true, true, &[series]);
-/// assert!(svg.contains("Rate (Hz)"));
+/// let picture = line_chart("Error", "Rate (Hz)", "Error (N)", true, true, &[series]);
+/// assert!(picture.svg().contains("Rate (Hz)"));
 /// ```
-pub fn line_chart_svg(
+pub fn line_chart(
     title: &str,
     x_label: &str,
     y_label: &str,
     log_x: bool,
     log_y: bool,
     series: &[Series],
-) -> String {
+) -> Picture {
     let points = || series.iter().flat_map(|s| s.points.iter());
     let ranges = series.iter().flat_map(|s| s.spread.iter().flatten());
     let x = points().map(|point| point.0).chain(ranges.copied());
@@ -58,7 +59,7 @@ pub fn line_chart_svg(
         x_label: Some(x_label),
         y_label,
     };
-    page::svg(WIDTH, HEIGHT, |area| draw(area, title, &axes, series))
+    page::picture(WIDTH, HEIGHT, |area| draw(area, title, &axes, series))
 }
 
 fn scale(logarithmic: bool) -> Scale {

@@ -4,19 +4,18 @@ use std::path::Path;
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
 
-use super::png::png;
+use super::picture::Picture;
 
-/// Writes the picture `svg`, which a function of this module drew, to `path`: as PNG if the name ends in `.png`, with two
-/// pixels for each pixel of the page, and as SVG otherwise.
+/// Writes the picture to `path`: as PNG if the name ends in `.png`, and as SVG otherwise.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_picture(path: &Path, svg: &str) -> Result<(), AtomicFileError> {
+pub fn write_picture(path: &Path, picture: &Picture) -> Result<(), AtomicFileError> {
     let ending = path.extension();
     if !ending.is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
-        return write_atomically(path, svg.as_bytes());
+        return write_atomically(path, picture.svg().as_bytes());
     }
-    let pixels = png(svg).map_err(|source| AtomicFileError {
+    let pixels = picture.png().map_err(|source| AtomicFileError {
         path: path.to_owned(),
         source,
     })?;
@@ -26,19 +25,19 @@ pub fn write_picture(path: &Path, svg: &str) -> Result<(), AtomicFileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::line_chart_svg;
+    use crate::line_chart;
 
     #[test]
     fn the_ending_selects_the_format() {
         let folder = tempfile::tempdir().expect("a folder");
-        let svg = line_chart_svg("a & b", "x", "y", false, false, &[]);
+        let picture = line_chart("a & b", "x", "y", false, false, &[]);
         let written = |name: &str| {
             let path = folder.path().join(name);
-            write_picture(&path, &svg).expect("written");
+            write_picture(&path, &picture).expect("written");
             std::fs::read(path).expect("there")
         };
         for name in ["x.svg", "x", "x.dat"] {
-            assert_eq!(written(name), svg.as_bytes(), "{name}");
+            assert_eq!(written(name), picture.svg().as_bytes(), "{name}");
         }
         for name in ["x.png", "x.PNG"] {
             let image = tiny_skia::Pixmap::decode_png(&written(name)).expect("a PNG");

@@ -3,10 +3,14 @@
 //! A PNG is drawn with it. An SVG names it first; if it is missing, the viewer takes Helvetica or Arial, whose letters
 //! are narrower. The widths here are therefore upper bounds for both, and the layout of a page relies on them.
 
+use plotters::style::text_anchor::VPos;
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 /// The families that an SVG names, in order of preference.
 pub(super) const FAMILIES: &str = "DejaVu Sans, Helvetica, Arial, sans-serif";
+
+/// `plotters` takes sizes of fonts as heights of lines, and its SVG backend divides them by this number.
+pub(super) const LINE_HEIGHT: f64 = 1.24;
 
 const BOOK: &[u8] = include_bytes!("font/DejaVuSans.ttf");
 const BOLD: &[u8] = include_bytes!("font/DejaVuSans-Bold.ttf");
@@ -42,13 +46,23 @@ impl Font {
     }
 
     /// The height of the letter x, as a fraction of the size of the font.
-    pub(super) fn x_height(&self) -> f64 {
+    fn x_height(&self) -> f64 {
         // The table of metrics of this font lacks the height.
         let face = self.0.as_ref();
         let outline = face.and_then(|face| face.glyph_bounding_box(self.glyph('x')));
         outline.zip(face).map_or(0.5, |(outline, face)| {
             f64::from(outline.y_max) / f64::from(face.units_per_em())
         })
+    }
+
+    /// The distance of the baseline below the anchor of a text, as a fraction of the size of the font, as the SVG backend
+    /// of `plotters` places it.
+    pub(super) fn baseline(&self, anchor: VPos) -> f64 {
+        match anchor {
+            VPos::Top => 0.76,
+            VPos::Center => 0.5 * self.x_height(),
+            VPos::Bottom => -0.5 * self.x_height(),
+        }
     }
 
     /// Calls `draw` for each glyph with its distance from the start and a function that writes its outline. Distances are

@@ -12,6 +12,7 @@ use super::direction::{first_usable, main_direction};
 use super::ink::Role;
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
+use super::picture::Picture;
 use super::reduce::usable;
 
 const WIDTH: i32 = 720;
@@ -126,8 +127,8 @@ fn opposite(label: &str) -> String {
 }
 
 /// Draws force against displacement, 720 by 480 pixels. What is not a number is left out.
-pub fn force_displacement_svg(title: &str, curves: &[LoadCurve]) -> String {
-    page::svg(WIDTH, HEIGHT, |area| draw(area, title, curves))
+pub fn force_displacement(title: &str, curves: &[LoadCurve]) -> Picture {
+    page::picture(WIDTH, HEIGHT, |area| draw(area, title, curves))
 }
 
 fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
@@ -325,7 +326,7 @@ mod tests {
             points,
         };
         let lines = |curve: LoadCurve| {
-            let svg = force_displacement_svg("test", &[curve]);
+            let svg = force_displacement("test", &[curve]).svg();
             assert!(svg.contains("Displacement along z (mm)"));
             let [full, pale] = [Role::Number(0).ink(0), Role::Number(0).ink(0).pale()]
                 .map(|ink| format!("#{:02X}{:02X}{:02X}", ink.color.0, ink.color.1, ink.color.2));
@@ -337,7 +338,7 @@ mod tests {
         assert_eq!(lines(curve(vec![(0.0, 0.0), (0.01, 2.0)])), (2, 0));
         let and_back = curve(vec![(0.0, 0.0), (0.01, 2.0), (0.0, 1.0)]);
         assert_eq!(lines(and_back), (2, 1));
-        let nothing = force_displacement_svg("test", &[curve(vec![(f64::NAN, 1.0)])]);
+        let nothing = force_displacement("test", &[curve(vec![(f64::NAN, 1.0)])]).svg();
         assert!(nothing.contains("no data"));
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures of runs and of benchmarks. A picture is drawn as SVG; a file of it is SVG or PNG.
+//! Pictures of runs and of benchmarks. A picture is drawn once, and written as SVG or PNG.
 
 pub mod atomic_file;
 mod axis;
@@ -13,6 +13,7 @@ mod lines;
 mod map;
 mod page;
 mod panels;
+mod picture;
 mod png;
 mod reduce;
 mod run;
@@ -20,18 +21,18 @@ mod still;
 mod view;
 
 pub use axis::Scale;
-pub use chart::{Series, line_chart_svg};
+pub use chart::{Series, line_chart};
 pub use collisions::collisions;
 pub use direction::Component;
 pub use file::write_picture;
-pub use force_displacement::{LoadCurve, force_displacement_svg};
+pub use force_displacement::{LoadCurve, force_displacement};
 pub use ink::Role;
-pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
+pub use map::{Map, MapCell, MapLine, MapPanel, map};
 pub use page::Marker;
-pub use panels::{Panel, panels_svg};
-pub use png::png;
-pub use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position_svg};
-pub use still::{Ribbons, StillPicture, still_svg};
+pub use panels::{Panel, panels};
+pub use picture::Picture;
+pub use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position};
+pub use still::{Ribbons, StillPicture, still};
 pub use view::{HandMark, Shape};
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ pub(super) fn draw(
     panel: &page::Panel,
     axes: [&Axis; 2],
     series: &[Series],
-) -> Result<bool, DrawingAreaErrorKind<std::io::Error>> {
+) -> Drawn<bool> {
     let mut drawn = false;
     for (i, one) in series.iter().enumerate() {
         let ink = one.role.ink(i);

@@ -6,6 +6,7 @@ use super::axis::Axis;
 use super::font::text_width;
 use super::ink::dashes;
 use super::page::{self, Area, Axes, Drawn, UNITS};
+use super::picture::Picture;
 
 /// Width and height of a panel with its labels (pixels).
 const PANEL: [i32; 2] = [300, 286];
@@ -90,8 +91,8 @@ pub struct Map {
     pub panels: Vec<MapPanel>,
 }
 
-/// Draws a page of maps, as SVG.
-pub fn map_svg(map: &Map) -> String {
+/// Draws a page of maps.
+pub fn map(map: &Map) -> Picture {
     let columns = map.panels.len().clamp(1, COLUMNS);
     let rows = map.panels.len().div_ceil(columns).max(1);
     let width = (PANEL[0] * columns as i32)
@@ -102,7 +103,7 @@ pub fn map_svg(map: &Map) -> String {
     let axes: Vec<[Axis; 2]> = map.panels.iter().map(axes).collect();
     let left = axes.iter().map(|[_, y]| page::left(y)).max();
     let left = left.unwrap_or(page::LEFT);
-    page::svg(width, height, |area| {
+    page::picture(width, height, |area| {
         let top = page::title(area, &map.title, &map.subtitle)?;
         legend(area, map, top + 12)?;
         for (k, (panel, axes)) in map.panels.iter().zip(&axes).enumerate() {

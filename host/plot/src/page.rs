@@ -1,7 +1,9 @@
-//! The page: an SVG of a given size with title, legend and panels. All drawings share this style.
+//! The page: a picture of a given size with title, legend and panels. All drawings share this style.
 //!
 //! The layout measures all text with the widest font that a viewer shows it in, so that no two texts collide and none is
 //! cut.
+
+use std::convert::Infallible;
 
 use plotters::chart::ChartContext;
 use plotters::coord::Shift;
@@ -10,11 +12,12 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axis::Axis;
-use super::font::{FAMILIES, text_width};
+use super::font::{FAMILIES, LINE_HEIGHT, text_width};
 use super::ink::{self, Ink, Role};
 use super::lines;
+use super::picture::{Picture, Recorder};
 
-/// Units per pixel. The SVG backend draws at whole units; several units per pixel keep lines smooth.
+/// Units per pixel. `plotters` draws at whole units; several units per pixel keep lines smooth.
 pub(super) const UNITS: i32 = 4;
 /// Least space left of a panel for its labels (pixels). Titles and legends begin there.
 pub(super) const LEFT: i32 = 64;
@@ -32,12 +35,12 @@ const MUTED: RGBColor = RGBColor(96, 96, 96);
 const GRID: RGBColor = RGBColor(228, 228, 228);
 const FRAME: RGBColor = RGBColor(150, 150, 150);
 
-/// The result of a drawing function. Drawing to a string cannot fail.
-pub(super) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+/// What a drawing function gives. The list of a picture takes every call.
+pub(super) type Drawn<T = ()> = Result<T, DrawingAreaErrorKind<Infallible>>;
 /// The whole page or a part of it.
-pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(super) type Area<'a> = DrawingArea<Recorder<'a>, Shift>;
 /// A panel with its two axes.
-pub(super) type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<Axis, Axis>>;
+pub(super) type Panel<'a, 'b> = ChartContext<'b, Recorder<'a>, Cartesian2d<Axis, Axis>>;
 
 /// Sizes of the fonts (pixels): the title, the titles of panels, other text, and the labels of ticks.
 const TITLE_SIZE: f64 = 16.0;
@@ -63,27 +66,21 @@ pub(super) fn zero_style() -> ShapeStyle {
 }
 
 /// Draws a page of `width` by `height` pixels on white.
-pub(super) fn svg(width: i32, height: i32, draw: impl FnOnce(&Area) -> Drawn) -> String {
-    let mut text = String::new();
-    let size = ((width * UNITS) as u32, (height * UNITS) as u32);
-    {
-        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        // Writing to a string cannot fail. An error would leave the page incomplete.
-        let _ = area
-            .fill(&WHITE)
-            .and_then(|()| draw(&area))
-            .and_then(|()| area.present());
-    }
-    let inner = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
-    // Without round joins, a noisy line would have long spikes.
-    let outer = format!("width=\"{width}\" height=\"{height}\" stroke-linejoin=\"round\"");
-    text.replacen(&inner, &outer, 1)
+pub(super) fn picture(width: i32, height: i32, draw: impl FnOnce(&Area) -> Drawn) -> Picture {
+    let mut picture = Picture {
+        size: (width as u32, height as u32),
+        calls: Vec::new(),
+    };
+    let area = Recorder(&mut picture).into_drawing_area();
+    // The list takes every call. Any other error would leave the page incomplete.
+    let _ = area.fill(&WHITE).and_then(|()| draw(&area));
+    drop(area);
+    picture
 }
 
 /// A font of `size` pixels.
 pub(super) fn font(size: f64) -> FontDesc<'static> {
-    // The backend treats sizes as line heights and divides them by 1.24.
-    (FAMILIES, size * 1.24 * f64::from(UNITS)).into_font()
+    (FAMILIES, size * LINE_HEIGHT * f64::from(UNITS)).into_font()
 }
 
 /// A line of `width` pixels.
@@ -175,11 +172,7 @@ fn filled(text: &str, size: f64, width: i32) -> Vec<String> {
 }
 
 /// Writes the title of a page and the smaller text under the title. Returns their height (pixels).
-pub(super) fn title(
-    area: &Area,
-    title: &str,
-    subtitle: &str,
-) -> Result<i32, DrawingAreaErrorKind<std::io::Error>> {
+pub(super) fn title(area: &Area, title: &str, subtitle: &str) -> Drawn<i32> {
     let width = area.dim_in_pixel().0 as i32 / UNITS;
     let most = width - LEFT - RIGHT;
     let bold = font(TITLE_SIZE).style(FontStyle::Bold);
@@ -313,12 +306,7 @@ pub(super) fn legend_height(width: i32, entries: &[Entry]) -> i32 {
 
 /// Writes the legend in rows of the page's `width`, downwards from `top`. Returns the height of the legend
 /// (pixels).
-pub(super) fn legend(
-    area: &Area,
-    width: i32,
-    top: i32,
-    entries: &[Entry],
-) -> Result<i32, DrawingAreaErrorKind<std::io::Error>> {
+pub(super) fn legend(area: &Area, width: i32, top: i32, entries: &[Entry]) -> Drawn<i32> {
     let (places, height) = legend_places(width, entries);
     for (entry, (x, y, name)) in entries.iter().zip(places) {
         let y = top + y;
@@ -371,10 +359,7 @@ fn right(x: &Axis) -> i32 {
 }
 
 /// Lays out a panel on `area`. The background of its grid can be drawn before [`grid`] is called.
-pub(super) fn panel<'a, 'b>(
-    area: &'b Area<'a>,
-    axes: &Axes,
-) -> Result<Panel<'a, 'b>, DrawingAreaErrorKind<std::io::Error>> {
+pub(super) fn panel<'a, 'b>(area: &'b Area<'a>, axes: &Axes) -> Drawn<Panel<'a, 'b>> {
     panel_with(area, axes, left(axes.y))
 }
 
@@ -383,7 +368,7 @@ pub(super) fn panel_with<'a, 'b>(
     area: &'b Area<'a>,
     axes: &Axes,
     left: i32,
-) -> Result<Panel<'a, 'b>, DrawingAreaErrorKind<std::io::Error>> {
+) -> Drawn<Panel<'a, 'b>> {
     let below = if axes.x_label.is_some() { BELOW } else { 0 };
     ChartBuilder::on(area)
         .set_label_area_size(LabelAreaPosition::Left, (left - 10) * UNITS)

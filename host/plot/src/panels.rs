@@ -4,6 +4,7 @@ use super::axis::{Axis, Scale};
 use super::chart::Series;
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, UNITS};
+use super::picture::Picture;
 
 /// Width and height of a panel (pixels), by the number of columns. No page is wider than a printed column can show.
 const SIZES: [[i32; 2]; 3] = [[720, 400], [410, 280], [300, 250]];
@@ -31,8 +32,8 @@ pub struct Panel {
     pub series: Vec<Series>,
 }
 
-/// Draws `panels` row by row, `columns` (one to three) in each row, as SVG. All panels have one size.
-pub fn panels_svg(title: &str, subtitle: &str, columns: usize, panels: &[Panel]) -> String {
+/// Draws `panels` row by row, `columns` (one to three) in each row. All panels have one size.
+pub fn panels(title: &str, subtitle: &str, columns: usize, panels: &[Panel]) -> Picture {
     let columns = columns.clamp(1, SIZES.len());
     let [panel_width, panel_height] = SIZES[columns - 1];
     let rows = panels.len().div_ceil(columns).max(1) as i32;
@@ -41,7 +42,7 @@ pub fn panels_svg(title: &str, subtitle: &str, columns: usize, panels: &[Panel])
     let panel_height = panel_height + if titled { TITLE } else { 0 };
     let entries = entries(panels);
     let head = page::title_height(width, subtitle) + page::legend_height(width, &entries);
-    page::svg(width, head + panel_height * rows, |area| {
+    page::picture(width, head + panel_height * rows, |area| {
         let top = page::title(area, title, subtitle)?;
         page::legend(area, width, top, &entries)?;
         let axes: Vec<[Axis; 2]> = panels.iter().map(axes).collect();

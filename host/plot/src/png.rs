@@ -1,130 +1,42 @@
-//! A picture as PNG, drawn from the SVG of a page.
-//!
-//! It reads what the SVG backend of `plotters` writes, one element a line: rectangles, circles, lines, polylines, polygons
-//! and single lines of text, with absolute coordinates and opaque or translucent colours. The letters come from the font
-//! that the program contains, so that a picture is the same on every machine.
+//! The pixels of a picture.
 
 use std::io;
 
-use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
+use plotters::prelude::*;
+use plotters::style::text_anchor::HPos;
+use plotters_backend::{BackendColor, BackendCoord, BackendStyle};
 use tiny_skia::{
     Color, FillRule, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
-use super::font::Font;
+use super::font::{Font, LINE_HEIGHT};
+use super::page::UNITS;
+use super::picture::{Call, Picture};
 
 /// Pixels of the PNG for each pixel of the page: 300 to the inch if a page of 720 pixels is printed 12 cm wide.
-const SCALE: f32 = 2.0;
+const SCALE: u32 = 2;
 
-/// The picture `svg`, which a function of this module drew, as PNG: twice as large in each direction, on white.
+/// The picture as PNG, on white.
 ///
 /// # Errors
-/// The text is not a page of this module.
-pub fn png(svg: &str) -> io::Result<Vec<u8>> {
-    let mut reader = Reader::from_str(svg);
-    let mut page: Option<Canvas> = None;
-    let mut text: Option<(Attributes, String)> = None;
-    loop {
-        match reader.read_event().map_err(io::Error::other)? {
-            Event::Eof => break,
-            Event::Start(tag) | Event::Empty(tag) => {
-                let attributes = Attributes::read(&tag)?;
-                match (tag.name().as_ref(), &mut page) {
-                    ("svg", None) => page = Some(Canvas::new(&attributes)?),
-                    ("text", Some(_)) => text = Some((attributes, String::new())),
-                    (name, Some(canvas)) => canvas.draw(name, &attributes)?,
-                    _ => return Err(unknown("an element outside of the page")),
-                }
-            }
-            Event::Text(part) => {
-                if let Some((_, line)) = &mut text {
-                    line.push_str(&part);
-                }
-            }
-            Event::GeneralRef(name) => {
-                if let Some((_, line)) = &mut text {
-                    line.push_str(&entity(&name)?);
-                }
-            }
-            Event::End(tag) if tag.name().as_ref() == "text" => {
-                if let Some(((attributes, line), canvas)) = text.take().zip(page.as_mut()) {
-                    canvas.write(line.trim(), &attributes)?;
-                }
-            }
-            _ => {}
-        }
-    }
-    let canvas = page.ok_or_else(|| unknown("no page"))?;
+/// The page has no pixels, or too many.
+pub(super) fn png(picture: &Picture) -> io::Result<Vec<u8>> {
+    let (width, height) = picture.size;
+    let pixels = Pixmap::new(width * SCALE, height * SCALE);
+    let mut pixels = pixels.ok_or_else(|| {
+        io::Error::other(format!(
+            "a PNG cannot show a page of {width} by {height} pixels"
+        ))
+    })?;
+    pixels.fill(Color::WHITE);
+    let scale = SCALE as f32 / UNITS as f32;
+    let mut canvas = Canvas {
+        pixels,
+        place: Transform::from_scale(scale, scale),
+        fonts: [Font::new(false), Font::new(true)],
+    };
+    picture.calls.iter().for_each(|call| canvas.draw(call));
     canvas.pixels.encode_png().map_err(io::Error::other)
-}
-
-fn unknown(what: &str) -> io::Error {
-    io::Error::new(
-        io::ErrorKind::InvalidData,
-        format!("cannot draw the picture: {what}"),
-    )
-}
-
-/// The character that a name such as `lt` stands for.
-fn entity(name: &quick_xml::events::BytesRef) -> io::Result<String> {
-    if let Some(c) = name.resolve_char_ref().map_err(io::Error::other)? {
-        return Ok(c.to_string());
-    }
-    quick_xml::escape::resolve_predefined_entity(name)
-        .map(str::to_owned)
-        .ok_or_else(|| unknown("an unknown entity"))
-}
-
-/// The attributes of an element.
-struct Attributes(Vec<(String, String)>);
-
-impl Attributes {
-    fn read(tag: &BytesStart) -> io::Result<Self> {
-        let all = tag.attributes().map(|one| {
-            let one = one.map_err(io::Error::other)?;
-            Ok((one.key.as_ref().to_owned(), one.value.into_owned()))
-        });
-        all.collect::<io::Result<_>>().map(Self)
-    }
-
-    fn text(&self, name: &str) -> Option<&str> {
-        let found = self.0.iter().find(|(key, _)| key == name);
-        found.map(|(_, value)| value.as_str())
-    }
-
-    fn number(&self, name: &str) -> io::Result<f32> {
-        let value = self.text(name).and_then(|value| value.parse().ok());
-        value.ok_or_else(|| unknown(&format!("no number {name}")))
-    }
-
-    /// The colour of `fill` or `stroke`; `None` if it is not drawn.
-    fn paint(&self, name: &str) -> io::Result<Option<Paint<'static>>> {
-        let hex = match self.text(name) {
-            None | Some("none") => return Ok(None),
-            Some(value) => value.strip_prefix('#').filter(|hex| hex.len() == 6),
-        };
-        let value = hex.and_then(|hex| u32::from_str_radix(hex, 16).ok());
-        let value = value.ok_or_else(|| unknown("a colour in another form than #RRGGBB"))?;
-        let opacity = self.number("opacity").unwrap_or(1.0).clamp(0.0, 1.0);
-        let [_, red, green, blue] = value.to_be_bytes();
-        let mut paint = Paint::default();
-        paint.set_color_rgba8(red, green, blue, (255.0 * opacity).round() as u8);
-        Ok(Some(paint))
-    }
-
-    /// The points of a polyline or a polygon.
-    fn points(&self) -> io::Result<Vec<(f32, f32)>> {
-        let text = self.text("points").unwrap_or_default();
-        let point = |pair: &str| {
-            let (x, y) = pair.split_once(',')?;
-            x.parse().ok().zip(y.parse().ok())
-        };
-        let points = text.split_ascii_whitespace().map(point);
-        points
-            .collect::<Option<_>>()
-            .ok_or_else(|| unknown("a point in another form than x,y"))
-    }
 }
 
 /// The page while it is drawn.
@@ -136,90 +48,64 @@ struct Canvas {
 }
 
 impl Canvas {
-    fn new(attributes: &Attributes) -> io::Result<Self> {
-        let size = [
-            attributes.number("width")? * SCALE,
-            attributes.number("height")? * SCALE,
-        ];
-        let view: Vec<f32> = attributes
-            .text("viewBox")
-            .unwrap_or_default()
-            .split_ascii_whitespace()
-            .filter_map(|number| number.parse().ok())
-            .collect();
-        let [_, _, width, height] = view[..] else {
-            return Err(unknown("no viewBox"));
-        };
-        let pixels = Pixmap::new(size[0].round() as u32, size[1].round() as u32);
-        let mut pixels = pixels.ok_or_else(|| unknown("its size"))?;
-        pixels.fill(Color::WHITE);
-        Ok(Self {
-            pixels,
-            place: Transform::from_scale(size[0] / width, size[1] / height),
-            fonts: [Font::new(false), Font::new(true)],
-        })
+    fn draw(&mut self, call: &Call) {
+        match call {
+            Call::Line(ends, style) => self.shape(through(ends, false), style),
+            Call::Path(points, style) => self.shape(through(points, style.filled), style),
+            Call::Rectangle([from, to], style) => {
+                let [left, top, right, bottom] = [from.0, from.1, to.0, to.1].map(|at| at as f32);
+                let area = Rect::from_ltrb(left, top, right, bottom);
+                self.shape(area.map(PathBuilder::from_rect), style);
+            }
+            Call::Circle((x, y), radius, style) => {
+                let path = PathBuilder::from_circle(*x as f32, *y as f32, *radius as f32);
+                self.shape(path, style);
+            }
+            Call::Text(text, at, style) => self.write(text, *at, style),
+        }
     }
 
-    fn draw(&mut self, name: &str, attributes: &Attributes) -> io::Result<()> {
-        let number = |name| attributes.number(name);
-        let path = match name {
-            "rect" => {
-                // A rectangle without area is not drawn.
-                Rect::from_xywh(
-                    number("x")?,
-                    number("y")?,
-                    number("width")?,
-                    number("height")?,
-                )
-                .map(PathBuilder::from_rect)
-            }
-            "circle" => PathBuilder::from_circle(number("cx")?, number("cy")?, number("r")?),
-            "line" => through(
-                &[
-                    (number("x1")?, number("y1")?),
-                    (number("x2")?, number("y2")?),
-                ],
-                false,
-            ),
-            "polyline" => through(&attributes.points()?, false),
-            "polygon" => through(&attributes.points()?, true),
-            other => return Err(unknown(other)),
-        };
-        let Some(path) = path else { return Ok(()) };
-        if let Some(paint) = attributes.paint("fill")? {
+    /// Draws a shape. A path without an extent is not drawn.
+    fn shape(&mut self, path: Option<Path>, style: &ShapeStyle) {
+        let Some(path) = path else { return };
+        let paint = paint(BackendStyle::color(style));
+        if style.filled {
             self.pixels
                 .fill_path(&path, &paint, FillRule::Winding, self.place, None);
-        }
-        if let Some(paint) = attributes.paint("stroke")? {
+        } else {
             let stroke = Stroke {
-                width: attributes.number("stroke-width").unwrap_or(1.0),
+                width: style.stroke_width as f32,
                 line_join: LineJoin::Round,
                 ..Stroke::default()
             };
             self.pixels
                 .stroke_path(&path, &paint, &stroke, self.place, None);
         }
-        Ok(())
     }
 
-    fn write(&mut self, text: &str, attributes: &Attributes) -> io::Result<()> {
-        let Some(paint) = attributes.paint("fill")? else {
-            return Ok(());
-        };
-        let bold = attributes.text("font-weight") == Some("bold");
+    fn write(&mut self, text: &str, (x, y): BackendCoord, style: &TextStyle) {
+        let paint = paint(style.color);
+        let bold = matches!(style.font.get_style(), FontStyle::Bold);
         let font = &self.fonts[usize::from(bold)];
-        let (x, y) = (attributes.number("x")?, attributes.number("y")?);
-        let size = attributes.number("font-size")?;
+        let size = (style.font.get_size() / LINE_HEIGHT) as f32;
         let width = size * font.width(text) as f32;
-        let left = match attributes.text("text-anchor") {
-            Some("middle") => -0.5 * width,
-            Some("end") => -width,
-            _ => 0.0,
+        let left = match style.pos.h_pos {
+            HPos::Left => 0.0,
+            HPos::Center => -0.5 * width,
+            HPos::Right => -width,
         };
-        let down = size * shift(attributes.text("dy").unwrap_or("0em"), font)?;
-        let turn = turn(attributes.text("transform"))?;
-        // The transform turns about the anchor of the text.
-        let base = self.place.pre_translate(x, y).pre_rotate(turn);
+        let down = size * font.baseline(style.pos.v_pos) as f32;
+        let turn = match style.font.get_transform() {
+            FontTransform::Rotate90 => 90.0,
+            FontTransform::Rotate180 => 180.0,
+            FontTransform::Rotate270 => 270.0,
+            FontTransform::None => 0.0,
+        };
+        // The text turns about its anchor.
+        let base = self
+            .place
+            .pre_translate(x as f32, y as f32)
+            .pre_rotate(turn);
         let pixels = &mut self.pixels;
         font.outlines(text, |at, units, outline| {
             let mut glyph = Glyph(PathBuilder::new());
@@ -231,45 +117,29 @@ impl Canvas {
                 .pre_scale(scale, -scale);
             pixels.fill_path(&path, &paint, FillRule::Winding, place, None);
         });
-        Ok(())
     }
 }
 
-fn through(points: &[(f32, f32)], closed: bool) -> Option<Path> {
+fn paint(color: BackendColor) -> Paint<'static> {
+    let (red, green, blue) = color.rgb;
+    let opacity = color.alpha.clamp(0.0, 1.0) as f32;
+    let mut paint = Paint::default();
+    paint.set_color_rgba8(red, green, blue, (255.0 * opacity).round() as u8);
+    paint
+}
+
+fn through(points: &[BackendCoord], closed: bool) -> Option<Path> {
     let mut path = PathBuilder::new();
     for (k, (x, y)) in points.iter().enumerate() {
         match k {
-            0 => path.move_to(*x, *y),
-            _ => path.line_to(*x, *y),
+            0 => path.move_to(*x as f32, *y as f32),
+            _ => path.line_to(*x as f32, *y as f32),
         }
     }
     if closed {
         path.close();
     }
     path.finish()
-}
-
-/// The shift of a baseline below its anchor, as a fraction of the size of the font.
-fn shift(dy: &str, font: &Font) -> io::Result<f32> {
-    let (number, unit) = dy
-        .strip_suffix("ex")
-        .map(|number| (number, font.x_height() as f32))
-        .or_else(|| dy.strip_suffix("em").map(|number| (number, 1.0)))
-        .ok_or_else(|| unknown("a shift of text"))?;
-    let number: f32 = number.parse().map_err(io::Error::other)?;
-    Ok(number * unit)
-}
-
-/// The angle (degrees) of `rotate(angle, x, y)`.
-fn turn(transform: Option<&str>) -> io::Result<f32> {
-    let Some(transform) = transform else {
-        return Ok(0.0);
-    };
-    transform
-        .strip_prefix("rotate(")
-        .and_then(|rest| rest.split(',').next())
-        .and_then(|angle| angle.parse().ok())
-        .ok_or_else(|| unknown("a transform other than rotate"))
 }
 
 /// The outline of a letter.
@@ -299,16 +169,16 @@ impl ttf_parser::OutlineBuilder for Glyph {
 
 #[cfg(test)]
 mod tests {
+    use plotters::style::Color as _;
+    use plotters::style::text_anchor::{Pos, VPos};
+
     use super::*;
-    use tiny_skia::Pixmap;
+    use crate::page::{self, Area, Drawn};
 
     /// A page of 20 by 10 pixels, four units to a pixel.
-    fn pixels(inside: &str) -> Pixmap {
-        let svg = format!(
-            "<svg width=\"20\" height=\"10\" viewBox=\"0 0 80 40\" xmlns=\"http://www.w3.org/2000/svg\">\n{inside}</svg>\n"
-        );
-        let decoded = Pixmap::decode_png(&png(&svg).expect("a picture"));
-        decoded.expect("a PNG")
+    fn pixels(draw: impl FnOnce(&Area) -> Drawn) -> Pixmap {
+        let png = page::picture(20, 10, draw).png();
+        Pixmap::decode_png(&png.expect("a picture")).expect("a PNG")
     }
 
     fn at(pixels: &Pixmap, x: u32, y: u32) -> [u8; 3] {
@@ -317,12 +187,16 @@ mod tests {
     }
 
     #[test]
-    fn shapes_are_where_the_svg_has_them() {
-        let drawn = pixels(
-            "<rect x=\"0\" y=\"0\" width=\"40\" height=\"20\" opacity=\"1\" fill=\"#FF0000\" stroke=\"none\"/>\n\
-             <polygon opacity=\"0.5\" fill=\"#000000\" points=\"40,0 80,0 80,20 40,20 \"/>\n\
-             <polyline fill=\"none\" opacity=\"1\" stroke=\"#0000FF\" stroke-width=\"8\" points=\"0,30 80,30 \"/>\n",
-        );
+    fn shapes_are_where_the_page_has_them() {
+        let drawn = pixels(|area| {
+            area.draw(&Rectangle::new([(0, 0), (40, 20)], RED.filled()))?;
+            let corners = vec![(40, 0), (80, 0), (80, 20), (40, 20)];
+            area.draw(&Polygon::new(corners, BLACK.mix(0.5)))?;
+            area.draw(&PathElement::new(
+                [(0, 30), (80, 30)],
+                page::stroke(BLUE, 2.0),
+            ))
+        });
         assert_eq!((drawn.width(), drawn.height()), (40, 20));
         assert_eq!(at(&drawn, 10, 5), [255, 0, 0]);
         let half = at(&drawn, 30, 5);
@@ -334,11 +208,12 @@ mod tests {
 
     #[test]
     fn text_has_its_anchor_and_its_turn() {
-        let text = |anchor: &str, turn: &str| {
-            let drawn = pixels(&format!(
-                "<text x=\"40\" y=\"20\" dy=\"0.5ex\" text-anchor=\"{anchor}\" font-family=\"any\" font-size=\"40\" \
-                 opacity=\"1\" fill=\"#000000\"{turn}>\n&amp;\n</text>\n"
-            ));
+        let text = |anchor, turn| {
+            let drawn = pixels(|area| {
+                let font = page::font(10.0).transform(turn);
+                let style = TextStyle::from(font).pos(Pos::new(anchor, VPos::Center));
+                area.draw(&Text::new("&", (40, 20), style))
+            });
             let mut ink = [0, 0, 0, 0];
             for (x, y) in (0..40).flat_map(|x| (0..20).map(move |y| (x, y))) {
                 if at(&drawn, x, y)[0] < 128 {
@@ -350,25 +225,17 @@ mod tests {
             }
             ink
         };
-        let [left, right, ..] = text("start", "");
+        let [left, right, ..] = text(HPos::Left, FontTransform::None);
         assert!(left == 0 && right > 20, "{left} {right}");
-        let [left, right, ..] = text("end", "");
+        let [left, right, ..] = text(HPos::Right, FontTransform::None);
         assert!(left > 20 && right == 0, "{left} {right}");
         // Turned by a quarter against the clock about its start, it goes upwards.
-        let [_, _, up, down] = text("start", " transform=\"rotate(270, 40, 20)\"");
+        let [_, _, up, down] = text(HPos::Left, FontTransform::Rotate270);
         assert!(up > 20 && down == 0, "{up} {down}");
     }
 
     #[test]
-    fn what_a_page_does_not_hold_is_refused() {
-        for svg in [
-            "",
-            "no page",
-            "<svg width=\"2\" height=\"2\" viewBox=\"0 0 8 8\"><ellipse/></svg>",
-            "<svg width=\"2\" height=\"2\"></svg>",
-            "<svg width=\"2\" height=\"2\" viewBox=\"0 0 8 8\"><circle cx=\"1\"/></svg>",
-        ] {
-            assert!(png(svg).is_err(), "{svg}");
-        }
+    fn a_page_without_pixels_is_refused() {
+        assert!(page::picture(0, 10, |_| Ok(())).png().is_err());
     }
 }

@@ -12,6 +12,7 @@ use super::direction::{Component, Direction, first_usable, main_direction};
 use super::ink::{self, Role};
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
+use super::picture::Picture;
 use super::reduce::{reduce, usable};
 
 const WIDTH: i32 = 800;
@@ -125,12 +126,12 @@ impl Cause {
 
 /// Draws force and displacement of all devices over time, 800 by 560 pixels. Values that are not numbers
 /// are left out.
-pub fn force_and_position_svg(data: &PlotData) -> String {
+pub fn force_and_position(data: &PlotData) -> Picture {
     let devices = data.devices.iter();
     let devices: Vec<_> = devices
         .map(|series| Trace::new(series, data.component))
         .collect();
-    page::svg(WIDTH, HEIGHT, |area| draw(area, data, &devices))
+    page::picture(WIDTH, HEIGHT, |area| draw(area, data, &devices))
 }
 
 /// One device along its direction.

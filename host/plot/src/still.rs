@@ -6,6 +6,7 @@ use super::axis::Axis;
 use super::ink::{self, Ink, Role};
 use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker, UNITS};
+use super::picture::Picture;
 use super::reduce::usable;
 use super::view::{self, HandMark, Shape};
 
@@ -48,14 +49,14 @@ pub struct Ribbons {
     pub curves: Vec<Vec<[f64; 3]>>,
 }
 
-/// Draws a still as SVG, 900 pixels wide. Numbers that are not finite are left out.
-pub fn still_svg(still: &StillPicture) -> String {
+/// Draws a still, 900 pixels wide. Numbers that are not finite are left out.
+pub fn still(still: &StillPicture) -> Picture {
     let entries = entries(still);
     let head = page::title_height(WIDTH, &still.subtitle) + page::legend_height(WIDTH, &entries);
     let rows = still.states.iter().map(Vec::len).max().unwrap_or_default() as i32;
     let below = head + HEIGHT + AROUND_ROWS;
     let height = below + ROW * rows + AROUND_ROWS;
-    page::svg(WIDTH, height, |area| {
+    page::picture(WIDTH, height, |area| {
         let top = page::title(area, &still.title, &still.subtitle)?;
         page::legend(area, WIDTH, top, &entries)?;
         let place = [20, head, VIEW - 20, HEIGHT];

@@ -1,6 +1,6 @@
 use super::{
-    Cause, Component, DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, Panel, PlotData,
-    Role, Scale, Series, collisions, force_and_position_svg, line_chart_svg, map_svg, panels_svg,
+    Cause, Component, DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, Panel, Picture,
+    PlotData, Role, Scale, Series, collisions, force_and_position, line_chart, map, panels,
 };
 
 /// Two hands that pull apart for `samples` ms, with noise.
@@ -35,26 +35,26 @@ fn stretch(samples: u32) -> PlotData {
 }
 
 /// Asserts that a page is well-formed: every tag is closed and every number is finite.
-fn check(svg: &str) {
+fn check(picture: &Picture) -> String {
+    let svg = picture.svg();
     assert!(svg.starts_with("<svg width=\"") && svg.trim_end().ends_with("</svg>"));
     assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
     let count = |tag: &str| svg.matches(tag).count();
     assert_eq!(count("<text"), count("</text>"));
     assert_eq!(count("<"), count(">"));
     assert!(!svg.chars().any(|c| c.is_control() && c != '\n'));
-    assert_eq!(collisions(svg), [""; 0]);
+    assert_eq!(collisions(picture), [""; 0]);
+    svg
 }
 
 #[test]
 fn a_run_is_drawn_along_the_axis_that_is_asked_for_or_by_its_norm() {
     // Pull along x, and a tenth of a newton along y.
     let drawn = |component| {
-        let svg = force_and_position_svg(&PlotData {
+        check(&force_and_position(&PlotData {
             component,
             ..stretch(1000)
-        });
-        check(&svg);
-        svg
+        }))
     };
     let along = drawn(Component::Axis(1));
     assert!(along.contains("Force along y (N)"), "{along}");
@@ -72,8 +72,7 @@ fn a_run_is_drawn_along_the_axis_that_is_asked_for_or_by_its_norm() {
 
 #[test]
 fn a_run_shows_names_units_and_marks() {
-    let svg = force_and_position_svg(&stretch(1000));
-    check(&svg);
+    let svg = check(&force_and_position(&stretch(1000)));
     assert!(svg.starts_with(
         "<svg width=\"800\" height=\"560\" stroke-linejoin=\"round\" viewBox=\"0 0 3200 2240\""
     ));
@@ -97,7 +96,7 @@ fn devices_in_several_directions_name_theirs() {
     for force in &mut data.devices[1].force {
         *force = [0.0, 0.0, 2.0];
     }
-    let svg = force_and_position_svg(&data);
+    let svg = force_and_position(&data).svg();
     assert!(svg.contains("left hand, along x") && svg.contains("right hand, along z"));
 }
 
@@ -114,8 +113,7 @@ fn ten_minutes_of_four_devices_stay_small() {
             of: String::new(),
         });
     }
-    let svg = force_and_position_svg(&data);
-    check(&svg);
+    let svg = check(&force_and_position(&data));
     // Two points in each of 718 columns of two panels, for four devices, and about 30 bytes a point; the lines of three
     // devices are dashed, and each dash repeats its style.
     assert!(svg.len() < 1_000_000, "{} bytes", svg.len());
@@ -124,8 +122,8 @@ fn ten_minutes_of_four_devices_stay_small() {
 #[test]
 fn equal_data_gives_equal_bytes() {
     assert_eq!(
-        force_and_position_svg(&stretch(500)),
-        force_and_position_svg(&stretch(500))
+        force_and_position(&stretch(500)).svg(),
+        force_and_position(&stretch(500)).svg()
     );
 }
 
@@ -169,7 +167,7 @@ fn any_data_gives_a_picture() {
     short.devices[1].position.clear();
     let single = stretch(1);
     for data in [nothing, constant, faulty, all_faulty, short, single] {
-        check(&force_and_position_svg(&data));
+        check(&force_and_position(&data));
     }
 }
 
@@ -191,15 +189,20 @@ fn a_chart_shows_its_labels_and_counts_the_points_that_it_omits() {
     ];
     for (log_x, log_y) in [(true, true), (false, true), (true, false), (false, false)] {
         // Labels of axes begin with capitals, whoever wrote them.
-        let svg = line_chart_svg("Error", "rate (Hz)", "error (N)", log_x, log_y, &series);
-        check(&svg);
+        let svg = check(&line_chart(
+            "Error",
+            "rate (Hz)",
+            "error (N)",
+            log_x,
+            log_y,
+            &series,
+        ));
         for text in ["Error (N)", "Rate (Hz)", "hold", "linear (1 not drawn)"] {
             assert!(svg.contains(text), "{text}");
         }
         assert_eq!(svg.contains("hold (1 not drawn)"), log_y);
     }
-    let svg = line_chart_svg("", "", "", true, true, &[]);
-    check(&svg);
+    let svg = check(&line_chart("", "", "", true, true, &[]));
     assert!(svg.contains("no data"));
 }
 
@@ -227,7 +230,7 @@ fn a_map_shows_cells_lines_points_and_its_scale() {
             points: vec![(1.0, 85.0)],
         },
     };
-    let map = Map {
+    let page = Map {
         title: "walls".to_owned(),
         x_label: "damping".to_owned(),
         y_label: "stiffness".to_owned(),
@@ -238,8 +241,7 @@ fn a_map_shows_cells_lines_points_and_its_scale() {
         panels: vec![panel("falcon"), panel("touch"), panel("a"), panel("b")],
         ..Map::default()
     };
-    let svg = map_svg(&map);
-    check(&svg);
+    let svg = check(&map(&page));
     for text in [
         "walls",
         "falcon",
@@ -254,13 +256,11 @@ fn a_map_shows_cells_lines_points_and_its_scale() {
     }
     // Each point has two circles. One point of each panel lies outside. The legend has a mark for each line.
     assert_eq!(svg.matches("<circle").count(), 2 * (4 * 2 + 2));
-    let empty = map_svg(&Map::default());
-    check(&empty);
-    let nothing = map_svg(&Map {
+    check(&map(&Map::default()));
+    let nothing = check(&map(&Map {
         panels: vec![MapPanel::default()],
         ..Map::default()
-    });
-    check(&nothing);
+    }));
     assert!(nothing.contains("no data"));
 }
 
@@ -279,8 +279,7 @@ fn causes_that_act_at_one_time_are_below_each_other_and_name_what_they_acted_on(
         mark(Cause::Limited, "left hand", 0.2, 0.3),
         mark(Cause::Capped, "organ", 0.2, 0.8),
     ];
-    let svg = force_and_position_svg(&data);
-    check(&svg);
+    let svg = check(&force_and_position(&data));
     for text in [
         "force capped: sheet, organ",
         "force or slew limited: left hand",
@@ -317,7 +316,7 @@ fn texts_of_any_length_keep_to_the_page() {
     for (k, position) in data.devices[0].position.iter_mut().enumerate() {
         position[0] = 1e4 * k as f64;
     }
-    check(&force_and_position_svg(&data));
+    check(&force_and_position(&data));
     let series = Series {
         name: long.clone(),
         points: vec![(1e-7, 123_456.0), (3e9, 123_456.5)],
@@ -325,7 +324,7 @@ fn texts_of_any_length_keep_to_the_page() {
         ..Series::default()
     };
     for (log_x, log_y) in [(true, true), (false, false)] {
-        check(&line_chart_svg(
+        check(&line_chart(
             &long,
             "x",
             "y",
@@ -344,7 +343,7 @@ fn texts_of_any_length_keep_to_the_page() {
             x_covers: vec![5e-4, 1.1e-3],
             ..Panel::default()
         };
-        check(&panels_svg(&long, &long, columns, &vec![panel; 4]));
+        check(&panels(&long, &long, columns, &vec![panel; 4]));
     }
 }
 
@@ -363,10 +362,9 @@ fn zero_is_drawn_as_zero_and_one_value_is_data() {
             }],
             ..Panel::default()
         };
-        panels_svg("Energy", "", 2, &[panel])
+        check(&panels("Energy", "", 2, &[panel]))
     };
     let all_zero = panel(vec![(0.0, 0.0), (0.0, 1.0)]);
-    check(&all_zero);
     assert!(!all_zero.contains("no data") && all_zero.contains("\n0\n"));
     let one = panel(vec![(5.0, 1.0)]);
     assert!(!one.contains("no data") && one.contains("<circle"));
@@ -382,7 +380,7 @@ fn curves_that_coincide_show_each_other() {
         role: Role::Scheme(name),
         ..Series::default()
     });
-    let svg = line_chart_svg("Schemes", "x", "y", false, false, &series);
+    let svg = line_chart("Schemes", "x", "y", false, false, &series).svg();
     // Length of the strokes of each colour: the lower line is whole, and those above it leave gaps.
     let inked = |color: &str| -> f64 {
         let strokes = svg

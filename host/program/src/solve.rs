@@ -92,8 +92,8 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         write_atomically(path, solution.csv().as_bytes())
     });
     let curves = written.write(arguments.force_displacement.as_ref(), |path| {
-        let svg = plot::force_displacement_svg(&solution.scene, &solution.load_curves());
-        plot::write_picture(path, &svg)
+        let picture = plot::force_displacement(&solution.scene, &solution.load_curves());
+        plot::write_picture(path, &picture)
     });
     let json = written.write(arguments.json.as_ref(), |path| write_json(path, &solution));
     let list = frames.map(|folder| folder.list_file());
@@ -120,7 +120,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
 const MOST_LINES: usize = 8;
 
 /// A chart of the norm of each reaction over the steps.
-fn chart(solution: &Solution) -> String {
+fn chart(solution: &Solution) -> plot::Picture {
     let mut series = Vec::new();
     for body in &solution.bodies {
         for (index, reaction) in body.reactions.iter().enumerate() {
@@ -148,5 +148,5 @@ fn chart(solution: &Solution) -> String {
         Analysis::Dynamic => "Time (s)",
     };
     let title = format!("Reactions: {}", solution.scene);
-    plot::line_chart_svg(&title, x, "Force (N)", false, false, &series)
+    plot::line_chart(&title, x, "Force (N)", false, false, &series)
 }

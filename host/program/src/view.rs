@@ -12,18 +12,15 @@ use ::view::feed::{Command, Feed, FeedError};
 use ::view::foxglove::{self, FoxgloveError};
 use ::view::live::{LiveError, LiveFeed, LiveOptions};
 use ::view::playback::{Player, PlayerError};
-use ::view::synthetic::Synthetic;
 use ::view::terminal::palette::{Colours, Palette};
 use ::view::terminal::{self, Ended, Options, TerminalError, draw, keys, lines, picture};
 use ::view::web::{self, WebError};
 use host::atomic_file::{AtomicFileError, write_atomically};
-use host::live::Message;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
 
 /// The signals that end a viewer.
 const SIGNALS: [i32; 4] = [SIGTERM, SIGHUP, SIGINT, SIGQUIT];
@@ -91,9 +88,6 @@ pub(super) struct ViewArguments {
     /// Compute the stresses of the bodies, in this process
     #[arg(long)]
     stress: bool,
-    /// A computed feed of this many frames, for tests
-    #[arg(long, value_name = "FRAMES", hide = true, conflicts_with_all = ["log", "socket"])]
-    synthetic: Option<u64>,
     /// The run has the same terminal
     #[arg(long, hide = true)]
     attached: bool,
@@ -191,15 +185,6 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
 
 /// The feed that the arguments name.
 fn feed(arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
-    if let Some(frames) = arguments.synthetic {
-        let in_time = arguments.terminal_picture.is_none();
-        return Ok(Box::new(Paced {
-            feed: Synthetic::new(frames),
-            next: None,
-            begun: Instant::now(),
-            in_time,
-        }));
-    }
     match &arguments.log {
         Some(log) => playback(log, arguments),
         None => live(arguments),
@@ -297,7 +282,7 @@ fn write_still(arguments: &ViewArguments) -> Result<(), CommandError> {
     let shown = model.shown().ok_or(ViewError::NoMoment)?;
     let still = shown.still();
     if let Some(path) = &arguments.plot {
-        host::plot::write_picture(path, &still.svg())?;
+        host::plot::write_picture(path, &still.picture())?;
     }
     if let Some(path) = &arguments.csv {
         write_atomically(path, still.vertices_csv().as_bytes())?;
@@ -365,41 +350,6 @@ impl io::Write for Printed {
 
     fn flush(&mut self) -> io::Result<()> {
         io::stdout().flush()
-    }
-}
-
-/// A computed feed at the pace of its own time.
-struct Paced {
-    feed: Synthetic,
-    next: Option<Message>,
-    begun: Instant,
-    in_time: bool,
-}
-
-impl Feed for Paced {
-    fn next(&mut self, wait: Duration) -> Result<Option<Message>, FeedError> {
-        if self.next.is_none() {
-            self.next = self.feed.next(wait)?;
-        }
-        if let Some(Message::Frame(frame)) = &self.next
-            && self.in_time
-        {
-            let due = Duration::from_nanos(frame.time_ns);
-            let early = due.saturating_sub(self.begun.elapsed());
-            std::thread::sleep(early.min(wait));
-            if early > wait {
-                return Ok(None);
-            }
-        }
-        Ok(self.next.take())
-    }
-
-    fn command(&mut self, command: &Command) {
-        self.feed.command(command);
-    }
-
-    fn present(&self) -> Vec<Message> {
-        self.feed.present()
     }
 }
 

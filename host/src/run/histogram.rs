@@ -4,7 +4,7 @@
 //! longer) than a time. A rare long delay, which a histogram with linear axes hides, stands at the right end.
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::plot::{Role, Series, line_chart_svg, write_picture};
+use crate::plot::{Picture, Role, Series, line_chart, write_picture};
 use crate::scene::Scene;
 use crate::table::quoted;
 use runner::latency::{Latencies, LatencyHistogram};
@@ -77,7 +77,7 @@ fn table(all: &[(String, &LatencyHistogram)]) -> String {
 }
 
 /// The fraction of values above a time, as a staircase on logarithmic axes, with a line at the period (us).
-fn picture(scene: &str, period: f64, all: &[(String, &LatencyHistogram)]) -> String {
+fn picture(scene: &str, period: f64, all: &[(String, &LatencyHistogram)]) -> Picture {
     let mut series: Vec<_> = all
         .iter()
         .map(|(name, histogram)| Series {
@@ -95,7 +95,7 @@ fn picture(scene: &str, period: f64, all: &[(String, &LatencyHistogram)]) -> Str
         ..Series::default()
     });
     let title = format!("{scene}: lateness and duration of the ticks");
-    line_chart_svg(
+    line_chart(
         &title,
         "Time (µs)",
         "Fraction of ticks above",
@@ -165,8 +165,9 @@ mod tests {
     #[test]
     fn the_picture_has_a_line_at_the_period() {
         let histogram = histogram();
-        let svg = picture("a", 1e3, &[("lateness".to_owned(), &histogram)]);
-        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let picture = picture("a", 1e3, &[("lateness".to_owned(), &histogram)]);
+        assert_eq!(plot::collisions(&picture), [""; 0]);
+        let svg = picture.svg();
         for text in ["Time (µs)", "lateness, 100 ticks", "period of the ticks"] {
             assert!(svg.contains(text), "{text}");
         }

@@ -1,7 +1,7 @@
 //! The force-displacement curve of each device as an observer, which draws the curves at the end of the run.
 
 use super::observer::{Observed, Observer};
-use crate::plot::{LoadCurve, force_displacement_svg, write_picture};
+use crate::plot::{LoadCurve, force_displacement, write_picture};
 use crate::scene::Scene;
 use rt_core::safety::SafetyState;
 use runner::link::LogRecord;
@@ -101,8 +101,8 @@ impl Observer for LoadCurveObserver {
         let devices = self.devices.iter();
         let curves = devices
             .map(|device| LoadCurve::of_motion(&device.name, &device.position, &device.force));
-        let svg = force_displacement_svg(&self.title, &curves.collect::<Vec<_>>());
-        if let Err(error) = write_picture(&self.path, &svg) {
+        let picture = force_displacement(&self.title, &curves.collect::<Vec<_>>());
+        if let Err(error) = write_picture(&self.path, &picture) {
             observed.failures.push(error.to_string());
             observed.unwritten.push(self.path);
         }

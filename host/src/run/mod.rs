@@ -430,8 +430,8 @@ fn write_files(
     };
     if let Some(path) = &options.plot {
         let data = report::plot_data(loaded, &ended.observed.collected, options.component);
-        let svg = plot::force_and_position_svg(&data);
-        note(summary, path, plot::write_picture(path, &svg));
+        let picture = plot::force_and_position(&data);
+        note(summary, path, plot::write_picture(path, &picture));
     }
     if let Some(path) = &options.histogram {
         let written = histogram::write(path, &loaded.scene, &ended.tick.latencies);

@@ -7,7 +7,7 @@ use crate::StudyError;
 use crate::compare::{Ran, run};
 use crate::stress::{Done, Study, Verdict};
 use crate::thin::thin;
-use host::plot::{self, Component, Panel, Role, Series};
+use host::plot::{self, Component, Panel, Picture, Role, Series};
 use host::run::tear_force::TearForce;
 use host::scene::spec::Rotation;
 use host::scene::{Field, LoadedScene, Override, SceneError};
@@ -195,7 +195,7 @@ impl Study for Sweep {
         }
     }
 
-    fn draw(&self, cells: &BTreeMap<u64, Swept>) -> Option<String> {
+    fn draw(&self, cells: &BTreeMap<u64, Swept>) -> Option<Picture> {
         let runs: Vec<&Swept> = cells.values().collect();
         Some(picture(&self.scene, &self.fields, &runs, self.component))
     }
@@ -333,7 +333,7 @@ fn named(fields: &[String], run: &Swept) -> String {
 }
 
 /// The force of each device over time, a line for each run.
-fn picture(scene: &str, fields: &[String], runs: &[&Swept], component: Component) -> String {
+fn picture(scene: &str, fields: &[String], runs: &[&Swept], component: Component) -> Picture {
     let first = runs.iter().max_by_key(|run| run.devices.len());
     let devices = first.map_or(&[][..], |run| &run.devices);
     let panels = devices.iter().enumerate().map(|(index, device)| Panel {
@@ -354,7 +354,7 @@ fn picture(scene: &str, fields: &[String], runs: &[&Swept], component: Component
     });
     let panels: Vec<_> = panels.collect();
     let subtitle = format!("virtual time; by {}", fields.join(", "));
-    plot::panels_svg(
+    plot::panels(
         &format!("{scene}: {} runs", runs.len()),
         &subtitle,
         1,

@@ -19,7 +19,5 @@ pub mod live;
 pub mod playback;
 pub mod still;
 pub mod stress;
-#[doc(hidden)]
-pub mod synthetic;
 pub mod terminal;
 pub mod web;

@@ -2,7 +2,7 @@
 
 use crate::history::History;
 use host::live::{Folded, Frame, Hello, Range, Vertices};
-use host::plot::{HandMark, Ribbons, Shape, StillPicture, still_svg};
+use host::plot::{HandMark, Picture, Ribbons, Shape, StillPicture, still};
 use host::record::Surface;
 use host::table::quoted;
 use std::fmt::Write as _;
@@ -50,9 +50,8 @@ impl Shown {
 
 impl Still<'_> {
     /// The still as a picture: on the left the bodies, coloured by their displacement from rest, with the hands and their
-    /// forces, on the right the curves, and below the states. [`host::plot::png`] and [`host::plot::write_picture`]
-    /// make a PNG of it.
-    pub fn svg(&self) -> String {
+    /// forces, on the right the curves, and below the states.
+    pub fn picture(&self) -> Picture {
         let (hello, frame) = (self.hello, self.frame);
         let hands = frame.hands.iter().enumerate();
         let hands = hands.map(|(index, hand)| HandMark {
@@ -68,7 +67,7 @@ impl Still<'_> {
             triangles: surface.triangles.as_chunks().0.to_vec(),
             lines: surface.lines.as_chunks().0.to_vec(),
         });
-        still_svg(&StillPicture {
+        still(&StillPicture {
             title: format!("{} at {:.3} s", hello.scene, seconds(frame.time_ns)),
             subtitle: format!(
                 "Tick {}, {} Hz, {} clock, scheme {}. So far {} deadlines missed, {} trips.",

@@ -89,7 +89,7 @@ fn a_torn_sheet_is_drawn_as_it_was_at_every_moment_of_its_log() -> Outcome {
 
     // The picture of the moment shows the torn sheet, and the way to the next event leads to the tear.
     let shown = display.shown().ok_or("a moment")?;
-    assert!(shown.still().svg().contains("<svg"));
+    assert!(shown.still().picture().svg().contains("<svg"));
     player.command(&Command::Seek { time_ns: 0 });
     show(&mut player, &mut display, |_| {})?;
     for _ in 0..20 {

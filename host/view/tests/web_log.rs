@@ -121,11 +121,11 @@ fn the_page_shows_the_moments_of_a_log() {
             model.take(message.clone(), Instant::now());
         }
         let shown = model.shown().ok_or("there is no frame yet")?;
-        let svg = shown.still().svg();
+        let still = shown.still();
         match picture {
-            Picture::Svg => Ok(svg.into_bytes()),
-            Picture::Png => host::plot::png(&svg).map_err(|error| error.to_string()),
-            Picture::Csv => Ok(shown.still().vertices_csv().into_bytes()),
+            Picture::Svg => Ok(still.picture().svg().into_bytes()),
+            Picture::Png => still.picture().png().map_err(|error| error.to_string()),
+            Picture::Csv => Ok(still.vertices_csv().into_bytes()),
         }
     });
     let player = Player::open(&path, |_| ()).unwrap();

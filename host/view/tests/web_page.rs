@@ -9,6 +9,7 @@ mod paced;
 mod browser;
 
 use browser::{exists, scripts};
+use fuzz_rules::synthetic::Synthetic;
 use host::live::{Message, Vertices};
 use std::path::Path;
 use std::process::Command;
@@ -16,7 +17,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use view::feed::Feed;
-use view::synthetic::Synthetic;
 use view::web::Draw;
 
 /// Vertices along an edge of the sheet of the run: as many triangles as the boundary of a body of 6,000 tetrahedra.

@@ -1,5 +1,6 @@
 //! The server of the page, over TCP: what it serves, and what it refuses with one line.
 
+use fuzz_rules::synthetic::Synthetic;
 use host::live::Message;
 use proptest::prelude::*;
 use std::io::{Read, Write};
@@ -12,7 +13,6 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::protocol::CloseFrame;
 use tungstenite::{Message as Packet, WebSocket};
 use view::feed::{Command, Feed, FeedError};
-use view::synthetic::Synthetic;
 use view::web::{Options, Picture, assets, serve};
 
 /// The synthetic feed, at most one frame a millisecond, which writes down its commands.

@@ -84,7 +84,7 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     });
     // The charts show the part `precision` only.
     let drawn = arguments.plot.is_some() && !found.precision.is_empty();
-    for (name, svg) in drawn
+    for (name, picture) in drawn
         .then(|| chart::all(&found.precision))
         .into_iter()
         .flatten()
@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
         for ending in chart::ENDINGS {
             let file = format!("{name}.{ending}");
             let path = arguments.plot.as_ref().map(|folder| folder.join(file));
-            written.write(path.as_ref(), |path| write_picture(path, &svg));
+            written.write(path.as_ref(), |path| write_picture(path, &picture));
         }
     }
     written.end()

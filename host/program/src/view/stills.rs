@@ -17,8 +17,8 @@ pub(super) fn made(messages: &[Message], picture: Picture) -> Result<Vec<u8>, St
     let shown = model.shown().ok_or("there is no frame yet")?;
     let still = shown.still();
     match picture {
-        Picture::Svg => Ok(still.svg().into_bytes()),
-        Picture::Png => plot::png(&still.svg()).map_err(|error| error.to_string()),
+        Picture::Svg => Ok(still.picture().svg().into_bytes()),
+        Picture::Png => still.picture().png().map_err(|error| error.to_string()),
         Picture::Csv => Ok(still.vertices_csv().into_bytes()),
     }
 }
@@ -31,7 +31,7 @@ pub(super) fn save(model: &Model) -> String {
     let still = shown.still();
     let name = format!("still_{:.3}s", shown.frame.time_ns as f64 * 1e-9);
     let [picture, table] = ["png", "csv"].map(|ending| PathBuf::from(format!("{name}.{ending}")));
-    let written = plot::write_picture(&picture, &still.svg())
+    let written = plot::write_picture(&picture, &still.picture())
         .and_then(|()| write_atomically(&table, still.vertices_csv().as_bytes()));
     match written {
         Ok(()) => format!("saved {} and {}", picture.display(), table.display()),

@@ -1,6 +1,7 @@
 //! A terminal that is closed while a display uses it: a pty whose other end is this process.
 
-use super::{LONGEST, PROGRAM};
+use super::source::Source;
+use super::{ENDLESS, LONGEST, PROGRAM};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
@@ -11,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// Starts a display in a terminal that never answers. `hangup`: what the display does with the signal of a lost terminal,
 /// an option of `env`.
-fn start(hangup: &str) -> (File, Child) {
+fn start(hangup: &str, source: &Source) -> (File, Child) {
     let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
     let master = openpt(flags).expect("a pty");
     grantpt(&master).expect("a pty");
@@ -27,15 +28,8 @@ fn start(hangup: &str) -> (File, Child) {
     };
     tcsetwinsize(&slave, size).expect("a size");
     let child = Command::new("env")
-        .args([
-            hangup,
-            "setsid",
-            "--ctty",
-            PROGRAM,
-            "view",
-            "--synthetic",
-            "1000000",
-        ])
+        .args([hangup, "setsid", "--ctty", PROGRAM, "view", "--socket"])
+        .arg(source.socket())
         .env("TERM", "xterm-256color")
         .stdin(slave.try_clone().expect("the terminal"))
         .stdout(slave.try_clone().expect("the terminal"))
@@ -52,7 +46,8 @@ fn a_display_ends_with_its_terminal_and_does_not_panic() {
     for hangup in ["--default-signal=HUP", "--ignore-signal=HUP"] {
         // The alternate screen comes first, and the picture has the word.
         for last in ["\x1b[?1049h", "lateness"] {
-            let (mut master, mut child) = start(hangup);
+            let source = Source::start(ENDLESS);
+            let (mut master, mut child) = start(hangup, &source);
             let mut screen = Vec::new();
             while !String::from_utf8_lossy(&screen).contains(last) {
                 let mut bytes = [0; 4096];

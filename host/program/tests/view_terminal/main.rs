@@ -3,8 +3,10 @@
 
 mod closed;
 mod live;
+mod source;
 mod tmux;
 
+use source::Source;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -14,10 +16,23 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_palpate");
 /// Longest wait for anything on the screen, on a loaded machine. No test passes because of this time.
 const LONGEST: Duration = Duration::from_secs(120);
 
+/// A run of `frames` frames, and the command that shows it.
+fn view(frames: u64, options: &str) -> (Source, String) {
+    let source = Source::start(frames);
+    let command = format!(
+        "{PROGRAM} view --socket {} {options}",
+        source.socket().display()
+    );
+    (source, command)
+}
+
+/// A run that goes on for hours.
+const ENDLESS: u64 = 1_000_000;
+
 #[test]
 fn it_draws_follows_keys_and_gives_the_terminal_back() {
     for (width, height) in [(80, 24), (100, 30), (160, 50)] {
-        let command = format!("{PROGRAM} view --synthetic 1000000");
+        let (_source, command) = view(ENDLESS, "");
         let Some(terminal) = Terminal::start(width, height, &command) else {
             return;
         };
@@ -57,7 +72,7 @@ fn it_draws_follows_keys_and_gives_the_terminal_back() {
 
 #[test]
 fn a_change_of_size_is_followed() {
-    let command = format!("{PROGRAM} view --synthetic 1000000");
+    let (_source, command) = view(ENDLESS, "");
     let Some(terminal) = Terminal::start(120, 40, &command) else {
         return;
     };
@@ -73,7 +88,7 @@ fn a_change_of_size_is_followed() {
 #[test]
 fn a_signal_gives_the_terminal_back() {
     for (signal, code) in [("-TERM", "143"), ("-HUP", "129")] {
-        let command = format!("{PROGRAM} view --synthetic 1000000");
+        let (_source, command) = view(ENDLESS, "");
         let Some(terminal) = Terminal::start(80, 24, &command) else {
             return;
         };
@@ -85,7 +100,7 @@ fn a_signal_gives_the_terminal_back() {
 
 #[test]
 fn it_ends_when_its_terminal_is_closed() {
-    let command = format!("{PROGRAM} view --synthetic 1000000");
+    let (_source, command) = view(ENDLESS, "");
     let Some(terminal) = Terminal::start(80, 24, &command) else {
         return;
     };
@@ -115,7 +130,7 @@ fn has_signals(terminal: &Terminal) -> bool {
 
 #[test]
 fn beside_its_run_the_display_leaves_ctrl_c_to_the_run_and_ends_with_it() {
-    let command = format!("{PROGRAM} view --synthetic 400 --attached");
+    let (_source, command) = view(400, "--attached");
     let Some(terminal) = Terminal::start(80, 24, &command) else {
         return;
     };
@@ -129,7 +144,7 @@ fn beside_its_run_the_display_leaves_ctrl_c_to_the_run_and_ends_with_it() {
 
 #[test]
 fn alone_the_display_ends_at_ctrl_c_and_stays_after_the_end_of_the_run() {
-    let command = format!("{PROGRAM} view --synthetic 30");
+    let (_source, command) = view(30, "");
     let Some(terminal) = Terminal::start(80, 24, &command) else {
         return;
     };
@@ -141,8 +156,10 @@ fn alone_the_display_ends_at_ctrl_c_and_stays_after_the_end_of_the_run() {
 
 #[test]
 fn without_a_terminal_it_prints_lines() {
+    let source = Source::start(130);
     let output = Command::new(PROGRAM)
-        .args(["view", "--synthetic", "130"])
+        .args(["view", "--socket"])
+        .arg(source.socket())
         .output()
         .unwrap();
     assert!(output.status.success());
@@ -165,8 +182,8 @@ fn without_a_terminal_it_prints_lines() {
 
 #[test]
 fn a_closed_pipe_is_no_error() {
-    let program = Path::new(PROGRAM).display();
-    let script = format!("{program} view --synthetic 130 | head -1; exit ${{PIPESTATUS[0]}}");
+    let (_source, command) = view(130, "");
+    let script = format!("{command} | head -1; exit ${{PIPESTATUS[0]}}");
     let output = Command::new("bash").args(["-c", &script]).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{output:?}");
 }

@@ -2,7 +2,7 @@
 
 use super::{Accuracy, LocalModels, Prediction};
 use crate::Results;
-use host::plot::{self, Marker, Role, Series};
+use host::plot::{self, Marker, Picture, Role, Series};
 
 impl Results for Accuracy {
     fn tables(&self) -> String {
@@ -12,7 +12,7 @@ impl Results for Accuracy {
         text
     }
 
-    fn picture(&self) -> Option<String> {
+    fn picture(&self) -> Option<Picture> {
         Some(chart(&self.series))
     }
 }
@@ -116,7 +116,7 @@ const DRAWN: [(&str, &str); 6] = [
     ("plate_alternating", "bent plate, diagonals alternating"),
 ];
 
-fn chart(all: &[super::Series]) -> String {
+fn chart(all: &[super::Series]) -> Picture {
     let mut drawn = Vec::new();
     for (place, (name, label)) in DRAWN.into_iter().enumerate() {
         let Some(series) = all.iter().find(|series| series.name == name) else {
@@ -132,7 +132,7 @@ fn chart(all: &[super::Series]) -> String {
             ..Series::default()
         });
     }
-    plot::line_chart_svg(
+    plot::line_chart(
         "Error against element size",
         "Element size over the length of the problem",
         "Relative error",
@@ -165,8 +165,9 @@ mod tests {
             source: "",
             points: [0.25, 0.125, 0.03].map(point).to_vec(),
         });
-        let svg = chart(&all);
-        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let picture = chart(&all);
+        let svg = picture.svg();
+        assert_eq!(plot::collisions(&picture), [""; 0]);
         let named =
             |label: &str| svg.contains(&format!("{}: order 2.0", label.replace('\'', "&apos;")));
         assert!(DRAWN.iter().all(|(_, label)| named(label)));

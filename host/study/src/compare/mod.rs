@@ -26,6 +26,7 @@ use crate::stress::scene::{SCHEMES, reference};
 use crate::workers;
 use crate::{Results, StudyError};
 use host::engine::faults::HostFault;
+use host::plot::Picture;
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
 use host::run::tear_force::TearForce;
@@ -106,7 +107,7 @@ impl Results for Comparison {
         words::words(self)
     }
 
-    fn picture(&self) -> Option<String> {
+    fn picture(&self) -> Option<Picture> {
         Some(picture::picture(self))
     }
 }

@@ -2,14 +2,14 @@
 
 use super::{Comparison, Record, Run};
 use crate::thin::thin;
-use host::plot::{self, Panel, Role, Series};
+use host::plot::{self, Panel, Picture, Role, Series};
 
 /// Largest number of points of a line: more would not be visible.
 const POINTS: usize = 320;
 
 /// The force of each device over time along its main direction, one row of panels for each rate and device; beside it
 /// the difference from the reference.
-pub(super) fn picture(found: &Comparison) -> String {
+pub(super) fn picture(found: &Comparison) -> Picture {
     let mut rates: Vec<f64> = found.runs.iter().map(|run| run.publish_rate).collect();
     rates.dedup();
     let mut panels = Vec::new();
@@ -27,7 +27,7 @@ pub(super) fn picture(found: &Comparison) -> String {
         found.seed,
         1e3 * found.latency
     );
-    plot::panels_svg(&title, &subtitle, 2, &panels)
+    plot::panels(&title, &subtitle, 2, &panels)
 }
 
 /// The panels of one device in `runs`, which are of one rate: its force, and the difference from the reference.

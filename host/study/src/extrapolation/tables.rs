@@ -2,7 +2,7 @@
 
 use super::{BLENDS, Extrapolation, Motion, RATES, SCHEMES};
 use crate::Results;
-use host::plot::{self, Marker, Panel, Role, Scale, Series};
+use host::plot::{self, Marker, Panel, Picture, Role, Scale, Series};
 
 impl Results for Extrapolation {
     fn tables(&self) -> String {
@@ -11,7 +11,7 @@ impl Results for Extrapolation {
         text
     }
 
-    fn picture(&self) -> Option<String> {
+    fn picture(&self) -> Option<Picture> {
         Some(chart(self))
     }
 }
@@ -73,7 +73,7 @@ const MARKERS: [Marker; SCHEMES.len()] = [
     Marker::Ring,
 ];
 
-fn chart(found: &Extrapolation) -> String {
+fn chart(found: &Extrapolation) -> Picture {
     let errors = found.cells.iter().filter(|cell| cell.blend == BLENDS[0]);
     let errors: Vec<f64> = errors.map(|cell| cell.rms).collect();
     let panel = |(motion, title): (Motion, &str)| {
@@ -110,7 +110,7 @@ fn chart(found: &Extrapolation) -> String {
         "peak force {:.2} N and {:.2} N; each model blends in over half a period",
         found.peak[0], found.peak[1]
     );
-    plot::panels_svg("Force error between publications", &subtitle, 2, &panels)
+    plot::panels("Force error between publications", &subtitle, 2, &panels)
 }
 
 #[cfg(test)]
@@ -136,7 +136,7 @@ mod tests {
                 }
             }
         }
-        let svg = chart(&Extrapolation {
+        let picture = chart(&Extrapolation {
             schema: "palpate.extrapolation/1",
             peak: [4.5, 1.9],
             thesis_gains: [187.0, 1.9],
@@ -144,7 +144,8 @@ mod tests {
             worst_clip: 0.0,
             cells,
         });
-        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let svg = picture.svg();
+        assert_eq!(plot::collisions(&picture), [""; 0]);
         assert!(SCHEMES.iter().all(|scheme| svg.contains(scheme)));
     }
 }

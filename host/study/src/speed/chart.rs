@@ -1,7 +1,7 @@
 //! Error against processor time, one chart for each quantity that is varied.
 
 use super::{Curve, Varied};
-use host::plot::{self, Marker, Role, Series};
+use host::plot::{self, Marker, Picture, Role, Series};
 
 /// The names of the pictures.
 const NAMES: [&str; 3] = ["speed-solver", "speed-mesh", "speed-time-step"];
@@ -15,7 +15,7 @@ pub fn writes(file: &str) -> bool {
 }
 
 /// The pictures with their names.
-pub fn all(curves: &[Curve]) -> [(&'static str, String); 3] {
+pub fn all(curves: &[Curve]) -> [(&'static str, Picture); 3] {
     let step = "Processor time of a step (ms)";
     [
         (
@@ -48,7 +48,7 @@ pub fn all(curves: &[Curve]) -> [(&'static str, String); 3] {
     ]
 }
 
-fn chart(curves: &[Curve], varied: Varied, title: &str, x_label: &str) -> String {
+fn chart(curves: &[Curve], varied: Varied, title: &str, x_label: &str) -> Picture {
     let curves = curves.iter().filter(|curve| curve.varied == varied);
     let drawn: Vec<_> = curves
         .enumerate()
@@ -68,7 +68,7 @@ fn chart(curves: &[Curve], varied: Varied, title: &str, x_label: &str) -> String
                 .collect(),
         })
         .collect();
-    plot::line_chart_svg(
+    plot::line_chart(
         title,
         x_label,
         "Error of the force over the largest force",
@@ -109,8 +109,9 @@ mod tests {
                 settings: settings.to_vec(),
             })
             .collect();
-        for (file, svg) in all(&curves) {
-            assert_eq!(plot::collisions(&svg), [""; 0], "{file}");
+        for (file, picture) in all(&curves) {
+            assert_eq!(plot::collisions(&picture), [""; 0], "{file}");
+            let svg = picture.svg();
             assert!(names.iter().all(|name| svg.contains(name)), "{file}");
         }
         assert!(writes("speed-mesh.png") && writes("speed-mesh.svg"));

@@ -2,7 +2,7 @@
 
 use super::{Account, Case, Family, Report, Verdict};
 use crate::Results;
-use host::plot::{self, Panel, Series};
+use host::plot::{self, Panel, Picture, Series};
 
 impl Results for Report {
     fn tables(&self) -> String {
@@ -13,7 +13,7 @@ impl Results for Report {
         text
     }
 
-    fn picture(&self) -> Option<String> {
+    fn picture(&self) -> Option<Picture> {
         Some(chart(self))
     }
 }
@@ -127,7 +127,7 @@ fn put_failures(text: &mut String, report: &Report) {
 }
 
 /// The fraction of elements that are not inverted, over time and by law, as a mean over all scrambled starts.
-fn chart(report: &Report) -> String {
+fn chart(report: &Report) -> Picture {
     let mut series = Vec::new();
     if let Some(family) = starts(report).last() {
         for law in laws(family) {
@@ -151,7 +151,7 @@ fn chart(report: &Report) -> String {
     page(series)
 }
 
-fn page(series: Vec<Series>) -> String {
+fn page(series: Vec<Series>) -> Picture {
     let panel = Panel {
         x_label: "Time (s)".to_owned(),
         y_label: "Fraction of elements not inverted".to_owned(),
@@ -160,7 +160,7 @@ fn page(series: Vec<Series>) -> String {
         ..Panel::default()
     };
     let subtitle = "mean over all starts, by law";
-    plot::panels_svg("Recovery from scrambled starts", subtitle, 1, &[panel])
+    plot::panels("Recovery from scrambled starts", subtitle, 1, &[panel])
 }
 
 #[cfg(test)]
@@ -169,12 +169,13 @@ mod tests {
 
     #[test]
     fn the_axis_of_a_fraction_covers_zero_and_one() {
-        let svg = page(vec![Series {
+        let picture = page(vec![Series {
             name: "stable neo-Hookean".to_owned(),
             points: vec![(0.0, 0.45), (0.1, 0.5), (12.0, 0.55)],
             ..Series::default()
         }]);
-        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let svg = picture.svg();
+        assert_eq!(plot::collisions(&picture), [""; 0]);
         assert!(svg.contains("\n0.0\n") && svg.contains("\n1.0\n"));
     }
 }

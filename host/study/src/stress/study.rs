@@ -5,6 +5,7 @@
 //! the trait.
 
 use super::jobs::{self, Cells, Header, JobError, Options, Progress};
+use host::plot::Picture;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
@@ -49,8 +50,8 @@ pub trait Study: Sync {
     /// What failed.
     fn verdict(&self, cells: &BTreeMap<u64, Self::Outcome>) -> Verdict;
 
-    /// The results as a picture (SVG); `None` for a study without one.
-    fn draw(&self, _cells: &BTreeMap<u64, Self::Outcome>) -> Option<String> {
+    /// The results as a picture; `None` for a study without one.
+    fn draw(&self, _cells: &BTreeMap<u64, Self::Outcome>) -> Option<Picture> {
         None
     }
 

@@ -11,7 +11,7 @@ use super::smooth::Smooth;
 use super::strength::Strip;
 use super::trousers::Trousers;
 use crate::Results;
-use host::plot::{self, Marker, Role, Series};
+use host::plot::{self, Marker, Picture, Role, Series};
 
 impl Results for TearingStudy {
     fn tables(&self) -> String {
@@ -47,7 +47,7 @@ impl Results for TearingStudy {
         all
     }
 
-    fn picture(&self) -> Option<String> {
+    fn picture(&self) -> Option<Picture> {
         let mesh = self.mesh.as_ref().map(|mesh| chart(&mesh.tears));
         let running = || self.running.as_deref().map(running_chart);
         let smooth = || self.smooth.as_deref().map(smooth_chart);
@@ -318,7 +318,7 @@ fn put_smooth(text: &mut String, cloths: &[Smooth]) {
 
 /// The force over the displacement: a line for each damping on each mesh, at the smallest number of steps a second that
 /// all meshes have.
-fn smooth_chart(cloths: &[Smooth]) -> String {
+fn smooth_chart(cloths: &[Smooth]) -> Picture {
     let rate = cloths.last().map_or(0.0, |last| {
         let same = cloths.iter().filter(|cloth| cloth.mesh == last.mesh);
         same.map(|cloth| cloth.rate).fold(f64::INFINITY, f64::min)
@@ -345,7 +345,7 @@ fn smooth_chart(cloths: &[Smooth]) -> String {
             ..Series::default()
         }
     });
-    plot::line_chart_svg(
+    plot::line_chart(
         "Two hands tear a cloth",
         "Hands apart (mm)",
         "Force of a hand (N)",
@@ -414,7 +414,7 @@ const MOST_LINES: usize = 9;
 
 /// The displacement over the torn part: a line for each strip of three meshes with the most edges up to 10 and steps
 /// of a millisecond.
-fn running_chart(runs: &[Run]) -> String {
+fn running_chart(runs: &[Run]) -> Picture {
     let drawn = runs.iter().filter(|run| {
         let is_drawn = ["0°", "scattered", "Frontal"].contains(&&*run.mesh);
         is_drawn && run.across <= 10 && run.rate >= 1000.0
@@ -433,7 +433,7 @@ fn running_chart(runs: &[Run]) -> String {
             ..Series::default()
         }
     });
-    plot::line_chart_svg(
+    plot::line_chart(
         "A tear through a clamped strip",
         "Torn part (%)",
         "Displacement over the exact one",
@@ -526,7 +526,7 @@ fn put_meshes(text: &mut String, meshes: &[Mesh]) {
 }
 
 /// The mean force against the number of triangles: a line for each law and pattern.
-fn chart(tears: &[Tear]) -> String {
+fn chart(tears: &[Tear]) -> Picture {
     let mut drawn: Vec<Series> = Vec::new();
     let lines = tears.chunk_by(|a, b| (a.law, &a.pattern) == (b.law, &b.pattern));
     for (place, line) in lines.enumerate() {
@@ -544,7 +544,7 @@ fn chart(tears: &[Tear]) -> String {
             ..Series::default()
         });
     }
-    plot::line_chart_svg(
+    plot::line_chart(
         "Mean force of a tear",
         "Triangles",
         "Force of a hand (N)",

@@ -1,9 +1,9 @@
 //! The synthetic sheet at the pace of a run, or as a log that is played.
 
+use fuzz_rules::synthetic::Synthetic;
 use host::live::{Message, Playback, Source};
 use std::time::{Duration, Instant};
 use view::feed::{Command, Feed, FeedError};
-use view::synthetic::Synthetic;
 
 /// Time between two frames.
 const PERIOD: Duration = Duration::from_millis(16);

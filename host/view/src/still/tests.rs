@@ -1,6 +1,5 @@
 use super::*;
-use crate::feed::Feed;
-use crate::synthetic::Synthetic;
+use fuzz_rules::synthetic::Synthetic;
 use host::engine::Engine;
 use host::live::Message;
 use host::live::frame::FoldedHand;
@@ -13,7 +12,6 @@ use host::run::{Clock, RunOptions, facts};
 use host::scene::Scene;
 use host::world::World;
 use std::path::Path;
-use std::time::Duration;
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
@@ -36,15 +34,14 @@ impl Seen {
     }
 }
 
-fn synthetic(frames: u64) -> Result<Seen, Box<dyn std::error::Error>> {
-    let mut feed = Synthetic::new(frames);
+fn synthetic(frames: u64) -> Seen {
     let mut seen = Seen {
         hello: Hello::default(),
         surfaces: Vec::new(),
         frame: Frame::default(),
         history: History::new(5.0),
     };
-    while let Some(message) = feed.next(Duration::ZERO)? {
+    for message in Synthetic::new(frames).messages() {
         match message {
             Message::Hello(hello) => seen.hello = *hello,
             Message::Surface(surface) => seen.surfaces.push(surface),
@@ -55,7 +52,7 @@ fn synthetic(frames: u64) -> Result<Seen, Box<dyn std::error::Error>> {
             _ => break,
         }
     }
-    Ok(seen)
+    seen
 }
 
 /// A scene at a time (s) of its run under virtual time.
@@ -114,14 +111,15 @@ fn a_moment_is_drawn_whole() -> Outcome {
         ("press.toml", 1.8),
     ] {
         let seen = run_to(scene, time)?;
-        let svg = seen.still().svg();
-        assert_eq!(collisions(&svg), Vec::<String>::new(), "{scene}");
+        let picture = seen.still().picture();
+        let svg = picture.svg();
+        assert_eq!(collisions(&picture), Vec::<String>::new(), "{scene}");
         let triangles: u32 = seen.surfaces.iter().map(|s| s.triangle_count).sum();
         assert!(svg.matches("<polygon").count() > triangles as usize);
         let name = &seen.hello.scene;
         assert!(svg.contains(&format!("{name} at {:.3} s", seconds(seen.frame.time_ns))));
         assert!(svg.contains("model live") && svg.contains("last stage normal"));
-        let image = host::plot::png(&svg)?;
+        let image = picture.png()?;
         assert!(image.starts_with(b"\x89PNG"));
         if let Some(folder) = std::env::var_os("PALPATE_MOMENTS") {
             std::fs::write(Path::new(&folder).join(format!("{name}.png")), &image)?;
@@ -132,13 +130,14 @@ fn a_moment_is_drawn_whole() -> Outcome {
 }
 
 #[test]
-fn a_spike_is_drawn_and_a_body_without_vertices_is_not() -> Outcome {
-    let mut seen = synthetic(40)?;
-    let whole = seen.still().svg();
-    assert_eq!(collisions(&whole), Vec::<String>::new());
+fn a_spike_is_drawn_and_a_body_without_vertices_is_not() {
+    let mut seen = synthetic(40);
+    let picture = seen.still().picture();
+    let whole = picture.svg();
+    assert_eq!(collisions(&picture), Vec::<String>::new());
     for piece in [true, false] {
         seen.frame.bodies = vec![BodyState::default(); usize::from(piece)];
-        let svg = seen.still().svg();
+        let svg = seen.still().picture().svg();
         assert!(svg.contains("this moment has no bodies"));
         assert!(svg.len() < whole.len() / 2);
     }
@@ -151,15 +150,14 @@ fn a_spike_is_drawn_and_a_body_without_vertices_is_not() -> Outcome {
         }
         flat.push(&piece);
     }
-    let spiked = seen.still().svg();
+    let spiked = seen.still().picture().svg();
     seen.history = flat;
-    assert_ne!(spiked, seen.still().svg());
-    Ok(())
+    assert_ne!(spiked, seen.still().picture().svg());
 }
 
 #[test]
 fn numbers_that_are_not_finite_do_not_spoil_the_picture() -> Outcome {
-    let mut seen = synthetic(3)?;
+    let mut seen = synthetic(3);
     if let Some(vertices) = &mut seen.frame.bodies[0].vertices {
         vertices.positions[7] = f32::NAN;
         vertices.positions[100] = f32::INFINITY;
@@ -170,22 +168,23 @@ fn numbers_that_are_not_finite_do_not_spoil_the_picture() -> Outcome {
     let mut piece = seen.frame.folded.clone();
     piece.hands = vec![FoldedHand::default()];
     seen.history.push(&piece);
-    let svg = seen.still().svg();
+    let picture = seen.still().picture();
+    let svg = picture.svg();
     assert!(!svg.contains("NaN") && !svg.contains("inf"));
-    host::plot::png(&svg)?;
+    picture.png()?;
     let nothing = Seen {
         hello: Hello::default(),
         surfaces: Vec::new(),
         frame: Frame::default(),
         history: History::new(1.0),
     };
-    host::plot::png(&nothing.still().svg())?;
+    nothing.still().picture().png()?;
     Ok(())
 }
 
 #[test]
 fn the_table_of_vertices_has_the_positions_bit_for_bit() -> Outcome {
-    let seen = synthetic(5)?;
+    let seen = synthetic(5);
     let text = seen.still().vertices_csv();
     let mut lines = text.lines();
     assert_eq!(
@@ -210,7 +209,7 @@ fn the_table_of_vertices_has_the_positions_bit_for_bit() -> Outcome {
 
 #[test]
 fn the_table_of_curves_has_a_row_for_each_piece() -> Outcome {
-    let seen = synthetic(40)?;
+    let seen = synthetic(40);
     let text = seen.still().curves_csv();
     let rows: Vec<&str> = text.lines().skip(3).collect();
     assert_eq!(rows.len(), 40);

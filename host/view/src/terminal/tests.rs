@@ -7,8 +7,8 @@ use super::lines::lines;
 use super::model::{Model, Over};
 use super::palette::{Colours, Palette};
 use super::{Ended, Options, collect, picture};
-use crate::feed::{Command, Feed};
-use crate::synthetic::Synthetic;
+use crate::feed::{Command, Feed, FeedError};
+use fuzz_rules::synthetic::Synthetic;
 use host::live::{
     Bins, BodyState, Event, EventKind, Folded, Frame, HandState, Hello, Message, Playback, Range,
     Source, Vertices,
@@ -22,8 +22,23 @@ use std::time::{Duration, Instant};
 
 const SIZES: [(u16, u16); 4] = [(80, 24), (100, 30), (120, 40), (200, 60)];
 
+/// Messages as a feed.
+struct Given<I>(I);
+
+impl<I: Iterator<Item = Message> + Send> Feed for Given<I> {
+    fn next(&mut self, _wait: Duration) -> Result<Option<Message>, FeedError> {
+        Ok(self.0.next())
+    }
+
+    fn command(&mut self, _command: &Command) {}
+
+    fn present(&self) -> Vec<Message> {
+        Vec::new()
+    }
+}
+
 fn synthetic(frames: u64) -> Model {
-    collect(&mut Synthetic::new(frames)).unwrap()
+    collect(&mut Given(Synthetic::new(frames).messages())).unwrap()
 }
 
 fn on(tab: Tab) -> View {
@@ -321,11 +336,7 @@ fn a_stopped_display_stays_while_the_run_goes_on() {
     press(KeyCode::Char('p'), &mut view, &model);
     let stopped = shown(&model, &view, (80, 24));
     assert!(stopped.contains("the display is stopped"));
-    let mut feed = Synthetic::new(400);
-    while let Ok(Some(message)) = feed.next(Duration::ZERO) {
-        if matches!(message, Message::End(_)) {
-            break;
-        }
+    for message in Synthetic::new(400).messages().take(2 + 400) {
         model.take(message, Instant::now());
     }
     let age = |text: &str| text.lines().skip(1).map(String::from).collect::<Vec<_>>();
@@ -475,7 +486,7 @@ fn without_colours_no_cell_has_a_colour() {
 #[test]
 fn lines_have_one_line_a_second_and_one_for_each_event() {
     let mut out = Vec::new();
-    let feed = Box::new(Synthetic::new(313));
+    let feed = Box::new(Given(Synthetic::new(313).messages()));
     let ended = lines(feed, &Options::default(), &mut out).unwrap();
     assert_eq!(ended, Ended::Over);
     let text = String::from_utf8(out).unwrap();

@@ -5,6 +5,7 @@ use super::{CASES, CellResult, SCHEMES, Study, table};
 use crate::stress::scene::picture;
 use crate::stress::study::quantities;
 use crate::stress::{self, Done, Quantity, Verdict};
+use host::plot::Picture;
 use std::collections::BTreeMap;
 
 /// The study of many cells, each under all of [`SCHEMES`].
@@ -70,7 +71,7 @@ impl stress::Study for Holds {
         verdict(cells)
     }
 
-    fn draw(&self, cells: &BTreeMap<u64, CellResult>) -> Option<String> {
+    fn draw(&self, cells: &BTreeMap<u64, CellResult>) -> Option<Picture> {
         Some(picture::holds(cells))
     }
 

@@ -5,6 +5,7 @@ use super::draw::{Draw, Span, Task};
 use super::measure::{Outcome, Stillness, Trace};
 use super::picture;
 use crate::stress::specimen::{self, Cause};
+use host::plot::Picture;
 use std::fmt::Write;
 
 /// A cell that was run again under one scheme.
@@ -20,8 +21,8 @@ pub struct Again {
 }
 
 impl Again {
-    /// The run beside the reference run (SVG).
-    pub fn picture(&self) -> String {
+    /// The run beside the reference run.
+    pub fn picture(&self) -> Picture {
         picture::cell(&self.title, &self.subtitle, &self.run, &self.reference)
     }
 

@@ -4,7 +4,7 @@ use super::measure::{DeviceTrace, Outcome, Trace};
 use super::summary::{Band, outcomes};
 use super::{CellResult, SCHEMES};
 use crate::stress::hold::{self, CellResult as HoldCell};
-use host::plot::{self, Panel, Role, Scale, Series};
+use host::plot::{self, Panel, Picture, Role, Scale, Series};
 use std::collections::BTreeMap;
 
 /// Largest number of points of a line over time: more would not be visible.
@@ -20,7 +20,7 @@ const LEAST_ERROR: f64 = 1e-3;
 type Value = fn(&Outcome) -> f64;
 
 /// The distributions of force error and net energy, for hosts at 20 and 30 Hz, at 60 Hz, and at higher rates.
-pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> String {
+pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> Picture {
     let bands = [
         ("host at 20 and 30 Hz", Band::of(20.0, 30.0)),
         ("host at 60 Hz", Band::of(60.0, 60.0)),
@@ -52,12 +52,12 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
         "distributions over the runs of {} trials: the fraction of runs up to a value",
         cells.len()
     );
-    plot::panels_svg(&title, &subtitle, 3, &panels)
+    plot::panels(&title, &subtitle, 3, &panels)
 }
 
 /// The distributions of the study of holds: errors of the hold and of the run, ripple, and the fraction of ticks in
 /// which the cap acts.
-pub(in crate::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> String {
+pub(in crate::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> Picture {
     let values: [(&str, Value); 4] = [
         ("Error of the hold (%)", |o| {
             100.0 * o.force_errors.hold_error
@@ -83,7 +83,7 @@ pub(in crate::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> String {
         "distributions over {} cells without faults: the fraction of cells up to a value",
         cells.len()
     );
-    plot::panels_svg("Presses, holds, rubs and tremors", &subtitle, 2, &panels)
+    plot::panels("Presses, holds, rubs and tremors", &subtitle, 2, &panels)
 }
 
 /// A panel of distributions. A scheme that was not run has no line.
@@ -136,7 +136,7 @@ const REFERENCE: &str = "reference run";
 
 /// One run beside its reference run: force and position of each device along the main direction of its force, and the
 /// energy.
-pub fn cell(title: &str, subtitle: &str, run: &Trace, reference: &Trace) -> String {
+pub fn cell(title: &str, subtitle: &str, run: &Trace, reference: &Trace) -> Picture {
     let mut panels = Vec::new();
     let line = |name: &str, role, values: Vec<f64>| Series {
         name: name.to_owned(),
@@ -223,7 +223,7 @@ pub fn cell(title: &str, subtitle: &str, run: &Trace, reference: &Trace) -> Stri
             ),
         ],
     ));
-    plot::panels_svg(title, subtitle, 2, &panels)
+    plot::panels(title, subtitle, 2, &panels)
 }
 
 /// One point for several ticks: the value of largest magnitude, so that no peak is lost.
@@ -271,20 +271,21 @@ mod tests {
         let row = with_one_axis([panel(vec![0.0, 5.0]), panel(vec![700.0]), panel(Vec::new())]);
         assert_eq!(row[0].x_covers, row[2].x_covers);
         assert!(row[2].series.is_empty() && row[2].x_covers.contains(&700.0));
-        let svg = plot::panels_svg("sheet under hands", "", 3, &row);
-        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let picture = plot::panels("sheet under hands", "", 3, &row);
+        let svg = picture.svg();
+        assert_eq!(plot::collisions(&picture), [""; 0]);
         // Only the panel without a run has no data.
         assert_eq!(svg.matches("no data").count(), 1);
     }
 
     #[test]
     fn a_study_without_a_cell_is_a_page_without_data() {
-        let svg = distributions("a scene", &BTreeMap::new());
-        assert_eq!(svg.matches("no data").count(), 6);
-        assert_eq!(plot::collisions(&svg), [""; 0]);
-        let svg = holds(&BTreeMap::new());
-        assert_eq!(svg.matches("no data").count(), 4);
-        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let picture = distributions("a scene", &BTreeMap::new());
+        assert_eq!(picture.svg().matches("no data").count(), 6);
+        assert_eq!(plot::collisions(&picture), [""; 0]);
+        let picture = holds(&BTreeMap::new());
+        assert_eq!(picture.svg().matches("no data").count(), 4);
+        assert_eq!(plot::collisions(&picture), [""; 0]);
     }
 
     #[test]
@@ -304,8 +305,9 @@ mod tests {
                 ..Trace::default()
             }
         };
-        let svg = cell("Cell 3", "125 Hz, 59 ms late", &trace(-1e-4), &trace(-2e-4));
-        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let picture = cell("Cell 3", "125 Hz, 59 ms late", &trace(-1e-4), &trace(-2e-4));
+        let svg = picture.svg();
+        assert_eq!(plot::collisions(&picture), [""; 0]);
         for name in [RUN, REFERENCE, "to spend", "stored"] {
             assert_eq!(svg.matches(&format!("\n{name}\n")).count(), 1, "{name}");
         }

@@ -7,6 +7,7 @@ use super::{CellResult, SCHEMES, Study, picture, table};
 use crate::StudyError;
 use crate::stress::study::quantities;
 use crate::stress::{self, Done, Quantity, Verdict};
+use host::plot::Picture;
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
 use std::collections::BTreeMap;
@@ -178,7 +179,7 @@ impl stress::Study for Trials {
         }
     }
 
-    fn draw(&self, cells: &BTreeMap<u64, CellResult>) -> Option<String> {
+    fn draw(&self, cells: &BTreeMap<u64, CellResult>) -> Option<Picture> {
         Some(picture::distributions(&self.name, cells))
     }
 

@@ -28,6 +28,7 @@ pub use summary::{Gain, Panel, gains, panels};
 use crate::stress::devices::{StudyDevice, settings};
 use crate::stress::study::quantities;
 use crate::stress::{self, Done, Quantity, Verdict};
+use host::plot::Picture;
 use host::scene::{NamedDevice, SceneError};
 use rig::Wall;
 use rt_core::Scheme;
@@ -246,7 +247,7 @@ impl stress::Study for Study {
         Verdict::default()
     }
 
-    fn draw(&self, cells: &BTreeMap<u64, Outcome>) -> Option<String> {
+    fn draw(&self, cells: &BTreeMap<u64, Outcome>) -> Option<Picture> {
         Some(picture::map(cells))
     }
 

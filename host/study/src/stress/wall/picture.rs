@@ -1,12 +1,12 @@
 //! The map over stiffness and damping.
 
 use super::{Outcome, Panel, Setting, panels};
-use host::plot::{self, Map, MapCell, MapLine, MapPanel};
+use host::plot::{self, Map, MapCell, MapLine, MapPanel, Picture};
 use std::collections::BTreeMap;
 
-/// The map as a picture (SVG).
-pub(super) fn map(cells: &BTreeMap<u64, Outcome>) -> String {
-    plot::map_svg(&page(panels(cells)))
+/// The map as a picture.
+pub(super) fn map(cells: &BTreeMap<u64, Outcome>) -> Picture {
+    plot::map(&page(panels(cells)))
 }
 
 fn page(panels: Vec<Panel>) -> Map {
@@ -94,8 +94,9 @@ mod tests {
                 stable: vec![(0.0, 1e4)],
                 stable_measured: Vec::new(),
             });
-            let svg = plot::map_svg(&page(panels.collect()));
-            assert_eq!(plot::collisions(&svg), [""; 0]);
+            let picture = plot::map(&page(panels.collect()));
+            let svg = picture.svg();
+            assert_eq!(plot::collisions(&picture), [""; 0]);
             assert!(!svg.contains('…'), "a title is cut");
         }
     }

@@ -5,7 +5,7 @@ use super::feel::Feel;
 use super::figure::{Course, Sample};
 use super::table::Row;
 use crate::Results;
-use host::plot::{self, Panel, Role, Series};
+use host::plot::{self, Panel, Picture, Role, Series};
 
 impl Results for TearingRuns {
     fn tables(&self) -> String {
@@ -22,7 +22,7 @@ impl Results for TearingRuns {
         text
     }
 
-    fn picture(&self) -> Option<String> {
+    fn picture(&self) -> Option<Picture> {
         self.figure.as_ref().map(chart)
     }
 }
@@ -204,7 +204,7 @@ fn put_feel(text: &mut String, feel: &Feel) {
 }
 
 /// Force over the displacement of the hands, and over time.
-fn chart(course: &Course) -> String {
+fn chart(course: &Course) -> Picture {
     let hands = ["first hand", "second hand"];
     let lines = |x: fn(&Sample, usize) -> f64| -> Vec<Series> {
         let lines = hands.iter().enumerate().map(|(hand, name)| Series {
@@ -238,5 +238,5 @@ fn chart(course: &Course) -> String {
         "{}: peak {:.2} and {:.2} N, plateau at {first:.2} and {second:.2} of the peak",
         course.scene, course.peak[0], course.peak[1]
     );
-    plot::panels_svg("Force during a tear", &subtitle, 2, &panels)
+    plot::panels("Force during a tear", &subtitle, 2, &panels)
 }

@@ -1,6 +1,5 @@
-//! A feed that computes a waving sheet in two hands, for tests of the displays.
+//! A feed that computes a waving sheet in two hands: a sound input for the displays.
 
-use crate::feed::{Command, Feed, FeedError};
 use host::live::frame::{FoldedBody, FoldedHand, PROTOCOL};
 use host::live::{
     Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, HandState, HandleInfo,
@@ -11,6 +10,7 @@ use host::record::Surface;
 use host::snapshot::HostCounts;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
+use view::feed::{Command, Feed, FeedError};
 
 /// Vertices along an edge of the sheet.
 const EDGE: u32 = 21;
@@ -49,6 +49,26 @@ impl Synthetic {
         }
     }
 
+    /// The messages one after another. The last one, an end, is repeated.
+    pub fn messages(mut self) -> impl Iterator<Item = Message> {
+        std::iter::from_fn(move || Some(self.message()))
+    }
+
+    fn message(&mut self) -> Message {
+        if let Some(message) = self.waiting.pop_front() {
+            self.sent.push(message.clone());
+            return message;
+        }
+        self.number += 1;
+        if self.number > self.frames {
+            return Message::End(String::new());
+        }
+        let message = Message::Frame(Box::new(frame(self.number - 1, self.edge)));
+        self.sent.truncate(2);
+        self.sent.push(message.clone());
+        message
+    }
+
     /// The events up to a time (ns), as a log has them.
     pub fn events(&self, to_ns: u64) -> Vec<Event> {
         let frames = (0..to_ns / (TICKS * 1_000_000)).map(|number| frame(number, 2));
@@ -71,18 +91,7 @@ impl Synthetic {
 
 impl Feed for Synthetic {
     fn next(&mut self, _wait: Duration) -> Result<Option<Message>, FeedError> {
-        if let Some(message) = self.waiting.pop_front() {
-            self.sent.push(message.clone());
-            return Ok(Some(message));
-        }
-        self.number += 1;
-        if self.number > self.frames {
-            return Ok(Some(Message::End(String::new())));
-        }
-        let message = Message::Frame(Box::new(frame(self.number - 1, self.edge)));
-        self.sent.truncate(2);
-        self.sent.push(message.clone());
-        Ok(Some(message))
+        Ok(Some(self.message()))
     }
 
     fn command(&mut self, _command: &Command) {}
@@ -269,24 +278,5 @@ fn frame(number: u64, edge: u32) -> Frame {
         }),
         events,
         ..Frame::default()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn it_gives_a_surface_before_its_frames_and_then_ends() {
-        let mut feed = Synthetic::new(2);
-        let mut kinds = Vec::new();
-        while let Ok(Some(message)) = feed.next(Duration::ZERO) {
-            kinds.push(message.kind());
-            if matches!(message, Message::End(_)) {
-                break;
-            }
-        }
-        assert_eq!(kinds, [1, 2, 3, 3, 6]);
-        assert_eq!(feed.present().len(), 3);
     }
 }
