@@ -129,7 +129,7 @@ pub fn solve<T: Precision>(
         for _ in 0..PASSES {
             weigh(bodies, touches, room);
             report.converged = room.is_solved(bodies);
-            if report.converged {
+            if report.converged && !let_go(bodies, room) {
                 break;
             }
             pass(bodies, touches, room, &mut report, out_of_time);
@@ -152,6 +152,17 @@ pub fn solve<T: Precision>(
         }
     }
     report
+}
+
+/// Lets the pairs of tears take their forces. Returns whether this has changed a residual.
+fn let_go<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], room: &Workspace) -> bool {
+    let mut changes = false;
+    for (body, load) in bodies.iter_mut().zip(&room.loads) {
+        if let Some(body) = body {
+            changes |= body.let_go(body.goal(*load));
+        }
+    }
+    changes
 }
 
 /// Computes the norms of the residuals and of the forces of the contacts.

@@ -48,9 +48,10 @@ impl<T: Precision> Stepper<T> {
         let mut work = self.take(body, h, report)?;
         let before = self.energy(body);
         // If a hand does work on a body, the hand decides where the body goes.
-        let promised = (work == 0.0 && self.present.joints.is_empty())
-            .then(|| self.promise(body, h, factors))
-            .flatten();
+        let promised =
+            (work == 0.0 && self.present.joints.is_empty() && !self.present.is_certified)
+                .then(|| self.promise(body, h, factors))
+                .flatten();
         let mut after = self.energy_ahead(body, h);
         let breaks = promised.is_some_and(|promised| self.breaks(body, promised));
         if breaks {
@@ -162,7 +163,11 @@ impl<T: Precision> Stepper<T> {
             } else {
                 held.energy
             };
-            if !hands_work || solutions == MOST_SOLUTIONS || guard.allows(body, after, work) {
+            if !hands_work
+                || self.present.is_certified
+                || solutions == MOST_SOLUTIONS
+                || guard.allows(body, after, work)
+            {
                 break after;
             }
             solutions += 1;

@@ -42,6 +42,8 @@ pub(super) struct Present {
     pub(super) targets: Vec<HandlePose>,
     /// The forces of joints with other bodies on nodes at its end (N).
     pub(super) joints: Vec<(u32, Vec3)>,
+    /// Whether the displacement is [certified](super::Stepper::certify): the step may only be shortened.
+    pub(super) is_certified: bool,
 }
 
 impl<T: Precision> Stepper<T> {
@@ -77,6 +79,7 @@ impl<T: Precision> Stepper<T> {
     pub fn predict(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
         self.present.underway = None;
         self.present.joints.clear();
+        self.present.is_certified = false;
         Body::check_length(h)?;
         self.follow(body).map_err(StepError::Matrix)?;
         if self.is_due() {
@@ -229,8 +232,10 @@ impl<T: Precision> Stepper<T> {
         let ended = self.end(body, h, &targets, step.factors, &mut report, out_of_time);
         if ended.is_ok() {
             let speed = self.options.sleep_speed;
-            // A joint may move a body that rests, and a body that sleeps has no equation.
-            if speed > 0.0 && report.converged && self.present.joints.is_empty() {
+            // A joint may move a body that rests, and a body that sleeps has no equation. Contacts tell of motion themselves
+            // (`keep_awake`).
+            let is_free = self.present.joints.is_empty() || self.present.is_certified;
+            if speed > 0.0 && report.converged && is_free {
                 self.sleep.observe(body, h, &targets, speed);
             } else {
                 self.sleep.wake();
