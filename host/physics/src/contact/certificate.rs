@@ -79,7 +79,8 @@ impl Start {
 pub type Each<'a> = dyn Fn(&mut dyn FnMut(Pair)) + 'a;
 
 /// Scales the displacements `u` (m) from the positions `x` (m) by `fractions` of vertices such that no pair crosses. `each`
-/// gives the pairs; `is_free` tells whether a vertex may be stopped. The fractions are all one if every certificate holds.
+/// gives the pairs; `is_free` tells whether a vertex may be stopped. The fractions only fall; they stay as they are if every
+/// certificate holds.
 pub fn truncate(
     surfaces: &Surfaces,
     x: &[Vec3],
@@ -88,7 +89,6 @@ pub fn truncate(
     is_free: &dyn Fn(u32) -> bool,
     fractions: &mut [f64],
 ) -> Truncation {
-    fractions.fill(1.0);
     let mut report = Truncation::default();
     loop {
         let mut is_changed = false;

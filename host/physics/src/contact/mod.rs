@@ -2,7 +2,7 @@
 //!
 //! - [`surface`]: the surfaces, in one numbering. [`pair`]: vertices against triangles, edges against edges; `distance`.
 //! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
-//! - [`row`]: the law of a contact.
+//! - [`row`]: the law of a contact. [`rows`]: the rows of a step. `kept`: what they keep from step to step.
 //! - [`shape`]: shapes of obstacles with an exact distance.
 //! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
 //! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
@@ -18,10 +18,12 @@ pub mod crossing;
 pub mod distance;
 mod drift;
 pub mod hierarchy;
+mod kept;
 pub mod lists;
 pub mod pair;
 pub mod rigid;
 pub mod row;
+pub mod rows;
 mod search;
 pub mod shape;
 pub mod surface;

@@ -66,7 +66,11 @@ impl Pair {
     /// The shortest connection at the positions `x` (m).
     pub fn foot(self, surfaces: &Surfaces, x: &[Vec3]) -> Foot {
         let vertices = self.vertices(surfaces);
-        let [a, b, c, d] = vertices.map(|vertex| &x[vertex as usize]);
+        self.foot_of(vertices, &vertices.map(|vertex| x[vertex as usize]))
+    }
+
+    /// The shortest connection, if its vertices are at the positions `x` (m).
+    pub(super) fn foot_of(self, vertices: [u32; 4], [a, b, c, d]: &[Vec3; 4]) -> Foot {
         match self {
             Self::VertexTriangle(..) => {
                 let on = point_triangle(a, [b, c, d]);

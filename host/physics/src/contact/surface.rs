@@ -94,6 +94,14 @@ impl Surfaces {
         self.parts.len() - 1
     }
 
+    /// The part of a vertex.
+    pub fn part_of(&self, vertex: u32) -> usize {
+        let after = self
+            .parts
+            .partition_point(|part| part.vertices.start <= vertex);
+        after.saturating_sub(1)
+    }
+
     /// Whether two parts may touch each other.
     pub fn may_touch(&self, one: usize, other: usize) -> bool {
         let (first, second) = (&self.parts[one], &self.parts[other]);
