@@ -217,6 +217,19 @@ impl Obstacle {
         }
     }
 
+    /// Whether the obstacle does not move from time `t` to `t + h` (s).
+    pub fn stands(&self, t: f64, h: f64) -> bool {
+        let (from, to) = match &self.motion {
+            Motion::Still(_) => return true,
+            Motion::Poses(rows) => {
+                let ends = rows.first().zip(rows.last());
+                ends.map_or((0.0, 0.0), |(first, last)| (first.time, last.time))
+            }
+            Motion::Frames(frames) => (0.0, (frames.positions.len() - 1) as f64 / frames.rate),
+        };
+        t + h <= from || t >= to
+    }
+
     /// Number of vertices: 0 for a shape.
     pub fn vertices(&self) -> usize {
         match &self.geometry {

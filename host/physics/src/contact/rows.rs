@@ -9,14 +9,15 @@
 //! no listed triangle at that edge or corner is nearer. Two edges have one only if both feet lie inside them: all other
 //! cases have a vertex and a triangle, but for segments of threads, which have no triangle.
 
-use super::kept::{Kept, Key, NONE, Store};
+pub use super::kept::{Kept, Key};
+use super::kept::{NONE, Store};
 use super::lists::Lists;
 use super::pair::{Foot, Pair};
 use super::row::{Response, Row, Stiffness, carried};
 use super::shape::{Nearest, Shape};
 use super::surface::Surfaces;
+use crate::HandlePose;
 use crate::Vec3;
-use nalgebra::Isometry3;
 
 /// A row lies within this fraction of the thickness, beyond the predicted motion.
 const REACH: f64 = 0.1;
@@ -41,20 +42,21 @@ pub struct Meeting {
 }
 
 /// A shape in a step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Placed {
     /// The shape.
     pub shape: Shape,
     /// Its pose at the start and at the end of the step.
-    pub poses: [Isometry3<f64>; 2],
+    pub poses: [HandlePose; 2],
 }
 
 impl Placed {
     /// The nearest point of the surface to `p` (m) at the start (0) or at the end (1).
-    fn nearest(&self, p: &Vec3, when: usize) -> Nearest {
+    pub(crate) fn nearest(&self, p: &Vec3, when: usize) -> Nearest {
         let pose = &self.poses[when];
-        let local = pose.inverse_transform_point(&(*p).into());
-        let found = self.shape.nearest(&local.coords);
+        let found = self
+            .shape
+            .nearest(&(pose.rotation.inverse() * (p - pose.position)));
         Nearest {
             normal: pose.rotation * found.normal,
             ..found
@@ -62,9 +64,10 @@ impl Placed {
     }
 
     /// The displacement over the step (m) of the material point that is at `p` at the end.
-    fn motion(&self, p: &Vec3) -> Vec3 {
-        let local = self.poses[1].inverse_transform_point(&(*p).into());
-        p - self.poses[0].transform_point(&local).coords
+    pub(crate) fn motion(&self, p: &Vec3) -> Vec3 {
+        let [start, end] = &self.poses;
+        let own = end.rotation.inverse() * (p - end.position);
+        p - (start.position + start.rotation * own)
     }
 }
 

@@ -6,6 +6,7 @@
 
 use crate::mesh::{Adjacency, Mesh, MeshError};
 use core::ops::Range;
+use std::collections::BTreeSet;
 
 /// A part of the surfaces.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +36,8 @@ pub struct Surfaces {
     pub edges: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.
     pub parts: Vec<Part>,
+    /// Pairs of parts that do not touch, the smaller number first.
+    apart: BTreeSet<[usize; 2]>,
 }
 
 /// How a part takes part in contact.
@@ -108,7 +111,13 @@ impl Surfaces {
         if one == other {
             first.touches_itself
         } else {
-            !(first.is_obstacle && second.is_obstacle)
+            let is_apart = self.apart.contains(&[one.min(other), one.max(other)]);
+            !(is_apart || first.is_obstacle && second.is_obstacle)
         }
+    }
+
+    /// Keeps two parts from touching each other.
+    pub fn keep_apart(&mut self, one: usize, other: usize) {
+        self.apart.insert([one.min(other), one.max(other)]);
     }
 }
