@@ -1,194 +1,120 @@
-//! What the rows of contacts keep from step to step: forces, by the features that touch.
+//! What a contact keeps from step to step: its forces, and the direction in which they acted.
 //!
-//! A row is found again by its key: the vertex, edge or triangle on either side. A foot that moves on to a neighbouring
-//! triangle has another key. Its row takes the forces of a row of the same vertex against the same part that is found no more,
-//! of several the one with the nearest normal.
+//! A contact of a vertex is known by the vertex and the other part, so that its forces follow the foot from triangle to
+//! triangle. If a vertex has several contacts with a part, the direction tells them apart. A contact of edges is known by
+//! their vertices.
 
-use super::row::Response;
 use crate::Vec3;
 
-/// Marks a place of a [`Key`] that has no number.
-pub(super) const NONE: u32 = u32::MAX;
+/// The least product of the directions of a contact in two steps that follow each other.
+const TURNED: f64 = 0.5;
 
-/// The features that touch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Key([u32; 6]);
-
-impl Key {
-    /// A vertex on a feature of a part or a shape: the vertices of a triangle or edge, or one vertex; none on a shape.
-    pub(super) fn on(vertex: u32, side: u32, mut feature: [u32; 3]) -> Self {
-        feature.sort_unstable();
-        let [a, b, c] = feature;
-        Self([0, vertex, side, a, b, c])
-    }
-
-    /// Two edges, or an edge and the end of a segment, or two such ends.
-    pub(super) fn edges(one: [u32; 2], other: [u32; 2]) -> Self {
-        let (first, second) = (one.min(other), one.max(other));
-        Self([1, first[0], first[1], second[0], second[1], NONE])
-    }
-
-    /// The vertex and the side, of a vertex on a feature.
-    fn vertex_and_side(&self) -> Option<[u32; 2]> {
-        let [kind, vertex, side, ..] = self.0;
-        (kind == 0).then_some([vertex, side])
-    }
+/// By what a contact is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Key {
+    /// A vertex and the other part, or the number of parts and that of the obstacle in sum.
+    Vertex(u32, u32),
+    /// The vertices of two edges: each edge ascending, the smaller edge first.
+    Edges([u32; 4]),
 }
 
-/// What a row keeps.
+/// The state of a contact after a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Kept {
-    pub(super) key: Key,
+pub(super) struct Kept {
+    pub key: Key,
+    pub normal: Vec3,
     /// The normal forces of the last two steps (N), the latest first.
     pub forces: [f64; 2],
-    /// The force of the friction spring (N), across the normal.
+    /// The friction force (N).
     pub friction: Vec3,
-    /// The stiffness of the friction spring (N/m).
-    pub friction_stiffness: f64,
-    /// The normal.
-    pub normal: Vec3,
-    /// Number of steps in which the row has been kept.
+    /// The stiffness of its spring (N/m).
+    pub stiffness: f64,
+    /// Steps since the contact was found.
     pub age: u32,
-    /// Whether the sides overlapped at the birth of the row, and still do.
+    /// Whether the contact began with an overlap that has not parted.
     pub is_parting: bool,
+    /// Whether a contact of the present step has taken the state.
+    pub is_taken: bool,
 }
 
 impl Kept {
-    /// A row without forces.
-    pub(super) fn new(key: Key, normal: Vec3, is_parting: bool) -> Self {
-        Self {
-            key,
-            forces: [0.0; 2],
-            friction: Vec3::zeros(),
-            friction_stiffness: 0.0,
-            normal,
-            age: 0,
-            is_parting,
-        }
-    }
-
-    /// The friction force (N) across another normal: it keeps its size, and turns with the surface.
+    /// The friction force (N), turned to a plane across `normal`: projected, and kept in size.
     pub(super) fn friction_across(&self, normal: &Vec3) -> Vec3 {
         let across = self.friction - normal * normal.dot(&self.friction);
         let length = across.norm();
         if length > 0.0 {
             across * (self.friction.norm() / length)
         } else {
-            across
+            Vec3::zeros()
         }
     }
 
-    /// Takes the response at the end of a step.
-    pub(super) fn take(&mut self, response: &Response, friction_stiffness: f64) {
-        self.forces = [response.normal, self.forces[0]];
-        self.friction = response.friction;
-        self.friction_stiffness = friction_stiffness;
-        self.age = self.age.saturating_add(1);
+    /// The energy (J) in the spring.
+    pub(super) fn stored(&self) -> f64 {
+        self.friction.norm_squared() / (2.0 * self.stiffness)
     }
 }
 
-/// The kept rows, in the order of their keys.
-#[derive(Debug, Default)]
-pub(super) struct Store {
-    kept: Vec<Kept>,
-    is_taken: Vec<bool>,
-}
-
-impl Store {
-    pub(super) fn with_capacity(most: usize) -> Self {
-        Self {
-            kept: Vec::with_capacity(most),
-            is_taken: Vec::with_capacity(most),
-        }
+/// Takes the state of a contact that pushes along `normal` from `kept`, which is ascending by key. `from` is where the search
+/// begins, and is moved to the key: contacts are asked for in the order of their keys.
+pub(super) fn take(kept: &mut [Kept], from: &mut usize, key: Key, normal: &Vec3) -> Option<Kept> {
+    while kept.get(*from).is_some_and(|state| state.key < key) {
+        *from += 1;
     }
-
-    /// Gives each of the `wanted`, which are in the order of their keys, what has been kept of it.
-    pub(super) fn recall(&mut self, wanted: &mut [Kept], is_found: &mut Vec<bool>) {
-        self.is_taken.clear();
-        self.is_taken.resize(self.kept.len(), false);
-        is_found.clear();
-        for row in &mut *wanted {
-            let exact = self.kept.binary_search_by(|kept| kept.key.cmp(&row.key));
-            is_found.push(exact.is_ok());
-            if let Ok(at) = exact {
-                self.is_taken[at] = true;
-                recall(row, &self.kept[at]);
-            }
-        }
-        for (row, is_found) in wanted.iter_mut().zip(is_found) {
-            let Some(of) = row.key.vertex_and_side().filter(|_| !*is_found) else {
-                continue;
-            };
-            let first = self
-                .kept
-                .partition_point(|kept| kept.key < Key([0, of[0], of[1], 0, 0, 0]));
-            let rows = self.kept.iter().enumerate().skip(first);
-            let same = rows.take_while(|(_, kept)| kept.key.vertex_and_side() == Some(of));
-            let free = same.filter(|(at, _)| !self.is_taken[*at]);
-            let along = |kept: &Kept| kept.normal.dot(&row.normal);
-            let nearest = free.max_by(|(_, a), (_, b)| along(a).total_cmp(&along(b)));
-            if let Some((at, kept)) = nearest.filter(|(_, kept)| along(kept) > 0.0) {
-                self.is_taken[at] = true;
-                *is_found = true;
-                recall(row, kept);
-            }
-        }
-    }
-
-    /// Keeps the rows of a step, in the order of their keys.
-    pub(super) fn keep(&mut self, rows: &[Kept]) {
-        self.kept.clear();
-        self.kept.extend_from_slice(rows);
-    }
-}
-
-/// Gives a row the forces of a kept one.
-fn recall(row: &mut Kept, kept: &Kept) {
-    *row = Kept {
-        key: row.key,
-        normal: row.normal,
-        is_parting: kept.is_parting,
-        ..*kept
-    };
+    let group = kept[*from..].iter_mut();
+    let group = group.take_while(|state| state.key == key);
+    let near = group.filter(|state| !state.is_taken && state.normal.dot(normal) > TURNED);
+    let best = near.max_by(|a, b| a.normal.dot(normal).total_cmp(&b.normal.dot(normal)))?;
+    best.is_taken = true;
+    Some(*best)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn row(key: Key, normal: Vec3, force: f64) -> Kept {
+    fn kept(key: Key, normal: Vec3) -> Kept {
         Kept {
-            forces: [force, force],
-            ..Kept::new(key, normal, false)
+            key,
+            normal,
+            forces: [1.0, 1.0],
+            friction: Vec3::new(3.0, 0.0, 4.0),
+            stiffness: 2.0,
+            age: 1,
+            is_parting: false,
+            is_taken: false,
         }
     }
 
     #[test]
-    fn a_foot_that_moves_on_takes_its_forces_along_once() {
-        let mut store = Store::default();
-        let on = |feature| Key::on(7, 2, feature);
-        store.keep(&[
-            row(on([1, 2, 3]), Vec3::z(), 1.0),
-            row(on([4, 5, 6]), Vec3::x(), 2.0),
-        ]);
-        // The first foot has moved to a neighbour, the second one stands.
-        let mut rows = [
-            row(on([2, 3, 4]), Vec3::z(), 0.0),
-            row(on([3, 4, 5]), Vec3::z(), 0.0),
-            row(on([6, 5, 4]), Vec3::x(), 0.0),
+    fn a_state_goes_to_the_contact_in_its_direction_once() {
+        let [first, second] = [Key::Vertex(1, 0), Key::Edges([0, 1, 2, 3])];
+        let mut all = [
+            kept(first, Vec3::z()),
+            kept(first, Vec3::x()),
+            kept(second, Vec3::z()),
         ];
-        store.recall(&mut rows, &mut Vec::new());
-        assert_eq!(rows.map(|row| row.forces[0]), [1.0, 0.0, 2.0]);
+        let mut from = 0;
+        let near_x = Vec3::new(0.8, 0.0, 0.6);
+        let mut taken =
+            |key, normal| take(&mut all, &mut from, key, normal).map(|state| state.normal);
+        assert_eq!(taken(Key::Vertex(0, 5), &Vec3::z()), None);
+        assert_eq!(taken(first, &near_x), Some(Vec3::x()));
+        assert_eq!(taken(first, &near_x), Some(Vec3::z()));
+        assert_eq!(taken(first, &near_x), None);
+        assert_eq!(taken(Key::Vertex(2, 0), &Vec3::z()), None);
+        assert_eq!(taken(second, &-Vec3::z()), None);
+        assert_eq!(taken(second, &Vec3::z()), Some(Vec3::z()));
     }
 
     #[test]
-    fn friction_turns_with_the_surface_and_keeps_its_size() {
-        let kept = Kept {
-            friction: Vec3::new(0.0, 3.0, 4.0),
-            ..Kept::new(Key::edges([0, 1], [2, 3]), Vec3::x(), false)
-        };
-        let turned = kept.friction_across(&Vec3::z());
-        assert!((turned - Vec3::new(0.0, 5.0, 0.0)).norm() < 1e-12);
-        assert_eq!(Key::edges([0, 1], [2, 3]), Key::edges([2, 3], [0, 1]));
+    fn a_friction_force_turns_with_the_surface() {
+        let state = kept(Key::Vertex(0, 0), Vec3::z());
+        assert_eq!(state.friction_across(&Vec3::z()), Vec3::x() * 5.0);
+        assert_eq!(
+            state.friction_across(&state.friction.normalize()).norm(),
+            0.0
+        );
+        assert_eq!(state.stored(), 6.25);
     }
 }

@@ -1,541 +1,588 @@
-//! The rows of a step: from pairs and shapes that are near to laws of contacts.
+//! The rows of a step: listed pairs and obstacles, each with the law by which it responds, and what it keeps.
 //!
-//! Foot, normal and distance are those at the predicted end of the step, `x + u*`: a normal at the start is late by a step.
-//! Two surfaces have no inside, so that a prediction that has crossed would turn the normal over. The predicted foot counts
-//! only if the normal at the start still separates the pair there; else foot and normal are those at the start. With the
-//! displacement `J u*` of the feet, the gap of the row is `g(u) = d - theta + n . (J u - J u*)`.
+//! [`Rows::begin`] makes the rows of a step from its prediction, and [`Rows::end`] takes what the solver found. A row looks
+//! further than the predicted motion, so that what comes near in the step meets a row. Each contact is one row: see `nearest`
+//! for vertices; two edges are a contact if both feet are inside them, and otherwise a vertex is. A thread has no triangles:
+//! the ends of its segments meet other segments as vertices.
 //!
-//! A row counts once for each pair of features. A vertex that is nearest to an edge or a corner of a triangle has a row only if
-//! no listed triangle at that edge or corner is nearer. Two edges have one only if both feet lie inside them: all other
-//! cases have a vertex and a triangle, but for segments of threads, which have no triangle.
+//! **Overlap.** A contact that begins with an overlap parts at a bounded speed (`Step::parting`). Its work is booked until
+//! the overlap is gone. Then it is like others, and carries nothing.
+//!
+//! The rows depend on the pairs, and not on their order. Nothing is allocated after [`Rows::new`].
 
-pub use super::kept::{Kept, Key};
-use super::kept::{NONE, Store};
-use super::lists::Lists;
+use super::certificate::Each;
+use super::feet::{Connection, Feet, TURNED, is_within};
+use super::hierarchy::Hierarchy;
+use super::kept::{Kept, Key, take};
+use super::nearest::{Candidate, of_group};
 use super::pair::{Foot, Pair};
+use super::placed::Placed;
 use super::row::{Response, Row, Stiffness, carried};
-use super::shape::{Nearest, Shape};
 use super::surface::Surfaces;
-use crate::HandlePose;
+use super::thinning::Thinning;
 use crate::Vec3;
 
-/// A row lies within this fraction of the thickness, beyond the predicted motion.
-const REACH: f64 = 0.1;
-/// The reach of a row grows by this factor of the predicted motion.
-const AHEAD: f64 = 1.3;
-/// The least cosine between the normals at the start and at the predicted end.
-const TURN: f64 = 0.5;
-/// The squared sine below which two edges count as parallel.
-const PARALLEL: f64 = 1e-6;
-/// The speed at which sides part that overlap at the start (m/s).
-const PARTING: f64 = 0.2;
-/// The depth, as a fraction of the thickness, at which sides no longer count as parting.
+/// Room for rows before they are thinned, as a multiple of the rows.
+const FOUND: usize = 4;
+/// The fraction of a thickness by which a contact overlaps while it parts.
 const PARTED: f64 = 0.02;
+/// A contact that held a force goes before others that are deeper by less than this fraction of its thickness.
+const HELD: f64 = 0.05;
+/// A vertex goes before edges that are deeper by less than this fraction.
+const FIRST: f64 = 0.1;
+/// The thickness (m) by which the stiffness of surfaces without thickness goes.
+const THINNEST: f64 = 1e-5;
 
-/// How two sides touch.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Meeting {
-    /// The distance at which they touch (m).
-    pub thickness: f64,
-    /// Coefficient of friction.
-    pub friction: f64,
-}
-
-/// A shape in a step.
-#[derive(Clone, Copy, Debug)]
-pub struct Placed {
-    /// The shape.
-    pub shape: Shape,
-    /// Its pose at the start and at the end of the step.
-    pub poses: [HandlePose; 2],
-}
-
-impl Placed {
-    /// The nearest point of the surface to `p` (m) at the start (0) or at the end (1).
-    pub(crate) fn nearest(&self, p: &Vec3, when: usize) -> Nearest {
-        let pose = &self.poses[when];
-        let found = self
-            .shape
-            .nearest(&(pose.rotation.inverse() * (p - pose.position)));
-        Nearest {
-            normal: pose.rotation * found.normal,
-            ..found
-        }
-    }
-
-    /// The displacement over the step (m) of the material point that is at `p` at the end.
-    pub(crate) fn motion(&self, p: &Vec3) -> Vec3 {
-        let [start, end] = &self.poses;
-        let own = end.rotation.inverse() * (p - end.position);
-        p - (start.position + start.rotation * own)
-    }
-}
-
-/// The state of a step: all vectors by vertex of the surfaces.
-pub struct State<'a> {
+/// A step, as it is predicted. Slices have an entry for each vertex of the surfaces.
+#[derive(Clone, Copy)]
+pub struct Step<'a> {
     /// The surfaces.
     pub surfaces: &'a Surfaces,
-    /// The shapes. They are sides after the parts.
-    pub shapes: &'a [Placed],
     /// Positions at the start (m).
     pub x: &'a [Vec3],
-    /// Predicted displacements over the step (m). Those of obstacles are exact.
+    /// Predicted displacements (m). Those of vertices of obstacles are prescribed.
     pub u: &'a [Vec3],
-    /// Velocities (m/s).
+    /// Velocities after the last step (m/s).
     pub v: &'a [Vec3],
-    /// Masses (kg); infinite if a vertex moves by no equation.
-    pub mass: &'a [f64],
+    /// Masses (kg), infinite for vertices that are held or prescribed.
+    pub masses: &'a [f64],
+    /// The largest diagonal entry of the matrix of the step at each vertex (N/m): no friction spring is stiffer.
+    pub stiffest: &'a [f64],
     /// Length of the step (s).
     pub h: f64,
-    /// How two sides touch, if they do.
-    pub meeting: &'a dyn Fn(usize, usize) -> Option<Meeting>,
+    /// The speed at which an overlap parts (m/s).
+    pub parting: f64,
+    /// The coefficient of friction of two parts. Obstacles are counted on after the parts.
+    pub friction: &'a dyn Fn(usize, usize) -> f64,
+    /// The obstacles with a shape.
+    pub obstacles: &'a [Placed],
+    /// The boxes over the surfaces at `x`.
+    pub hierarchy: &'a Hierarchy,
+    /// The pairs that may touch: all that are as near as [`reach`] says.
+    pub pairs: &'a Each<'a>,
+}
+
+/// How far pairs of a cluster must be listed (m), beside the radius: `Lists::follow` takes this. `u` are the predicted
+/// displacements (m).
+pub fn reach(surfaces: &Surfaces, u: &[Vec3], hierarchy: &Hierarchy, cluster: usize) -> f64 {
+    let radius = surfaces.parts[hierarchy.clusters()[cluster].part].radius;
+    // `feet::is_within` at the end, and the motion itself.
+    2.3 * most_of(u, hierarchy.members(cluster)) + 0.1 * radius
+}
+
+/// The largest of the vectors `u` of some vertices.
+fn most_of(u: &[Vec3], vertices: &[u32]) -> f64 {
+    let squares = vertices.iter().map(|v| u[*v as usize].norm_squared());
+    squares.fold(0.0, f64::max).sqrt()
 }
 
 /// A contact of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// The vertices, of which those with a weight of zero have no meaning.
+    /// By what the contact is known in the next step.
+    pub key: Key,
+    /// The vertices, and their weights: those of the first foot sum to one. A weight of zero has no vertex.
     pub vertices: [u32; 4],
-    /// Their weights.
+    /// See `vertices`.
     pub weights: [f64; 4],
+    /// The parts of both feet. Obstacles are counted on after the parts.
+    pub parts: [usize; 2],
     /// The law.
     pub row: Row,
-    /// The two sides: parts, and after them shapes.
-    pub sides: [usize; 2],
-    /// The distance at which the sides touch (m).
+    /// The distance at which the parts touch (m).
     pub thickness: f64,
-    /// What the row keeps.
-    pub kept: Kept,
-    /// Whether the sides hit each other: a second update of the multiplier stops them.
-    pub is_impact: bool,
+    /// The gap at the predicted end of the step (m).
+    pub predicted: f64,
+    /// The mass (kg) that the row moves.
+    pub mass: f64,
+    /// Steps since the contact was found.
+    pub age: u32,
+    /// Whether an overlap parts.
+    pub is_parting: bool,
+    /// The normal forces of the last two steps (N), the latest first.
+    forces: [f64; 2],
 }
 
-/// What the rows of a step are.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RowReport {
-    /// Number of rows.
-    pub rows: usize,
-    /// Rows without a place. The certificate still holds their sides apart.
-    pub dropped: usize,
-    /// Rows whose sides overlap since their birth.
-    pub parting: usize,
-    /// The energy (J) by which friction springs changed because their stiffness did.
-    pub restiffened: f64,
-}
+impl Contact {
+    /// The normal forces of the last two steps (N), the latest first.
+    pub fn forces(&self) -> [f64; 2] {
+        self.forces
+    }
 
-/// A row before its law.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    features: Features,
-    vertices: [u32; 4],
-    weights: [f64; 4],
-    normal: Vec3,
-    /// Distance of the sides (m), at the place of the foot.
-    distance: f64,
-    /// The gap for no displacement (m).
-    gap: f64,
-    motion: Vec3,
-    sides: [usize; 2],
-    meeting: Meeting,
-    /// Whether another row has the features.
-    is_shadowed: bool,
-}
+    /// The vertices that move, each with the direction in which the normal force pushes it.
+    fn pushed<'a>(&'a self, masses: &'a [f64]) -> impl Iterator<Item = (u32, Vec3)> + Clone + 'a {
+        let each = self.vertices.iter().zip(&self.weights);
+        let each = each.filter(|(v, weight)| **weight != 0.0 && masses[**v as usize].is_finite());
+        each.map(|(v, weight)| (*v, self.row.normal * weight.signum()))
+    }
 
-impl Candidate {
-    fn key(&self) -> Key {
-        self.features.key
+    /// How deep the contact is, in thicknesses: the smaller, the deeper.
+    fn depth(&self) -> f64 {
+        let held = if self.forces[0] > 0.0 { HELD } else { 0.0 };
+        let first = match self.key {
+            Key::Vertex(..) => FIRST,
+            Key::Edges(..) => 0.0,
+        };
+        self.predicted / self.thickness.max(THINNEST) - held - first
     }
 }
 
-/// The rows of a step, and what they keep.
+/// What [`Rows::begin`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RowsReport {
+    /// Rows.
+    pub rows: usize,
+    /// Contacts that are left out because each of their vertices has three deeper ones.
+    pub thinned: usize,
+    /// Contacts that are left out because there was no room. The deepest ones have rows.
+    pub dropped: usize,
+    /// Contacts whose overlap parts.
+    pub parting: usize,
+    /// Contacts that close fast: the step needs a second update of the multipliers.
+    pub impacts: usize,
+    /// The energy (J) by which springs of friction gained because their stiffness changed and their force did not.
+    pub restrung: f64,
+    /// The energy (J) in springs of friction whose contacts are no longer there.
+    pub released: f64,
+}
+
+/// The rows of the steps.
 #[derive(Debug)]
 pub struct Rows {
-    most: usize,
+    part_of: Vec<u32>,
+    /// Positions at the predicted end (m).
+    ends: Vec<Vec3>,
     candidates: Vec<Candidate>,
+    found: Vec<Contact>,
+    order: Vec<u32>,
+    /// The order from the deepest on, and which are kept.
+    deepest: Vec<u32>,
+    is_kept: Vec<bool>,
     contacts: Vec<Contact>,
-    wanted: Vec<Kept>,
-    is_found: Vec<bool>,
-    store: Store,
-    /// The vertices near shapes.
-    near: Vec<u32>,
-    report: RowReport,
+    kept: Vec<Kept>,
+    thinning: Thinning,
+    most: usize,
+    report: RowsReport,
 }
 
 impl Rows {
     /// Room for `most` rows.
-    pub fn new(most: usize) -> Self {
+    pub fn new(surfaces: &Surfaces, most: usize) -> Self {
+        let mut part_of = vec![0; surfaces.vertices];
+        for (number, part) in (0_u32..).zip(&surfaces.parts) {
+            part_of[part.vertices.start as usize..part.vertices.end as usize].fill(number);
+        }
+        let found = FOUND * most;
         Self {
-            most,
-            candidates: Vec::with_capacity(4 * most),
+            ends: vec![Vec3::zeros(); part_of.len()],
+            thinning: Thinning::new(part_of.len()),
+            part_of,
+            candidates: Vec::with_capacity(found),
+            found: Vec::with_capacity(found),
+            order: Vec::with_capacity(found),
+            deepest: Vec::with_capacity(found),
+            is_kept: Vec::with_capacity(found),
             contacts: Vec::with_capacity(most),
-            wanted: Vec::with_capacity(most),
-            is_found: Vec::with_capacity(most),
-            store: Store::with_capacity(most),
-            near: Vec::with_capacity(4 * most),
-            report: RowReport::default(),
+            kept: Vec::with_capacity(most),
+            most,
+            report: RowsReport::default(),
         }
     }
 
-    /// The rows of the step, in the order of their keys.
+    /// Makes the rows of a step.
+    pub fn begin(&mut self, step: &Step<'_>) -> RowsReport {
+        self.report = RowsReport::default();
+        self.candidates.clear();
+        self.found.clear();
+        for ((end, x), u) in self.ends.iter_mut().zip(step.x).zip(step.u) {
+            *end = x + u;
+        }
+        (step.pairs)(&mut |pair| self.pair(step, pair));
+        self.vertices(step);
+        for number in 0..step.obstacles.len() {
+            self.obstacle(step, number);
+        }
+        self.sort();
+        self.carry();
+        self.choose(step);
+        self.report.rows = self.contacts.len();
+        self.report
+    }
+
+    /// The contacts of the step, ascending by key.
     pub fn contacts(&self) -> &[Contact] {
         &self.contacts
     }
 
-    /// What the rows of the step are.
-    pub fn report(&self) -> RowReport {
-        self.report
-    }
-
-    /// Makes the rows of a step from the pairs of `lists`, which follow the same step.
-    pub fn begin(&mut self, step: &State<'_>, lists: &Lists) {
-        self.candidates.clear();
-        let candidates = &mut self.candidates;
-        lists.each(step.surfaces, step.x, &mut |pair| {
-            candidates.extend(of_pair(step, pair));
-        });
-        self.meet_shapes(step, lists);
-        drop_shadowed(&mut self.candidates);
-        // Of equal keys the nearest row stays.
-        (self.candidates).sort_unstable_by(|a, b| {
-            let nearer = a.distance.total_cmp(&b.distance);
-            (a.key().cmp(&b.key()).then(nearer)).then(a.vertices.cmp(&b.vertices))
-        });
-        self.candidates.dedup_by_key(|row| row.key());
-        self.report = RowReport::default();
-        if self.candidates.len() > self.most {
-            self.report.dropped = self.candidates.len() - self.most;
-            let deepest =
-                |a: &Candidate, b: &Candidate| a.gap.total_cmp(&b.gap).then(a.key().cmp(&b.key()));
-            self.candidates.select_nth_unstable_by(self.most, deepest);
-            self.candidates.truncate(self.most);
-            self.candidates.sort_unstable_by_key(Candidate::key);
-        }
-        self.wanted.clear();
-        self.wanted.extend(self.candidates.iter().map(|row| {
-            let overlaps = row.distance < row.meeting.thickness;
-            Kept::new(row.key(), row.normal, overlaps)
-        }));
-        self.store.recall(&mut self.wanted, &mut self.is_found);
-        self.contacts.clear();
-        for (row, kept) in self.candidates.iter().zip(&self.wanted) {
-            let contact = law(step, row, *kept, &mut self.report.restiffened);
-            self.report.parting += usize::from(contact.kept.is_parting);
-            self.contacts.push(contact);
-        }
-        self.report.rows = self.contacts.len();
-    }
-
-    /// Adds the rows of vertices near shapes.
-    fn meet_shapes(&mut self, step: &State<'_>, lists: &Lists) {
-        let parts = step.surfaces.parts.len();
-        for (number, placed) in step.shapes.iter().enumerate() {
-            self.near.clear();
-            for (index, cluster) in lists.hierarchy().clusters().iter().enumerate() {
-                let Some(meeting) = (step.meeting)(cluster.part, parts + number) else {
-                    continue;
-                };
-                // No vertex of the cluster is nearer than its centre less its extent.
-                let members = lists.hierarchy().members(index);
-                let moved = members.iter().map(|vertex| {
-                    let vertex = *vertex as usize;
-                    (step.u[vertex] - placed.motion(&step.x[vertex])).norm()
-                });
-                let moved = moved.fold(0.0, f64::max);
-                let reach = meeting.thickness * (1.0 + REACH) + (1.0 + AHEAD) * moved;
-                if placed.nearest(&cluster.centre, 0).distance <= cluster.extent + reach {
-                    self.near.extend_from_slice(members);
-                }
+    /// Ends a step: takes the response of each contact, in their order. Returns the work (J) with which overlaps parted.
+    pub fn end<'a>(&mut self, responses: impl Iterator<Item = &'a Response>) -> f64 {
+        self.kept.clear();
+        let mut work = 0.0;
+        for (contact, response) in self.contacts.iter().zip(responses) {
+            if contact.is_parting {
+                work += response.normal * (response.gap - contact.row.gap);
             }
-            self.near.sort_unstable();
-            self.near.dedup();
-            let near = self.near.iter();
-            let rows = near.filter_map(|vertex| of_shape(step, *vertex, number));
-            self.candidates.extend(rows);
-        }
-    }
-
-    /// Keeps the responses of the rows at the end of the step, in the order of the rows, for the next step.
-    pub fn end(&mut self, responses: impl Iterator<Item = Response>) {
-        for ((contact, response), kept) in self.contacts.iter().zip(responses).zip(&mut self.wanted)
-        {
-            *kept = contact.kept;
-            kept.take(&response, contact.row.friction_stiffness);
-            kept.is_parting &= response.gap < -PARTED * contact.thickness;
-        }
-        self.store.keep(&self.wanted);
-    }
-}
-
-/// The row of a pair, if the pair comes near.
-fn of_pair(step: &State<'_>, pair: Pair) -> Option<Candidate> {
-    let surfaces = step.surfaces;
-    let (vertices, split) = (pair.vertices(surfaces), pair.split());
-    let [first, second] = [vertices[0], vertices[split]].map(|vertex| surfaces.part_of(vertex));
-    let meeting = (step.meeting)(first, second)?;
-    let u = vertices.map(|vertex| step.u[vertex as usize]);
-    let (ones, others) = u.split_at(split);
-    let apart = ones
-        .iter()
-        .flat_map(|one| others.iter().map(move |other| (one - other).norm()));
-    let moved = apart.fold(0.0, f64::max);
-    let reach = meeting.thickness * (1.0 + REACH) + AHEAD * moved;
-    let x = vertices.map(|vertex| step.x[vertex as usize]);
-    let start = pair.foot_of(vertices, &x);
-    let distance = start.apart.norm();
-    if distance > reach + moved {
-        return None;
-    }
-    let ends = [0, 1, 2, 3].map(|i| x[i] + u[i]);
-    let end = pair.foot_of(vertices, &ends);
-    let end_distance = end.apart.norm();
-    let normals = [start.apart / distance, end.apart / end_distance];
-    let is_predicted = normals[0].dot(&normals[1]) > TURN && {
-        let along = |x: &Vec3| normals[0].dot(x);
-        let (ones, others) = ends.split_at(split);
-        let least = ones.iter().map(along).fold(f64::INFINITY, f64::min);
-        let most = others.iter().map(along).fold(f64::NEG_INFINITY, f64::max);
-        least > most
-    };
-    let (foot, distance, normal) = if is_predicted {
-        (end, end_distance, normals[1])
-    } else {
-        (start, distance, normals[0])
-    };
-    if !(distance <= reach && normal.x.is_finite()) {
-        return None;
-    }
-    let moved: Vec3 = (0..4).map(|i| u[i] * foot.weights[i]).sum();
-    let ahead = if is_predicted {
-        normal.dot(&moved)
-    } else {
-        0.0
-    };
-    let gap = distance - meeting.thickness - ahead;
-    let features = Features::of(surfaces, pair, &foot, &x, [first, second])?;
-    // The motion of obstacles is known: it is no unknown of the equation.
-    let mut weights = foot.weights;
-    let mut motion = Vec3::zeros();
-    for (side, range) in [(first, 0..split), (second, split..4)] {
-        if surfaces.parts[side].is_obstacle {
-            for i in range {
-                motion -= u[i] * weights[i];
-                weights[i] = 0.0;
-            }
-        }
-    }
-    Some(Candidate {
-        features,
-        vertices,
-        weights,
-        normal,
-        distance,
-        gap,
-        motion,
-        sides: [first, second],
-        meeting,
-        is_shadowed: false,
-    })
-}
-
-/// The features that touch.
-#[derive(Clone, Copy, Debug)]
-struct Features {
-    key: Key,
-    /// The vertices of the triangle with the foot, and those of the foot's feature; none of an edge pair or on a shape.
-    triangle: [u32; 3],
-    feature: [u32; 3],
-}
-
-impl Features {
-    /// The features of a pair; `None` if another pair has the row.
-    fn of(
-        surfaces: &Surfaces,
-        pair: Pair,
-        foot: &Foot,
-        x: &[Vec3; 4],
-        sides: [usize; 2],
-    ) -> Option<Self> {
-        let [a, b, c, d] = foot.vertices;
-        let named = |i: usize| {
-            if foot.weights[i] == 0.0 {
-                NONE
-            } else {
-                foot.vertices[i]
-            }
-        };
-        if matches!(pair, Pair::VertexTriangle(..)) {
-            let feature = [1, 2, 3].map(named);
-            let mut corners = feature.into_iter().filter(|vertex| *vertex != NONE);
-            let key = match (corners.next(), corners.next()) {
-                (Some(corner), None) => Key::edges([a, NONE], [corner, NONE]),
-                _ => Key::on(a, sides[1] as u32, feature),
-            };
-            return Some(Self {
-                key,
-                triangle: [b, c, d],
-                feature,
+            self.kept.push(Kept {
+                key: contact.key,
+                normal: contact.row.normal,
+                forces: [response.normal, contact.forces[0]],
+                friction: response.friction,
+                stiffness: contact.row.friction_stiffness,
+                age: contact.age + 1,
+                is_parting: contact.is_parting,
+                is_taken: false,
             });
         }
-        let is_inside = |i: usize| foot.weights[i] != 0.0 && foot.weights[i + 1] != 0.0;
-        let is_segment = sides.map(|side| surfaces.parts[side].triangles.is_empty());
-        if !(is_inside(0) || is_segment[1]) || !(is_inside(2) || is_segment[0]) {
-            return None;
-        }
-        let (one, other) = (x[1] - x[0], x[3] - x[2]);
-        let sine = one.cross(&other).norm_squared();
-        let is_parallel = sine < PARALLEL * one.norm_squared() * other.norm_squared();
-        if is_parallel && is_segment == [false; 2] {
-            return None;
-        }
-        let ends = |i: usize| {
-            let (from, to) = (named(i), named(i + 1));
-            [from.min(to), from.max(to)]
+        work
+    }
+
+    /// The energy (J) in the springs of friction after the last step.
+    pub fn stored(&self) -> f64 {
+        self.kept.iter().map(Kept::stored).sum()
+    }
+
+    /// Takes in a listed pair.
+    fn pair(&mut self, step: &Step<'_>, pair: Pair) {
+        let surfaces = step.surfaces;
+        let pair = match pair {
+            Pair::EdgeEdge(a, b) if surfaces.edges[a as usize] > surfaces.edges[b as usize] => {
+                Pair::EdgeEdge(b, a)
+            }
+            _ => pair,
         };
-        Some(Self {
-            key: Key::edges(ends(0), ends(2)),
-            triangle: [NONE; 3],
-            feature: [NONE; 3],
-        })
+        let vertices = pair.vertices(surfaces);
+        let parts = [vertices[0], vertices[3]].map(|v| self.part_of[v as usize] as usize);
+        let thickness = parts.map(|part| surfaces.parts[part].radius).iter().sum();
+        let places = [step.x, step.u, &self.ends];
+        let Some(found) = Feet::of(pair, surfaces, places, thickness) else {
+            return;
+        };
+        if let Pair::VertexTriangle(..) = pair {
+            return self.candidate(vertices[0], parts[1], &vertices[1..], found, thickness);
+        }
+        let is_end = found.is_certain;
+        let at = found.at(is_end);
+        let inside = |weights: &[f64]| weights.iter().all(|weight| *weight != 0.0);
+        let (first, second) = at.foot.weights.split_at(2);
+        let is_thread = parts.map(|part| surfaces.parts[part].triangles.is_empty());
+        // The vertex at which a foot lies.
+        let end_of = |from: usize| {
+            let is_second = at.foot.weights[from] == 0.0;
+            vertices[from + usize::from(is_second)]
+        };
+        // Two ends meet once: as the vertex with the smaller number, and the other segment.
+        let is_turned = match (inside(first), inside(second)) {
+            (true, true) => {
+                if found.may_touch(is_end, thickness) {
+                    let predicted = found.predicted(is_end);
+                    let contact = self.contact(step, Key::Edges(vertices), parts, at, predicted);
+                    self.push(contact);
+                }
+                return;
+            }
+            (false, true) if is_thread[1] => false,
+            (true, false) if is_thread[0] => true,
+            (false, false) if is_thread == [true; 2] => end_of(0) > end_of(2),
+            _ => return,
+        };
+        let settled = found.settled(is_turned);
+        if is_turned {
+            self.candidate(end_of(2), parts[0], &vertices[..2], settled, thickness);
+        } else {
+            self.candidate(end_of(0), parts[1], &vertices[2..], settled, thickness);
+        }
     }
 
-    /// Whether the triangle has all vertices of the feature of `other`, which is not a whole triangle.
-    fn contains(&self, other: &Self) -> bool {
-        let mut corners = other.feature.iter();
-        corners.all(|vertex| *vertex == NONE || self.triangle.contains(vertex))
+    fn candidate(&mut self, vertex: u32, part: usize, of: &[u32], feet: Feet, thickness: f64) {
+        let mut corners = [of[0], of[1], of[of.len() - 1]];
+        corners.sort_unstable();
+        if self.candidates.len() == FOUND * self.most {
+            self.report.dropped += half(&mut self.candidates, |one| one.feet.end.length);
+        }
+        self.candidates.push(Candidate {
+            vertex,
+            part: part as u32,
+            corners,
+            feet,
+            thickness,
+        });
     }
 
-    /// Whether the foot lies on an edge or a corner of its triangle.
-    fn is_on_border(&self) -> bool {
-        self.triangle[0] != NONE && self.feature.contains(&NONE)
+    /// Makes contacts of the candidates.
+    fn vertices(&mut self, step: &Step<'_>) {
+        let candidates = core::mem::take(&mut self.candidates);
+        let mut order = core::mem::take(&mut self.order);
+        order.clear();
+        order.extend(0..candidates.len() as u32);
+        let of = |number: u32| &candidates[number as usize];
+        let group = |number: u32| (of(number).vertex, of(number).part);
+        order.sort_unstable_by_key(|number| (group(*number), of(*number).corners));
+        // A segment that meets a vertex at the end of two others is the candidate of both.
+        order.dedup_by_key(|number| (group(*number), of(*number).corners));
+        for numbers in order.chunk_by(|a, b| group(*a) == group(*b)) {
+            of_group(numbers, of, &mut |one, is_end| {
+                let key = Key::Vertex(one.vertex, one.part);
+                let parts = [self.part_of[one.vertex as usize], one.part].map(|part| part as usize);
+                let (at, predicted) = (one.feet.at(is_end), one.feet.predicted(is_end));
+                let contact = self.contact(step, key, parts, at, predicted);
+                self.push(contact);
+            });
+        }
+        (self.candidates, self.order) = (candidates, order);
     }
-}
 
-/// The row of a vertex at a shape, if the vertex comes near.
-fn of_shape(step: &State<'_>, vertex: u32, number: usize) -> Option<Candidate> {
-    let (at, placed) = (vertex as usize, &step.shapes[number]);
-    let (part, side) = (
-        step.surfaces.part_of(vertex),
-        step.surfaces.parts.len() + number,
-    );
-    let meeting = (step.meeting)(part, side)?;
-    let end = step.x[at] + step.u[at];
-    let found = placed.nearest(&end, 1);
-    let motion = placed.motion(&(end - found.normal * found.distance));
-    let moved = step.u[at] - motion;
-    if found.distance > meeting.thickness * (1.0 + REACH) + AHEAD * moved.norm() {
-        return None;
-    }
-    Some(Candidate {
-        features: Features {
-            key: Key::on(vertex, side as u32, [NONE; 3]),
-            triangle: [NONE; 3],
-            feature: [NONE; 3],
-        },
-        vertices: [vertex; 4],
-        weights: [1.0, 0.0, 0.0, 0.0],
-        normal: found.normal,
-        distance: found.distance,
-        gap: found.distance - meeting.thickness - found.normal.dot(&moved),
-        motion,
-        sides: [part, side],
-        meeting,
-        is_shadowed: false,
-    })
-}
-
-/// Drops vertices at an edge or a corner of a triangle, if a listed triangle at that edge or corner is nearer.
-fn drop_shadowed(candidates: &mut Vec<Candidate>) {
-    let of = |row: &Candidate| {
-        (
-            row.features.triangle[0] == NONE,
-            row.vertices[0],
-            row.sides[1],
-        )
-    };
-    candidates.sort_unstable_by(|a, b| {
-        let nearer = a.distance.total_cmp(&b.distance);
-        of(a)
-            .cmp(&of(b))
-            .then(nearer)
-            .then(a.vertices.cmp(&b.vertices))
-    });
-    let mut from = 0;
-    while from < candidates.len() {
-        let first = of(&candidates[from]);
-        let rest = &mut candidates[from..];
-        let same = rest.iter().take_while(|row| of(row) == first).count();
-        if !first.0 {
-            let (group, _) = rest.split_at_mut(same);
-            for i in 1..group.len() {
-                let (nearer, row) = group.split_at_mut(i);
-                let row = &mut row[0];
-                row.is_shadowed = row.features.is_on_border()
-                    && nearer.iter().any(|other| {
-                        other.distance < row.distance && other.features.contains(&row.features)
-                    });
+    /// Makes contacts of an obstacle with the vertices near it.
+    fn obstacle(&mut self, step: &Step<'_>, number: usize) {
+        let obstacle = &step.obstacles[number];
+        let parts = &step.surfaces.parts;
+        for (index, cluster) in step.hierarchy.clusters().iter().enumerate() {
+            let part = &parts[cluster.part];
+            if part.is_obstacle {
+                continue;
+            }
+            let thickness = part.radius + obstacle.radius;
+            let members = step.hierarchy.members(index);
+            let most = most_of(step.u, members);
+            let (centre, around) = (&cluster.centre, cluster.extent + most);
+            let distance = obstacle.at_end(centre).distance - around;
+            // The material points under the vertices are as far from the centre at most.
+            let by = most + obstacle.most_motion(centre, distance.abs() + 2.0 * around);
+            if !is_within(distance, thickness, by) {
+                continue;
+            }
+            for vertex in members {
+                self.vertex(step, *vertex, cluster.part, number, thickness);
             }
         }
-        from += same;
     }
-    candidates.retain(|row| !row.is_shadowed);
-}
 
-/// The law of a row.
-fn law(step: &State<'_>, row: &Candidate, mut kept: Kept, restiffened: &mut f64) -> Contact {
-    let (mut compliance, mut opening) = (0.0, 0.0);
-    for (vertex, weight) in row.vertices.into_iter().zip(row.weights) {
-        if weight != 0.0 {
-            compliance += weight * weight / step.mass[vertex as usize];
-            opening += weight * row.normal.dot(&step.v[vertex as usize]);
+    fn vertex(&mut self, step: &Step<'_>, vertex: u32, part: usize, number: usize, thickness: f64) {
+        let obstacle = &step.obstacles[number];
+        let at = vertex as usize;
+        let (start, end) = (
+            obstacle.at_start(&step.x[at]),
+            obstacle.at_end(&self.ends[at]),
+        );
+        let (normal, distance, point) = if start.normal.dot(&end.normal) > TURNED {
+            (end.normal, end.distance, self.ends[at])
+        } else {
+            (start.normal, start.distance, step.x[at])
+        };
+        let motion = obstacle.motion_to(&(point - normal * distance));
+        let relative = step.u[at] - motion;
+        let is_end = point == self.ends[at];
+        let predicted = if is_end {
+            distance
+        } else {
+            distance + normal.dot(&relative)
+        };
+        if !is_within(predicted.min(end.distance), thickness, relative.norm()) {
+            return;
+        }
+        let connection = Connection {
+            foot: Foot {
+                vertices: [vertex; 4],
+                weights: [1.0, 0.0, 0.0, 0.0],
+                apart: normal * distance,
+            },
+            length: distance,
+            normal,
+            relative,
+        };
+        let other = step.surfaces.parts.len() + number;
+        let key = Key::Vertex(vertex, other as u32);
+        let mut contact = self.contact(step, key, [part, other], &connection, predicted);
+        contact.row.motion = motion;
+        self.push(contact);
+    }
+
+    /// A contact, without what it keeps.
+    fn contact(
+        &self,
+        step: &Step<'_>,
+        key: Key,
+        parts: [usize; 2],
+        at: &Connection,
+        predicted: f64,
+    ) -> Contact {
+        let all = &step.surfaces.parts;
+        let radius = |part: usize| match all.get(part) {
+            Some(part) => part.radius,
+            None => step.obstacles[part - all.len()].radius,
+        };
+        let thickness = radius(parts[0]) + radius(parts[1]);
+        let Foot {
+            vertices, weights, ..
+        } = at.foot;
+        let each = || vertices.into_iter().map(|v| v as usize).zip(weights);
+        let compliance: f64 = each().map(|(v, w)| w * w / step.masses[v]).sum();
+        // The system of the bodies has no prescribed vertices. Their part of the difference is that of an obstacle.
+        let is_prescribed = |v: usize| all[self.part_of[v] as usize].is_obstacle;
+        let prescribed = each().filter(|(v, _)| is_prescribed(*v));
+        Contact {
+            key,
+            vertices,
+            weights,
+            parts,
+            row: Row {
+                normal: at.normal,
+                gap: predicted - thickness - at.normal.dot(&at.relative),
+                motion: prescribed.map(|(v, w)| step.u[v] * -w).sum(),
+                friction: (step.friction)(parts[0], parts[1]),
+                normal_stiffness: 0.0,
+                friction_stiffness: 0.0,
+                carried: 0.0,
+                anchored: Vec3::zeros(),
+            },
+            thickness,
+            predicted: predicted - thickness,
+            mass: compliance.recip(),
+            age: 0,
+            is_parting: false,
+            forces: [0.0; 2],
         }
     }
-    opening -= row.normal.dot(&row.motion) / step.h;
-    let meeting = row.meeting;
-    let stiffness = Stiffness {
-        // A row between held vertices moves nothing; any finite mass serves.
-        mass: if compliance > 0.0 {
-            1.0 / compliance
-        } else {
-            0.0
-        },
-        step: step.h,
-        thickness: meeting.thickness,
-        approach: -opening,
-        force: kept.forces[0].max(kept.forces[1]),
-        friction: meeting.friction,
-    };
-    let friction_stiffness = stiffness.friction(f64::INFINITY);
-    let anchored = kept.friction_across(&row.normal);
-    if kept.friction_stiffness > 0.0 && friction_stiffness > 0.0 {
-        let half = 0.5 * anchored.norm_squared();
-        *restiffened += half * (1.0 / friction_stiffness - 1.0 / kept.friction_stiffness);
+
+    fn push(&mut self, contact: Contact) {
+        // Nothing moves between vertices that are all held.
+        if !contact.mass.is_finite() {
+            return;
+        }
+        if self.found.len() == FOUND * self.most {
+            self.report.dropped += half(&mut self.found, |contact| contact.predicted);
+        }
+        self.found.push(contact);
     }
-    kept.is_parting &= row.distance < meeting.thickness;
-    let gap = if kept.is_parting {
-        row.gap.max(-PARTING * step.h)
-    } else {
-        row.gap
-    };
-    Contact {
-        vertices: row.vertices,
-        weights: row.weights,
-        row: Row {
-            normal: row.normal,
-            gap,
-            motion: row.motion,
-            friction: meeting.friction,
-            normal_stiffness: stiffness.normal(),
-            friction_stiffness,
-            carried: if kept.is_parting {
-                0.0
+
+    /// Brings the contacts in the order of their keys. Clusters share vertices, so that an obstacle may meet one twice.
+    fn sort(&mut self) {
+        self.order.clear();
+        self.order.extend(0..self.found.len() as u32);
+        let of = |number: u32| {
+            let contact = &self.found[number as usize];
+            (contact.key, contact.vertices)
+        };
+        self.order.sort_unstable_by_key(|number| of(*number));
+        self.order.dedup_by_key(|number| of(*number));
+    }
+
+    /// Gives the contacts what they keep from the last step.
+    fn carry(&mut self) {
+        let mut from = 0;
+        for number in &self.order {
+            let contact = &mut self.found[*number as usize];
+            let row = &mut contact.row;
+            let state = take(&mut self.kept, &mut from, contact.key, &row.normal);
+            let overlaps = row.gap < -PARTED * contact.thickness;
+            contact.is_parting = overlaps && state.is_none_or(|state| state.is_parting);
+            let Some(state) = state else { continue };
+            contact.age = state.age;
+            if state.is_parting && !overlaps {
+                continue;
+            }
+            contact.forces = state.forces;
+            row.anchored = state.friction_across(&row.normal);
+            // Kept for the change of the stiffness.
+            row.friction_stiffness = state.stiffness;
+        }
+        let left = self.kept.iter().filter(|state| !state.is_taken);
+        self.report.released = left.map(Kept::stored).sum();
+    }
+
+    /// Thins the contacts, and gives those that are left their stiffness.
+    fn choose(&mut self, step: &Step<'_>) {
+        self.deepest.clear();
+        self.deepest.extend(0..self.order.len() as u32);
+        let of = |place: u32| &self.found[self.order[place as usize] as usize];
+        self.deepest.sort_unstable_by(|a, b| {
+            let by_depth = of(*a).depth().total_cmp(&of(*b).depth());
+            by_depth.then(a.cmp(b))
+        });
+        self.is_kept.clear();
+        self.is_kept.resize(self.order.len(), false);
+        self.thinning.clear();
+        let mut rows = 0;
+        for place in &self.deepest {
+            if rows == self.most {
+                self.report.dropped += 1;
+                continue;
+            }
+            let contact = of(*place);
+            let is_kept = match contact.key {
+                Key::Vertex(vertex, _) => self.thinning.keep_vertex(vertex, &contact.row.normal),
+                Key::Edges(..) => self.thinning.keep_edges(contact.pushed(step.masses)),
+            };
+            // Rounding must not change the rows of layers at rest.
+            if is_kept || contact.forces[0] > 0.0 {
+                self.is_kept[*place as usize] = true;
+                rows += 1;
             } else {
-                carried(kept.forces, opening, step.h, stiffness.depth())
-            },
-            anchored,
-        },
-        sides: row.sides,
-        thickness: meeting.thickness,
-        is_impact: kept.forces[0] == 0.0 && -opening * step.h > stiffness.depth(),
-        kept,
+                self.report.thinned += 1;
+            }
+        }
+        self.contacts.clear();
+        for (number, is_kept) in self.order.iter().zip(&self.is_kept) {
+            let contact = &self.found[*number as usize];
+            if *is_kept {
+                self.contacts.push(strung(contact, step, &mut self.report));
+            } else if contact.row.friction_stiffness > 0.0 {
+                self.report.released +=
+                    contact.row.anchored.norm_squared() / (2.0 * contact.row.friction_stiffness);
+            }
+        }
     }
+}
+
+/// A contact with the stiffness that it has in the step.
+fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contact {
+    let mut contact = *contact;
+    let row = &mut contact.row;
+    let each = || {
+        let each = contact.vertices.into_iter().zip(contact.weights);
+        each.filter(|(_, weight)| *weight != 0.0)
+    };
+    let velocity: Vec3 = each().map(|(v, w)| step.v[v as usize] * w).sum();
+    // The motion of an obstacle with vertices is in their velocities.
+    let of_shape = if contact.parts[1] >= step.surfaces.parts.len() {
+        row.motion / step.h
+    } else {
+        Vec3::zeros()
+    };
+    let opening = row.normal.dot(&(velocity - of_shape));
+    let stiffness = Stiffness {
+        mass: contact.mass,
+        step: step.h,
+        thickness: contact.thickness.max(THINNEST),
+        approach: -opening,
+        force: contact.forces[0].max(contact.forces[1]),
+        friction: row.friction,
+    };
+    let free = each().filter(|(v, _)| step.masses[*v as usize].is_finite());
+    let most = free
+        .map(|(v, _)| step.stiffest[v as usize])
+        .fold(0.0, f64::max);
+    let before = core::mem::replace(&mut row.friction_stiffness, stiffness.friction(most));
+    if before > 0.0 {
+        let softer = row.friction_stiffness.recip() - before.recip();
+        report.restrung += 0.5 * row.anchored.norm_squared() * softer;
+    }
+    row.normal_stiffness = stiffness.normal();
+    row.carried = carried(contact.forces, opening, step.h, stiffness.depth());
+    if contact.is_parting {
+        row.gap = row.gap.max(-step.parting * step.h);
+    }
+    report.parting += usize::from(contact.is_parting);
+    let closes = contact.forces[0] == 0.0 && contact.predicted < 0.0;
+    report.impacts += usize::from(closes && -opening * step.h > stiffness.depth());
+    contact
+}
+
+/// Leaves the half with the smallest measure. Returns how many are gone.
+fn half<T>(all: &mut Vec<T>, measure: impl Fn(&T) -> f64) -> usize {
+    let (length, left) = (all.len(), all.len() / 2);
+    if left > 0 {
+        all.select_nth_unstable_by(left, |a, b| measure(a).total_cmp(&measure(b)));
+    }
+    all.truncate(left);
+    length - left
 }

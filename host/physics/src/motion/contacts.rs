@@ -20,17 +20,19 @@ use crate::body::Body;
 use crate::contact::certificate::{Truncation, truncate};
 use crate::contact::obstacle::{Geometry, Obstacle};
 use crate::contact::row::Response;
-use crate::contact::rows::{Meeting, Placed, RowReport, Rows, State};
 use crate::contact::shape::Shape;
-use crate::contact::{Counts, Lists, Skin, Surfaces};
+use crate::contact::{Counts, Lists, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach};
 use crate::element::precision::Precision;
 use crate::mesh::{Mesh, MeshError, TriMesh};
-use crate::{Mat3, Vec3};
+use crate::{HandlePose, Mat3, Vec3};
+use nalgebra::Isometry3;
 
 /// The most bodies of a scene.
 pub const MOST_BODIES: usize = 8;
 /// The rows of a scene for each vertex of its surfaces, at most.
 const ROWS_PER_VERTEX: usize = 6;
+/// The speed at which sides part that overlap at the start (m/s).
+const PARTING: f64 = 0.2;
 /// The normal of a contact in a local model is stiffer than its row by this factor: the carried multiplier makes the row rigid.
 const RIGID: f64 = 100.0;
 
@@ -69,7 +71,7 @@ pub enum Side {
 /// The sum of the contacts between two sides in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Touching {
-    /// The sides: parts, and after them shapes.
+    /// The sides, in ascending order: parts, and after them shapes.
     pub sides: [usize; 2],
     /// Number of contacts with a force.
     pub count: usize,
@@ -91,7 +93,7 @@ pub struct ContactReport {
     /// The lists.
     pub counts: Counts,
     /// The rows.
-    pub rows: RowReport,
+    pub rows: RowsReport,
     /// The solver, over all islands.
     pub solved: TouchReport,
     /// The truncation.
@@ -101,6 +103,10 @@ pub struct ContactReport {
     pub taken: f64,
     /// The work of moving obstacles (J).
     pub by_obstacles: f64,
+    /// The work with which overlaps parted (J).
+    pub parted: f64,
+    /// The energy in the springs of friction (J).
+    pub stored: f64,
 }
 
 /// The contacts of a scene.
@@ -121,6 +127,7 @@ pub struct Contacts {
     u: Vec<Vec3>,
     v: Vec<Vec3>,
     mass: Vec<f64>,
+    stiffest: Vec<f64>,
     fractions: Vec<f64>,
     /// The contacts in the order of their islands; of each the number of its row.
     touches: Vec<Touch>,
@@ -132,6 +139,7 @@ pub struct Contacts {
     /// By pair of sides that touch.
     touching: Vec<Touching>,
     report: ContactReport,
+    began: RowsReport,
     /// Whether nothing can move in the present step.
     is_idle: bool,
 }
@@ -140,12 +148,13 @@ pub struct Contacts {
 #[derive(Clone, Debug, Default)]
 struct Meetings {
     count: usize,
-    of: Vec<Option<Meeting>>,
+    /// The coefficient of friction; `None` for sides that do not touch.
+    friction: Vec<Option<f64>>,
 }
 
 impl Meetings {
-    fn get(&self, one: usize, other: usize) -> Option<Meeting> {
-        self.of[one * self.count + other]
+    fn get(&self, one: usize, other: usize) -> Option<f64> {
+        self.friction[one * self.count + other]
     }
 }
 
@@ -187,11 +196,12 @@ impl Contacts {
             of_shapes: Vec::new(),
             meetings: Meetings::default(),
             lists: None,
-            rows: Rows::new(0),
+            rows: Rows::new(&Surfaces::default(), 0),
             x: Vec::new(),
             u: Vec::new(),
             v: Vec::new(),
             mass: Vec::new(),
+            stiffest: Vec::new(),
             fractions: Vec::new(),
             touches: Vec::new(),
             of_row: Vec::new(),
@@ -200,6 +210,7 @@ impl Contacts {
             room: Workspace::default(),
             touching: Vec::new(),
             report: ContactReport::default(),
+            began: RowsReport::default(),
             is_idle: false,
         }
     }
@@ -226,11 +237,13 @@ impl Contacts {
             Geometry::Mesh(mesh) => Some((mesh.positions().to_vec(), mesh.triangles().to_vec())),
             Geometry::Shape(Shape::Box { half }) => Some(box_of(half)),
             Geometry::Shape(shape) => {
-                let pose = obstacle.pose(0.0);
+                let pose = isometry(&obstacle.pose(0.0));
                 self.of_shapes.push(number);
                 self.shapes.push(Placed {
                     shape: *shape,
-                    poses: [pose; 2],
+                    start: pose,
+                    end: pose,
+                    radius: 0.0,
                 });
                 None
             }
@@ -249,24 +262,21 @@ impl Contacts {
         Ok(())
     }
 
-    /// Ends the lists of bodies and obstacles. `meeting` tells how two of them meet.
-    pub fn complete(&mut self, meeting: &dyn Fn(Side, Side) -> Option<Meeting>) {
+    /// Ends the lists of bodies and obstacles. `friction` gives the coefficient of friction
+    /// of two sides; `None` for sides that do not touch.
+    pub fn complete(&mut self, friction: &dyn Fn(Side, Side) -> Option<f64>) {
         let sides = self.sides();
         let mut of = Vec::with_capacity(sides.len() * sides.len());
         for one in &sides {
-            of.extend(sides.iter().map(|other| meeting(*one, *other)));
+            of.extend(sides.iter().map(|other| friction(*one, *other)));
         }
         self.meetings = Meetings {
             count: sides.len(),
-            of,
+            friction: of,
         };
         for one in 0..self.surfaces.parts.len() {
-            for other in 0..sides.len() {
-                let meeting = self.meetings.get(one, other);
-                if let Some(meeting) = meeting {
-                    let radius = &mut self.surfaces.parts[one].radius;
-                    *radius = radius.max(0.5 * meeting.thickness);
-                } else if other != one && other < self.surfaces.parts.len() {
+            for other in one + 1..self.surfaces.parts.len() {
+                if self.meetings.get(one, other).is_none() {
                     self.surfaces.keep_apart(one, other);
                 }
             }
@@ -276,9 +286,10 @@ impl Contacts {
             *vectors = vec![Vec3::zeros(); vertices];
         }
         self.mass = vec![f64::INFINITY; vertices];
+        self.stiffest = vec![f64::INFINITY; vertices];
         self.fractions = vec![1.0; vertices];
         let most = ROWS_PER_VERTEX * vertices;
-        self.rows = Rows::new(most);
+        self.rows = Rows::new(&self.surfaces, most);
         self.touches.reserve(most);
         self.of_row.reserve(most);
         self.touching.reserve(sides.len() * (sides.len() + 1) / 2);
@@ -297,6 +308,11 @@ impl Contacts {
             .iter()
             .map(|obstacle| Side::Obstacle(*obstacle));
         parts.chain(shapes).collect()
+    }
+
+    /// The surfaces.
+    pub fn surfaces(&self) -> &Surfaces {
+        &self.surfaces
     }
 
     /// What the contacts of the last step did.
@@ -319,7 +335,7 @@ impl Contacts {
             let corners = contact.vertices.iter().zip(contact.weights);
             let first = corners.filter(|(_, weight)| *weight > 0.0);
             let place = first.map(|(vertex, weight)| self.x[*vertex as usize] * weight);
-            (contact.sides, place.sum(), touch)
+            (contact.parts, place.sum(), touch)
         })
     }
 
@@ -351,27 +367,26 @@ impl Contacts {
             Some(lists) => lists,
             none => none.insert(Lists::new(&self.surfaces, &self.x)),
         };
-        let (surfaces, u) = (&self.surfaces, &self.u);
-        lists.follow(surfaces, &self.x, |hierarchy, cluster| {
-            let part = &surfaces.parts[hierarchy.clusters()[cluster].part];
-            let members = hierarchy.members(cluster).iter();
-            let moved = members
-                .map(|vertex| u[*vertex as usize].norm())
-                .fold(0.0, f64::max);
-            0.1 * part.radius + 2.3 * moved
+        let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
+        lists.follow(surfaces, x, |hierarchy, cluster| {
+            reach(surfaces, u, hierarchy, cluster)
         });
         let meetings = &self.meetings;
-        let state = State {
+        let step = Step {
             surfaces,
-            shapes: &self.shapes,
-            x: &self.x,
+            obstacles: &self.shapes,
+            x,
             u,
             v: &self.v,
-            mass: &self.mass,
+            masses: &self.mass,
+            stiffest: &self.stiffest,
+            parting: PARTING,
+            hierarchy: lists.hierarchy(),
+            pairs: &|found| lists.each(surfaces, x, found),
             h,
-            meeting: &|one, other| meetings.get(one, other),
+            friction: &|one, other| meetings.get(one, other).unwrap_or(0.0),
         };
-        self.rows.begin(&state, lists);
+        self.began = self.rows.begin(&step);
         self.make_touches(members);
     }
 
@@ -408,7 +423,8 @@ impl Contacts {
             }
         }
         for (placed, number) in self.shapes.iter_mut().zip(&self.of_shapes) {
-            placed.poses = [time, time + h].map(|t| self.obstacles[*number].pose(t));
+            let pose = |t| isometry(&self.obstacles[*number].pose(t));
+            (placed.start, placed.end) = (pose(time), pose(time + h));
         }
     }
 
@@ -442,8 +458,8 @@ impl Contacts {
             if self.island_of(*row, members).is_none() {
                 // Nothing moves here: the forces stay.
                 touch.response = Response {
-                    normal: contact.kept.forces[0],
-                    friction: contact.kept.friction,
+                    normal: contact.forces()[0],
+                    friction: contact.row.anchored,
                     ..touch.response
                 };
             }
@@ -486,7 +502,7 @@ impl Contacts {
     ) {
         self.report = ContactReport {
             counts: self.lists.as_ref().map(Lists::counts).unwrap_or_default(),
-            rows: self.rows.report(),
+            rows: self.began,
             ..ContactReport::default()
         };
         if self.is_idle {
@@ -503,9 +519,6 @@ impl Contacts {
                 from = end;
                 continue;
             };
-            let is_impact = self.of_row[from..end]
-                .iter()
-                .any(|row| self.rows.contacts()[*row].is_impact);
             let mut lent: [Option<Equation<'_, T>>; MOST_BODIES] = [const { None }; MOST_BODIES];
             for (body, (lent, member)) in lent.iter_mut().zip(&mut *members).enumerate() {
                 if self.islands.root(body) == root
@@ -517,7 +530,7 @@ impl Contacts {
             let report = touching::solve(
                 &mut lent,
                 &mut self.touches[from..end],
-                if is_impact { 2 } else { 1 },
+                if self.began.impacts > 0 { 2 } else { 1 },
                 &mut self.room,
                 &mut || out_of_time(root),
             );
@@ -553,6 +566,11 @@ impl Contacts {
         });
         self.fractions.fill(1.0);
         self.is_near.fill(false);
+        for touch in &self.touches {
+            for (at, _) in touch.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
+                self.is_near[at.body] = true;
+            }
+        }
         let mut mark = |part: usize| {
             if let Owner::Body(body) = self.owners[part] {
                 self.is_near[body] = true;
@@ -631,13 +649,17 @@ impl Contacts {
                 .sum();
             self.report.taken -= force.dot(&(moved - contact.row.motion));
             self.report.by_obstacles += force.dot(&contact.row.motion);
-            let found = self
-                .touching
-                .iter()
-                .position(|sum| sum.sides == contact.sides);
+            // Vertices of either side may touch the other.
+            let [one, other] = contact.parts;
+            let (sides, sign) = if one <= other {
+                ([one, other], 1.0)
+            } else {
+                ([other, one], -1.0)
+            };
+            let found = self.touching.iter().position(|sum| sum.sides == sides);
             let at = found.unwrap_or_else(|| {
                 self.touching.push(Touching {
-                    sides: contact.sides,
+                    sides,
                     ..Touching::default()
                 });
                 self.touching.len() - 1
@@ -646,13 +668,14 @@ impl Contacts {
             sum.count += 1;
             sum.normal += touch.response.normal;
             sum.friction += touch.response.friction.norm();
-            sum.force += force;
+            sum.force += force * sign;
             sum.depth = sum.depth.max(-touch.response.gap);
             sum.slipping += usize::from(touch.response.slips);
         }
         self.touching.sort_unstable_by_key(|sum| sum.sides);
-        self.rows.end(responses.iter().flatten().copied());
+        self.report.parted = self.rows.end(responses.iter().flatten());
         self.room.responses = responses;
+        self.report.stored = self.rows.stored();
         for (body, member) in members.iter_mut().enumerate() {
             if let Some(stepper) = member.stepper.as_deref_mut().filter(|s| !s.sleeps()) {
                 let acting = self
@@ -692,8 +715,8 @@ fn spring(touch: &Touch, body: usize) -> Option<Spring> {
 /// Whether a vertex is near a shape in the step, and the fraction of its displacement with which it stays before the shape:
 /// shapes are convex, so the plane at the nearest point divides them. Negative if the shape moves over the vertex.
 fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> (bool, f64) {
-    let found = placed.nearest(x, 0);
-    let motion = placed.motion(&(x - found.normal * found.distance));
+    let found = placed.at_start(x);
+    let motion = placed.motion_to(&(x - found.normal * found.distance));
     let is_near = found.distance <= u.norm() + motion.norm();
     let towards = -found.normal.dot(u);
     let room = 0.95 * found.distance - found.normal.dot(&motion);
@@ -702,6 +725,10 @@ fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> (bool, f64) {
     }
     let most = if room < 0.0 { -1.0 } else { room / towards };
     (is_near, most)
+}
+
+fn isometry(pose: &HandlePose) -> Isometry3<f64> {
+    Isometry3::from_parts(pose.position.into(), pose.rotation)
 }
 
 /// The positions of an obstacle of triangles (m).

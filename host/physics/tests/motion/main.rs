@@ -8,6 +8,7 @@ static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 
 mod beam;
 mod calculix;
+mod contacts;
 mod equilibrium;
 mod guard;
 mod guess;

@@ -22,9 +22,9 @@ impl<T: Precision> Stepper<T> {
         }
     }
 
-    /// Whether a node moves by the equation: no hand or support holds it, and the body does not sleep.
+    /// Whether a node moves by the equation: no hand or support holds it.
     pub fn is_free(&self, node: u32) -> bool {
-        !self.sleeps() && (self.places.of[node as usize] as usize) < self.places.free
+        (self.places.of[node as usize] as usize) < self.places.free
     }
 
     /// Whether the body sleeps in the present step.

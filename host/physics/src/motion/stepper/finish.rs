@@ -16,6 +16,8 @@ use crate::team;
 pub(crate) struct Last<T> {
     /// Whether it took more than a few iterations.
     pub(super) is_hard: bool,
+    /// Whether its displacement was certified, because the body touches something or may do so.
+    pub(super) was_certified: bool,
     /// Whether it ended before it converged.
     pub(super) unfinished: bool,
     /// The step, as long as the residual belongs to its end.
@@ -44,6 +46,7 @@ impl<T: Precision> Stepper<T> {
         report: &mut StepperReport,
         out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<(), StepError> {
+        self.last.was_certified = self.present.is_certified;
         self.begin_account(body);
         let mut work = self.take(body, h, report)?;
         let before = self.energy(body);

@@ -184,6 +184,7 @@ impl<T: Precision> Stepper<T> {
             history: vec![guess::Differences::default(); places.node.len()],
             last: Last {
                 is_hard: false,
+                was_certified: false,
                 unfinished: false,
                 stepped: None,
                 began: vec![[T::ZERO; 4]; places.node.len()],
