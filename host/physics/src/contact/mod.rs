@@ -3,7 +3,7 @@
 //! - [`surface`]: the surfaces, in one numbering. [`pair`]: vertices against triangles, edges against edges; `distance`.
 //! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
 //! - [`row`]: the law of a contact.
-//! - [`shape`]: shapes of obstacles with an exact distance.
+//! - [`obstacle`]: obstacles and their motion. [`shape`]: shapes of obstacles with an exact distance.
 //! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
 //! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
 //!   `drift`).
@@ -19,6 +19,7 @@ pub mod distance;
 mod drift;
 pub mod hierarchy;
 pub mod lists;
+pub mod obstacle;
 pub mod pair;
 pub mod rigid;
 pub mod row;
@@ -28,5 +29,6 @@ pub mod surface;
 
 pub use hierarchy::Hierarchy;
 pub use lists::{Counts, Lists};
+pub use obstacle::Obstacle;
 pub use pair::{Foot, Pair};
 pub use surface::{Part, Skin, Surfaces};
