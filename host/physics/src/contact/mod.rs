@@ -4,6 +4,7 @@
 //! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
 //! - [`row`]: the law of a contact.
 //! - [`obstacle`]: obstacles and their motion. [`shape`]: shapes of obstacles with an exact distance.
+//! - [`start`]: what keeps surfaces from beginning a run.
 //! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
 //! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
 //!   `drift`).
@@ -25,6 +26,7 @@ pub mod rigid;
 pub mod row;
 mod search;
 pub mod shape;
+pub mod start;
 pub mod surface;
 
 pub use hierarchy::Hierarchy;
