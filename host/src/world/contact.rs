@@ -14,9 +14,10 @@ use physics::contact::obstacle::Geometry;
 use physics::contact::shape::Shape;
 use physics::contact::start::{Fault, Touching, deepest, faults, winding};
 use physics::contact::{Obstacle, Skin, Surfaces};
-use physics::mesh::{Bounds, Mesh};
+use physics::mesh::Mesh;
+use physics::mesh::check_solid::size;
 
-/// The thickness of a solid in contact, as a fraction of its longest side.
+/// The thickness of a solid in contact, as a fraction of the side of a cube of the same volume.
 const SKIN: f64 = 1e-3;
 /// The fraction of a contact's distance by which a body may start inside a shape: rounding of positions in a scene.
 const SLACK: f64 = 1e-3;
@@ -125,7 +126,7 @@ impl Contacts {
 }
 
 /// The thickness of a body in contact (m): the `given` one, or else the largest of a sheet, the largest diameter of a
-/// thread, a part of the longest side of a solid.
+/// thread, a thousandth of the side of a cube of a solid's volume.
 pub(super) fn thickness(given: Option<f64>, elements: &Elements, mesh: &Mesh) -> f64 {
     let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
     let diameter = |area: f64| 2.0 * (area / core::f64::consts::PI).sqrt();
@@ -133,11 +134,17 @@ pub(super) fn thickness(given: Option<f64>, elements: &Elements, mesh: &Mesh) ->
         Elements::Sheet(sheets) => largest(&mut sheets.iter().map(|one| one.thickness)),
         Elements::Woven(weaves) => largest(&mut weaves.iter().map(|one| one.thickness)),
         Elements::Thread(threads) => diameter(largest(&mut threads.iter().map(|one| one.area))),
-        Elements::Solid(_) => {
-            let bounds = Bounds::of(mesh.positions());
-            SKIN * bounds.map_or(0.0, |bounds| bounds.size().max())
-        }
+        Elements::Solid(_) => SKIN * volume(mesh).cbrt(),
     })
+}
+
+/// The volume of a solid (m³); 0 for another mesh.
+fn volume(mesh: &Mesh) -> f64 {
+    let Mesh::Solid(mesh) = mesh else {
+        return 0.0;
+    };
+    let cells = mesh.cells.vertices();
+    cells.map(|cell| size(&mesh.positions, cell).0 / 6.0).sum()
 }
 
 /// Refuses a scene in which things touch.
@@ -350,8 +357,9 @@ fn field(thing: Thing) -> String {
     }
 }
 
-/// A place in words.
+/// A place in words, to the micrometre.
 fn place(at: &Vec3) -> String {
-    let [x, y, z]: [f64; 3] = at.map(round).into();
+    // The sum has no negative zero.
+    let [x, y, z]: [f64; 3] = at.map(|x| (x * 1e6).round() / 1e6 + 0.0).into();
     format!("[{x}, {y}, {z}]")
 }

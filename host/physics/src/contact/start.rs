@@ -14,6 +14,7 @@ use super::pair::Pair;
 use super::search::Search;
 use super::surface::Surfaces;
 use crate::Vec3;
+use std::collections::BTreeMap;
 
 /// Steps of a search for the least distance: each keeps two thirds of a range.
 const STEPS: usize = 40;
@@ -75,6 +76,7 @@ pub fn faults(surfaces: &Surfaces, x: &[Vec3], touching: &Touching<'_>) -> Vec<F
         hierarchy: &hierarchy,
         x,
         normals: normals(surfaces, x),
+        places: places(x),
         touching,
     };
     let mut near = Vec::new();
@@ -113,6 +115,8 @@ struct Start<'a> {
     x: &'a [Vec3],
     /// The sum of the normals of each vertex's triangles, by area.
     normals: Vec<Vec3>,
+    /// For each vertex, the first one at its place. The two lips of a notch lie on each other, and no edge crosses there.
+    places: Vec<u32>,
     touching: &'a Touching<'a>,
 }
 
@@ -141,7 +145,7 @@ impl Start<'_> {
         search.clusters(a, b, &mut |pair, apart| {
             let touches = distance.is_some_and(|distance| apart < distance);
             let is_thin = walls.is_some_and(|walls| apart < walls) && self.is_opposite(pair);
-            if thin.is_none() && (touches || is_thin) {
+            if thin.is_none() && (touches || is_thin) && !self.is_joined(pair) {
                 let at = self.x[pair.vertices(self.surfaces)[0] as usize];
                 thin = Some(Fault::Thin {
                     part: one,
@@ -151,6 +155,19 @@ impl Start<'_> {
             }
         });
         thin
+    }
+
+    /// Whether some of the one vertices lie where some of the others do.
+    fn share_a_place(&self, ones: &[u32], others: &[u32]) -> bool {
+        let place = |vertex: &u32| self.places[*vertex as usize];
+        let mut ones = ones.iter();
+        ones.any(|one| others.iter().any(|other| place(one) == place(other)))
+    }
+
+    fn is_joined(&self, pair: Pair) -> bool {
+        let vertices = pair.vertices(self.surfaces);
+        let (first, second) = vertices.split_at(pair.split());
+        self.share_a_place(first, second)
     }
 
     /// Whether the triangle of a pair is the wall opposite to its vertex, with the volume between them.
@@ -193,7 +210,7 @@ impl Start<'_> {
             }
             for triangle in &self.hierarchy.triangles[of_triangles.triangles.clone()] {
                 let corners = surfaces.triangles[*triangle as usize];
-                if ends.iter().any(|end| corners.contains(end)) {
+                if self.share_a_place(&ends, &corners) {
                     continue;
                 }
                 let [a, b, c] = corners.map(|v| &x[v as usize]);
@@ -252,6 +269,18 @@ fn firsts(surfaces: &Surfaces, part: usize) -> Vec<u32> {
 fn normal(corners: [u32; 3], x: &[Vec3]) -> Vec3 {
     let [a, b, c] = corners.map(|v| x[v as usize]);
     (b - a).cross(&(c - a))
+}
+
+/// For each vertex, the first one at its place.
+fn places(x: &[Vec3]) -> Vec<u32> {
+    let mut firsts = BTreeMap::new();
+    let each = x.iter().zip(0..);
+    // The sum has no negative zero.
+    each.map(|(x, vertex)| {
+        let place: [u64; 3] = x.map(|x| (x + 0.0).to_bits()).into();
+        *firsts.entry(place).or_insert(vertex)
+    })
+    .collect()
 }
 
 fn normals(surfaces: &Surfaces, x: &[Vec3]) -> Vec<Vec3> {
@@ -405,6 +434,27 @@ mod tests {
             }
         }
         assert!(matches!(sheet(folded, true)[..], [Fault::Crossed { .. }]));
+        // The lips of a notch lie on each other: the vertices of one side are doubled.
+        let mut notched = plane();
+        let is_lip = |x: &Vec3| x.x == 0.0 && x.y < 0.0;
+        for vertex in 0..notched.positions.len() {
+            if !is_lip(&notched.positions[vertex]) {
+                continue;
+            }
+            let doubled = notched.positions.len() as u32;
+            notched.positions.push(notched.positions[vertex]);
+            let positions = &notched.positions;
+            let is_left =
+                |corners: &[u32; 3]| corners.iter().any(|v| positions[*v as usize].x < 0.0);
+            for corners in notched
+                .triangles
+                .iter_mut()
+                .filter(|corners| is_left(corners))
+            {
+                *corners = corners.map(|v| if v == vertex as u32 { doubled } else { v });
+            }
+        }
+        assert_eq!(sheet(notched, true), []);
     }
 
     #[test]
