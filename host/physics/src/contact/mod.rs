@@ -7,6 +7,7 @@
 //!   rows.
 //! - [`obstacle`]: obstacles and their motion. [`shape`]: shapes of obstacles with an exact distance.
 //!   [`placed`]: a shape in a step.
+//! - [`start`]: what keeps surfaces from beginning a run.
 //! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
 //! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
 //!   `drift`).
@@ -33,6 +34,7 @@ pub mod row;
 pub mod rows;
 mod search;
 pub mod shape;
+pub mod start;
 pub mod surface;
 mod thinning;
 

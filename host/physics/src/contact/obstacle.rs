@@ -95,11 +95,10 @@ pub enum ObstacleError {
     Empty,
 }
 
-/// A point with six digits.
+/// A point to the micrometre.
 fn place(point: &Vec3) -> String {
-    // Text is the exact way to a number of few digits.
-    let round = |x: f64| format!("{x:.5e}").parse().unwrap_or(x);
-    let [x, y, z]: [f64; 3] = point.map(round).into();
+    // The sum has no negative zero.
+    let [x, y, z]: [f64; 3] = point.map(|x| (x * 1e6).round() / 1e6 + 0.0).into();
     format!("[{x}, {y}, {z}]")
 }
 

@@ -4,6 +4,7 @@
 //! radius; a solid has the triangles of its boundary, with a radius of zero or of a stated skin; a thread has its lines.
 //! An edge without a triangle is a segment of a thread. The distance at which two parts touch is the sum of their radii.
 
+use super::obstacle::ClosedMesh;
 use crate::mesh::{Adjacency, Mesh, MeshError};
 use core::ops::Range;
 use std::collections::BTreeSet;
@@ -58,18 +59,35 @@ impl Surfaces {
     /// # Errors
     /// [`MeshError`] if triangles share an edge in a way that no surface does.
     pub fn add(&mut self, mesh: &Mesh, skin: Skin) -> Result<usize, MeshError> {
-        let (vertices, triangles) = match mesh {
+        let vertices = mesh.positions().len();
+        match mesh {
             Mesh::Thread(mesh) => {
                 let edges = mesh.lines.iter().map(|[a, b]| [*a.min(b), *a.max(b)]);
-                return Ok(self.push(mesh.positions.len(), &[], edges, skin));
+                Ok(self.push(vertices, &[], edges, skin))
             }
-            Mesh::Sheet(mesh) => (mesh.positions.len(), mesh.triangles.clone()),
-            Mesh::Solid(mesh) => (mesh.positions.len(), mesh.boundary()),
-        };
-        let adjacency = Adjacency::new(&triangles)?;
+            Mesh::Sheet(mesh) => self.add_triangles(vertices, &mesh.triangles, skin),
+            Mesh::Solid(mesh) => self.add_triangles(vertices, &mesh.boundary(), skin),
+        }
+    }
+
+    /// Adds the surface of a closed mesh. Returns the number of the part.
+    ///
+    /// # Errors
+    /// As [`add`](Self::add).
+    pub fn add_closed(&mut self, mesh: &ClosedMesh, skin: Skin) -> Result<usize, MeshError> {
+        self.add_triangles(mesh.positions().len(), mesh.triangles(), skin)
+    }
+
+    fn add_triangles(
+        &mut self,
+        vertices: usize,
+        triangles: &[[u32; 3]],
+        skin: Skin,
+    ) -> Result<usize, MeshError> {
+        let adjacency = Adjacency::new(triangles)?;
         let interior = adjacency.interior.iter().map(|edge| edge.vertices);
         let border = adjacency.boundary.iter().map(|edge| edge.vertices);
-        Ok(self.push(vertices, &triangles, interior.chain(border), skin))
+        Ok(self.push(vertices, triangles, interior.chain(border), skin))
     }
 
     fn push(
