@@ -353,16 +353,17 @@ impl Contacts {
         }
     }
 
-    /// Begins the step of `h` seconds from `time` (s) on, after the bodies have been constrained: finds the rows.
-    pub fn begin<T: Precision>(&mut self, members: &[Member<'_, T>], time: f64, h: f64) {
-        let stands = |obstacle: &Obstacle| obstacle.stands(time, h);
+    /// Begins the step of `h` seconds, after the bodies have been constrained: finds the rows. The obstacles move from one
+    /// of the `times` (s) to the other.
+    pub fn begin<T: Precision>(&mut self, members: &[Member<'_, T>], times: [f64; 2], h: f64) {
+        let stands = |obstacle: &Obstacle| obstacle.stands(times[0], times[1] - times[0]);
         self.is_idle = self.lists.is_some()
             && !members.iter().any(Member::is_awake)
             && self.obstacles.iter().all(stands);
         if self.is_idle {
             return;
         }
-        self.gather(members, time, h);
+        self.gather(members, times, h);
         let lists = match &mut self.lists {
             Some(lists) => lists,
             none => none.insert(Lists::new(&self.surfaces, &self.x)),
@@ -391,7 +392,7 @@ impl Contacts {
     }
 
     /// Takes the state of the bodies and the obstacles.
-    fn gather<T: Precision>(&mut self, members: &[Member<'_, T>], time: f64, h: f64) {
+    fn gather<T: Precision>(&mut self, members: &[Member<'_, T>], times: [f64; 2], h: f64) {
         for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
             let range = part.vertices.start as usize..part.vertices.end as usize;
             let (x, u) = (&mut self.x[range.clone()], &mut self.u[range.clone()]);
@@ -413,8 +414,8 @@ impl Contacts {
                 }
                 Owner::Obstacle(number) => {
                     let obstacle = &self.obstacles[*number];
-                    place(obstacle, time, x);
-                    place(obstacle, time + h, u);
+                    place(obstacle, times[0], x);
+                    place(obstacle, times[1], u);
                     for ((x, u), v) in x.iter().zip(u).zip(v) {
                         *u -= x;
                         *v = *u / h;
@@ -424,7 +425,7 @@ impl Contacts {
         }
         for (placed, number) in self.shapes.iter_mut().zip(&self.of_shapes) {
             let pose = |t| isometry(&self.obstacles[*number].pose(t));
-            (placed.start, placed.end) = (pose(time), pose(time + h));
+            (placed.start, placed.end) = (pose(times[0]), pose(times[1]));
         }
     }
 

@@ -120,7 +120,7 @@ impl World {
             })
             .collect();
         let time = f64::from(self.steps) * H;
-        self.contacts.begin(&members, time, H);
+        self.contacts.begin(&members, [time, time + H], H);
         self.contacts.solve(&mut members, &mut |_| false);
         for member in &mut members {
             let stepper = member.stepper.as_mut().unwrap();
@@ -316,4 +316,50 @@ fn a_sheet_falls_over_the_edge_of_a_box() {
         }
     }
     assert!((world.force([0, 1]).z / world.weight(0) - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn a_block_on_an_incline_stays() {
+    let mut world = World::new();
+    let mut mesh = generate::solid_box([0.1; 3], [4; 3]).unwrap();
+    let angle = libm::atan(0.495);
+    for x in &mut mesh.positions {
+        *x += Vec3::new(-0.05, -0.05, 0.05e-3);
+    }
+    let material = physics::SolidMaterial {
+        young: 20e3,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        gravity: Vec3::new(9.81 * angle.sin(), 0.0, -9.81 * angle.cos()),
+        stiffness_damping: 5e-3,
+        ..BodyConfig::default()
+    };
+    let body = Body::solid(
+        &mesh,
+        &[material],
+        physics::SolidLaw::Corotational,
+        config,
+        &[],
+    )
+    .unwrap();
+    world.add(body, Mesh::Solid(mesh), 0.05e-3, true);
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.5);
+    for step in 0..100 {
+        world.step();
+        let report = world.contacts.report();
+        if step % 10 == 0 || step < 12 {
+            println!(
+                "{step} rows {:?} {:?} trunc {:?} f {:.5} mean {:.8} {:?}",
+                report.rows,
+                report.solved,
+                report.truncated.truncated,
+                world.force([0, 1]).norm() / world.weight(0),
+                world.mean(0).x,
+                world.contacts.touching(),
+            );
+        }
+    }
 }

@@ -232,6 +232,7 @@ impl<T: Precision> Equation<'_, T> {
         let (places, cg) = (&stepper.places, &stepper.cg);
         stepper.pairs.shear(by_node(&places.of, &cg.u));
         stepper.last.unfinished = !converged;
+        stepper.observe(&step.report);
         step.stage = Stage::Solved;
         stepper.present.underway = Some(*step);
     }

@@ -192,13 +192,18 @@ impl<T: Precision> Stepper<T> {
             };
             step.report.reference = reference;
             self.last.unfinished = !step.report.converged;
-            self.last.is_hard = step.report.iterations > EASY;
-            self.factor.observe(&step.report, self.options.patience);
-            self.ask_for_turns(step.report.iterations);
+            self.observe(&step.report);
         }
         step.stage = Stage::Solved;
         self.present.underway = Some(step);
         Ok(())
+    }
+
+    /// Notes what the solution took, for the factor and the start of the next solution.
+    pub(super) fn observe(&mut self, report: &StepperReport) {
+        self.last.is_hard = report.iterations > EASY;
+        self.factor.observe(report, self.options.patience);
+        self.ask_for_turns(report.iterations);
     }
 
     /// Takes the step into `body`, as far as the energy allows, and returns its report. If elements are inverted, the
