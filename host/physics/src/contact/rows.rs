@@ -28,6 +28,8 @@ const FOUND: usize = 4;
 const PARTED: f64 = 0.02;
 /// A contact that held a force goes before others that are deeper by less than this fraction of its thickness.
 const HELD: f64 = 0.05;
+/// A vertex goes before edges that are deeper by less than this fraction.
+const FIRST: f64 = 0.1;
 /// The thickness (m) by which the stiffness of surfaces without thickness goes.
 const THINNEST: f64 = 1e-5;
 
@@ -112,7 +114,11 @@ impl Contact {
     /// How deep the contact is, in thicknesses: the smaller, the deeper.
     fn depth(&self) -> f64 {
         let held = if self.forces[0] > 0.0 { HELD } else { 0.0 };
-        self.predicted / self.thickness.max(THINNEST) - held
+        let first = match self.key {
+            Key::Vertex(..) => FIRST,
+            Key::Edges(..) => 0.0,
+        };
+        self.predicted / self.thickness.max(THINNEST) - held - first
     }
 }
 
@@ -494,7 +500,14 @@ impl Rows {
         for place in &self.deepest {
             if rows == self.most {
                 self.report.dropped += 1;
-            } else if self.thinning.keep(of(*place).pushed(step.masses)) {
+                continue;
+            }
+            let contact = of(*place);
+            let is_kept = match contact.key {
+                Key::Vertex(vertex, _) => self.thinning.keep_vertex(vertex, &contact.row.normal),
+                Key::Edges(..) => self.thinning.keep_edges(contact.pushed(step.masses)),
+            };
+            if is_kept {
                 self.is_kept[*place as usize] = true;
                 rows += 1;
             } else {

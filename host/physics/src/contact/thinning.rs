@@ -1,7 +1,8 @@
-//! Which rows of a step are kept: per vertex and side the three deepest ones, and no more than there is room for.
+//! Which rows of a step are kept, and no more than there is room for.
 //!
-//! Layers that lie on each other have many more rows than their vertices have motions: three rows that push a vertex to one
-//! side hold it there. A row is left out if each of its vertices has three deeper ones on that side.
+//! Layers that lie on each other have many more rows than their vertices have motions. A vertex keeps its three deepest rows
+//! with triangles on each side: nothing else holds it. Two edges keep their row if one of their vertices has fewer than three
+//! deeper rows on its side.
 
 use crate::Vec3;
 
@@ -12,38 +13,39 @@ const SIDES: usize = 4;
 /// The least product of two directions of a side.
 const SIDE: f64 = 0.5;
 
-/// The rows of a vertex so far.
+/// The rows of a vertex so far: with triangles, and of its edges.
 #[derive(Clone, Copy, Debug)]
 struct Sides {
     directions: [Vec3; SIDES],
-    rows: [u8; SIDES],
+    rows: [[u8; 2]; SIDES],
 }
 
 const NO_SIDES: Sides = Sides {
     directions: [Vec3::new(0.0, 0.0, 0.0); SIDES],
-    rows: [0; SIDES],
+    rows: [[0; 2]; SIDES],
 };
 
 impl Sides {
-    /// The side of a direction, and whether it has room.
-    fn side(&self, direction: &Vec3) -> Option<usize> {
-        let sides = self.directions.iter().zip(&self.rows);
-        let mut sides = sides.map(|(of, rows)| *rows == 0 || of.dot(direction) > SIDE);
-        sides.position(|is_side| is_side)
-    }
-
-    fn has_room(&self, direction: &Vec3) -> bool {
-        self.side(direction)
-            .is_some_and(|side| self.rows[side] < ROWS)
-    }
-
-    fn add(&mut self, direction: &Vec3) {
-        if let Some(side) = self.side(direction) {
-            if self.rows[side] == 0 {
-                self.directions[side] = *direction;
-            }
-            self.rows[side] = self.rows[side].saturating_add(1);
+    /// Adds a row of a kind, if its side has room.
+    fn add(&mut self, direction: &Vec3, kind: usize) -> bool {
+        let sides = self.directions.iter_mut().zip(&mut self.rows);
+        let mut sides = sides.filter(|(of, rows)| **rows == [0; 2] || of.dot(direction) > SIDE);
+        let Some((of, rows)) = sides.next() else {
+            return false;
+        };
+        if *rows == [0; 2] {
+            *of = *direction;
         }
+        // The edges fill up what the triangles leave.
+        let count: u8 = if kind == 0 {
+            rows[0]
+        } else {
+            rows.iter().sum()
+        };
+        if count < ROWS {
+            rows[kind] += 1;
+        }
+        count < ROWS
     }
 }
 
@@ -65,14 +67,16 @@ impl Thinning {
         self.sides.fill(NO_SIDES);
     }
 
-    /// Whether a row is kept that pushes each of these vertices in a direction. Rows are tried from the deepest one on.
-    pub(super) fn keep(&mut self, pushed: impl Iterator<Item = (u32, Vec3)> + Clone) -> bool {
-        let mut each = pushed.clone();
-        let is_kept = each.any(|(vertex, by)| self.sides[vertex as usize].has_room(&by));
-        if is_kept {
-            pushed.for_each(|(vertex, by)| self.sides[vertex as usize].add(&by));
-        }
-        is_kept
+    /// Whether the row of a vertex is kept that pushes it in a direction. Rows are tried from the deepest one on.
+    pub(super) fn keep_vertex(&mut self, vertex: u32, by: &Vec3) -> bool {
+        self.sides[vertex as usize].add(by, 0)
+    }
+
+    /// Whether the row of two edges is kept that pushes each of these vertices in a direction.
+    pub(super) fn keep_edges(&mut self, pushed: impl Iterator<Item = (u32, Vec3)>) -> bool {
+        pushed.fold(false, |is_kept, (vertex, by)| {
+            self.sides[vertex as usize].add(&by, 1) | is_kept
+        })
     }
 }
 
@@ -83,17 +87,24 @@ mod tests {
     #[test]
     fn a_vertex_has_three_rows_on_each_side() {
         let mut thinning = Thinning::new(2);
-        let kept: Vec<bool> = (0..10)
-            .map(|i| {
-                thinning.keep([(0, if i % 2 == 0 { Vec3::z() } else { -Vec3::z() })].into_iter())
-            })
-            .collect();
-        assert_eq!(kept.iter().filter(|kept| **kept).count(), 6);
+        let sides = (0..10).map(|i| if i % 2 == 0 { Vec3::z() } else { -Vec3::z() });
+        let kept = sides.filter(|side| thinning.keep_vertex(0, side));
+        assert_eq!(kept.count(), 6);
+        assert!(!thinning.keep_edges([(0, Vec3::z())].into_iter()));
         // The other vertex has room.
         let pushed = [(0, Vec3::z()), (1, Vec3::z())];
-        assert!(thinning.keep(pushed.into_iter()));
-        assert!(!thinning.keep([(0, Vec3::z())].into_iter()));
+        assert!(thinning.keep_edges(pushed.into_iter()));
         thinning.clear();
-        assert!(thinning.keep([(0, Vec3::z())].into_iter()));
+        assert!(thinning.keep_vertex(0, &Vec3::z()));
+    }
+
+    #[test]
+    fn edges_leave_a_vertex_its_rows_with_triangles() {
+        let mut thinning = Thinning::new(1);
+        let edges = (0..5).filter(|_| thinning.keep_edges([(0, Vec3::z())].into_iter()));
+        assert_eq!(edges.count(), 3);
+        let kept = (0..5).filter(|_| thinning.keep_vertex(0, &Vec3::z()));
+        assert_eq!(kept.count(), 3);
+        assert!(!thinning.keep_edges([(0, Vec3::z())].into_iter()));
     }
 }

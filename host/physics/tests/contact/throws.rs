@@ -1,8 +1,8 @@
 //! Sheets that are thrown at each other do not cross, although nothing solves their contact.
 
+use super::world::crossings;
 use physics::Vec3;
 use physics::contact::certificate::truncate;
-use physics::contact::crossing::passes;
 use physics::contact::{Hierarchy, Lists, Skin, Surfaces};
 use physics::mesh::Mesh;
 use physics::mesh::generate::{self, Pattern};
@@ -39,22 +39,6 @@ fn throw(angles: [f64; 3], height: f64, velocity: Vec3, spin: Vec3) -> Throw {
         surfaces.add(&Mesh::Sheet(mesh), skin).unwrap();
     }
     Throw { surfaces, x, v }
-}
-
-/// Number of edges that pass through a triangle.
-fn crossings(surfaces: &Surfaces, x: &[Vec3]) -> usize {
-    let at = |vertex: u32| &x[vertex as usize];
-    let pairs = surfaces.triangles.iter().flat_map(|corners| {
-        let apart = move |ends: &&[u32; 2]| ends.iter().all(|v| !corners.contains(v));
-        surfaces
-            .edges
-            .iter()
-            .filter(apart)
-            .map(move |ends| (ends, corners))
-    });
-    pairs
-        .filter(|(ends, corners)| passes(ends.map(at), corners.map(at)))
-        .count()
 }
 
 /// Moves each vertex freely for `steps` of 4 ms, but for the truncation. Returns the vertices that were truncated.
