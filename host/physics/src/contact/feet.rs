@@ -2,8 +2,12 @@
 //!
 //! A row needs a direction. The direction at the predicted end follows a surface that turns; the direction at the start is
 //! late by one step, by which a belt over a cylinder pulls with an error of `v h / R` per radian. A pair has a distance
-//! without a sign. If the prediction has already passed through, the direction at its end is the wrong one. So the direction
-//! at the start decides: it must separate the pair at the predicted end, and must not turn by more than 60 degrees.
+//! without a sign. If the prediction has already passed through, the direction at its end is the wrong one.
+//!
+//! The direction at the end is right if it separates the pair at the start, too: along linear motion, a direction that
+//! separates at both ends separates throughout. An edge that slides over a vertex turns the direction by 90 degrees, and is
+//! told from a crossing by this. Otherwise, the direction at the start must separate the pair at the end, and the direction
+//! must not turn by more than 60 degrees.
 
 use super::pair::{Foot, Pair};
 use super::surface::Surfaces;
@@ -102,7 +106,8 @@ impl Feet {
         if !(start.normal.x.is_finite() && start.length > 0.0) {
             return None;
         }
-        let is_certain = start.normal.dot(&end.normal) > TURNED && start.separates(split, ends);
+        let has_turned = start.normal.dot(&end.normal) <= TURNED;
+        let is_certain = end.separates(split, x) || (!has_turned && start.separates(split, ends));
         Some(Self {
             start,
             end,

@@ -5,6 +5,9 @@
 
 use super::feet::Feet;
 
+/// Feet of a vertex that are nearer to each other than this fraction of the thickness are one contact: where a vertex lies
+/// over another one, the triangles about it, which are not quite flat, would take the force from each other.
+const ONE: f64 = 0.1;
 /// Lengths that differ by less than this fraction are equal.
 const EQUAL: f64 = 1e-9;
 
@@ -27,9 +30,13 @@ impl Candidate {
         weights.iter().filter(|weight| **weight < 0.0).count()
     }
 
-    /// Whether the foot is a point of another candidate's thing.
+    /// Whether the foot is a point of another candidate's thing, or near its foot.
     fn is_shared_by(&self, other: &Self, is_end: bool) -> bool {
         let foot = &self.feet.at(is_end).foot;
+        let between = foot.apart - other.feet.at(is_end).foot.apart;
+        if between.norm() < ONE * self.thickness {
+            return true;
+        }
         let mut on = foot.vertices.iter().zip(&foot.weights);
         on.all(|(vertex, weight)| *weight >= 0.0 || other.corners.contains(vertex))
     }

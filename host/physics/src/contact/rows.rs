@@ -507,7 +507,8 @@ impl Rows {
                 Key::Vertex(vertex, _) => self.thinning.keep_vertex(vertex, &contact.row.normal),
                 Key::Edges(..) => self.thinning.keep_edges(contact.pushed(step.masses)),
             };
-            if is_kept {
+            // Rounding must not change the rows of layers at rest.
+            if is_kept || contact.forces[0] > 0.0 {
                 self.is_kept[*place as usize] = true;
                 rows += 1;
             } else {

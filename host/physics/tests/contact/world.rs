@@ -31,7 +31,7 @@ pub(crate) struct World {
     pub touches: Vec<Touch>,
     pub rows: Rows,
     pub lists: Lists,
-    /// Whether the solver stops after the first iteration of each pass, and truncation keeps the surfaces from crossing.
+    /// Whether the solver stops after the first iteration of each pass.
     pub is_stopped: bool,
     /// The velocity of the obstacles with a mesh (m/s).
     pub mesh_velocity: Vec3,
@@ -168,6 +168,13 @@ impl World {
         })
     }
 
+    /// Computes the factors of the bodies anew.
+    pub(crate) fn prepare(&mut self) {
+        for (stepper, body) in self.steppers.iter_mut().zip(&self.bodies) {
+            stepper.prepare(body, H).unwrap();
+        }
+    }
+
     /// Makes a step. The solver updates the multipliers `updates` times.
     pub(crate) fn step(&mut self, updates: usize) -> Done {
         let mut steppers = core::mem::take(&mut self.steppers);
@@ -223,9 +230,7 @@ impl World {
         for x in &mut self.x[meshes] {
             *x += self.mesh_velocity * H;
         }
-        if self.is_stopped {
-            done.truncated = self.truncate();
-        }
+        done.truncated = self.truncate();
         done
     }
 
