@@ -3,6 +3,7 @@
 #[global_allocator]
 static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 
+mod layers;
 mod lists;
 mod motions;
 mod rest;
