@@ -4,17 +4,13 @@
 //! late by one step, by which a belt over a cylinder pulls with an error of `v h / R` per radian. A pair has a distance
 //! without a sign. If the prediction has already passed through, the direction at its end is the wrong one.
 //!
-//! The direction at the end is right if it separates the pair at the start, too: along linear motion, a direction that
-//! separates at both ends separates throughout. An edge that slides over a vertex turns the direction by 90 degrees, and is
-//! told from a crossing by this. Otherwise, the direction at the start must separate the pair at the end, and the direction
-//! must not turn by more than 60 degrees.
+//! The direction at the end is right if the `certificate` shows that the pair does not cross. Otherwise, the row has the
+//! direction at the start.
 
+use super::certificate::is_certain;
 use super::pair::{Foot, Pair};
 use super::surface::Surfaces;
 use crate::Vec3;
-
-/// The least product of the directions at the start and at the end of a step.
-pub(super) const TURNED: f64 = 0.5;
 
 /// The row looks further than the motion by this fraction, and by a fraction of the thickness.
 const FURTHER: f64 = 1.3;
@@ -61,15 +57,6 @@ impl Connection {
             relative: -self.relative,
         }
     }
-
-    /// Whether the vertices of the first thing are on the side of the normal, and those of the second one on the other side.
-    fn separates(&self, split: usize, x: &[Vec3]) -> bool {
-        let along = self.foot.vertices.map(|v| self.normal.dot(&x[v as usize]));
-        let (first, second) = along.split_at(split);
-        let least = first.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = second.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        least > most
-    }
 }
 
 /// The connections of a pair at the start and at the predicted end of a step.
@@ -106,8 +93,8 @@ impl Feet {
         if !(start.normal.x.is_finite() && start.length > 0.0) {
             return None;
         }
-        let has_turned = start.normal.dot(&end.normal) <= TURNED;
-        let is_certain = end.separates(split, x) || (!has_turned && start.separates(split, ends));
+        let at = |vertex: u32| ends[vertex as usize];
+        let is_certain = end.length > 0.0 && is_certain(pair, surfaces, &start.foot, x, at, 0.0);
         Some(Self {
             start,
             end,

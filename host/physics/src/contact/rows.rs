@@ -11,12 +11,12 @@
 //! The rows depend on the pairs, and not on their order. Nothing is allocated after [`Rows::new`].
 
 use super::certificate::Each;
-use super::feet::{Connection, Feet, TURNED, is_within};
+use super::feet::{Connection, Feet, is_within};
 use super::hierarchy::Hierarchy;
 use super::kept::{Kept, Key, take};
 use super::nearest::{Candidate, of_group};
-use super::pair::{Foot, Pair};
 use super::placed::Placed;
+use super::pair::{Foot, Pair};
 use super::row::{Response, Row, Stiffness, carried};
 use super::surface::Surfaces;
 use super::thinning::Thinning;
@@ -24,6 +24,8 @@ use crate::Vec3;
 
 /// Room for rows before they are thinned, as a multiple of the rows.
 const FOUND: usize = 4;
+/// The least product of the directions to a shape at the start and at the end of a step.
+const TURNED: f64 = 0.5;
 /// The fraction of a thickness by which a contact overlaps while it parts.
 const PARTED: f64 = 0.02;
 /// A contact that held a force goes before others that are deeper by less than this fraction of its thickness.

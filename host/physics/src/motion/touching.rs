@@ -9,6 +9,7 @@
 
 use super::joined::{At, Workspace, at, iterate};
 use super::stepper::Equation;
+use crate::contact::Contact;
 use crate::contact::row::{Response, Row};
 use crate::element::precision::Precision;
 use crate::{Mat3, Vec3};
@@ -77,6 +78,21 @@ impl Touch {
             add(*at, force * *weight);
         }
     }
+}
+
+/// Fills `touches` with the contacts of a step. `at` gives the node of a vertex of the surfaces; a vertex whose motion is
+/// prescribed has none.
+pub fn fill(touches: &mut Vec<Touch>, contacts: &[Contact], at: &dyn Fn(u32) -> Option<At>) {
+    const NONE: (At, f64) = (At { body: 0, node: 0 }, 0.0);
+    touches.clear();
+    touches.extend(contacts.iter().map(|contact| {
+        let mut each = contact.vertices.into_iter().zip(contact.weights);
+        let nodes = [(); 4].map(|()| {
+            let (vertex, weight) = each.next()?;
+            (weight != 0.0).then_some((at(vertex)?, weight))
+        });
+        Touch::new(nodes.map(|node| node.unwrap_or(NONE)), contact.row)
+    }));
 }
 
 /// What a solve did.
