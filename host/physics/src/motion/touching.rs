@@ -15,9 +15,9 @@ use crate::element::precision::Precision;
 use crate::{Mat3, Vec3};
 
 /// Most passes of a step, for each update of the multipliers.
-const PASSES: usize = 4;
+const PASSES: usize = 12;
 /// The iterations of a pass end at this fraction of its residual.
-const ACCURACY: f64 = 1e-2;
+const ACCURACY: f64 = 1e-1;
 /// A pass is searched if its end overshoots by this fraction of its start.
 const OVERSHOT: f64 = 0.1;
 /// Most evaluations of the rows in a line search.

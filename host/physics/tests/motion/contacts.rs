@@ -321,10 +321,10 @@ fn a_sheet_falls_over_the_edge_of_a_box() {
 #[test]
 fn a_block_on_an_incline_stays() {
     let mut world = World::new();
-    let mut mesh = generate::solid_box([0.1; 3], [4; 3]).unwrap();
+    let mut mesh = physics::mesh::generate_box::solid_box([0.1; 3], [4; 3]).unwrap();
     let angle = libm::atan(0.495);
     for x in &mut mesh.positions {
-        *x += Vec3::new(-0.05, -0.05, 0.05e-3);
+        *x += Vec3::z() * (0.05 + 0.05e-3);
     }
     let material = physics::SolidMaterial {
         young: 20e3,
