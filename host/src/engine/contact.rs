@@ -8,7 +8,7 @@ use crate::scene::SceneError;
 use crate::world::World;
 use crate::world::contact::Thing;
 use physics::contact::Skin;
-use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side};
+use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
 use rt_core::MAX_BODIES;
 
 const _: () = assert!(MAX_BODIES <= MOST_BODIES);
@@ -16,8 +16,48 @@ const _: () = assert!(MAX_BODIES <= MOST_BODIES);
 /// The contacts of an engine.
 pub struct Contact {
     contacts: Contacts,
+    sides: Vec<Side>,
     /// Where the obstacles are (s).
     time: f64,
+    totals: ContactTotals,
+}
+
+/// The contacts of all steps so far.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactTotals {
+    /// By pair of bodies and obstacles that have touched, in the order of their first contact.
+    pub pairs: Vec<PairTotals>,
+    /// Displacements of vertices that were shortened so that nothing crosses.
+    pub truncated: u64,
+    /// Pairs of elements to which an obstacle or a hand left no room. They may cross.
+    pub squeezed: u64,
+    /// Contacts without a row, because all rows were taken. They were held apart by shortened displacements.
+    pub dropped: u64,
+    /// Most rows of a step.
+    pub most_rows: usize,
+    /// Energy that the contacts took from the bodies (J): friction, and energy stored in its springs.
+    pub taken: f64,
+    /// Work of moving obstacles (J).
+    pub by_obstacles: f64,
+    /// Work with which starts that overlapped parted (J).
+    pub parted: f64,
+}
+
+/// The contacts of a pair in all steps so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairTotals {
+    /// The pair.
+    pub between: [Side; 2],
+    /// Number of steps in which the two touched.
+    pub steps: u64,
+    /// Most contacts of a step.
+    pub most: usize,
+    /// The contacts of the last step; zero if the two did not touch in it.
+    pub last: Touching,
+    /// Largest sum of the normal forces (N), and its time (s).
+    pub peak: (f64, f64),
+    /// Largest depth (m).
+    pub depth: f64,
 }
 
 impl Contact {
@@ -58,9 +98,54 @@ impl Contact {
             pair.map(|pair| pair.friction)
         });
         Ok(Some(Self {
+            sides: contacts.sides(),
             contacts,
             time: 0.0,
+            totals: ContactTotals::default(),
         }))
+    }
+
+    /// The contacts of all steps so far.
+    pub fn totals(&self) -> &ContactTotals {
+        &self.totals
+    }
+
+    /// Adds the present step to the totals.
+    fn sum_up(&mut self) {
+        let (report, totals) = (self.contacts.report(), &mut self.totals);
+        totals.truncated += report.truncated.truncated as u64;
+        totals.squeezed += report.truncated.squeezed as u64;
+        totals.dropped += report.rows.dropped as u64;
+        totals.most_rows = totals.most_rows.max(report.rows.rows);
+        totals.taken += report.taken;
+        totals.by_obstacles += report.by_obstacles;
+        totals.parted += report.parted;
+        for pair in &mut totals.pairs {
+            pair.last = Touching::default();
+        }
+        for found in self.contacts.touching() {
+            let between = found.sides.map(|side| self.sides[side]);
+            let at = totals.pairs.iter().position(|pair| pair.between == between);
+            let at = at.unwrap_or_else(|| {
+                totals.pairs.push(PairTotals {
+                    between,
+                    steps: 0,
+                    most: 0,
+                    last: Touching::default(),
+                    peak: (0.0, 0.0),
+                    depth: 0.0,
+                });
+                totals.pairs.len() - 1
+            });
+            let pair = &mut totals.pairs[at];
+            pair.steps += 1;
+            pair.most = pair.most.max(found.count);
+            pair.depth = pair.depth.max(found.depth);
+            if found.normal > pair.peak.0 {
+                pair.peak = (found.normal, self.time);
+            }
+            pair.last = *found;
+        }
     }
 
     /// The contacts of the physics.
@@ -107,6 +192,7 @@ impl Contact {
     pub(super) fn certify(&mut self, bodies: &mut [HostBody], watch: &dyn Stopwatch) {
         let start = watch.now_ns();
         self.contacts.certify(&mut members(bodies));
+        self.sum_up();
         let time = watch.now_ns().saturating_sub(start);
         for body in bodies {
             body.stepping.solver.spend(time);
