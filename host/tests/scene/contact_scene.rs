@@ -300,7 +300,7 @@ fn meshes_of_obstacles_are_closed_and_frames_have_one_topology() {
     let open = die(0.0).replace("f 4 5 8\n", "");
     assert_eq!(
         with("a.obj", open),
-        "x.toml:31: obstacle[1].mesh.file: found an open mesh: the edge from [-0.05, 0.05, -0.05] to [-0.05, -0.05, 0.05] (m) \
+        "x.toml:31: obstacle[1].mesh.file: found an open mesh: the edge from [-0.05, 0.05, -0.05] to [-0.05, -0.05, 0.05] \
          has one triangle, allowed: a closed mesh with its normals outwards"
     );
     let mirrored = die(0.0).replace("v -0.5", "v 1.5");

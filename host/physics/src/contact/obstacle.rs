@@ -68,11 +68,11 @@ pub struct ClosedMesh {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ObstacleError {
     /// An edge has one triangle.
-    #[error("an open mesh: the edge from {from} to {to} (m) has one triangle", from = place(.0), to = place(.1))]
+    #[error("an open mesh: the edge from {from} to {to} has one triangle", from = place(.0), to = place(.1))]
     Open(Vec3, Vec3),
     /// Two triangles at an edge have normals to different sides.
     #[error(
-        "a mesh with an inverted triangle: the normals of the two triangles at the edge from {from} to {to} (m) \
+        "a mesh with an inverted triangle: the normals of the two triangles at the edge from {from} to {to} \
          disagree", from = place(.0), to = place(.1)
     )]
     Twisted(Vec3, Vec3),
@@ -388,7 +388,7 @@ mod tests {
         let open = refused(triangles[1..].to_vec()).expect_err("a face is missing");
         assert_eq!(
             open.to_string(),
-            "an open mesh: the edge from [0, 0, 0] to [1, 0, 0] (m) has one triangle"
+            "an open mesh: the edge from [0, 0, 0] to [1, 0, 0] has one triangle"
         );
         let mut turned = triangles.clone();
         turned[0].swap(0, 1);
