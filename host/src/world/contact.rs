@@ -229,7 +229,7 @@ impl Start<'_> {
                 );
                 return Err(self.apart(pair.between, found));
             }
-            let centre = obstacle.pose(0.0).position;
+            let centre = obstacle.pose(0.0).translation.vector;
             let is_solid = matches!(mesh, Mesh::Solid(_)) && *shape != Shape::Plane;
             if is_solid && winding(&elements, x, &centre) > INSIDE {
                 let found = self.inside(pair.between[1], pair.between[0], &centre);

@@ -240,29 +240,29 @@ impl Start<'_> {
 /// One vertex of each piece of a part, ascending.
 fn firsts(surfaces: &Surfaces, part: usize) -> Vec<u32> {
     let part = &surfaces.parts[part];
-    let mut leader: Vec<u32> = part.vertices.clone().collect();
-    let mut is_used = vec![false; leader.len()];
-    let place = |vertex: u32| (vertex - part.vertices.start) as usize;
-    fn lead(leader: &mut [u32], place: &dyn Fn(u32) -> usize, mut vertex: u32) -> u32 {
-        while leader[place(vertex)] != vertex {
-            let above = leader[place(vertex)];
-            leader[place(vertex)] = leader[place(above)];
-            vertex = above;
-        }
-        vertex
-    }
+    let first = part.vertices.start;
+    // By vertex, a vertex before it in its piece, or itself; `None` for a vertex without an edge.
+    let mut leaders: Vec<Option<usize>> = vec![None; part.vertices.len()];
     for edge in part.edges.clone() {
-        let ends = surfaces.edges[edge as usize];
-        let [a, b] = ends.map(|vertex| lead(&mut leader, &place, vertex));
-        leader[place(a.max(b))] = a.min(b);
-        for vertex in ends {
-            is_used[place(vertex)] = true;
-        }
+        let ends = surfaces.edges[edge as usize].map(|vertex| (vertex - first) as usize);
+        let [a, b] = ends.map(|vertex| lead(&mut leaders, vertex));
+        leaders[a.max(b)] = Some(a.min(b));
+        leaders[a.min(b)] = Some(a.min(b));
     }
-    let vertices = part.vertices.clone();
-    vertices
-        .filter(|vertex| is_used[place(*vertex)] && leader[place(*vertex)] == *vertex)
-        .collect()
+    let each = leaders.iter().zip(part.vertices.clone());
+    let leads = |(leader, vertex): (&Option<usize>, u32)| {
+        (*leader == Some((vertex - first) as usize)).then_some(vertex)
+    };
+    each.filter_map(leads).collect()
+}
+
+/// The first vertex of the piece of a vertex. The path to it is halved.
+fn lead(leaders: &mut [Option<usize>], mut vertex: usize) -> usize {
+    while let Some(above) = leaders[vertex].filter(|above| *above != vertex) {
+        leaders[vertex] = leaders[above];
+        vertex = above;
+    }
+    vertex
 }
 
 /// The normal of a triangle, twice as long as its area (m²).
@@ -368,7 +368,6 @@ mod tests {
     use super::super::obstacle::{Geometry, Motion};
     use super::super::shape::Shape;
     use super::*;
-    use crate::HandlePose;
     use crate::mesh::generate::{Pattern, sheet};
     use crate::mesh::generate_box::solid_box;
     use crate::mesh::{Mesh, TetMesh, TriMesh};
@@ -480,7 +479,7 @@ mod tests {
     #[test]
     fn the_least_distance_of_a_triangle_from_a_shape_is_that_of_geometry() {
         let shape = |shape: Shape, at: Vec3| {
-            let motion = Motion::Still(HandlePose::at(at));
+            let motion = Motion::Still(nalgebra::Translation3::from(at).into());
             Obstacle::new(Geometry::Shape(shape), motion).expect("a shape")
         };
         let ball = shape(Shape::Sphere { radius: 0.1 }, Vec3::new(0.3, 0.3, 0.08));
