@@ -2,9 +2,8 @@
 
 use super::csv::Table;
 use super::error::SceneError;
-use nalgebra::{Quaternion, UnitQuaternion};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
 use physics::contact::obstacle::TimedPose;
-use physics::{HandlePose, Vec3};
 
 /// Largest speed of an obstacle's origin and of a vertex between two rows (m/s). What is faster jumps.
 pub const FASTEST: f64 = 20.0;
@@ -36,13 +35,11 @@ pub fn parse(text: &str, name: &str) -> Result<Vec<TimedPose>, SceneError> {
             let allowed = format!("a quaternion of length 1, within {LENGTH}");
             return Err(table.wrong(line, "qw", &found, allowed));
         }
-        let pose = HandlePose {
-            position: Vec3::new(x, y, z),
-            rotation: UnitQuaternion::from_quaternion(quaternion),
-        };
+        let rotation = UnitQuaternion::from_quaternion(quaternion);
+        let pose = Isometry3::from_parts([x, y, z].into(), rotation);
         if let Some(last) = poses.last() {
             let during = time - last.time;
-            let speed = (pose.position - last.pose.position).norm() / during;
+            let speed = (pose.translation.vector - last.pose.translation.vector).norm() / during;
             if speed.is_nan() || speed > FASTEST {
                 let found = format!("a jump: {speed:.4e} m/s from the row before");
                 let allowed = format!("up to {FASTEST} m/s");
@@ -63,6 +60,7 @@ pub fn parse(text: &str, name: &str) -> Result<Vec<TimedPose>, SceneError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use physics::Vec3;
 
     const HEAD: &str = "time,x,y,z,qw,qx,qy,qz\n";
 
@@ -70,7 +68,7 @@ mod tests {
     fn a_table_of_poses_is_read() {
         let text = format!("# a wheel\n{HEAD}0,1,2,3,1,0,0,0\n0.5,1,2,3,0.7071,0,0,0.7071\n");
         let poses = parse(&text, "a.csv").expect("two poses");
-        assert_eq!(poses[0].pose, HandlePose::at(Vec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(poses[0].pose, Isometry3::translation(1.0, 2.0, 3.0));
         let turn = poses[1].pose.rotation.scaled_axis();
         let quarter = core::f64::consts::FRAC_PI_2;
         assert!((turn - Vec3::z() * quarter).norm() < 1e-15, "{turn}");

@@ -216,10 +216,10 @@ impl Start<'_> {
             };
             let each = elements.iter().filter_map(|corners| {
                 let corners = corners.map(|v| &x[v as usize]);
-                deepest(obstacle, corners, 0.0)
+                deepest(obstacle, corners, 0.0, -SLACK * pair.distance)
             });
             let found = each.min_by(|a, b| a.0.total_cmp(&b.0));
-            if let Some((depth, at)) = found.filter(|(depth, _)| *depth < -SLACK * pair.distance) {
+            if let Some((depth, at)) = found {
                 let found = format!(
                     "{} {} m inside {} at {}",
                     self.name(pair.between[0]),
@@ -229,7 +229,7 @@ impl Start<'_> {
                 );
                 return Err(self.apart(pair.between, found));
             }
-            let centre = obstacle.pose(0.0).position;
+            let centre = obstacle.pose(0.0).translation.vector;
             let is_solid = matches!(mesh, Mesh::Solid(_)) && *shape != Shape::Plane;
             if is_solid && winding(&elements, x, &centre) > INSIDE {
                 let found = self.inside(pair.between[1], pair.between[0], &centre);

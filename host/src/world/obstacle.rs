@@ -5,11 +5,11 @@ use crate::scene::poses::FASTEST;
 use crate::scene::spec::contact::ObstacleMesh;
 use crate::scene::spec::{self, Rotation};
 use crate::scene::{LoadedScene, MeshFile, SceneError};
-use nalgebra::UnitQuaternion;
+use nalgebra::{Isometry3, UnitQuaternion};
+use physics::Vec3;
 use physics::contact::Obstacle;
 use physics::contact::obstacle::{ClosedMesh, Frames, Geometry, Motion, ObstacleError};
 use physics::mesh::{Bounds, Mesh};
-use physics::{HandlePose, Vec3};
 
 /// Builds the obstacle number `index`.
 ///
@@ -39,11 +39,9 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Obstacle, Scen
 }
 
 /// The pose of an obstacle that follows no table.
-fn pose(spec: &spec::Obstacle) -> HandlePose {
-    HandlePose {
-        position: Vec3::from(spec.position.unwrap_or_default()),
-        rotation: (spec.rotation).map_or_else(UnitQuaternion::identity, Rotation::quaternion),
-    }
+fn pose(spec: &spec::Obstacle) -> Isometry3<f64> {
+    let turn = (spec.rotation).map_or_else(UnitQuaternion::identity, Rotation::quaternion);
+    Isometry3::from_parts(spec.position.unwrap_or_default().into(), turn)
 }
 
 /// The mesh of an obstacle, and its motion: frames if it has them, otherwise `motion`.

@@ -4,10 +4,11 @@ use host::run::prepare::{Options, Prepared};
 use host::scene::Scene;
 use host::world::World;
 use host::world::contact::{ContactPair, Thing};
+use nalgebra::Isometry3;
 use physics::contact::obstacle::{Geometry, Motion};
 use physics::contact::shape::Shape;
-use physics::{HandlePose, Vec3};
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -74,13 +75,13 @@ fn die(by: f64) -> String {
         (-0.5, 0.5, 0.5),
     ] {
         let z: f64 = z;
-        text += &format!("v {} {y} {}\n", x + by, z * (1.0 + by));
+        let _ = writeln!(text, "v {} {y} {}", x + by, z * (1.0 + by));
     }
     for face in [
         "1 3 2", "1 4 3", "5 6 7", "5 7 8", "1 2 6", "1 6 5", "3 4 8", "3 8 7", "2 3 7", "2 7 6",
         "4 1 5", "4 5 8",
     ] {
-        text += &format!("f {face}\n");
+        let _ = writeln!(text, "f {face}");
     }
     text
 }
@@ -300,7 +301,7 @@ fn meshes_of_obstacles_are_closed_and_frames_have_one_topology() {
     let open = die(0.0).replace("f 4 5 8\n", "");
     assert_eq!(
         with("a.obj", open),
-        "x.toml:31: obstacle[1].mesh.file: found an open mesh: the edge from [-0.05, 0.05, -0.05] to [-0.05, -0.05, 0.05] (m) \
+        "x.toml:31: obstacle[1].mesh.file: found an open mesh: the edge from [-0.05, 0.05, -0.05] to [-0.05, -0.05, 0.05] \
          has one triangle, allowed: a closed mesh with its normals outwards"
     );
     let mirrored = die(0.0).replace("v -0.5", "v 1.5");
@@ -347,8 +348,8 @@ fn a_world_has_its_obstacles_and_pairs() {
         *ball.geometry(),
         Geometry::Shape(Shape::Sphere { radius: 0.05 })
     );
-    assert_eq!(ball.pose(0.5), HandlePose::at(Vec3::z() * -0.25));
-    assert!(matches!(die.motion(), Motion::Still(pose) if pose.position.y == 0.5));
+    assert_eq!(ball.pose(0.5), Isometry3::translation(0.0, 0.0, -0.25));
+    assert!(matches!(die.motion(), Motion::Still(pose) if pose.translation.y == 0.5));
     let Geometry::Mesh(mesh) = die.geometry() else {
         panic!("a mesh");
     };

@@ -6,8 +6,9 @@
 //! frames. Before the first row an obstacle stands at the first row, after the last row at the last one.
 
 use super::shape::{Nearest, Shape};
+use crate::Vec3;
 use crate::mesh::{Adjacency, MeshError};
-use crate::{HandlePose, Vec3};
+use nalgebra::{Isometry3, Point3};
 use std::collections::BTreeSet;
 
 /// An obstacle.
@@ -30,7 +31,7 @@ pub enum Geometry {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Motion {
     /// It stands at this pose.
-    Still(HandlePose),
+    Still(Isometry3<f64>),
     /// It follows a table of poses.
     Poses(Vec<TimedPose>),
     /// The vertices of a mesh follow frames.
@@ -43,7 +44,7 @@ pub struct TimedPose {
     /// Time (s).
     pub time: f64,
     /// The pose of the obstacle's axes at this time.
-    pub pose: HandlePose,
+    pub pose: Isometry3<f64>,
 }
 
 /// Vertices that follow frames.
@@ -54,7 +55,7 @@ pub struct Frames {
     /// The positions of all vertices in each frame, in the axes of the obstacle (m).
     pub positions: Vec<Vec<Vec3>>,
     /// The pose of these axes.
-    pub pose: HandlePose,
+    pub pose: Isometry3<f64>,
 }
 
 /// A mesh that bounds a volume, with its normals outwards.
@@ -68,11 +69,11 @@ pub struct ClosedMesh {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ObstacleError {
     /// An edge has one triangle.
-    #[error("an open mesh: the edge from {from} to {to} (m) has one triangle", from = place(.0), to = place(.1))]
+    #[error("an open mesh: the edge from {from} to {to} has one triangle", from = place(.0), to = place(.1))]
     Open(Vec3, Vec3),
     /// Two triangles at an edge have normals to different sides.
     #[error(
-        "a mesh with an inverted triangle: the normals of the two triangles at the edge from {from} to {to} (m) \
+        "a mesh with an inverted triangle: the normals of the two triangles at the edge from {from} to {to} \
          disagree", from = place(.0), to = place(.1)
     )]
     Twisted(Vec3, Vec3),
@@ -177,9 +178,8 @@ impl Obstacle {
     /// [`ObstacleError`] for a motion without a row, and for frames that do not fit the mesh.
     pub fn new(geometry: Geometry, motion: Motion) -> Result<Self, ObstacleError> {
         match &motion {
-            Motion::Still(_) => {}
             Motion::Poses(rows) if rows.is_empty() => return Err(ObstacleError::Empty),
-            Motion::Poses(_) => {}
+            Motion::Still(_) | Motion::Poses(_) => {}
             Motion::Frames(frames) if frames.positions.is_empty() => {
                 return Err(ObstacleError::Empty);
             }
@@ -238,7 +238,7 @@ impl Obstacle {
     }
 
     /// The pose of the obstacle's axes at time `t` (s).
-    pub fn pose(&self, t: f64) -> HandlePose {
+    pub fn pose(&self, t: f64) -> Isometry3<f64> {
         match &self.motion {
             Motion::Still(pose) => *pose,
             Motion::Frames(frames) => frames.pose,
@@ -247,10 +247,12 @@ impl Obstacle {
                 match (rows.get(after.wrapping_sub(1)), rows.get(after)) {
                     (Some(from), Some(to)) => {
                         let part = (t - from.time) / (to.time - from.time);
-                        between(&from.pose, &to.pose, part)
+                        // Rotations that differ by less than rounding have no axis between them.
+                        let between = from.pose.try_lerp_slerp(&to.pose, part, f64::EPSILON);
+                        between.unwrap_or(from.pose)
                     }
                     (Some(row), None) | (None, Some(row)) => row.pose,
-                    (None, None) => HandlePose::at(Vec3::zeros()),
+                    (None, None) => Isometry3::identity(),
                 }
             }
         }
@@ -310,8 +312,7 @@ impl Obstacle {
 
     /// The material point of a rigid obstacle that is at the place `x` (m) at time `t` (s).
     pub fn fixed(&self, x: &Vec3, t: f64) -> Point {
-        let HandlePose { position, rotation } = self.pose(t);
-        Point::Fixed(rotation.inverse() * (x - position))
+        Point::Fixed(own(&self.pose(t), x))
     }
 
     /// The nearest point of a shape's surface to the place `x` (m) at time `t` (s), in world axes; `None` for a mesh.
@@ -319,11 +320,11 @@ impl Obstacle {
         let Geometry::Shape(shape) = &self.geometry else {
             return None;
         };
-        let HandlePose { position, rotation } = self.pose(t);
-        let near = shape.nearest(&(rotation.inverse() * (x - position)));
+        let pose = self.pose(t);
+        let near = shape.nearest(&own(&pose, x));
         Some(Nearest {
             distance: near.distance,
-            normal: rotation * near.normal,
+            normal: pose.rotation * near.normal,
         })
     }
 }
@@ -340,27 +341,18 @@ impl Frames {
 }
 
 /// A point of an obstacle's own axes, in world axes (m).
-fn placed(pose: &HandlePose, own: &Vec3) -> Vec3 {
-    pose.rotation * own + pose.position
+fn placed(pose: &Isometry3<f64>, own: &Vec3) -> Vec3 {
+    pose.transform_point(&Point3::from(*own)).coords
 }
 
-/// The pose at a `part`, from 0 to 1, of the way between two poses.
-fn between(from: &HandlePose, to: &HandlePose, part: f64) -> HandlePose {
-    // Rotations that differ by less than rounding have no axis between them.
-    let rotation = from
-        .rotation
-        .try_slerp(&to.rotation, part, f64::EPSILON)
-        .unwrap_or(from.rotation);
-    HandlePose {
-        position: from.position + (to.position - from.position) * part,
-        rotation,
-    }
+/// A point of world axes, in an obstacle's own axes (m).
+fn own(pose: &Isometry3<f64>, x: &Vec3) -> Vec3 {
+    pose.inverse_transform_point(&Point3::from(*x)).coords
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::UnitQuaternion;
 
     /// The corners of a unit tetrahedron, and its faces seen from outside.
     fn tetrahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
@@ -374,18 +366,11 @@ mod tests {
         ClosedMesh::new(positions, triangles).expect("it is closed")
     }
 
-    fn pose(position: Vec3, turn: Vec3) -> HandlePose {
-        HandlePose {
-            position,
-            rotation: UnitQuaternion::from_scaled_axis(turn),
-        }
-    }
-
     /// Turns about z at 2 rad/s while it moves along x at 3 m/s, from 1 s to 2 s.
     fn turning(geometry: Geometry) -> Obstacle {
         let row = |time: f64| TimedPose {
             time,
-            pose: pose(
+            pose: Isometry3::new(
                 Vec3::x() * (3.0 * (time - 1.0)),
                 Vec3::z() * (2.0 * (time - 1.0)),
             ),
@@ -401,7 +386,7 @@ mod tests {
         let open = refused(triangles[1..].to_vec()).expect_err("a face is missing");
         assert_eq!(
             open.to_string(),
-            "an open mesh: the edge from [0, 0, 0] to [1, 0, 0] (m) has one triangle"
+            "an open mesh: the edge from [0, 0, 0] to [1, 0, 0] has one triangle"
         );
         let mut turned = triangles.clone();
         turned[0].swap(0, 1);
@@ -460,7 +445,7 @@ mod tests {
         let frames = Frames {
             rate: 10.0,
             positions: vec![grown(1.0), grown(2.0), grown(4.0)],
-            pose: HandlePose::at(Vec3::y()),
+            pose: Isometry3::translation(0.0, 1.0, 0.0),
         };
         let motion = Motion::Frames(frames.clone());
         let balloon = Obstacle::new(Geometry::Mesh(mesh.clone()), motion).expect("frames fit");

@@ -3,8 +3,8 @@
 //! An edge that passes through a triangle crosses it ([`passes`]). What crosses nothing lies inside a closed part if its
 //! first vertex does: the winding number of a closed surface about a point inside is one (Jacobson, Kavan and
 //! Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", 2013; the solid angle by van
-//! Oosterom and Strackee, 1983). The distance to a shape is convex, so its least value on a triangle is found by nested
-//! searches.
+//! Oosterom and Strackee, 1983). The distance to a shape is convex, so its tangents bound its least value on a triangle
+//! from below, and nested searches find it.
 
 use super::aabb::Aabb;
 use super::crossing::passes;
@@ -240,29 +240,29 @@ impl Start<'_> {
 /// One vertex of each piece of a part, ascending.
 fn firsts(surfaces: &Surfaces, part: usize) -> Vec<u32> {
     let part = &surfaces.parts[part];
-    let mut leader: Vec<u32> = part.vertices.clone().collect();
-    let mut is_used = vec![false; leader.len()];
-    let place = |vertex: u32| (vertex - part.vertices.start) as usize;
-    fn lead(leader: &mut [u32], place: &dyn Fn(u32) -> usize, mut vertex: u32) -> u32 {
-        while leader[place(vertex)] != vertex {
-            let above = leader[place(vertex)];
-            leader[place(vertex)] = leader[place(above)];
-            vertex = above;
-        }
-        vertex
-    }
+    let first = part.vertices.start;
+    // By vertex, a vertex before it in its piece, or itself; `None` for a vertex without an edge.
+    let mut leaders: Vec<Option<usize>> = vec![None; part.vertices.len()];
     for edge in part.edges.clone() {
-        let ends = surfaces.edges[edge as usize];
-        let [a, b] = ends.map(|vertex| lead(&mut leader, &place, vertex));
-        leader[place(a.max(b))] = a.min(b);
-        for vertex in ends {
-            is_used[place(vertex)] = true;
-        }
+        let ends = surfaces.edges[edge as usize].map(|vertex| (vertex - first) as usize);
+        let [a, b] = ends.map(|vertex| lead(&mut leaders, vertex));
+        leaders[a.max(b)] = Some(a.min(b));
+        leaders[a.min(b)] = Some(a.min(b));
     }
-    let vertices = part.vertices.clone();
-    vertices
-        .filter(|vertex| is_used[place(*vertex)] && leader[place(*vertex)] == *vertex)
-        .collect()
+    let each = leaders.iter().zip(part.vertices.clone());
+    let leads = |(leader, vertex): (&Option<usize>, u32)| {
+        (*leader == Some((vertex - first) as usize)).then_some(vertex)
+    };
+    each.filter_map(leads).collect()
+}
+
+/// The first vertex of the piece of a vertex. The path to it is halved.
+fn lead(leaders: &mut [Option<usize>], mut vertex: usize) -> usize {
+    while let Some(above) = leaders[vertex].filter(|above| *above != vertex) {
+        leaders[vertex] = leaders[above];
+        vertex = above;
+    }
+    vertex
 }
 
 /// The normal of a triangle, twice as long as its area (m²).
@@ -306,12 +306,32 @@ pub fn winding(triangles: &[[u32; 3]], x: &[Vec3], point: &Vec3) -> f64 {
 }
 
 /// The least signed distance (m) of the points of a triangle, or of an edge with one end twice, from a shape at time `t`
-/// (s), and the point. `None` for an obstacle that is a mesh, and for corners that are all farther than the triangle is
-/// long.
-pub fn deepest(obstacle: &Obstacle, [a, b, c]: [&Vec3; 3], t: f64) -> Option<(f64, Vec3)> {
-    let longest = (b - a).norm().max((c - a).norm());
-    if obstacle.nearest(a, t)?.distance > longest {
+/// (s), and the point; `None` if the distance is nowhere below `below` (m), and for an obstacle that is a mesh.
+pub fn deepest(
+    obstacle: &Obstacle,
+    corners: [&Vec3; 3],
+    t: f64,
+    below: f64,
+) -> Option<(f64, Vec3)> {
+    let [a, b, c] = corners;
+    let (mut lower, mut upper) = (f64::NEG_INFINITY, (f64::INFINITY, *a));
+    for at in [(a + b + c) / 3.0, *a, *b, *c] {
+        let near = obstacle.nearest(&at, t)?;
+        // A convex function lies above its tangents, which are least at corners.
+        let tangents = corners.map(|corner| near.distance + near.normal.dot(&(corner - at)));
+        lower = tangents
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+            .max(lower);
+        if near.distance < upper.0 {
+            upper = (near.distance, at);
+        }
+    }
+    if lower >= below {
         return None;
+    }
+    if lower >= upper.0 {
+        return Some(upper);
     }
     let at = |u: f64, v: f64| a + (b - a) * u + (c - b) * (u * v);
     let distance = |u: f64, v: f64| {
@@ -321,7 +341,7 @@ pub fn deepest(obstacle: &Obstacle, [a, b, c]: [&Vec3; 3], t: f64) -> Option<(f6
     let along = |u: f64| least(&|v| distance(u, v));
     let (u, _) = least(&|u| along(u).1);
     let (v, distance) = along(u);
-    Some((distance, at(u, v)))
+    (distance < below).then(|| (distance, at(u, v)))
 }
 
 /// Where from 0 to 1 a convex function is least, and its value there.
@@ -348,7 +368,6 @@ mod tests {
     use super::super::obstacle::{Geometry, Motion};
     use super::super::shape::Shape;
     use super::*;
-    use crate::HandlePose;
     use crate::mesh::generate::{Pattern, sheet};
     use crate::mesh::generate_box::solid_box;
     use crate::mesh::{Mesh, TetMesh, TriMesh};
@@ -460,22 +479,22 @@ mod tests {
     #[test]
     fn the_least_distance_of_a_triangle_from_a_shape_is_that_of_geometry() {
         let shape = |shape: Shape, at: Vec3| {
-            let motion = Motion::Still(HandlePose::at(at));
+            let motion = Motion::Still(nalgebra::Translation3::from(at).into());
             Obstacle::new(Geometry::Shape(shape), motion).expect("a shape")
         };
         let ball = shape(Shape::Sphere { radius: 0.1 }, Vec3::new(0.3, 0.3, 0.08));
         let corners = [Vec3::zeros(), Vec3::x(), Vec3::y()];
         let [a, b, c] = &corners;
-        let (distance, at) = deepest(&ball, [a, b, c], 0.0).expect("near");
+        let (distance, at) = deepest(&ball, [a, b, c], 0.0, 0.0).expect("near");
         assert!((distance + 0.02).abs() < 1e-9, "{distance}");
         assert!((at - Vec3::new(0.3, 0.3, 0.0)).norm() < 1e-4);
         let floor = shape(Shape::Plane, Vec3::z() * 0.25);
-        let (distance, _) = deepest(&floor, [a, b, c], 0.0).expect("near");
+        let (distance, _) = deepest(&floor, [a, b, c], 0.0, 0.0).expect("near");
         assert_eq!(distance, -0.25);
         let far = shape(Shape::Sphere { radius: 0.1 }, Vec3::z() * 9.0);
-        assert_eq!(deepest(&far, [a, b, c], 0.0), None);
+        assert_eq!(deepest(&far, [a, b, c], 0.0, 0.0), None);
         // An edge, with one end twice.
-        let (distance, _) = deepest(&ball, [a, b, b], 0.0).expect("near");
+        let (distance, _) = deepest(&ball, [a, b, b], 0.0, 1.0).expect("near");
         let exact = 0.3_f64.hypot(0.08) - 0.1;
         assert!((distance - exact).abs() < 1e-9);
     }
