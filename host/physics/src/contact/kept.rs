@@ -96,8 +96,10 @@ mod tests {
         ];
         let mut from = 0;
         let near_x = Vec3::new(0.8, 0.0, 0.6);
-        let mut taken =
-            |key, normal: Vec3| take(&mut all, &mut from, key, &normal).map(|state| state.normal);
+        let mut taken = |key, normal: Vec3| {
+            let state = take(&mut all, &mut from, key, &normal);
+            state.map(|state| state.normal)
+        };
         assert_eq!(taken(Key::Vertex(0, 5), Vec3::z()), None);
         assert_eq!(taken(first, near_x), Some(Vec3::x()));
         assert_eq!(taken(first, near_x), Some(Vec3::z()));

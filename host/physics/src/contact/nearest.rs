@@ -5,9 +5,9 @@
 
 use super::feet::Feet;
 
-/// Feet of a vertex that are nearer to each other than this fraction of the thickness are one contact: where a vertex lies
+/// Feet of a vertex that are nearer to each other than this fraction of the thickness are one contact. If a vertex lies
 /// over another one, the triangles about it, which are not quite flat, would take the force from each other.
-const ONE: f64 = 0.1;
+const ONE: f64 = 1e-3;
 /// Lengths that differ by less than this fraction are equal.
 const EQUAL: f64 = 1e-9;
 

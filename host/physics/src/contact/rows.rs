@@ -260,7 +260,7 @@ impl Rows {
             return;
         };
         if let Pair::VertexTriangle(..) = pair {
-            return self.candidate(vertices[0], parts[1], &vertices[1..], found, thickness);
+            return self.candidate(vertices[0], parts[1], &vertices[1..], &found, thickness);
         }
         let is_end = found.is_certain;
         let at = found.at(is_end);
@@ -289,13 +289,13 @@ impl Rows {
         };
         let settled = found.settled(is_turned);
         if is_turned {
-            self.candidate(end_of(2), parts[0], &vertices[..2], settled, thickness);
+            self.candidate(end_of(2), parts[0], &vertices[..2], &settled, thickness);
         } else {
-            self.candidate(end_of(0), parts[1], &vertices[2..], settled, thickness);
+            self.candidate(end_of(0), parts[1], &vertices[2..], &settled, thickness);
         }
     }
 
-    fn candidate(&mut self, vertex: u32, part: usize, of: &[u32], feet: Feet, thickness: f64) {
+    fn candidate(&mut self, vertex: u32, part: usize, of: &[u32], feet: &Feet, thickness: f64) {
         let mut corners = [of[0], of[1], of[of.len() - 1]];
         corners.sort_unstable();
         if self.candidates.len() == FOUND * self.most {
@@ -305,7 +305,7 @@ impl Rows {
             vertex,
             part: part as u32,
             corners,
-            feet,
+            feet: *feet,
             thickness,
         });
     }

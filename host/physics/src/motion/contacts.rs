@@ -24,8 +24,8 @@ use crate::contact::shape::Shape;
 use crate::contact::{Counts, Lists, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach};
 use crate::element::precision::Precision;
 use crate::mesh::{Mesh, MeshError, TriMesh};
-use crate::{HandlePose, Mat3, Vec3};
-use nalgebra::Isometry3;
+use crate::{Mat3, Vec3};
+use nalgebra::Point3;
 
 /// The most bodies of a scene.
 pub const MOST_BODIES: usize = 8;
@@ -237,7 +237,7 @@ impl Contacts {
             Geometry::Mesh(mesh) => Some((mesh.positions().to_vec(), mesh.triangles().to_vec())),
             Geometry::Shape(Shape::Box { half }) => Some(box_of(half)),
             Geometry::Shape(shape) => {
-                let pose = isometry(&obstacle.pose(0.0));
+                let pose = obstacle.pose(0.0);
                 self.of_shapes.push(number);
                 self.shapes.push(Placed {
                     shape: *shape,
@@ -424,7 +424,7 @@ impl Contacts {
             }
         }
         for (placed, number) in self.shapes.iter_mut().zip(&self.of_shapes) {
-            let pose = |t| isometry(&self.obstacles[*number].pose(t));
+            let pose = |t| self.obstacles[*number].pose(t);
             (placed.start, placed.end) = (pose(times[0]), pose(times[1]));
         }
     }
@@ -728,16 +728,12 @@ fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> (bool, f64) {
     (is_near, most)
 }
 
-fn isometry(pose: &HandlePose) -> Isometry3<f64> {
-    Isometry3::from_parts(pose.position.into(), pose.rotation)
-}
-
 /// The positions of an obstacle of triangles (m).
 fn place(obstacle: &Obstacle, time: f64, x: &mut [Vec3]) {
     if let Geometry::Shape(Shape::Box { half }) = obstacle.geometry() {
         let pose = obstacle.pose(time);
         for (x, corner) in x.iter_mut().zip(corners(half)) {
-            *x = pose.position + pose.rotation * corner;
+            *x = (pose * Point3::from(corner)).coords;
         }
     } else {
         obstacle.write_positions(time, x);

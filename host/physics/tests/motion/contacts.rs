@@ -79,7 +79,13 @@ impl World {
     }
 
     fn still(&mut self, shape: Shape, at: Vec3) {
-        self.obstacle(shape, Motion::Still(HandlePose::at(at)));
+        self.obstacle(
+            shape,
+            Motion::Still(nalgebra::Isometry3::from_parts(
+                at.into(),
+                nalgebra::UnitQuaternion::identity(),
+            )),
+        );
     }
 
     fn complete(&mut self, friction: f64) {
