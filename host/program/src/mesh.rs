@@ -1,16 +1,21 @@
 //! `palpate mesh`: writes the mesh of a scene's body to a file for other programs. `palpate mesh check` judges the meshes of
-//! a scene, or the mesh of a file that no scene names yet.
+//! a scene and how they touch, or the mesh of a file that no scene names yet.
 
 use super::outputs::{self, Declared};
 use super::sets::Sets;
 use super::{CommandError, build, load, progress_bar};
 use host::atomic_file::write_atomically;
 use host::scene::read_bytes;
-use host::world::Built;
+use host::scene::spec::contact::ShapeName;
+use host::world::contact::Thing;
 use host::world::groups;
 use host::world::shapes::{Needles, round};
+use host::world::{Built, World};
 use meshio::write_vtu::UnstructuredGrid;
 use meshio::{write_gmsh, write_vtk};
+use physics::contact::obstacle::{ClosedMesh, Motion};
+use physics::contact::start::{Fault, Touching, faults};
+use physics::contact::{Skin, Surfaces};
 use physics::mesh::quality::shapes;
 use physics::mesh::{Bounds, Field, Group, Mesh, TriMesh};
 use std::fmt::Write as _;
@@ -70,11 +75,12 @@ fn check(arguments: &CheckArguments) -> Result<(), CommandError> {
         // This prints the warnings.
         let loaded = load(Some(file), &arguments.sets)?;
         let world = build(&loaded, &progress_bar())?;
-        for (body, built) in loaded.scene.bodies.iter().zip(world.bodies) {
-            let mesh = built.mesh;
-            out!("{}", summary(&body.name, &mesh, " m"));
-            out!("{}", quality(&Needles::of(&mesh, true)));
+        for (body, built) in loaded.scene.bodies.iter().zip(&world.bodies) {
+            let mesh = &built.mesh;
+            out!("{}", summary(&body.name, mesh, " m"));
+            out!("{}", quality(&Needles::of(mesh, true)));
         }
+        out!("{}", contacts(&world));
         return Ok(());
     }
     let refused = |reason: String| CommandError::MeshFile {
@@ -92,6 +98,7 @@ fn check(arguments: &CheckArguments) -> Result<(), CommandError> {
     out!("{}", summary(&name, &mesh, ", in units of the file"));
     let needles = Needles::of(&mesh, true);
     out!("{}", quality(&needles));
+    out!("{}", surface(&mesh));
     if let Some(harm) = &needles.harm {
         errln!("warning: {name}: found {needles}: {harm}");
     }
@@ -99,6 +106,79 @@ fn check(arguments: &CheckArguments) -> Result<(), CommandError> {
         errln!("warning: {name}: found {equal}; {}", groups::ADVICE);
     }
     Ok(())
+}
+
+/// The obstacles of a world, and its pairs that may touch. Pairs that do not fit a scene are refused when it is built.
+fn contacts(world: &World<'_>) -> String {
+    let scene = &world.loaded.scene;
+    let mut text = String::new();
+    for (spec, obstacle) in scene.obstacles.iter().zip(&world.obstacles) {
+        let what = spec.shape.map_or("mesh", ShapeName::name);
+        let moves = match obstacle.motion() {
+            Motion::Still(_) => "still".to_owned(),
+            Motion::Poses(rows) => format!("{} poses", rows.len()),
+            Motion::Frames(frames) => format!("{} frames", frames.positions.len()),
+        };
+        let _ = writeln!(text, "{}: obstacle, {what}, {moves}", spec.name);
+    }
+    let name = |thing: Thing| match thing {
+        Thing::Body(index) => &scene.bodies[index].name,
+        Thing::Obstacle(index) => &scene.obstacles[index].name,
+    };
+    for pair in &world.contacts.pairs {
+        let [one, other] = pair.between.map(name);
+        let _ = writeln!(
+            text,
+            "{one} and {other}: touch at {} m, friction {}",
+            round(pair.distance),
+            pair.friction
+        );
+    }
+    text
+}
+
+/// Whether the surface of a mesh bounds a volume, as that of an obstacle must, and where it crosses itself.
+fn surface(mesh: &Mesh) -> String {
+    let triangles = match mesh {
+        Mesh::Thread(_) => return String::new(),
+        Mesh::Sheet(mesh) => mesh.triangles.clone(),
+        Mesh::Solid(mesh) => mesh.boundary(),
+    };
+    let positions = mesh.positions().to_vec();
+    let mut text = match ClosedMesh::new(positions, triangles) {
+        Ok(closed) => format!(
+            "  {:<10} closed, volume {}\n",
+            "surface",
+            round(closed.volume())
+        ),
+        Err(error) => format!(
+            "  {:<10} {error}; an obstacle needs a closed mesh\n",
+            "surface"
+        ),
+    };
+    let mut surfaces = Surfaces::default();
+    let skin = Skin {
+        radius: 0.0,
+        touches_itself: true,
+        is_obstacle: false,
+    };
+    if surfaces.add(mesh, skin).is_ok() {
+        let touching = Touching {
+            distance: &|_, _| Some(0.0),
+            walls: &[None],
+        };
+        if let Some(Fault::Crossed { at, .. }) =
+            faults(&surfaces, mesh.positions(), &touching).first()
+        {
+            let [x, y, z]: [f64; 3] = at.map(round).into();
+            let _ = writeln!(
+                text,
+                "  {:<10} crosses itself at [{x}, {y}, {z}]",
+                "surface"
+            );
+        }
+    }
+    text
 }
 
 /// How well shaped the elements are: the range, the median, the needles and the worst places.

@@ -9,6 +9,7 @@ use host::plot::{self, Marker, Series};
 use host::scene::spec::Analysis;
 use host::solve::frames::FrameFolder;
 use host::solve::{Solution, SolveError, has_load_curves, solve};
+use host::world::contact::check_solved;
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -69,6 +70,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     };
     let bar = progress_bar();
     let world = build(&loaded, &bar)?;
+    check_solved(&loaded)?;
     let solution = solve(
         &world,
         frames.is_some(),

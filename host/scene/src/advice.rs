@@ -2,7 +2,7 @@
 //! example for a value of the wrong type.
 
 /// Names that people use for fields of this format.
-const SYNONYMS: [(&str, &str); 26] = [
+const SYNONYMS: [(&str, &str); 31] = [
     ("E", "young"),
     ("youngs_modulus", "young"),
     ("young_modulus", "young"),
@@ -29,24 +29,18 @@ const SYNONYMS: [(&str, &str); 26] = [
     ("filename", "file"),
     ("speed", "max_speed"),
     ("scale", "motion_scale"),
+    ("collision", "contact"),
+    ("collisions", "contact"),
+    ("self_collision", "self_contact"),
+    ("mu", "friction"),
+    ("bodies", "between"),
 ];
 
 /// Solvers that scenes could once name.
 const SOLVERS: [&str; 2] = ["assembled", "frozen_single"];
 
-/// Names that people use for the contact of bodies and tools with each other, which does not exist.
-const CONTACT: [&str; 7] = [
-    "contact",
-    "contacts",
-    "collision",
-    "collisions",
-    "self_contact",
-    "self_collision",
-    "tool",
-];
-
 /// The fields of each table.
-const TABLES: [(&str, &[&str]); 14] = [
+const TABLES: [(&str, &[&str]); 16] = [
     (
         "",
         &[
@@ -59,6 +53,8 @@ const TABLES: [(&str, &[&str]); 14] = [
             "solve",
             "gravity",
             "body",
+            "obstacle",
+            "contact",
             "device",
         ],
     ),
@@ -106,8 +102,18 @@ const TABLES: [(&str, &[&str]); 14] = [
     (
         "body",
         &[
-            "mesh", "rotation", "material", "region", "damping", "bending", "handle", "support",
-            "load", "tear",
+            "mesh",
+            "rotation",
+            "material",
+            "region",
+            "damping",
+            "bending",
+            "handle",
+            "support",
+            "load",
+            "contact_thickness",
+            "self_contact",
+            "tear",
         ],
     ),
     (
@@ -170,6 +176,8 @@ const TABLES: [(&str, &[&str]); 14] = [
             "hand",
         ],
     ),
+    ("obstacle", &["shape", "poses", "friction"]),
+    ("contact", &["between", "friction"]),
     (
         "device.engage",
         &["arm", "arm_button", "dead_man_button", "stop_button"],
@@ -190,7 +198,7 @@ const TABLES: [(&str, &[&str]); 14] = [
 ];
 
 /// Examples of fields that are tables or lists.
-const EXAMPLES: [(&str, &str); 16] = [
+const EXAMPLES: [(&str, &str); 19] = [
     ("mesh", "mesh.file = \"liver.msh\""),
     (
         "material",
@@ -214,7 +222,10 @@ const EXAMPLES: [(&str, &str); 16] = [
     ("tear", "tear = { strength = 1e5, toughness = 1e3 }"),
     ("handle", "[[body.handle]]"),
     ("support", "[[body.support]]"),
+    ("between", "between = [\"cloth\", \"ball\"]"),
     ("body", "[[body]]"),
+    ("obstacle", "[[obstacle]]"),
+    ("contact", "[[contact]]"),
     ("device", "[[device]]"),
 ];
 
@@ -290,9 +301,8 @@ pub(super) fn of_field(field: &str, allowed: &str) -> String {
         })
         .collect();
     match lives.as_slice() {
-        [] if CONTACT.contains(&name) => {
-            "; contact between bodies and tools is not implemented yet: a device feels a body \
-                                          by a [[body.handle]] only"
+        [] if name == "tool" => {
+            "; tools are not implemented yet: a device feels a body by a [[body.handle]] only"
                 .to_owned()
         }
         [] => meant(name, allowed),
@@ -341,6 +351,11 @@ group = 'bottom'
 name = 'l'
 group = 'top'
 force = [0, 0, -1]
+[[obstacle]]
+name = 'o'
+shape = 'plane'
+[[contact]]
+between = ['b', 'o']
 [[device]]
 name = 'd'
 model = 'falcon'
@@ -354,7 +369,9 @@ model = 'falcon'
         let head = match table {
             "" => "name = 'a'\n".to_owned(),
             "body.mesh" => "cells = [1, 1, 1] }\n".to_owned(),
-            "body" | "device" | "body.support" | "body.load" => format!("[[{table}]]\n"),
+            "body" | "device" | "obstacle" | "contact" | "body.support" | "body.load" => {
+                format!("[[{table}]]\n")
+            }
             _ => format!("[{table}]\n"),
         };
         assert!(SCENE.contains(&head), "{head}");
@@ -417,9 +434,14 @@ model = 'falcon'
             ("", "hand = {}", "; did you mean `device.hand`?"),
             ("body", "notch = []", "; did you mean `body.tear.notch`?"),
             ("host", "rate = 100", "; did you mean `loop.rate`?"),
-            ("", "collision = {}", "by a [[body.handle]] only"),
+            ("", "collision = {}", "; did you mean `contact`?"),
             ("", "tool = []", "by a [[body.handle]] only"),
-            ("body", "contact = true", "by a [[body.handle]] only"),
+            (
+                "body",
+                "contact = true",
+                "; did you mean `contact` at the top of the scene?",
+            ),
+            ("body", "friction = 0.3", "`contact.friction`?"),
             ("", "zzzzzz = 1", "`device`"),
             (
                 "body",

@@ -1,5 +1,6 @@
 //! Checks across several fields: whether the parts of a scene are consistent.
 
+use super::contact;
 use super::drivers::drivers;
 use super::spec::body::BorderName;
 use super::spec::{
@@ -26,10 +27,10 @@ pub(super) struct Conflict {
     pub(super) allowed: String,
 }
 
-type Check = Result<(), Conflict>;
+pub(super) type Check = Result<(), Conflict>;
 
 /// Fails with a conflict at `field` unless `holds`.
-fn require(
+pub(super) fn require(
     holds: bool,
     field: &str,
     found: impl Into<String>,
@@ -58,6 +59,7 @@ pub(super) fn check(scene: &Scene) -> Check {
         check_tear(&format!("body[{index}]"), body, &scene.host)?;
     }
     check_holding(scene)?;
+    contact::check(scene)?;
     for (index, device) in scene.devices.iter().enumerate() {
         check_driver(&format!("device[{index}]"), device)?;
         check_held(&format!("device[{index}]"), device)?;
@@ -93,7 +95,7 @@ fn count(field: &str, found: usize, most: usize) -> Check {
     )
 }
 
-fn at_most(field: &str, found: usize, most: usize) -> Check {
+pub(super) fn at_most(field: &str, found: usize, most: usize) -> Check {
     require(
         found <= most,
         field,
@@ -115,7 +117,7 @@ fn name(field: &str, name: &str) -> Check {
 }
 
 /// Checks the names of a list's members: each can be printed, and no two are equal.
-fn names<'a>(list: &str, members: impl Iterator<Item = &'a String>) -> Check {
+pub(super) fn names<'a>(list: &str, members: impl Iterator<Item = &'a String>) -> Check {
     let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
     for (index, member) in members.enumerate() {
         let field = format!("{list}[{index}].name");
@@ -186,7 +188,7 @@ fn check_body(at: &str, body: &Body) -> Check {
 }
 
 /// A rotation has an axis.
-fn check_rotation(at: &str, rotation: Option<Rotation>) -> Check {
+pub(super) fn check_rotation(at: &str, rotation: Option<Rotation>) -> Check {
     require(
         rotation.is_none_or(|rotation| rotation.axis != [0.0; 3]),
         &format!("{at}.axis"),
@@ -385,7 +387,7 @@ fn check_box(field: &str, [low, high]: [[f64; 3]; 2]) -> Check {
     Ok(())
 }
 
-fn file_name(field: &str, file: &str) -> Check {
+pub(super) fn file_name(field: &str, file: &str) -> Check {
     let fits = !file.trim().is_empty() && !file.chars().any(char::is_control);
     require(fits, field, format!("{file:?}"), "the name of a file")
 }

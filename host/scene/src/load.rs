@@ -1,13 +1,16 @@
 //! Loads a scene: from its file to a checked scene with the files that the scene names.
 
 use super::consistency;
+use super::contact;
 use super::error::SceneError;
 use super::plausible::{self, Warning};
+use super::poses;
 use super::recording::{self, Sample};
 use super::silent;
 use super::source::Source;
 use super::spec::{MeshSource, ModelName, Scene};
 use meshio::{Choices, MeshFileError};
+use physics::contact::obstacle::TimedPose;
 use physics::mesh::Mesh;
 use sim::{DeviceFile, DeviceModel};
 use std::collections::BTreeMap;
@@ -21,6 +24,10 @@ const DEFAULT: &str = include_str!("../../scenes/stretch.toml");
 const DEFAULT_NAME: &str = "stretch.toml (built in)";
 /// Largest file that is read (bytes).
 const LARGEST: u64 = 64 << 20;
+/// Most frames of an obstacle.
+const MOST_FRAMES: usize = 10_000;
+/// Most bytes of all frames of an obstacle.
+const LARGEST_FRAMES: usize = 256 << 20;
 
 /// A checked scene, with the contents of the files that it names.
 #[derive(Clone, Debug)]
@@ -38,11 +45,22 @@ pub struct LoadedScene {
     pub profiles: Vec<DeviceFile>,
     /// The recording of each device's hand that names one, in the order of the devices.
     pub recordings: Vec<Option<Vec<Sample>>>,
+    /// The files of each obstacle, in the order of the obstacles.
+    pub obstacles: Vec<ObstacleFiles>,
     /// The content of each file that the scene names, by the name of the file in the scene. A log keeps these files.
     pub files: BTreeMap<String, Vec<u8>>,
     /// Values of the scene and its device files that few scenes mean. `host::world::World::warnings` adds those that the
     /// meshes show.
     pub warnings: Vec<Warning>,
+}
+
+/// The files of an obstacle.
+#[derive(Clone, Debug, Default)]
+pub struct ObstacleFiles {
+    /// The mesh, or the frames of a mesh that is animated vertex by vertex; empty for a shape.
+    pub frames: Vec<Arc<MeshFile>>,
+    /// The table of poses; `None` for an obstacle that follows none.
+    pub poses: Option<Vec<TimedPose>>,
 }
 
 /// A mesh file: read when its mesh is first asked for, and never again. All copies of a [`LoadedScene`] have it in
@@ -61,6 +79,17 @@ pub struct MeshFile {
 }
 
 impl MeshFile {
+    /// The file `name` of a scene, with its path and content.
+    fn new(name: &str, (path, bytes): (PathBuf, Vec<u8>), choices: Choices) -> Arc<Self> {
+        Arc::new(Self {
+            name: name.to_owned(),
+            path,
+            bytes,
+            choices,
+            mesh: OnceLock::new(),
+        })
+    }
+
     /// The mesh that the file holds.
     ///
     /// # Errors
@@ -173,6 +202,7 @@ pub(super) fn load(
     let profiles = profiles(&mut reader, &scene, &mut warnings)?;
     let models = profiles.iter().map(|file| file.model).collect::<Vec<_>>();
     let recordings = recordings(&mut reader, &scene)?;
+    let obstacles = obstacles(&mut reader, &scene)?;
     warnings.extend(plausible::check(&scene, &source, &models, &recordings)?);
     warnings.extend(silent::check(&scene, &source, &models)?);
     warnings.extend(silent::weaker(&scene, &source, &profiles));
@@ -184,6 +214,7 @@ pub(super) fn load(
         models,
         profiles,
         recordings,
+        obstacles,
         files,
         warnings,
     })
@@ -252,14 +283,8 @@ fn meshes(
         let mesh = if let Some(mesh) = known {
             Arc::clone(mesh)
         } else {
-            let (path, bytes) = reader.bytes(file, &format!("body[{index}].mesh.file"))?;
-            Arc::new(MeshFile {
-                name: file.clone(),
-                path,
-                bytes,
-                choices,
-                mesh: OnceLock::new(),
-            })
+            let read = reader.bytes(file, &format!("body[{index}].mesh.file"))?;
+            MeshFile::new(file, read, choices)
         };
         meshes.push(Some(mesh));
     }
@@ -319,6 +344,74 @@ fn recordings(
         Ok(Some(recording::parse(&text, &path.display().to_string())?))
     });
     each.collect()
+}
+
+/// The files of each obstacle.
+fn obstacles(
+    reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
+    scene: &Scene,
+) -> Result<Vec<ObstacleFiles>, SceneError> {
+    let mut all = Vec::new();
+    for (index, obstacle) in scene.obstacles.iter().enumerate() {
+        let mut files = ObstacleFiles::default();
+        if let Some(file) = &obstacle.poses {
+            let (path, text) = reader.text(file, &format!("obstacle[{index}].poses"))?;
+            files.poses = Some(poses::parse(&text, &path.display().to_string())?);
+        }
+        if let Some(mesh) = &obstacle.mesh {
+            let field = format!("obstacle[{index}].mesh.file");
+            let choices = Choices {
+                texture_unit: None,
+                merge: mesh.merge.map(|merge| merge / mesh.scale.unwrap_or(1.0)),
+            };
+            files.frames = if mesh.frame_rate.is_some() {
+                frames(reader, &mesh.file, &field, choices)?
+            } else {
+                vec![MeshFile::new(
+                    &mesh.file,
+                    reader.bytes(&mesh.file, &field)?,
+                    choices,
+                )]
+            };
+        }
+        all.push(files);
+    }
+    Ok(all)
+}
+
+/// The frames of an animated mesh, whose files are numbered without a gap from 0 or from 1.
+fn frames(
+    reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
+    pattern: &str,
+    field: &str,
+    choices: Choices,
+) -> Result<Vec<Arc<MeshFile>>, SceneError> {
+    // The consistency of the scene was checked: the name has digits.
+    let (before, width, after) = contact::digits(pattern).unwrap_or((pattern, 0, ""));
+    let name = |number: usize| format!("{before}{number:0width$}{after}");
+    let is_missing = |error: &SceneError| matches!(error, SceneError::File { source, .. } if source.kind() == io::ErrorKind::NotFound);
+    let (mut frames, mut bytes) = (Vec::new(), 0);
+    for number in 0..=MOST_FRAMES {
+        let file = name(number);
+        match reader.bytes(&file, field) {
+            Ok(read) => {
+                bytes += read.1.len();
+                frames.push(MeshFile::new(&file, read, choices));
+            }
+            Err(error) if is_missing(&error) && number == 0 => {}
+            Err(error) if is_missing(&error) && !frames.is_empty() => break,
+            Err(error) => return Err(error),
+        }
+        if frames.len() > MOST_FRAMES || bytes > LARGEST_FRAMES {
+            let found = format!("{} frames of {} MiB", frames.len(), bytes >> 20);
+            let allowed = format!(
+                "up to {MOST_FRAMES} frames of up to {} MiB in all",
+                LARGEST_FRAMES >> 20
+            );
+            return Err(reader.source.error(field, found, allowed));
+        }
+    }
+    Ok(frames)
 }
 
 /// Reads a text file of at most [`LARGEST`] bytes.

@@ -9,7 +9,7 @@
 use super::error::{SceneError, SourceLocation};
 use super::recording::Sample;
 use super::source::Source;
-use super::spec::{Body, Device, Hand, Scene};
+use super::spec::{Body, Contact, Device, Hand, Obstacle, Scene};
 use physics::Vec3;
 use rt_core::Axes;
 use sim::DeviceModel;
@@ -183,6 +183,8 @@ quantities! {
         "is the value in g/cm3? 1 g/cm3 is 1000 kg/m3", "is the value in g/m3? water has 1000 kg/m3, lead 11300 kg/m3";
     THICKNESS: "m", [1e-6, 0.05], [1e-9, 10.0],
         "1 mm is 0.001 m", "is the value in millimetres? 1 mm is 0.001 m";
+    FRICTION: "", [0.0, 2.0], [0.0, 100.0],
+        "", "is the value in percent? a coefficient of friction is mostly 0 to 1";
     AREA: "m2", [1e-12, 1e-2], [1e-18, 100.0],
         "1 mm2 is 1e-6 m2", "is the value in mm2? 1 mm2 is 1e-6 m2";
     MOTION_SCALE: "", [0.01, 100.0], [1e-6, 1e6],
@@ -338,6 +340,8 @@ impl Judge<'_> {
             let at = format!("{at}.material.weave");
             self.see(young, &format!("{at}.young_weft"), weave.young_weft)?;
         }
+        let thickness = body.contact_thickness;
+        self.given(&THICKNESS, &format!("{at}.contact_thickness"), thickness)?;
         for (number, support) in body.supports.iter().enumerate() {
             let field = format!("{at}.support[{number}].displacement");
             self.see(&DISPLACEMENT, &field, norm(support.displacement))?;
@@ -349,6 +353,22 @@ impl Judge<'_> {
         self.see(&STRENGTH, &field, tear.strength)?;
         self.see(&STRENGTH_RATIO, &field, tear.strength / material.young)?;
         self.see(&TOUGHNESS, &format!("{at}.tear.toughness"), tear.toughness)
+    }
+
+    fn obstacle(&mut self, at: &str, obstacle: &Obstacle) -> Check {
+        let field = |name: &str| format!("{at}.{name}");
+        let position = obstacle.position.map(norm);
+        self.given(&POSITION, &field("position"), position)?;
+        self.given(&EXTENT, &field("radius"), obstacle.radius)?;
+        self.given(&EXTENT, &field("length"), obstacle.length)?;
+        let longest = obstacle.size.map(|size| Vec3::from(size).max());
+        self.given(&EXTENT, &field("size"), longest)?;
+        self.given(&FRICTION, &field("friction"), obstacle.friction)
+    }
+
+    fn contact(&mut self, at: &str, contact: &Contact) -> Check {
+        self.given(&FRICTION, &format!("{at}.friction"), contact.friction)?;
+        self.given(&THICKNESS, &format!("{at}.thickness"), contact.thickness)
     }
 
     fn device(
@@ -457,6 +477,12 @@ pub(super) fn check(
     judge.see(&GRAVITY, "gravity", norm(scene.gravity))?;
     for (index, body) in scene.bodies.iter().enumerate() {
         judge.body(&format!("body[{index}]"), body)?;
+    }
+    for (index, obstacle) in scene.obstacles.iter().enumerate() {
+        judge.obstacle(&format!("obstacle[{index}]"), obstacle)?;
+    }
+    for (index, contact) in scene.contacts.iter().enumerate() {
+        judge.contact(&format!("contact[{index}]"), contact)?;
     }
     let devices = scene.devices.iter().zip(models).zip(recordings).enumerate();
     for (index, ((device, model), recording)) in devices {

@@ -94,6 +94,12 @@ impl HostBody {
         }
     }
 
+    /// Whether the body would sleep in a step to the poses that its hands have now.
+    pub(super) fn rests(&self) -> bool {
+        let stepping = &self.stepping;
+        stepping.solver.rests(&stepping.body, &self.hands.targets)
+    }
+
     /// Begins a step towards the poses of the hands at the end of the step.
     pub(super) fn predict(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
         self.publishes = false;

@@ -36,7 +36,7 @@ pub fn bodies(world: &World<'_>, how: BuildOptions) -> Result<Vec<HostBody>, Sce
         .collect()
 }
 
-/// Checks the parts of a scene that only a run needs: devices, and supports at rest. A body without handles is
+/// Checks the parts of a scene that only a run needs: devices and supports at rest. A body without handles is
 /// allowed: it moves, and no device feels it.
 ///
 /// # Errors

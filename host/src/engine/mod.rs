@@ -1,6 +1,6 @@
 //! The host step: its stages in their order, up to the publication of a local model.
 //!
-//! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the only module that joins
+//! `handles -> predict -> constrain -> contact -> solve -> certify -> finish -> condense -> publish`. This is the only module that joins
 //! the physics to the tick. The engine reads no clock, and owns the [threads] that share a step. Under the real clock a
 //! thread drives it; under virtual time the run's only loop does. The time of a stage is measured through the
 //! [`Stopwatch`] that the caller passes; nothing in the state depends on this time.
@@ -15,6 +15,7 @@ pub mod build;
 pub mod change;
 pub mod choice;
 mod clock;
+pub mod contact;
 pub mod damped;
 pub mod faults;
 mod hands;
@@ -41,6 +42,7 @@ pub mod virtual_coupling;
 
 use body::HostBody;
 use change::{ChangeError, Edit};
+use contact::Contact;
 use core::ops::Range;
 use joined::Group;
 use pacer::Due;
@@ -56,6 +58,7 @@ use threads::{Threads, awake};
 pub struct Engine {
     bodies: Vec<HostBody>,
     groups: Vec<Group>,
+    contact: Option<Contact>,
     /// The threads that share a step.
     threads: Arc<Threads>,
     stats: EngineStats,
@@ -69,6 +72,7 @@ impl Engine {
         Self {
             bodies,
             groups: Vec::new(),
+            contact: None,
             threads: Arc::default(),
             stats,
         }
@@ -82,6 +86,18 @@ impl Engine {
             body.stepping.solver.work_with(self.threads.clone());
         }
         self
+    }
+
+    /// The engine with these contacts between its bodies and with obstacles.
+    #[must_use]
+    pub fn touching(mut self, contact: Option<Contact>) -> Self {
+        self.contact = contact;
+        self
+    }
+
+    /// The contacts; `None` for a scene in which nothing touches.
+    pub fn contact(&self) -> Option<&Contact> {
+        self.contact.as_ref()
     }
 
     /// Gives the engine's bodies the physics and the solvers of `bodies`, in the engine's order, from the next step
@@ -172,11 +188,20 @@ impl Engine {
         for group in &self.groups {
             group.wake(&mut self.bodies);
         }
+        if let Some(contact) = &self.contact {
+            contact.keep_awake(&mut self.bodies);
+        }
         self.stage(team, all.clone(), &|body| body.constrain(watch));
+        if let Some(contact) = &mut self.contact {
+            contact.solve(&mut self.bodies, due.time_ns, watch);
+        }
         for group in &mut self.groups {
             group.solve(&mut self.bodies, watch);
         }
         self.stage(team, all, &|body| body.solve(watch));
+        if let Some(contact) = &mut self.contact {
+            contact.certify(&mut self.bodies, watch);
+        }
         // One thread publishes the model of a body before it finishes the next body.
         let together = if team.is_alone() {
             1

@@ -210,6 +210,26 @@ impl Solver {
         self.stepper.wake();
     }
 
+    /// Whether the body would sleep in the next step, to `targets`.
+    pub(super) fn rests(&self, body: &Body, targets: &[HandlePose]) -> bool {
+        self.stepper.rests(body, self.h, targets)
+    }
+
+    /// Keeps the body awake, or lets it sleep again.
+    pub(super) fn keep_awake(&mut self, is_kept: bool) {
+        self.stepper.keep_awake(is_kept);
+    }
+
+    /// The stepper, for contacts between the stages of the step.
+    pub(super) fn stepper(&mut self) -> &mut Stepper<f64> {
+        &mut self.stepper
+    }
+
+    /// Counts time (ns) that was spent on the step outside of its own calls.
+    pub(super) fn spend(&mut self, time: u64) {
+        self.elapsed.0 += time;
+    }
+
     /// Lends the equation, instead of [`solve`](Self::solve).
     pub(super) fn equation(&mut self) -> Option<Equation<'_, f64>> {
         self.stepper.equation().ok().flatten()
@@ -217,7 +237,7 @@ impl Solver {
 
     /// Counts the time (ns) of the solution of the lent equation. Returns whether there is one.
     pub(super) fn solved_in(&mut self, time: u64) -> bool {
-        self.elapsed.0 += time;
+        self.spend(time);
         self.is_solved()
     }
 

@@ -5,6 +5,7 @@ use super::slow_host::{SlowWatch, StepTime};
 use super::subscribers::Subscribers;
 use super::view::HostView;
 use crate::engine::build::BuildOptions;
+use crate::engine::contact::Contact;
 use crate::engine::faults::{Faults, HostFault};
 use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::Rehearsal;
@@ -141,7 +142,9 @@ impl Prepared {
             code: options.code,
             real: options.real,
         };
-        let engine = Engine::new(build::bodies(world, how)?).on(scene.host.threads);
+        let engine = Engine::new(build::bodies(world, how)?)
+            .touching(Contact::new(world)?)
+            .on(scene.host.threads);
         let (devices, told) = devices::open(world, options.seed, options.real)?;
         let (tick, host, log) = connect(world, devices, scene.devices.len(), LinkConfig::STALL)?;
         let period = 1.0 / scene.realtime.rate;

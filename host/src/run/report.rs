@@ -3,8 +3,8 @@
 use super::collect::Collected;
 use super::ended::{Ended, HostSide};
 use super::summary::{
-    DeviceSummary, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary, HostSummary,
-    PlaceSummary, RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
+    ContactSummary, DeviceSummary, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary,
+    HostSummary, PlaceSummary, RunSummary, SCHEMA, TearSummary, TickSummary, TripSummary,
 };
 use super::{Clock, RunOptions, held_back, instructions, slow_host};
 use crate::engine::plan::publishes_energy;
@@ -52,6 +52,7 @@ pub(super) fn summarize(
         held_back: held_back(scene, ended),
         energy: energy(scene, side.controller.energy()),
         tears: tears(ended),
+        contact: (ended.host.engine.contact()).map(|contact| ContactSummary::new(scene, contact)),
         dropped: dropped(ended),
         events: events(options, ended),
         refusals: refusals(scene, &couplings),

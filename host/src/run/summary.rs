@@ -1,5 +1,6 @@
 //! The summary of a run, for people (`print`) and (as JSON) for programs.
 
+mod contact;
 mod print;
 mod tears;
 
@@ -9,6 +10,7 @@ use crate::record::Distribution;
 use serde::Serialize;
 use std::path::PathBuf;
 
+pub use contact::{ContactPairSummary, ContactSummary};
 pub use tears::TearSummary;
 
 /// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
@@ -45,6 +47,9 @@ pub struct RunSummary {
     /// The tears of each body that can tear.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tears: Vec<TearSummary>,
+    /// The contacts; not given for a scene in which nothing can touch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactSummary>,
     /// Messages that did not arrive.
     pub dropped: DroppedSummary,
     /// Faults made on purpose, and stretches of time in which a device or a body was not in its normal state.

@@ -4,7 +4,7 @@ use super::grasp::{grasps, handles, held_once, holding};
 use super::kind::Kind;
 use super::mesh::Notched;
 use super::tear::TearSpec;
-use super::{grasp, load, material, selection, tear};
+use super::{contact, grasp, load, material, selection, tear};
 use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
 use nalgebra::UnitQuaternion;
@@ -39,6 +39,8 @@ pub struct Built {
     pub carriers: Vec<Carrier>,
     /// The sum of the scene's loads, a force for each vertex (N).
     pub loads: Vec<Vec3>,
+    /// The thickness of the body in contact (m).
+    pub thickness: f64,
     /// How the body tears; `None` for a body that does not tear.
     pub tear: Option<TearSpec>,
 }
@@ -174,6 +176,7 @@ pub(super) fn build(
             error => loaded.source.error(&field, error.to_string(), "a support"),
         }
     })?;
+    let thickness = contact::thickness(spec.contact_thickness, &material.elements, mesh);
     let loads = load::build(loaded, index, mesh)?;
     body.set_external_forces(&loads)
         .map_err(|error| refuse(&error))?;
@@ -187,6 +190,7 @@ pub(super) fn build(
         handles,
         carriers,
         loads,
+        thickness,
         tear,
     })
 }

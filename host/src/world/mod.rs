@@ -1,12 +1,13 @@
 //! The world: a scene, built once.
 //!
-//! A [`World`] has the bodies of the physics, the grasps of the devices ([`Grasp`]), and the mountings of the devices
-//! ([`Mount`]). Every later step of a run takes a `&World`. Code that moves a body clones it.
+//! A [`World`] has the bodies of the physics, the obstacles and what touches ([`Contacts`]), the grasps of the devices
+//! ([`Grasp`]), and the mountings of the devices ([`Mount`]). Every later step of a run takes a `&World`. Code that moves a body clones it.
 //!
 //! This module makes the checks that need the mesh: groups that do not exist, empty boxes, the thickness of a
 //! solid. Their errors name the line and the field of the scene file, as all errors of a scene do.
 
 mod body;
+pub mod contact;
 mod grasp;
 pub mod groups;
 mod kind;
@@ -15,6 +16,7 @@ mod material;
 mod mesh;
 mod mount;
 mod notch;
+mod obstacle;
 mod port;
 mod press;
 mod selection;
@@ -25,10 +27,12 @@ mod tear;
 use crate::scene::plausible::Warning;
 use crate::scene::{LoadedScene, SceneError};
 use mesh::Notched;
+use physics::contact::Obstacle;
 use physics::{Body, CondenseError, Condenser};
 use std::sync::OnceLock;
 
 pub use body::{Built, Carrier};
+pub use contact::Contacts;
 pub use grasp::{Grasp, bodies_held, freedom, grasps};
 pub use kind::{Kind, bending};
 pub use mount::Mount;
@@ -42,6 +46,10 @@ pub struct World<'a> {
     pub loaded: &'a LoadedScene,
     /// The bodies, at rest, in the order of the scene.
     pub bodies: Vec<Built>,
+    /// What bodies touch and no body moves, in the order of the scene.
+    pub obstacles: Vec<Obstacle>,
+    /// What may touch.
+    pub contacts: Contacts,
     /// Where each device stands.
     pub mounts: Vec<Mount>,
     /// All warnings of the scene: those of its fields, then those of its meshes.
@@ -73,10 +81,18 @@ impl<'a> World<'a> {
         let each = meshes.into_iter().zip(held).enumerate();
         let bodies = each
             .map(|(index, (notched, held))| body::build(loaded, index, notched, held, &origins))
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<Vec<Built>, _>>()?;
+        let obstacles = (0..scene.obstacles.len())
+            .map(|index| obstacle::build(loaded, index))
+            .collect::<Result<Vec<_>, _>>()?;
+        let thicknesses: Vec<f64> = bodies.iter().map(|built| built.thickness).collect();
+        let contacts = Contacts::new(scene, &thicknesses);
+        contact::check_start(loaded, &bodies, &obstacles, &contacts)?;
         Ok(Self {
             loaded,
             bodies,
+            obstacles,
+            contacts,
             mounts,
             warnings,
             starts: OnceLock::new(),

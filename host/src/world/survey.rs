@@ -36,6 +36,7 @@ pub(super) fn warnings(
         for first in 0..second {
             if let (Some(a), Some(b)) = (&boxes[first], &boxes[second])
                 && overlap(a, b)
+                && !touch(loaded, first, second)
             {
                 warnings.push(through_each_other(loaded, first, second));
             }
@@ -122,6 +123,14 @@ fn overlap(a: &Bounds, b: &Bounds) -> bool {
     })
 }
 
+/// Whether a contact names two bodies. If they start in each other, they are refused.
+fn touch(loaded: &LoadedScene, first: usize, second: usize) -> bool {
+    let scene = &loaded.scene;
+    let names = [first, second].map(|index| &scene.bodies[index].name);
+    let mut contacts = scene.contacts.iter();
+    contacts.any(|contact| names.iter().all(|name| contact.between.contains(name)))
+}
+
 fn through_each_other(loaded: &LoadedScene, first: usize, second: usize) -> Warning {
     let bodies = &loaded.scene.bodies;
     Warning {
@@ -132,7 +141,8 @@ fn through_each_other(loaded: &LoadedScene, first: usize, second: usize) -> Warn
         ),
         usual: "bodies beside each other".to_owned(),
         advice: format!(
-            "no force acts between two bodies, so the two pass through each other: set body[{second}].position"
+            "no force acts between two bodies without a [[contact]], so the two pass through each other: set \
+             body[{second}].position"
         ),
     }
 }

@@ -430,8 +430,8 @@ fn bodies_in_each_other_are_named_and_placed_ones_are_not() {
     let sheet = "mesh.sheet = { length = 0.1, width = 0.1, cells = [2, 2] }\n\
                  material = { young = 1e6, poisson = 0.4, thickness = 0.001, density = 1000 }";
     let warning = "x.toml:9: body[1]: found body \"second\" in the space of body \"block\": the boxes around the two \
-                   bodies overlap, usual: bodies beside each other; no force acts between two bodies, so the two pass \
-                   through each other: set body[1].position";
+                   bodies overlap, usual: bodies beside each other; no force acts between two bodies without a \
+                   [[contact]], so the two pass through each other: set body[1].position";
     for (position, mesh, expected) in [
         ("[0, 0, 0]", solid, warning),
         ("[0.09, 0.09, 0.09]", solid, warning),

@@ -161,7 +161,9 @@ impl Shapes {
             }
         };
         stepper.see_missed(body, &mut shapes.missed);
+        stepper.swap_contacts();
         let report = stepper.renew(body, &mut shapes, options);
+        stepper.swap_contacts();
         let shapes = self.kept.insert(shapes);
         let condensed =
             shapes
@@ -211,6 +213,9 @@ impl<T: Precision> Stepper<T> {
             let acting = before + external + inertia * self.places.mass[place];
             let fallen = (acting - to_vec(&self.cg.residual[place])) / stiffness_factor;
             missed[node] = (to_vec(&self.elements.force[place]) - before + fallen) / h;
+        }
+        for (node, force) in self.joint_forces() {
+            missed[*node as usize] += force / (stiffness_factor * h);
         }
     }
 
@@ -305,6 +310,7 @@ impl<T: Precision> Stepper<T> {
         let factor = T::of(-stiffness_factor);
         self.elements
             .product(&*self.team, factor, &self.cg.u, &mut self.cg.residual);
+        self.subtract_springs(*stiffness_factor);
     }
 
     /// Stores a column, its product with the stiffness on the handle nodes, and its products with the residual on the free

@@ -4,7 +4,8 @@
 //! the least `n . x` of the first thing and the largest of the second one bound a gap that is concave in time. If the gap
 //! is positive at the end, the pair did not cross. Common translation and sliding cost nothing, unlike a share of the
 //! distance for each vertex (Li et al., "Incremental potential contact", 2020, limit the step by continuous collision
-//! detection instead).
+//! detection instead). An edge that slides over another one turns the direction of the shortest connection. So if `n` fails,
+//! the normal of the triangle or of both edges is tried, and then the direction at the end: the proof holds for any direction.
 //!
 //! **Truncation.** If the certificate fails, a plane between the two things divides the space. The displacement of each
 //! vertex is scaled by the largest fraction with which the vertex stays on its side. The start satisfies all planes, so
@@ -75,11 +76,40 @@ impl Start {
     }
 }
 
+/// Whether a pair moves from the positions `x` to the positions `ends` (m) without a crossing, and keeps a gap of `least` (m):
+/// one of three directions separates it at both. `start` is its connection at the start.
+pub(super) fn is_certain(
+    pair: Pair,
+    surfaces: &Surfaces,
+    start: &Foot,
+    x: &[Vec3],
+    ends: impl Fn(u32) -> Vec3 + Copy,
+    least: f64,
+) -> bool {
+    let split = pair.split();
+    let at = |vertex: u32| x[vertex as usize];
+    // A degenerate direction separates nothing, because comparisons with it fail.
+    let separates = |direction: &Vec3| {
+        let direction = direction.normalize();
+        start.gap(split, &direction, ends) >= least && start.gap(split, &direction, at) >= least
+    };
+    separates(&start.apart) || {
+        let [a, b, c, d] = start.vertices.map(at);
+        let plane = match pair {
+            Pair::VertexTriangle(..) => (c - b).cross(&(d - b)),
+            Pair::EdgeEdge(..) => (b - a).cross(&(d - c)),
+        };
+        separates(&(plane * plane.dot(&start.apart).signum()))
+            || separates(&pair.foot_at(surfaces, ends).apart)
+    }
+}
+
 /// Calls its argument for each pair.
 pub type Each<'a> = dyn Fn(&mut dyn FnMut(Pair)) + 'a;
 
 /// Scales the displacements `u` (m) from the positions `x` (m) by `fractions` of vertices such that no pair crosses. `each`
-/// gives the pairs; `is_free` tells whether a vertex may be stopped. The fractions are all one if every certificate holds.
+/// gives the pairs; `is_free` tells whether a vertex may be stopped. The fractions only fall; they stay as they are if every
+/// certificate holds.
 pub fn truncate(
     surfaces: &Surfaces,
     x: &[Vec3],
@@ -88,7 +118,6 @@ pub fn truncate(
     is_free: &dyn Fn(u32) -> bool,
     fractions: &mut [f64],
 ) -> Truncation {
-    fractions.fill(1.0);
     let mut report = Truncation::default();
     loop {
         let mut is_changed = false;
@@ -107,6 +136,11 @@ pub fn truncate(
             };
             // A little less than truncation leaves, so that a truncated pair does not fail by rounding.
             if end(0, start.split) + end(start.split, 4) >= 0.9 * LEFT * start.distance {
+                return;
+            }
+            let ends = |v: u32| x[v as usize] + u[v as usize] * fractions[v as usize];
+            let least = 0.9 * LEFT * start.distance;
+            if is_certain(pair, surfaces, &start.foot, x, ends, least) {
                 return;
             }
             let mut has_room = true;

@@ -2,8 +2,12 @@
 //!
 //! - [`surface`]: the surfaces, in one numbering. [`pair`]: vertices against triangles, edges against edges; `distance`.
 //! - [`hierarchy`]: boxes over the surfaces, and clusters. `aabb`: a box. `search`: all pairs of two clusters.
-//! - [`row`]: the law of a contact.
-//! - [`shape`]: shapes of obstacles with an exact distance.
+//! - [`row`]: the law of a contact. [`rows`]: the contacts of a step, from its pairs and shapes. `feet`: where a pair may
+//!   touch. `nearest`: what a vertex touches. `kept`: what contacts keep from step to step. `thinning`: which contacts have
+//!   rows.
+//! - [`obstacle`]: obstacles and their motion. [`shape`]: shapes of obstacles with an exact distance.
+//!   [`placed`]: a shape in a step.
+//! - [`start`]: what keeps surfaces from beginning a run.
 //! - [`certificate`]: what keeps pairs from passing through each other in a step. [`crossing`]: whether an edge does.
 //! - [`lists`]: kept lists of pairs, by how far two clusters have departed from a common rigid motion (`rigid`,
 //!   `drift`).
@@ -17,16 +21,28 @@ pub mod certificate;
 pub mod crossing;
 pub mod distance;
 mod drift;
+mod feet;
 pub mod hierarchy;
+mod kept;
 pub mod lists;
+mod nearest;
+pub mod obstacle;
 pub mod pair;
+pub mod placed;
 pub mod rigid;
 pub mod row;
+pub mod rows;
 mod search;
 pub mod shape;
+pub mod start;
 pub mod surface;
+mod thinning;
 
 pub use hierarchy::Hierarchy;
+pub use kept::Key;
 pub use lists::{Counts, Lists};
+pub use obstacle::Obstacle;
 pub use pair::{Foot, Pair};
+pub use placed::Placed;
+pub use rows::{Contact, Rows, RowsReport, Step, reach};
 pub use surface::{Part, Skin, Surfaces};

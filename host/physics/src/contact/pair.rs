@@ -30,6 +30,15 @@ impl Foot {
         let parts = self.vertices.into_iter().zip(self.weights);
         parts.map(|(vertex, weight)| of(vertex) * weight).sum()
     }
+
+    /// By how much (m) a direction separates the first `split` vertices from the others, which are at some positions (m): the
+    /// gap between the planes across the direction through the nearest vertices.
+    pub fn gap(&self, split: usize, direction: &Vec3, at: impl Fn(u32) -> Vec3) -> f64 {
+        let along = self.vertices.map(|vertex| direction.dot(&at(vertex)));
+        let (first, second) = along.split_at(split);
+        let least = first.iter().copied().fold(f64::INFINITY, f64::min);
+        least - second.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
 }
 
 impl Pair {
@@ -65,8 +74,13 @@ impl Pair {
 
     /// The shortest connection at the positions `x` (m).
     pub fn foot(self, surfaces: &Surfaces, x: &[Vec3]) -> Foot {
+        self.foot_at(surfaces, |vertex| x[vertex as usize])
+    }
+
+    /// The shortest connection, with the position (m) of each vertex.
+    pub fn foot_at(self, surfaces: &Surfaces, at: impl Fn(u32) -> Vec3) -> Foot {
         let vertices = self.vertices(surfaces);
-        let [a, b, c, d] = vertices.map(|vertex| &x[vertex as usize]);
+        let [a, b, c, d] = &vertices.map(at);
         match self {
             Self::VertexTriangle(..) => {
                 let on = point_triangle(a, [b, c, d]);

@@ -4,8 +4,10 @@
 //! radius; a solid has the triangles of its boundary, with a radius of zero or of a stated skin; a thread has its lines.
 //! An edge without a triangle is a segment of a thread. The distance at which two parts touch is the sum of their radii.
 
+use super::obstacle::ClosedMesh;
 use crate::mesh::{Adjacency, Mesh, MeshError};
 use core::ops::Range;
+use std::collections::BTreeSet;
 
 /// A part of the surfaces.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +37,8 @@ pub struct Surfaces {
     pub edges: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.
     pub parts: Vec<Part>,
+    /// Pairs of parts that do not touch, the smaller number first.
+    apart: BTreeSet<[usize; 2]>,
 }
 
 /// How a part takes part in contact.
@@ -55,18 +59,35 @@ impl Surfaces {
     /// # Errors
     /// [`MeshError`] if triangles share an edge in a way that no surface does.
     pub fn add(&mut self, mesh: &Mesh, skin: Skin) -> Result<usize, MeshError> {
-        let (vertices, triangles) = match mesh {
+        let vertices = mesh.positions().len();
+        match mesh {
             Mesh::Thread(mesh) => {
                 let edges = mesh.lines.iter().map(|[a, b]| [*a.min(b), *a.max(b)]);
-                return Ok(self.push(mesh.positions.len(), &[], edges, skin));
+                Ok(self.push(vertices, &[], edges, skin))
             }
-            Mesh::Sheet(mesh) => (mesh.positions.len(), mesh.triangles.clone()),
-            Mesh::Solid(mesh) => (mesh.positions.len(), mesh.boundary()),
-        };
-        let adjacency = Adjacency::new(&triangles)?;
+            Mesh::Sheet(mesh) => self.add_triangles(vertices, &mesh.triangles, skin),
+            Mesh::Solid(mesh) => self.add_triangles(vertices, &mesh.boundary(), skin),
+        }
+    }
+
+    /// Adds the surface of a closed mesh. Returns the number of the part.
+    ///
+    /// # Errors
+    /// As [`add`](Self::add).
+    pub fn add_closed(&mut self, mesh: &ClosedMesh, skin: Skin) -> Result<usize, MeshError> {
+        self.add_triangles(mesh.positions().len(), mesh.triangles(), skin)
+    }
+
+    fn add_triangles(
+        &mut self,
+        vertices: usize,
+        triangles: &[[u32; 3]],
+        skin: Skin,
+    ) -> Result<usize, MeshError> {
+        let adjacency = Adjacency::new(triangles)?;
         let interior = adjacency.interior.iter().map(|edge| edge.vertices);
         let border = adjacency.boundary.iter().map(|edge| edge.vertices);
-        Ok(self.push(vertices, &triangles, interior.chain(border), skin))
+        Ok(self.push(vertices, triangles, interior.chain(border), skin))
     }
 
     fn push(
@@ -94,13 +115,27 @@ impl Surfaces {
         self.parts.len() - 1
     }
 
+    /// The part of a vertex.
+    pub fn part_of(&self, vertex: u32) -> usize {
+        let after = self
+            .parts
+            .partition_point(|part| part.vertices.start <= vertex);
+        after.saturating_sub(1)
+    }
+
     /// Whether two parts may touch each other.
     pub fn may_touch(&self, one: usize, other: usize) -> bool {
         let (first, second) = (&self.parts[one], &self.parts[other]);
         if one == other {
             first.touches_itself
         } else {
-            !(first.is_obstacle && second.is_obstacle)
+            let is_apart = self.apart.contains(&[one.min(other), one.max(other)]);
+            !(is_apart || first.is_obstacle && second.is_obstacle)
         }
+    }
+
+    /// Keeps two parts from touching each other.
+    pub fn keep_apart(&mut self, one: usize, other: usize) {
+        self.apart.insert([one.min(other), one.max(other)]);
     }
 }

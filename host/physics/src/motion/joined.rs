@@ -8,6 +8,7 @@
 use super::stepper::Equation;
 use crate::Vec3;
 use crate::body::{Body, BodyMap};
+use crate::contact::row::Response;
 use crate::element::precision::Precision;
 
 /// A node of a joined body.
@@ -45,6 +46,8 @@ pub struct Workspace {
     /// The norm of the residual on free axes (N), and of the forces of the joints (N), of each body.
     pub(super) left: Vec<f64>,
     pub(super) loads: Vec<f64>,
+    /// The responses of contacts, by row.
+    pub(super) responses: Vec<Option<Response>>,
 }
 
 impl Workspace {

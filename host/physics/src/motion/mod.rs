@@ -10,6 +10,7 @@
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 
 pub mod constraint;
+pub mod contacts;
 pub mod equilibrium;
 pub mod integrator;
 pub mod joined;

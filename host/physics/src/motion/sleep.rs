@@ -16,6 +16,9 @@ pub(crate) const STEPS: u32 = 20;
 #[derive(Clone, Debug)]
 pub(crate) struct Sleep {
     still: u32,
+    /// Whether something that the body touches moves, or did so in the last step.
+    is_kept_awake: bool,
+    was_kept_awake: bool,
     /// The poses of the handles when the body fell asleep, and the revision of its state then.
     poses: Vec<HandlePose>,
     revision: u64,
@@ -26,6 +29,8 @@ impl Sleep {
     pub(crate) fn new(body: &Body) -> Self {
         Self {
             still: 0,
+            is_kept_awake: false,
+            was_kept_awake: false,
             poses: body
                 .constraints
                 .handles
@@ -38,7 +43,29 @@ impl Sleep {
     }
 
     /// Whether a sleeping body continues to sleep: a step of `h` to `targets` would not move it.
-    pub(crate) fn goes_on(&self, body: &Body, h: f64, targets: &[HandlePose], speed: f64) -> bool {
+    pub(crate) fn goes_on(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        targets: &[HandlePose],
+        speed: f64,
+    ) -> bool {
+        let goes_on = !self.is_kept_awake && self.would_go_on(body, h, targets, speed);
+        if goes_on && self.was_kept_awake {
+            stop(body);
+        }
+        self.was_kept_awake = self.is_kept_awake;
+        goes_on
+    }
+
+    /// Whether a body that is not kept awake would continue to sleep.
+    pub(crate) fn would_go_on(
+        &self,
+        body: &Body,
+        h: f64,
+        targets: &[HandlePose],
+        speed: f64,
+    ) -> bool {
         // Rotations act at the arm of the handle's vertices, which is about the size of a body and at most a metre.
         let near = |(now, then): (&HandlePose, &HandlePose)| {
             (now.position - then.position).norm() <= speed * h
@@ -61,10 +88,8 @@ impl Sleep {
         let still = fastest <= speed * speed;
         self.still = if still { self.still + 1 } else { 0 };
         if self.still >= STEPS {
-            body.state.v.fill(Vec3::zeros());
-            for handle in &mut body.constraints.handles {
-                handle.report.linear_velocity = Vec3::zeros();
-                handle.report.angular_velocity = Vec3::zeros();
+            if !self.is_kept_awake {
+                stop(body);
             }
             self.poses.copy_from_slice(targets);
             self.revision = body.state.revision;
@@ -72,8 +97,22 @@ impl Sleep {
         }
     }
 
+    /// Keeps the body awake, or lets it sleep again.
+    pub(crate) fn keep_awake(&mut self, is_kept: bool) {
+        self.is_kept_awake = is_kept;
+    }
+
     /// Wakes the body, because something has moved it.
     pub(crate) fn wake(&mut self) {
         self.still = 0;
+    }
+}
+
+/// Takes the velocities from a body that falls asleep.
+fn stop(body: &mut Body) {
+    body.state.v.fill(Vec3::zeros());
+    for handle in &mut body.constraints.handles {
+        handle.report.linear_velocity = Vec3::zeros();
+        handle.report.angular_velocity = Vec3::zeros();
     }
 }

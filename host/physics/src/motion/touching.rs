@@ -9,14 +9,15 @@
 
 use super::joined::{At, Workspace, at, iterate};
 use super::stepper::Equation;
+use crate::contact::Contact;
 use crate::contact::row::{Response, Row};
 use crate::element::precision::Precision;
 use crate::{Mat3, Vec3};
 
 /// Most passes of a step, for each update of the multipliers.
-const PASSES: usize = 4;
+const PASSES: usize = 12;
 /// The iterations of a pass end at this fraction of its residual.
-const ACCURACY: f64 = 1e-2;
+const ACCURACY: f64 = 1e-1;
 /// A pass is searched if its end overshoots by this fraction of its start.
 const OVERSHOT: f64 = 0.1;
 /// Most evaluations of the rows in a line search.
@@ -79,6 +80,21 @@ impl Touch {
     }
 }
 
+/// Fills `touches` with the contacts of a step. `at` gives the node of a vertex of the surfaces; a vertex whose motion is
+/// prescribed has none.
+pub fn fill(touches: &mut Vec<Touch>, contacts: &[Contact], at: &dyn Fn(u32) -> Option<At>) {
+    const NONE: (At, f64) = (At { body: 0, node: 0 }, 0.0);
+    touches.clear();
+    touches.extend(contacts.iter().map(|contact| {
+        let mut each = contact.vertices.into_iter().zip(contact.weights);
+        let nodes = [(); 4].map(|()| {
+            let (vertex, weight) = each.next()?;
+            (weight != 0.0).then_some((at(vertex)?, weight))
+        });
+        Touch::new(nodes.map(|node| node.unwrap_or(NONE)), contact.row)
+    }));
+}
+
 /// What a solve did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TouchReport {
@@ -129,7 +145,7 @@ pub fn solve<T: Precision>(
         for _ in 0..PASSES {
             weigh(bodies, touches, room);
             report.converged = room.is_solved(bodies);
-            if report.converged {
+            if report.converged && !let_go(bodies, room) {
                 break;
             }
             pass(bodies, touches, room, &mut report, out_of_time);
@@ -152,6 +168,17 @@ pub fn solve<T: Precision>(
         }
     }
     report
+}
+
+/// Lets the pairs of tears take their forces. Returns whether this has changed a residual.
+fn let_go<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], room: &Workspace) -> bool {
+    let mut changes = false;
+    for (body, load) in bodies.iter_mut().zip(&room.loads) {
+        if let Some(body) = body {
+            changes |= body.let_go(body.goal(*load));
+        }
+    }
+    changes
 }
 
 /// Computes the norms of the residuals and of the forces of the contacts.

@@ -1,8 +1,8 @@
 //! Sheets that are thrown at each other do not cross, although nothing solves their contact.
 
+use super::world::crossings;
 use physics::Vec3;
 use physics::contact::certificate::truncate;
-use physics::contact::crossing::passes;
 use physics::contact::{Hierarchy, Lists, Skin, Surfaces};
 use physics::mesh::Mesh;
 use physics::mesh::generate::{self, Pattern};
@@ -41,22 +41,6 @@ fn throw(angles: [f64; 3], height: f64, velocity: Vec3, spin: Vec3) -> Throw {
     Throw { surfaces, x, v }
 }
 
-/// Number of edges that pass through a triangle.
-fn crossings(surfaces: &Surfaces, x: &[Vec3]) -> usize {
-    let at = |vertex: u32| &x[vertex as usize];
-    let pairs = surfaces.triangles.iter().flat_map(|corners| {
-        let apart = move |ends: &&[u32; 2]| ends.iter().all(|v| !corners.contains(v));
-        surfaces
-            .edges
-            .iter()
-            .filter(apart)
-            .map(move |ends| (ends, corners))
-    });
-    pairs
-        .filter(|(ends, corners)| passes(ends.map(at), corners.map(at)))
-        .count()
-}
-
 /// Moves each vertex freely for `steps` of 4 ms, but for the truncation. Returns the vertices that were truncated.
 fn fly(throw: Throw, steps: usize, jitter: f64) -> usize {
     let Throw { surfaces, mut x, v } = throw;
@@ -77,6 +61,7 @@ fn fly(throw: Throw, steps: usize, jitter: f64) -> usize {
         };
         lists.follow(&surfaces, &x, reach);
         let each = |found: &mut dyn FnMut(physics::contact::Pair)| lists.each(&surfaces, &x, found);
+        fractions.fill(1.0);
         let report = truncate(&surfaces, &x, &u, &each, &|_| true, &mut fractions);
         assert_eq!(report.squeezed, 0);
         truncated += report.truncated;

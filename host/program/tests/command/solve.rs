@@ -307,7 +307,9 @@ fn a_mesh_is_judged_with_and_without_a_scene() {
     let worst = "  quality    0.002 to 0.829, median 0.828; 1 for equal sides, 0 without an area or a volume\n  \
                  needles    1 of 3 triangles with a quality below 0.05, over 0.05 % of the area\n  \
                  worst      triangle 1 at [1, 0.667, 0] with 0.002\n";
-    assert!(printed.ends_with(worst), "{printed}");
+    let open = "  surface    an open mesh: the edge from [0, 0, 0] to [1, 0, 0] has one triangle; an obstacle needs a closed \
+                mesh\n";
+    assert!(printed.ends_with(&format!("{worst}{open}")), "{printed}");
     let lines: Vec<_> = warned.lines().collect();
     assert_eq!(lines.len(), 2, "{warned}");
     assert!(
@@ -334,6 +336,24 @@ fn a_mesh_is_judged_with_and_without_a_scene() {
         warned.starts_with("palpate: warning: scene.toml:4: body[0].mesh"),
         "{warned}"
     );
+
+    let contact = "self_contact = true\n[[obstacle]]\nname = 'floor'\nshape = 'plane'\nposition = [0, 0, HEIGHT]\n";
+    let scene = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
+    let on_floor = |height: &str| {
+        write(
+            "floor.toml",
+            &(scene.clone() + &contact.replace("HEIGHT", height)),
+        );
+        check("floor.toml")
+    };
+    let (code, printed, _) = on_floor("-0.001");
+    let end = "floor: obstacle, plane, still\ncloth and cloth: touch at 0.001 m, friction 0.3\ncloth and floor: touch at \
+               0.0005 m, friction 0.3\n";
+    assert!(code == Some(0) && printed.ends_with(end), "{printed}");
+    let (code, printed, warned) = on_floor("0.01");
+    assert_eq!((code, &printed[..]), (Some(2), ""));
+    let said = "palpate: floor.toml:6: obstacle[0]: found body \"cloth\" 0.01 m inside obstacle \"floor\" at ";
+    assert!(warned.contains(said), "{warned}");
 
     write("slit.obj", "v 0 0 0\nv 1 0 0\nf 1 2 3\n");
     let (code, printed, warned) = check("slit.obj");

@@ -84,6 +84,8 @@ optional! {
     optional_variation: variation => f64;
     /// Poisson's ratio, for an optional field.
     optional_poisson: poisson => f64;
+    /// Three numbers above zero, for an optional field.
+    optional_positive3: positive3 => [f64; 3];
     /// Three finite numbers, for an optional field.
     optional_finite3: finite3 => [f64; 3];
     /// A button of a device, for an optional field.
@@ -175,6 +177,15 @@ pub(super) fn positive3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], 
 /// Says what was found and what is allowed.
 pub(super) fn finite3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
     List::<Finite, 3>::deserialize(from).map(numbers)
+}
+
+/// Two names.
+///
+/// # Errors
+///
+/// Says what was found and what is allowed.
+pub(super) fn names2<'de, D: Deserializer<'de>>(from: D) -> Result<[String; 2], D::Error> {
+    List::<String, 2>::deserialize(from).map(|list| list.0)
 }
 
 /// Rows of four finite numbers.

@@ -43,6 +43,13 @@ pub struct Body {
     /// Forces on the body in addition to its weight.
     #[serde(default, rename = "load", deserialize_with = "check::tables")]
     pub loads: Vec<Load>,
+    /// The thickness of the body in contact (m): its surface lies half of it outside the mesh. Default: that of a sheet,
+    /// the diameter of a thread, a thousandth of the side of a cube of a solid's volume.
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    pub contact_thickness: Option<f64>,
+    /// Whether the body may touch itself.
+    #[serde(default)]
+    pub self_contact: bool,
     /// The tearing of a sheet. Default: the body does not tear.
     #[serde(default, deserialize_with = "check::optional_table")]
     pub tear: Option<Tear>,

@@ -4,6 +4,7 @@
 //! file and the path of the field.
 
 pub mod body;
+pub mod contact;
 mod device;
 mod hand;
 mod mesh;
@@ -15,6 +16,7 @@ use super::check;
 use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
+pub use contact::{Contact, Obstacle};
 pub use device::{ArmName, Device, EMULATED, Engage, ModelName, Mounting, SIMULATED};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
@@ -52,6 +54,12 @@ pub struct Scene {
     /// Deformable bodies.
     #[serde(rename = "body", deserialize_with = "check::tables")]
     pub bodies: Vec<Body>,
+    /// What bodies touch and no body moves.
+    #[serde(default, rename = "obstacle", deserialize_with = "check::tables")]
+    pub obstacles: Vec<Obstacle>,
+    /// Pairs that may touch.
+    #[serde(default, rename = "contact", deserialize_with = "check::tables")]
+    pub contacts: Vec<Contact>,
     /// Haptic devices and the hands that hold them; a run needs at least one.
     #[serde(default, rename = "device", deserialize_with = "check::tables")]
     pub devices: Vec<Device>,
@@ -63,6 +71,12 @@ impl Scene {
     pub fn device_of(&self, handle: &Handle) -> usize {
         let holds = |device: &Device| device.name == handle.device;
         self.devices.iter().position(holds).unwrap_or(0)
+    }
+
+    /// Whether anything in the scene may touch: an obstacle and a body, two bodies, or a body and itself.
+    pub fn has_contact(&self) -> bool {
+        let touches_itself = self.bodies.iter().any(|body| body.self_contact);
+        touches_itself || !self.obstacles.is_empty() || !self.contacts.is_empty()
     }
 }
 

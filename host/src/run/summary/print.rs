@@ -29,6 +29,9 @@ impl fmt::Display for RunSummary {
         for tears in &self.tears {
             tears.print(f)?;
         }
+        if let Some(contact) = &self.contact {
+            contact.print(f)?;
+        }
         self.print_dropped(f)?;
         self.print_events(f)
     }

@@ -43,6 +43,8 @@ pub(super) struct Present {
     pub(super) targets: Vec<HandlePose>,
     /// The forces of joints with other bodies on nodes at its end (N).
     pub(super) joints: Vec<(u32, Vec3)>,
+    /// Whether the displacement is [certified](super::Stepper::certify): the step may only be shortened.
+    pub(super) is_certified: bool,
 }
 
 impl<T: Precision> Stepper<T> {
@@ -78,6 +80,7 @@ impl<T: Precision> Stepper<T> {
     pub fn predict(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
         self.present.underway = None;
         self.present.joints.clear();
+        self.present.is_certified = false;
         Body::check_length(h)?;
         self.follow(body).map_err(StepError::Matrix)?;
         if self.is_due() {
@@ -190,13 +193,18 @@ impl<T: Precision> Stepper<T> {
             };
             step.report.reference = reference;
             self.last.unfinished = !step.report.converged;
-            self.last.is_hard = step.report.iterations > EASY;
-            self.factor.observe(&step.report, self.options.patience);
-            self.ask_for_turns(step.report.iterations);
+            self.observe(&step.report);
         }
         step.last = Call::Solve;
         self.present.underway = Some(step);
         Ok(())
+    }
+
+    /// Notes what the solution took, for the factor and the start of the next solution.
+    pub(super) fn observe(&mut self, report: &StepperReport) {
+        self.last.is_hard = report.iterations > EASY;
+        self.factor.observe(report, self.options.patience);
+        self.ask_for_turns(report.iterations);
     }
 
     /// Takes the step into `body`, as far as the energy allows, and returns its report. If elements are inverted, the
@@ -230,8 +238,10 @@ impl<T: Precision> Stepper<T> {
         let ended = self.end(body, h, &targets, step.factors, &mut report, out_of_time);
         if ended.is_ok() {
             let speed = self.options.sleep_speed;
-            // A joint may move a body that rests, and a body that sleeps has no equation.
-            if speed > 0.0 && report.converged && self.present.joints.is_empty() {
+            // A joint may move a body that rests, and a body that sleeps has no equation. Contacts tell of motion themselves
+            // (`keep_awake`).
+            let is_free = self.present.joints.is_empty() || self.present.is_certified;
+            if speed > 0.0 && report.converged && is_free {
                 self.sleep.observe(body, h, &targets, speed);
             } else {
                 self.sleep.wake();

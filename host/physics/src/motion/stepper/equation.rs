@@ -8,6 +8,7 @@ use super::calls::{Call, Underway};
 use super::{Solved, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
+use crate::body::handle::HandlePose;
 use crate::element::precision::Precision;
 use crate::error::StepError;
 use crate::lanes::{Node, to_node, to_vec};
@@ -55,11 +56,28 @@ impl<T: Precision> Stepper<T> {
         self.sleep.wake();
     }
 
+    /// Whether a step of `h` seconds to `targets` would leave the body asleep.
+    pub fn rests(&self, body: &Body, h: f64, targets: &[HandlePose]) -> bool {
+        let speed = self.options.sleep_speed;
+        speed > 0.0 && self.sleep.would_go_on(body, h, targets, speed)
+    }
+
+    /// Keeps the body awake, or lets it sleep again, from the next `constrain` on: a body sleeps together with the bodies
+    /// that it touches.
+    pub fn keep_awake(&mut self, is_kept: bool) {
+        self.sleep.keep_awake(is_kept);
+    }
+
     /// The work of joints with other bodies over the step (J).
     pub(super) fn joint_work(&self, body: &Body) -> f64 {
         let work = self.present.joints.iter();
         work.map(|(node, force)| force.dot(&body.state.displacement[*node as usize]))
             .sum()
+    }
+
+    /// The forces of joints with other bodies on nodes at the end of the last step (N).
+    pub(crate) fn joint_forces(&self) -> &[(u32, Vec3)] {
+        &self.present.joints
     }
 
     /// Adds the forces of joints with other bodies to the residual.
@@ -179,6 +197,19 @@ impl<T: Precision> Equation<'_, T> {
         }
     }
 
+    /// Lets the pairs of a tear take their forces for the present displacement. Returns whether the forces have changed by
+    /// more than the [goal](Self::goal): then the residual has, too.
+    pub(crate) fn let_go(&mut self, goal: f64) -> bool {
+        let Stepper {
+            pairs, places, cg, ..
+        } = &mut *self.stepper;
+        let changes = !pairs.is_empty() && pairs.agree(by_node(&places.of, &cg.u)) > goal;
+        if changes {
+            pairs.take_forces(&places.of, &mut cg.residual);
+        }
+        changes
+    }
+
     /// Ends the solve, so that `finish` may follow. `forces` are those of the joints on nodes (N), which the residual
     /// includes, and `load` is their norm (N); `residual` is the norm of the residual on free axes (N).
     pub(crate) fn solved(
@@ -201,6 +232,7 @@ impl<T: Precision> Equation<'_, T> {
         let (places, cg) = (&stepper.places, &stepper.cg);
         stepper.pairs.shear(by_node(&places.of, &cg.u));
         stepper.last.unfinished = !converged;
+        stepper.observe(&step.report);
         step.last = Call::Solve;
         stepper.present.underway = Some(*step);
     }

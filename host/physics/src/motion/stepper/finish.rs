@@ -16,6 +16,8 @@ use crate::team;
 pub(crate) struct Last<T> {
     /// Whether it took more than a few iterations.
     pub(super) is_hard: bool,
+    /// Whether its displacement was certified, because the body touches something or may do so.
+    pub(super) was_certified: bool,
     /// Whether it ended before it converged.
     pub(super) unfinished: bool,
     /// The step, as long as the residual belongs to its end.
@@ -44,13 +46,15 @@ impl<T: Precision> Stepper<T> {
         report: &mut StepperReport,
         out_of_time: &mut dyn FnMut() -> bool,
     ) -> Result<(), StepError> {
+        self.last.was_certified = self.present.is_certified;
         self.begin_account(body);
         let mut work = self.take(body, h, report)?;
         let before = self.energy(body);
         // If a hand does work on a body, the hand decides where the body goes.
-        let promised = (work == 0.0 && self.present.joints.is_empty())
-            .then(|| self.promise(body, h, factors))
-            .flatten();
+        let promised =
+            (work == 0.0 && self.present.joints.is_empty() && !self.present.is_certified)
+                .then(|| self.promise(body, h, factors))
+                .flatten();
         let mut after = self.energy_ahead(body, h);
         let breaks = promised.is_some_and(|promised| self.breaks(body, promised));
         if breaks {
@@ -162,7 +166,11 @@ impl<T: Precision> Stepper<T> {
             } else {
                 held.energy
             };
-            if !hands_work || solutions == MOST_SOLUTIONS || guard.allows(body, after, work) {
+            if !hands_work
+                || self.present.is_certified
+                || solutions == MOST_SOLUTIONS
+                || guard.allows(body, after, work)
+            {
                 break after;
             }
             solutions += 1;

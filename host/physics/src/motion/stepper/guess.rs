@@ -44,8 +44,8 @@ const AFTER_UNFINISHED: usize = 2;
 /// come to rest has begun to move, and the velocities before are the remainder of its rest.
 const MOST: f64 = 1.0 / f64::EPSILON;
 
-/// The largest weight for a sheet that tears. The jumps of a tear would alternate with larger weights from step to step.
-const MOST_TORN: f64 = 1.5;
+/// The largest weight for a sheet that tears and for a body that touches something. The jumps of a tear or a contact would alternate with larger weights from step to step.
+const MOST_ROUGH: f64 = 1.5;
 
 /// A node's velocity (m/s), its change in the last step, the change of that change, and so on.
 pub(crate) type Differences<T> = [Node<T>; KEPT];
@@ -232,7 +232,7 @@ fn extrapolate<T: Precision>(
 /// The weights that the guess uses.
 fn limited(weights: [f64; KEPT], tears: bool) -> [f64; KEPT] {
     if tears {
-        weights.map(|weight| weight.clamp(-MOST_TORN, MOST_TORN))
+        weights.map(|weight| weight.clamp(-MOST_ROUGH, MOST_ROUGH))
     } else if weights.iter().any(|weight| weight.abs() > MOST) {
         [0.0; KEPT]
     } else {
@@ -290,7 +290,7 @@ impl<T: Precision> Stepper<T> {
             Guess::Fitted if self.last.unfinished => sums.weights(AFTER_UNFINISHED),
             Guess::Fitted => sums.weights(KEPT),
         };
-        let weights = limited(weights, self.growth.is_some());
+        let weights = limited(weights, self.growth.is_some() || self.last.was_certified);
         let guided = self.places.mask.len();
         self.cg.q[..guided].copy_from_slice(&self.cg.u[..guided]);
         let (h, weights) = (T::of(h), weights.map(T::of));
@@ -378,7 +378,7 @@ mod tests {
         assert_eq!(limited(found, false), [0.0; KEPT]);
         assert_eq!(
             limited([0.5, 1e9, 1.0, 0.0], true),
-            [0.5, MOST_TORN, 1.0, 0.0]
+            [0.5, MOST_ROUGH, 1.0, 0.0]
         );
     }
 

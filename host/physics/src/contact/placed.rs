@@ -1,0 +1,52 @@
+//! An obstacle of a step: a shape that moves rigidly from the start of the step to its end.
+
+use super::shape::{Nearest, Shape};
+use crate::Vec3;
+use nalgebra::{Isometry3, Point3};
+
+/// A shape with its poses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// The shape, in axes of its own.
+    pub shape: Shape,
+    /// Where the axes of the shape are at the start of the step.
+    pub start: Isometry3<f64>,
+    /// Where they are at its end.
+    pub end: Isometry3<f64>,
+    /// The distance at which a surface without a radius of its own touches the shape (m).
+    pub radius: f64,
+}
+
+impl Placed {
+    /// The nearest point of the surface to `p` (m) at a pose.
+    fn nearest(&self, pose: &Isometry3<f64>, p: &Vec3) -> Nearest {
+        let own = pose.inverse_transform_point(&Point3::from(*p));
+        let found = self.shape.nearest(&own.coords);
+        Nearest {
+            distance: found.distance,
+            normal: pose.rotation * found.normal,
+        }
+    }
+
+    /// The nearest point to `p` (m) at the start of the step.
+    pub fn at_start(&self, p: &Vec3) -> Nearest {
+        self.nearest(&self.start, p)
+    }
+
+    /// The nearest point to `p` (m) at the end of the step.
+    pub fn at_end(&self, p: &Vec3) -> Nearest {
+        self.nearest(&self.end, p)
+    }
+
+    /// The motion over the step (m) of the material point that ends at `p` (m).
+    pub fn motion_to(&self, p: &Vec3) -> Vec3 {
+        let p = Point3::from(*p);
+        p - self.start * self.end.inverse_transform_point(&p)
+    }
+
+    /// No material point within `reach` (m) of `p` moves further than this over the step (m).
+    pub fn most_motion(&self, p: &Vec3, reach: f64) -> f64 {
+        let turn = self.end.rotation * self.start.rotation.inverse();
+        self.motion_to(p).norm() + turn.angle() * reach
+    }
+}

@@ -1,0 +1,590 @@
+//! The rows of a step: listed pairs and obstacles, each with the law by which it responds, and what it keeps.
+//!
+//! [`Rows::begin`] makes the rows of a step from its prediction, and [`Rows::end`] takes what the solver found. A row looks
+//! further than the predicted motion, so that what comes near in the step meets a row. Each contact is one row: see `nearest`
+//! for vertices; two edges are a contact if both feet are inside them, and otherwise a vertex is. A thread has no triangles:
+//! the ends of its segments meet other segments as vertices.
+//!
+//! **Overlap.** A contact that begins with an overlap parts at a bounded speed (`Step::parting`). Its work is booked until
+//! the overlap is gone. Then it is like others, and carries nothing.
+//!
+//! The rows depend on the pairs, and not on their order. Nothing is allocated after [`Rows::new`].
+
+use super::certificate::Each;
+use super::feet::{Connection, Feet, is_within};
+use super::hierarchy::Hierarchy;
+use super::kept::{Kept, Key, take};
+use super::nearest::{Candidate, of_group};
+use super::pair::{Foot, Pair};
+use super::placed::Placed;
+use super::row::{Response, Row, Stiffness, carried};
+use super::surface::Surfaces;
+use super::thinning::Thinning;
+use crate::Vec3;
+
+/// Room for rows before they are thinned, as a multiple of the rows.
+const FOUND: usize = 4;
+/// The least product of the directions to a shape at the start and at the end of a step.
+const TURNED: f64 = 0.5;
+/// The fraction of a thickness by which a contact overlaps while it parts.
+const PARTED: f64 = 0.02;
+/// A contact that held a force goes before others that are deeper by less than this fraction of its thickness.
+const HELD: f64 = 0.05;
+/// A vertex goes before edges that are deeper by less than this fraction.
+const FIRST: f64 = 0.1;
+/// The thickness (m) by which the stiffness of surfaces without thickness goes.
+const THINNEST: f64 = 1e-5;
+
+/// A step, as it is predicted. Slices have an entry for each vertex of the surfaces.
+#[derive(Clone, Copy)]
+pub struct Step<'a> {
+    /// The surfaces.
+    pub surfaces: &'a Surfaces,
+    /// Positions at the start (m).
+    pub x: &'a [Vec3],
+    /// Predicted displacements (m). Those of vertices of obstacles are prescribed.
+    pub u: &'a [Vec3],
+    /// Velocities after the last step (m/s).
+    pub v: &'a [Vec3],
+    /// Masses (kg), infinite for vertices that are held or prescribed.
+    pub masses: &'a [f64],
+    /// The largest diagonal entry of the matrix of the step at each vertex (N/m): no friction spring is stiffer.
+    pub stiffest: &'a [f64],
+    /// Length of the step (s).
+    pub h: f64,
+    /// The speed at which an overlap parts (m/s).
+    pub parting: f64,
+    /// The coefficient of friction of two parts. Obstacles are counted on after the parts.
+    pub friction: &'a dyn Fn(usize, usize) -> f64,
+    /// The obstacles with a shape.
+    pub obstacles: &'a [Placed],
+    /// The boxes over the surfaces at `x`.
+    pub hierarchy: &'a Hierarchy,
+    /// The pairs that may touch: all that are as near as [`reach`] says.
+    pub pairs: &'a Each<'a>,
+}
+
+/// How far pairs of a cluster must be listed (m), beside the radius: `Lists::follow` takes this. `u` are the predicted
+/// displacements (m).
+pub fn reach(surfaces: &Surfaces, u: &[Vec3], hierarchy: &Hierarchy, cluster: usize) -> f64 {
+    let radius = surfaces.parts[hierarchy.clusters()[cluster].part].radius;
+    // `feet::is_within` at the end, and the motion itself.
+    2.3 * most_of(u, hierarchy.members(cluster)) + 0.1 * radius
+}
+
+/// The largest of the vectors `u` of some vertices.
+fn most_of(u: &[Vec3], vertices: &[u32]) -> f64 {
+    let squares = vertices.iter().map(|v| u[*v as usize].norm_squared());
+    squares.fold(0.0, f64::max).sqrt()
+}
+
+/// A contact of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// By what the contact is known in the next step.
+    pub key: Key,
+    /// The vertices, and their weights: those of the first foot sum to one. A weight of zero has no vertex.
+    pub vertices: [u32; 4],
+    /// See `vertices`.
+    pub weights: [f64; 4],
+    /// The parts of both feet. Obstacles are counted on after the parts.
+    pub parts: [usize; 2],
+    /// The law.
+    pub row: Row,
+    /// The distance at which the parts touch (m).
+    pub thickness: f64,
+    /// The gap at the predicted end of the step (m).
+    pub predicted: f64,
+    /// The mass (kg) that the row moves.
+    pub mass: f64,
+    /// Steps since the contact was found.
+    pub age: u32,
+    /// Whether an overlap parts.
+    pub is_parting: bool,
+    /// The normal forces of the last two steps (N), the latest first.
+    forces: [f64; 2],
+}
+
+impl Contact {
+    /// The normal forces of the last two steps (N), the latest first.
+    pub fn forces(&self) -> [f64; 2] {
+        self.forces
+    }
+
+    /// The vertices that move, each with the direction in which the normal force pushes it.
+    fn pushed<'a>(&'a self, masses: &'a [f64]) -> impl Iterator<Item = (u32, Vec3)> + Clone + 'a {
+        let each = self.vertices.iter().zip(&self.weights);
+        let each = each.filter(|(v, weight)| **weight != 0.0 && masses[**v as usize].is_finite());
+        each.map(|(v, weight)| (*v, self.row.normal * weight.signum()))
+    }
+
+    /// How deep the contact is, in thicknesses: the smaller, the deeper.
+    fn depth(&self) -> f64 {
+        let held = if self.forces[0] > 0.0 { HELD } else { 0.0 };
+        let first = match self.key {
+            Key::Vertex(..) => FIRST,
+            Key::Edges(..) => 0.0,
+        };
+        self.predicted / self.thickness.max(THINNEST) - held - first
+    }
+}
+
+/// What [`Rows::begin`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RowsReport {
+    /// Rows.
+    pub rows: usize,
+    /// Contacts that are left out because each of their vertices has three deeper ones.
+    pub thinned: usize,
+    /// Contacts that are left out because there was no room. The deepest ones have rows.
+    pub dropped: usize,
+    /// Contacts whose overlap parts.
+    pub parting: usize,
+    /// Contacts that close fast: the step needs a second update of the multipliers.
+    pub impacts: usize,
+    /// The energy (J) by which springs of friction gained because their stiffness changed and their force did not.
+    pub restrung: f64,
+    /// The energy (J) in springs of friction whose contacts are no longer there.
+    pub released: f64,
+}
+
+/// The rows of the steps.
+#[derive(Debug)]
+pub struct Rows {
+    part_of: Vec<u32>,
+    /// Positions at the predicted end (m).
+    ends: Vec<Vec3>,
+    candidates: Vec<Candidate>,
+    found: Vec<Contact>,
+    order: Vec<u32>,
+    /// The order from the deepest on, and which are kept.
+    deepest: Vec<u32>,
+    is_kept: Vec<bool>,
+    contacts: Vec<Contact>,
+    kept: Vec<Kept>,
+    thinning: Thinning,
+    most: usize,
+    report: RowsReport,
+}
+
+impl Rows {
+    /// Room for `most` rows.
+    pub fn new(surfaces: &Surfaces, most: usize) -> Self {
+        let mut part_of = vec![0; surfaces.vertices];
+        for (number, part) in (0_u32..).zip(&surfaces.parts) {
+            part_of[part.vertices.start as usize..part.vertices.end as usize].fill(number);
+        }
+        let found = FOUND * most;
+        Self {
+            ends: vec![Vec3::zeros(); part_of.len()],
+            thinning: Thinning::new(part_of.len()),
+            part_of,
+            candidates: Vec::with_capacity(found),
+            found: Vec::with_capacity(found),
+            order: Vec::with_capacity(found),
+            deepest: Vec::with_capacity(found),
+            is_kept: Vec::with_capacity(found),
+            contacts: Vec::with_capacity(most),
+            kept: Vec::with_capacity(most),
+            most,
+            report: RowsReport::default(),
+        }
+    }
+
+    /// Makes the rows of a step.
+    pub fn begin(&mut self, step: &Step<'_>) -> RowsReport {
+        self.report = RowsReport::default();
+        self.candidates.clear();
+        self.found.clear();
+        for ((end, x), u) in self.ends.iter_mut().zip(step.x).zip(step.u) {
+            *end = x + u;
+        }
+        (step.pairs)(&mut |pair| self.pair(step, pair));
+        self.vertices(step);
+        for number in 0..step.obstacles.len() {
+            self.obstacle(step, number);
+        }
+        self.sort();
+        self.carry();
+        self.choose(step);
+        self.report.rows = self.contacts.len();
+        self.report
+    }
+
+    /// The contacts of the step, ascending by key.
+    pub fn contacts(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// Ends a step: takes the response of each contact, in their order. Returns the work (J) with which overlaps parted.
+    pub fn end<'a>(&mut self, responses: impl Iterator<Item = &'a Response>) -> f64 {
+        self.kept.clear();
+        let mut work = 0.0;
+        for (contact, response) in self.contacts.iter().zip(responses) {
+            if contact.is_parting {
+                work += response.normal * (response.gap - contact.row.gap);
+            }
+            self.kept.push(Kept {
+                key: contact.key,
+                normal: contact.row.normal,
+                forces: [response.normal, contact.forces[0]],
+                friction: response.friction,
+                stiffness: contact.row.friction_stiffness,
+                age: contact.age + 1,
+                is_parting: contact.is_parting,
+                is_taken: false,
+            });
+        }
+        work
+    }
+
+    /// The energy (J) in the springs of friction after the last step.
+    pub fn stored(&self) -> f64 {
+        self.kept.iter().map(Kept::stored).sum()
+    }
+
+    /// Takes in a listed pair.
+    fn pair(&mut self, step: &Step<'_>, pair: Pair) {
+        let surfaces = step.surfaces;
+        let pair = match pair {
+            Pair::EdgeEdge(a, b) if surfaces.edges[a as usize] > surfaces.edges[b as usize] => {
+                Pair::EdgeEdge(b, a)
+            }
+            _ => pair,
+        };
+        let vertices = pair.vertices(surfaces);
+        let parts = [vertices[0], vertices[3]].map(|v| self.part_of[v as usize] as usize);
+        let thickness = parts.map(|part| surfaces.parts[part].radius).iter().sum();
+        let places = [step.x, step.u, &self.ends];
+        let Some(found) = Feet::of(pair, surfaces, places, thickness) else {
+            return;
+        };
+        if let Pair::VertexTriangle(..) = pair {
+            return self.candidate(vertices[0], parts[1], &vertices[1..], &found, thickness);
+        }
+        let is_end = found.is_certain;
+        let at = found.at(is_end);
+        let inside = |weights: &[f64]| weights.iter().all(|weight| *weight != 0.0);
+        let (first, second) = at.foot.weights.split_at(2);
+        let is_thread = parts.map(|part| surfaces.parts[part].triangles.is_empty());
+        // The vertex at which a foot lies.
+        let end_of = |from: usize| {
+            let is_second = at.foot.weights[from] == 0.0;
+            vertices[from + usize::from(is_second)]
+        };
+        // Two ends meet once: as the vertex with the smaller number, and the other segment.
+        let is_turned = match (inside(first), inside(second)) {
+            (true, true) => {
+                if found.may_touch(is_end, thickness) {
+                    let predicted = found.predicted(is_end);
+                    let contact = self.contact(step, Key::Edges(vertices), parts, at, predicted);
+                    self.push(contact);
+                }
+                return;
+            }
+            (false, true) if is_thread[1] => false,
+            (true, false) if is_thread[0] => true,
+            (false, false) if is_thread == [true; 2] => end_of(0) > end_of(2),
+            _ => return,
+        };
+        let settled = found.settled(is_turned);
+        if is_turned {
+            self.candidate(end_of(2), parts[0], &vertices[..2], &settled, thickness);
+        } else {
+            self.candidate(end_of(0), parts[1], &vertices[2..], &settled, thickness);
+        }
+    }
+
+    fn candidate(&mut self, vertex: u32, part: usize, of: &[u32], feet: &Feet, thickness: f64) {
+        let mut corners = [of[0], of[1], of[of.len() - 1]];
+        corners.sort_unstable();
+        if self.candidates.len() == FOUND * self.most {
+            self.report.dropped += half(&mut self.candidates, |one| one.feet.end.length);
+        }
+        self.candidates.push(Candidate {
+            vertex,
+            part: part as u32,
+            corners,
+            feet: *feet,
+            thickness,
+        });
+    }
+
+    /// Makes contacts of the candidates.
+    fn vertices(&mut self, step: &Step<'_>) {
+        let candidates = core::mem::take(&mut self.candidates);
+        let mut order = core::mem::take(&mut self.order);
+        order.clear();
+        order.extend(0..candidates.len() as u32);
+        let of = |number: u32| &candidates[number as usize];
+        let group = |number: u32| (of(number).vertex, of(number).part);
+        order.sort_unstable_by_key(|number| (group(*number), of(*number).corners));
+        // A segment that meets a vertex at the end of two others is the candidate of both.
+        order.dedup_by_key(|number| (group(*number), of(*number).corners));
+        for numbers in order.chunk_by(|a, b| group(*a) == group(*b)) {
+            of_group(numbers, of, &mut |one, is_end| {
+                let key = Key::Vertex(one.vertex, one.part);
+                let parts = [self.part_of[one.vertex as usize], one.part].map(|part| part as usize);
+                let (at, predicted) = (one.feet.at(is_end), one.feet.predicted(is_end));
+                let contact = self.contact(step, key, parts, at, predicted);
+                self.push(contact);
+            });
+        }
+        (self.candidates, self.order) = (candidates, order);
+    }
+
+    /// Makes contacts of an obstacle with the vertices near it.
+    fn obstacle(&mut self, step: &Step<'_>, number: usize) {
+        let obstacle = &step.obstacles[number];
+        let parts = &step.surfaces.parts;
+        for (index, cluster) in step.hierarchy.clusters().iter().enumerate() {
+            let part = &parts[cluster.part];
+            if part.is_obstacle {
+                continue;
+            }
+            let thickness = part.radius + obstacle.radius;
+            let members = step.hierarchy.members(index);
+            let most = most_of(step.u, members);
+            let (centre, around) = (&cluster.centre, cluster.extent + most);
+            let distance = obstacle.at_end(centre).distance - around;
+            // The material points under the vertices are as far from the centre at most.
+            let by = most + obstacle.most_motion(centre, distance.abs() + 2.0 * around);
+            if !is_within(distance, thickness, by) {
+                continue;
+            }
+            for vertex in members {
+                self.vertex(step, *vertex, cluster.part, number, thickness);
+            }
+        }
+    }
+
+    fn vertex(&mut self, step: &Step<'_>, vertex: u32, part: usize, number: usize, thickness: f64) {
+        let obstacle = &step.obstacles[number];
+        let at = vertex as usize;
+        let (start, end) = (
+            obstacle.at_start(&step.x[at]),
+            obstacle.at_end(&self.ends[at]),
+        );
+        let (normal, distance, point) = if start.normal.dot(&end.normal) > TURNED {
+            (end.normal, end.distance, self.ends[at])
+        } else {
+            (start.normal, start.distance, step.x[at])
+        };
+        let motion = obstacle.motion_to(&(point - normal * distance));
+        let relative = step.u[at] - motion;
+        let is_end = point == self.ends[at];
+        let predicted = if is_end {
+            distance
+        } else {
+            distance + normal.dot(&relative)
+        };
+        if !is_within(predicted.min(end.distance), thickness, relative.norm()) {
+            return;
+        }
+        let connection = Connection {
+            foot: Foot {
+                vertices: [vertex; 4],
+                weights: [1.0, 0.0, 0.0, 0.0],
+                apart: normal * distance,
+            },
+            length: distance,
+            normal,
+            relative,
+        };
+        let other = step.surfaces.parts.len() + number;
+        let key = Key::Vertex(vertex, other as u32);
+        let mut contact = self.contact(step, key, [part, other], &connection, predicted);
+        contact.row.motion = motion;
+        self.push(contact);
+    }
+
+    /// A contact, without what it keeps.
+    fn contact(
+        &self,
+        step: &Step<'_>,
+        key: Key,
+        parts: [usize; 2],
+        at: &Connection,
+        predicted: f64,
+    ) -> Contact {
+        let all = &step.surfaces.parts;
+        let radius = |part: usize| match all.get(part) {
+            Some(part) => part.radius,
+            None => step.obstacles[part - all.len()].radius,
+        };
+        let thickness = radius(parts[0]) + radius(parts[1]);
+        let Foot {
+            vertices, weights, ..
+        } = at.foot;
+        let each = || vertices.into_iter().map(|v| v as usize).zip(weights);
+        let compliance: f64 = each().map(|(v, w)| w * w / step.masses[v]).sum();
+        // The system of the bodies has no prescribed vertices. Their part of the difference is that of an obstacle.
+        let is_prescribed = |v: usize| all[self.part_of[v] as usize].is_obstacle;
+        let prescribed = each().filter(|(v, _)| is_prescribed(*v));
+        Contact {
+            key,
+            vertices,
+            weights,
+            parts,
+            row: Row {
+                normal: at.normal,
+                gap: predicted - thickness - at.normal.dot(&at.relative),
+                motion: prescribed.map(|(v, w)| step.u[v] * -w).sum(),
+                friction: (step.friction)(parts[0], parts[1]),
+                normal_stiffness: 0.0,
+                friction_stiffness: 0.0,
+                carried: 0.0,
+                anchored: Vec3::zeros(),
+            },
+            thickness,
+            predicted: predicted - thickness,
+            mass: compliance.recip(),
+            age: 0,
+            is_parting: false,
+            forces: [0.0; 2],
+        }
+    }
+
+    fn push(&mut self, contact: Contact) {
+        // Nothing moves between vertices that are all held.
+        if !contact.mass.is_finite() {
+            return;
+        }
+        if self.found.len() == FOUND * self.most {
+            self.report.dropped += half(&mut self.found, |contact| contact.predicted);
+        }
+        self.found.push(contact);
+    }
+
+    /// Brings the contacts in the order of their keys. Clusters share vertices, so that an obstacle may meet one twice.
+    fn sort(&mut self) {
+        self.order.clear();
+        self.order.extend(0..self.found.len() as u32);
+        let of = |number: u32| {
+            let contact = &self.found[number as usize];
+            (contact.key, contact.vertices)
+        };
+        self.order.sort_unstable_by_key(|number| of(*number));
+        self.order.dedup_by_key(|number| of(*number));
+    }
+
+    /// Gives the contacts what they keep from the last step.
+    fn carry(&mut self) {
+        let mut from = 0;
+        for number in &self.order {
+            let contact = &mut self.found[*number as usize];
+            let row = &mut contact.row;
+            let state = take(&mut self.kept, &mut from, contact.key, &row.normal);
+            let overlaps = row.gap < -PARTED * contact.thickness;
+            contact.is_parting = overlaps && state.is_none_or(|state| state.is_parting);
+            let Some(state) = state else { continue };
+            contact.age = state.age;
+            if state.is_parting && !overlaps {
+                continue;
+            }
+            contact.forces = state.forces;
+            row.anchored = state.friction_across(&row.normal);
+            // Kept for the change of the stiffness.
+            row.friction_stiffness = state.stiffness;
+        }
+        let left = self.kept.iter().filter(|state| !state.is_taken);
+        self.report.released = left.map(Kept::stored).sum();
+    }
+
+    /// Thins the contacts, and gives those that are left their stiffness.
+    fn choose(&mut self, step: &Step<'_>) {
+        self.deepest.clear();
+        self.deepest.extend(0..self.order.len() as u32);
+        let of = |place: u32| &self.found[self.order[place as usize] as usize];
+        self.deepest.sort_unstable_by(|a, b| {
+            let by_depth = of(*a).depth().total_cmp(&of(*b).depth());
+            by_depth.then(a.cmp(b))
+        });
+        self.is_kept.clear();
+        self.is_kept.resize(self.order.len(), false);
+        self.thinning.clear();
+        let mut rows = 0;
+        for place in &self.deepest {
+            if rows == self.most {
+                self.report.dropped += 1;
+                continue;
+            }
+            let contact = of(*place);
+            let is_kept = match contact.key {
+                Key::Vertex(vertex, _) => self.thinning.keep_vertex(vertex, &contact.row.normal),
+                Key::Edges(..) => self.thinning.keep_edges(contact.pushed(step.masses)),
+            };
+            // Rounding must not change the rows of layers at rest.
+            if is_kept || contact.forces[0] > 0.0 {
+                self.is_kept[*place as usize] = true;
+                rows += 1;
+            } else {
+                self.report.thinned += 1;
+            }
+        }
+        self.contacts.clear();
+        for (number, is_kept) in self.order.iter().zip(&self.is_kept) {
+            let contact = &self.found[*number as usize];
+            if *is_kept {
+                self.contacts.push(strung(contact, step, &mut self.report));
+            } else if contact.row.friction_stiffness > 0.0 {
+                self.report.released +=
+                    contact.row.anchored.norm_squared() / (2.0 * contact.row.friction_stiffness);
+            }
+        }
+    }
+}
+
+/// A contact with the stiffness that it has in the step.
+fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contact {
+    let mut contact = *contact;
+    let row = &mut contact.row;
+    let each = || {
+        let each = contact.vertices.into_iter().zip(contact.weights);
+        each.filter(|(_, weight)| *weight != 0.0)
+    };
+    let velocity: Vec3 = each().map(|(v, w)| step.v[v as usize] * w).sum();
+    // The motion of an obstacle with vertices is in their velocities.
+    let of_shape = if contact.parts[1] >= step.surfaces.parts.len() {
+        row.motion / step.h
+    } else {
+        Vec3::zeros()
+    };
+    let opening = row.normal.dot(&(velocity - of_shape));
+    let stiffness = Stiffness {
+        mass: contact.mass,
+        step: step.h,
+        thickness: contact.thickness.max(THINNEST),
+        approach: -opening,
+        force: contact.forces[0].max(contact.forces[1]),
+        friction: row.friction,
+    };
+    let free = each().filter(|(v, _)| step.masses[*v as usize].is_finite());
+    let most = free
+        .map(|(v, _)| step.stiffest[v as usize])
+        .fold(0.0, f64::max);
+    let before = core::mem::replace(&mut row.friction_stiffness, stiffness.friction(most));
+    if before > 0.0 {
+        let softer = row.friction_stiffness.recip() - before.recip();
+        report.restrung += 0.5 * row.anchored.norm_squared() * softer;
+    }
+    row.normal_stiffness = stiffness.normal();
+    row.carried = carried(contact.forces, opening, step.h, stiffness.depth());
+    if contact.is_parting {
+        row.gap = row.gap.max(-step.parting * step.h);
+    }
+    report.parting += usize::from(contact.is_parting);
+    let closes = contact.forces[0] == 0.0 && contact.predicted < 0.0;
+    report.impacts += usize::from(closes && -opening * step.h > stiffness.depth());
+    contact
+}
+
+/// Leaves the half with the smallest measure. Returns how many are gone.
+fn half<T>(all: &mut Vec<T>, measure: impl Fn(&T) -> f64) -> usize {
+    let (length, left) = (all.len(), all.len() / 2);
+    if left > 0 {
+        all.select_nth_unstable_by(left, |a, b| measure(a).total_cmp(&measure(b)));
+    }
+    all.truncate(left);
+    length - left
+}

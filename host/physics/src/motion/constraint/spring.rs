@@ -1,0 +1,48 @@
+//! Springs between up to four nodes, which the shapes of a local model feel and the steps do not.
+//!
+//! In a step the law of a contact acts (`motion::touching`). Between two publications the local model predicts the force of
+//! a hand, and the contacts of the last step hold the body meanwhile: along the normal by a stiff spring, across it as the
+//! friction spring did in the step.
+
+use crate::lanes::{Node, Real, to_node};
+use crate::{Mat3, Vec3};
+
+/// A spring on the sum of the displacements of nodes, by weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spring {
+    /// The nodes and their weights. A weight of zero has no node.
+    pub nodes: [(u32, f64); 4],
+    /// Stiffness (N/m), symmetric and positive semidefinite.
+    pub stiffness: Mat3,
+}
+
+impl Spring {
+    fn taken(&self) -> impl Iterator<Item = (u32, f64)> {
+        self.nodes.into_iter().filter(|(_, weight)| *weight != 0.0)
+    }
+}
+
+/// Adds `factor` times the product of the springs with displacements `p` (m) to `q` (N). `place` gives the place of each node.
+pub(crate) fn add<T: Real>(
+    springs: &[Spring],
+    factor: f64,
+    place: &[u32],
+    p: &[Node<T>],
+    q: &mut [Node<T>],
+) {
+    let of = |node: u32| place[node as usize] as usize;
+    for spring in springs {
+        let moved: Vec3 = spring
+            .taken()
+            .map(|(node, weight)| crate::lanes::to_vec(&p[of(node)]) * weight)
+            .sum();
+        let force = spring.stiffness * moved * factor;
+        for (node, weight) in spring.taken() {
+            let load: Node<T> = to_node(&(force * weight));
+            let sum = &mut q[of(node)];
+            for i in 0..4 {
+                sum[i] += load[i];
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! Contacts of a body in its step: the displacement, and the springs that the contacts are for the local model.
+//!
+//! The displacement is shortened between `solve` and `finish` so that nothing passes through anything
+//! ([`contact::certificate`](crate::contact::certificate)).
+
+use super::Stepper;
+use super::calls::Call;
+use crate::Vec3;
+use crate::element::precision::Precision;
+use crate::error::StepError;
+use crate::motion::constraint::by_node;
+use crate::motion::constraint::spring::{self, Spring};
+
+impl<T: Precision> Stepper<T> {
+    /// The displacement of a node over the step (m): the predicted one after `constrain`, the solution after `solve`, zero for a
+    /// body that sleeps.
+    pub fn displacement(&self, node: u32) -> Vec3 {
+        if self.sleeps() {
+            Vec3::zeros()
+        } else {
+            by_node(&self.places.of, &self.cg.u)(node)
+        }
+    }
+
+    /// Whether a node moves by the equation: no hand or support holds it.
+    pub fn is_free(&self, node: u32) -> bool {
+        (self.places.of[node as usize] as usize) < self.places.free
+    }
+
+    /// Whether the body sleeps in the present step.
+    pub fn sleeps(&self) -> bool {
+        self.present.underway.is_some_and(|step| step.report.asleep)
+    }
+
+    /// Certifies the displacement after the solve: each free node takes its `fraction` of the displacement, from zero to one.
+    /// `finish` may shorten the whole step further, but solves no equation again. The residual follows.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError::Stage`] if the step has not been solved.
+    pub fn certify(&mut self, fraction: &dyn Fn(u32) -> f64) -> Result<(), StepError> {
+        let mut step = self.begun(Call::Solve)?;
+        self.present.is_certified = true;
+        if !step.report.asleep {
+            step.report.residual = self.shorten(step.factors.1, fraction, step.report.residual);
+        }
+        self.present.underway = Some(step);
+        Ok(())
+    }
+
+    /// Gives the body the springs of its contacts in the last step. The next model has them.
+    pub fn touch(&mut self, springs: impl Iterator<Item = Spring>) {
+        self.contacts.clear();
+        self.contacts.extend(springs);
+    }
+
+    /// Takes the springs of the contacts into the matrix, or out of it.
+    pub(crate) fn swap_contacts(&mut self) {
+        core::mem::swap(&mut self.contacts, &mut self.springs);
+    }
+
+    /// Subtracts `factor` times the product of the springs with the displacement from the residual.
+    pub(crate) fn subtract_springs(&mut self, factor: f64) {
+        let (places, cg) = (&self.places.of, &mut self.cg);
+        spring::add(&self.springs, -factor, places, &cg.u, &mut cg.residual);
+    }
+
+    /// Scales the displacement of the free nodes. Returns the norm of the residual on free axes (N), which was `residual`.
+    fn shorten(
+        &mut self,
+        stiffness_factor: f64,
+        fraction: &dyn Fn(u32) -> f64,
+        residual: f64,
+    ) -> f64 {
+        let (places, cg) = (&self.places, &mut self.cg);
+        let mut is_shorter = false;
+        for place in 0..places.free {
+            let a = fraction(places.node[place]) - 1.0;
+            is_shorter |= a < 0.0;
+            for i in 0..4 {
+                cg.p[place][i] = T::of(a) * cg.u[place][i];
+                cg.q[place][i] = cg.inertia[place] * cg.p[place][i];
+            }
+        }
+        if !is_shorter {
+            cg.p.fill([T::ZERO; 4]);
+            return residual;
+        }
+        cg.q[places.free..].fill([T::ZERO; 4]);
+        let factor = T::of(stiffness_factor);
+        self.elements.product(&*self.team, factor, &cg.p, &mut cg.q);
+        self.pairs.add_springs(&places.of, &cg.p, &mut cg.q);
+        self.advance(1.0)
+    }
+}

@@ -1,0 +1,371 @@
+//! Bodies that touch each other, themselves and obstacles, through all stages of a step.
+
+use physics::contact::obstacle::{Geometry, Motion, Obstacle};
+use physics::contact::shape::Shape;
+use physics::contact::{Skin, crossing::passes};
+use physics::mesh::generate::{self, Pattern};
+use physics::mesh::{Mesh, TriMesh};
+use physics::motion::contacts::{Contacts, Member, Side};
+use physics::{Body, BodyConfig, HandlePose, Material, Stepper, StepperOptions, Vec3};
+
+/// Length of a step (s).
+const H: f64 = 4e-3;
+/// Half the thickness of a sheet (m).
+const RADIUS: f64 = 0.15e-3;
+
+/// Bodies with their contacts.
+struct World {
+    bodies: Vec<Body>,
+    steppers: Vec<Stepper<f64>>,
+    contacts: Contacts,
+    meshes: Vec<Mesh>,
+    hands: Vec<Vec<HandlePose>>,
+    steps: u32,
+    asleep: Vec<bool>,
+}
+
+impl World {
+    fn new() -> Self {
+        Self {
+            bodies: Vec::new(),
+            steppers: Vec::new(),
+            contacts: Contacts::new(),
+            meshes: Vec::new(),
+            hands: Vec::new(),
+            steps: 0,
+            asleep: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, body: Body, mesh: Mesh, radius: f64, sleeps: bool) {
+        let options = StepperOptions {
+            tolerance: 1e-7,
+            sleep_speed: if sleeps { 1e-7 } else { 0.0 },
+            ..StepperOptions::default()
+        };
+        let mut stepper = Stepper::new(&body, options).unwrap();
+        stepper.prepare(&body, H).unwrap();
+        let skin = Skin {
+            radius,
+            touches_itself: true,
+            is_obstacle: false,
+        };
+        let number = self.bodies.len();
+        self.contacts.add_body(number, &mesh, skin).unwrap();
+        self.bodies.push(body);
+        self.steppers.push(stepper);
+        self.meshes.push(mesh);
+        self.hands.push(Vec::new());
+    }
+
+    /// A sheet of `cells` cells at the place of `put`.
+    fn sheet(
+        &mut self,
+        size: [f64; 2],
+        cells: [u32; 2],
+        gravity: Vec3,
+        put: impl Fn(&Vec3) -> Vec3,
+    ) {
+        let mut mesh =
+            generate::sheet(size[0], size[1], cells[0], cells[1], Pattern::Alternating).unwrap();
+        mesh.positions.iter_mut().for_each(|x| *x = put(x));
+        let body = sheet(&mesh, gravity);
+        self.add(body, Mesh::Sheet(mesh), RADIUS, true);
+    }
+
+    fn obstacle(&mut self, shape: Shape, motion: Motion) {
+        let obstacle = Obstacle::new(Geometry::Shape(shape), motion).unwrap();
+        self.contacts.add_obstacle(obstacle).unwrap();
+    }
+
+    fn still(&mut self, shape: Shape, at: Vec3) {
+        self.obstacle(
+            shape,
+            Motion::Still(nalgebra::Isometry3::from_parts(
+                at.into(),
+                nalgebra::UnitQuaternion::identity(),
+            )),
+        );
+    }
+
+    fn complete(&mut self, friction: f64) {
+        self.contacts.complete(&|one, other| match (one, other) {
+            (Side::Obstacle(_), Side::Obstacle(_)) => None,
+            _ => Some(friction),
+        });
+    }
+
+    fn step(&mut self) {
+        let (bodies, steppers) = (&mut self.bodies, &mut self.steppers);
+        let mut kept = vec![false; bodies.len()];
+        self.contacts.keep_awake(
+            bodies.len(),
+            &|body| steppers[body].rests(&bodies[body], H, &self.hands[body]),
+            &mut |body, is_kept| kept[body] = is_kept,
+        );
+        for (body, (stepper, kept)) in bodies
+            .iter_mut()
+            .zip(steppers.iter_mut().zip(kept))
+            .map(|(b, s)| (b, s))
+        {
+            stepper.keep_awake(kept);
+            if self.steps % 5 == 0 {
+                stepper.prepare(body, H).unwrap();
+            }
+            stepper.predict(body, H).unwrap();
+        }
+        for ((body, stepper), hands) in bodies.iter_mut().zip(&mut *steppers).zip(&self.hands) {
+            stepper.constrain(body, hands).unwrap();
+        }
+        let mut members: Vec<Member<'_, f64>> = bodies
+            .iter()
+            .zip(&mut *steppers)
+            .map(|(body, stepper)| Member {
+                body,
+                stepper: Some(stepper),
+            })
+            .collect();
+        let time = f64::from(self.steps) * H;
+        self.contacts.begin(&members, [time, time + H], H);
+        self.contacts.solve(&mut members, &mut |_| false);
+        for member in &mut members {
+            let stepper = member.stepper.as_mut().unwrap();
+            if !stepper.is_solved() {
+                stepper.solve(|| false).unwrap();
+            }
+        }
+        self.contacts.certify(&mut members);
+        drop(members);
+        self.asleep.clear();
+        for (body, stepper) in bodies.iter_mut().zip(steppers) {
+            let report = stepper.finish(body, || false).unwrap();
+            self.asleep.push(report.asleep);
+        }
+        self.steps += 1;
+    }
+
+    fn weight(&self, body: usize) -> f64 {
+        self.bodies[body].node_masses().iter().sum::<f64>() * 9.81
+    }
+
+    fn mean(&self, body: usize) -> Vec3 {
+        let x = self.bodies[body].node_positions();
+        x.iter().sum::<Vec3>() / x.len() as f64
+    }
+
+    /// The force (N) between two sides, on the first of them.
+    fn force(&self, sides: [usize; 2]) -> Vec3 {
+        let mut found = self.contacts.touching().iter();
+        found
+            .find(|sum| sum.sides == sides)
+            .map_or_else(Vec3::zeros, |sum| sum.force)
+    }
+
+    /// Number of edges that pass through a triangle.
+    fn crossings(&self) -> usize {
+        let surfaces = self.contacts.surfaces();
+        let mut x = Vec::new();
+        for body in &self.bodies {
+            x.extend_from_slice(body.node_positions());
+        }
+        let count = x.len() as u32;
+        let at = |vertex: u32| &x[vertex as usize];
+        let triangles = surfaces
+            .triangles
+            .iter()
+            .filter(|c| c.iter().all(|v| *v < count));
+        let pairs = triangles.flat_map(|corners| {
+            let apart =
+                move |ends: &&[u32; 2]| ends.iter().all(|v| !corners.contains(v) && *v < count);
+            surfaces
+                .edges
+                .iter()
+                .filter(apart)
+                .map(move |ends| (ends, corners))
+        });
+        pairs
+            .filter(|(ends, corners)| passes(ends.map(at), corners.map(at)))
+            .count()
+    }
+}
+
+fn sheet(mesh: &TriMesh, gravity: Vec3) -> Body {
+    let material = Material {
+        young: 1e6,
+        poisson: 0.3,
+        thickness: 2.0 * RADIUS,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        gravity,
+        stiffness_damping: 1e-3,
+        ..BodyConfig::default()
+    };
+    Body::sheet(mesh, &[material], config, &[]).unwrap()
+}
+
+const DOWN: Vec3 = Vec3::new(0.0, 0.0, -9.81);
+
+#[test]
+fn a_dropped_sheet_rests_on_a_plane_and_sleeps() {
+    let mut world = World::new();
+    world.sheet([0.06, 0.04], [6, 4], DOWN, |x| x + Vec3::z() * 2e-3);
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.5);
+    for step in 0..150 {
+        world.step();
+        let report = world.contacts.report();
+        if step % 10 == 0 || step < 12 {
+            println!(
+                "{step} rows {} it {} passes {} trunc {:?} f {:.8} mean {:.6} sides {:?}",
+                report.rows.rows,
+                report.solved.iterations,
+                report.solved.passes,
+                report.truncated.truncated,
+                world.force([0, 1]).z / world.weight(0),
+                world.mean(0).z,
+                world.contacts.touching().len(),
+            );
+            let v = world.bodies[0].node_velocities();
+            println!(
+                "  fastest {:?}",
+                v.iter()
+                    .max_by(|a, b| a.norm().total_cmp(&b.norm()))
+                    .unwrap()
+            );
+        }
+        if (60..100).contains(&step) {
+            let force = world.force([0, 1]);
+            assert!(
+                (force.z / world.weight(0) - 1.0).abs() < 1e-6,
+                "{step} {force}"
+            );
+        }
+    }
+    let x = world.bodies[0].node_positions();
+    assert!(x.iter().all(|x| (x.z - RADIUS).abs() < 1e-6));
+    assert_eq!(world.asleep, [true]);
+    // The force of a body that sleeps stays.
+    assert!((world.force([0, 1]).z / world.weight(0) - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn sheets_on_each_other_carry_each_other_s_weight() {
+    let mut world = World::new();
+    for layer in 0..3 {
+        let z = RADIUS + f64::from(layer) * 0.5e-3;
+        // The meshes do not match.
+        let turn = nalgebra::Rotation3::from_axis_angle(&Vec3::z_axis(), 0.3 * f64::from(layer));
+        world.sheet([0.06, 0.04], [6, 4], DOWN, |x| turn * x + Vec3::z() * z);
+    }
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.5);
+    for step in 0..400 {
+        world.step();
+        assert_eq!(world.crossings(), 0, "{step}");
+        let report = world.contacts.report();
+        if step % 20 == 0 || step < 10 {
+            println!(
+                "{step} {:?} rows {} it {} passes {} trunc {:?} f {:.4} {:.4} {:.4}",
+                world
+                    .steppers
+                    .iter()
+                    .map(Stepper::sleeps)
+                    .collect::<Vec<_>>(),
+                report.rows.rows,
+                report.solved.iterations,
+                report.solved.passes,
+                report.truncated.truncated,
+                world.force([0, 3]).z / world.weight(0),
+                world.force([0, 1]).z / world.weight(0),
+                world.force([1, 2]).z / world.weight(0),
+            );
+        }
+    }
+    let w = world.weight(0);
+    assert!(
+        (world.force([0, 3]).z / w - 3.0).abs() < 1e-3,
+        "{}",
+        world.force([0, 3])
+    );
+    assert!((-world.force([0, 1]).z / w - 2.0).abs() < 1e-5);
+    assert!((-world.force([1, 2]).z / w - 1.0).abs() < 1e-5);
+}
+
+#[test]
+fn a_sheet_falls_over_the_edge_of_a_box() {
+    let mut world = World::new();
+    world.sheet([0.06, 0.04], [12, 8], DOWN, |x| {
+        x - Vec3::new(0.03, 0.02, -1e-3 - RADIUS)
+    });
+    world.still(
+        Shape::Box {
+            half: Vec3::new(0.01, 0.03, 0.005),
+        },
+        Vec3::new(0.0, 0.0, -0.005),
+    );
+    world.complete(0.5);
+    for step in 0..300 {
+        world.step();
+        let report = world.contacts.report();
+        if step % 20 == 0 || step < 10 {
+            println!(
+                "{step} rows {} it {} passes {} trunc {:?} f {:.4} mean {:.5} taken {:.2e}",
+                report.rows.rows,
+                report.solved.iterations,
+                report.solved.passes,
+                report.truncated,
+                world.force([0, 1]).z / world.weight(0),
+                world.mean(0).z,
+                report.taken,
+            );
+        }
+    }
+    assert!((world.force([0, 1]).z / world.weight(0) - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn a_block_on_an_incline_stays() {
+    let mut world = World::new();
+    let mut mesh = physics::mesh::generate_box::solid_box([0.1; 3], [4; 3]).unwrap();
+    let angle = libm::atan(0.495);
+    for x in &mut mesh.positions {
+        *x += Vec3::z() * (0.05 + 0.05e-3);
+    }
+    let material = physics::SolidMaterial {
+        young: 20e3,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        gravity: Vec3::new(9.81 * angle.sin(), 0.0, -9.81 * angle.cos()),
+        stiffness_damping: 5e-3,
+        ..BodyConfig::default()
+    };
+    let body = Body::solid(
+        &mesh,
+        &[material],
+        physics::SolidLaw::Corotational,
+        config,
+        &[],
+    )
+    .unwrap();
+    world.add(body, Mesh::Solid(mesh), 0.05e-3, true);
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.5);
+    for step in 0..100 {
+        world.step();
+        let report = world.contacts.report();
+        if step % 10 == 0 || step < 12 {
+            println!(
+                "{step} rows {:?} {:?} trunc {:?} f {:.5} mean {:.8} {:?}",
+                report.rows,
+                report.solved,
+                report.truncated.truncated,
+                world.force([0, 1]).norm() / world.weight(0),
+                world.mean(0).x,
+                world.contacts.touching(),
+            );
+        }
+    }
+}

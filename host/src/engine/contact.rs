@@ -1,0 +1,214 @@
+//! Contact in the host step: the bodies, themselves and the obstacles of a world.
+//!
+//! The physics does the work (`physics::motion::contacts`). This file gives it the bodies between their stages, and the time.
+
+use super::body::HostBody;
+use super::stats::Stopwatch;
+use crate::scene::SceneError;
+use crate::world::World;
+use crate::world::contact::Thing;
+use physics::contact::Skin;
+use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
+use rt_core::MAX_BODIES;
+
+const _: () = assert!(MAX_BODIES <= MOST_BODIES);
+
+/// The contacts of an engine.
+pub struct Contact {
+    contacts: Contacts,
+    sides: Vec<Side>,
+    /// Where the obstacles are (s).
+    time: f64,
+    totals: ContactTotals,
+}
+
+/// The contacts of all steps so far.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ContactTotals {
+    /// By pair of bodies and obstacles that have touched, in the order of their first contact.
+    pub pairs: Vec<PairTotals>,
+    /// Displacements of vertices that were shortened so that nothing crosses.
+    pub truncated: u64,
+    /// Pairs of elements to which an obstacle or a hand left no room. They may cross.
+    pub squeezed: u64,
+    /// Contacts without a row, because all rows were taken. They were held apart by shortened displacements.
+    pub dropped: u64,
+    /// Most rows of a step.
+    pub most_rows: usize,
+    /// Energy that the contacts took from the bodies (J): friction, and energy stored in its springs.
+    pub taken: f64,
+    /// Work of moving obstacles (J).
+    pub by_obstacles: f64,
+    /// Work with which starts that overlapped parted (J).
+    pub parted: f64,
+}
+
+/// The contacts of a pair in all steps so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairTotals {
+    /// The pair.
+    pub between: [Side; 2],
+    /// Number of steps in which the two touched.
+    pub steps: u64,
+    /// Most contacts of a step.
+    pub most: usize,
+    /// The contacts of the last step; zero if the two did not touch in it.
+    pub last: Touching,
+    /// Largest sum of the normal forces (N), and its time (s).
+    pub peak: (f64, f64),
+    /// Largest depth (m).
+    pub depth: f64,
+}
+
+impl Contact {
+    /// The contacts of a world; `None` if nothing touches.
+    ///
+    /// # Errors
+    /// [`SceneError`] for a body or an obstacle whose triangles are no surface.
+    pub fn new(world: &World<'_>) -> Result<Option<Self>, SceneError> {
+        if world.contacts.is_empty() {
+            return Ok(None);
+        }
+        let refuse = |field: String, error: &dyn std::fmt::Display| {
+            let allowed = "a surface whose edges have two triangles at most";
+            let source = &world.loaded.source;
+            source.error(&field, error.to_string(), allowed)
+        };
+        let mut contacts = Contacts::new();
+        for (body, built) in world.bodies.iter().enumerate() {
+            let thing = Thing::Body(body);
+            let skin = Skin {
+                radius: world.contacts.radii[body],
+                touches_itself: world.contacts.pair(thing, thing).is_some(),
+                is_obstacle: false,
+            };
+            let added = contacts.add_body(body, &built.mesh, skin);
+            added.map_err(|error| refuse(format!("body[{body}]"), &error))?;
+        }
+        for (number, obstacle) in world.obstacles.iter().enumerate() {
+            let added = contacts.add_obstacle(obstacle.clone());
+            added.map_err(|error| refuse(format!("obstacle[{number}]"), &error))?;
+        }
+        let thing = |side: Side| match side {
+            Side::Body(body) => Thing::Body(body),
+            Side::Obstacle(number) => Thing::Obstacle(number),
+        };
+        contacts.complete(&|one, other| {
+            let pair = world.contacts.pair(thing(one), thing(other));
+            pair.map(|pair| pair.friction)
+        });
+        Ok(Some(Self {
+            sides: contacts.sides(),
+            contacts,
+            time: 0.0,
+            totals: ContactTotals::default(),
+        }))
+    }
+
+    /// The contacts of all steps so far.
+    pub fn totals(&self) -> &ContactTotals {
+        &self.totals
+    }
+
+    /// Adds the present step to the totals.
+    fn sum_up(&mut self) {
+        let (report, totals) = (self.contacts.report(), &mut self.totals);
+        totals.truncated += report.truncated.truncated as u64;
+        totals.squeezed += report.truncated.squeezed as u64;
+        totals.dropped += report.rows.dropped as u64;
+        totals.most_rows = totals.most_rows.max(report.rows.rows);
+        totals.taken += report.taken;
+        totals.by_obstacles += report.by_obstacles;
+        totals.parted += report.parted;
+        for pair in &mut totals.pairs {
+            pair.last = Touching::default();
+        }
+        for found in self.contacts.touching() {
+            let between = found.sides.map(|side| self.sides[side]);
+            let at = totals.pairs.iter().position(|pair| pair.between == between);
+            let at = at.unwrap_or_else(|| {
+                totals.pairs.push(PairTotals {
+                    between,
+                    steps: 0,
+                    most: 0,
+                    last: Touching::default(),
+                    peak: (0.0, 0.0),
+                    depth: 0.0,
+                });
+                totals.pairs.len() - 1
+            });
+            let pair = &mut totals.pairs[at];
+            pair.steps += 1;
+            pair.most = pair.most.max(found.count);
+            pair.depth = pair.depth.max(found.depth);
+            if found.normal > pair.peak.0 {
+                pair.peak = (found.normal, self.time);
+            }
+            pair.last = *found;
+        }
+    }
+
+    /// The contacts of the physics.
+    pub fn contacts(&self) -> &Contacts {
+        &self.contacts
+    }
+
+    /// Keeps bodies awake that touch a body which moves. Called before the bodies are constrained.
+    pub(super) fn keep_awake(&self, bodies: &mut [HostBody]) {
+        let mut rests = [false; MAX_BODIES];
+        for (rests, body) in rests.iter_mut().zip(&*bodies) {
+            *rests = body.rests();
+        }
+        self.contacts.keep_awake(
+            bodies.len().min(MAX_BODIES),
+            &|body| rests[body],
+            &mut |body, is_kept| bodies[body].stepping.solver.keep_awake(is_kept),
+        );
+    }
+
+    /// Solves the bodies that have contacts, up to the time `due_ns` of the step (ns). Called after the bodies have been
+    /// constrained.
+    pub(super) fn solve(&mut self, bodies: &mut [HostBody], due_ns: u64, watch: &dyn Stopwatch) {
+        let start = watch.now_ns();
+        let due = due_ns as f64 * 1e-9;
+        let h = bodies.first().map_or(0.0, |body| body.stepping.step);
+        let left = bodies
+            .iter()
+            .filter_map(|body| body.stepping.solver.left_ns());
+        let end = left.min().map(|left| start + left);
+        let mut members = members(bodies);
+        self.contacts.begin(&members, [self.time, due], h);
+        self.time = due;
+        let mut is_late = |_| end.is_some_and(|end| watch.now_ns() >= end);
+        self.contacts.solve(&mut members, &mut is_late);
+        drop(members);
+        let time = watch.now_ns().saturating_sub(start);
+        for body in bodies {
+            body.stepping.solver.spend(time);
+        }
+    }
+
+    /// Certifies the displacements. Called after all bodies have been solved.
+    pub(super) fn certify(&mut self, bodies: &mut [HostBody], watch: &dyn Stopwatch) {
+        let start = watch.now_ns();
+        self.contacts.certify(&mut members(bodies));
+        self.sum_up();
+        let time = watch.now_ns().saturating_sub(start);
+        for body in bodies {
+            body.stepping.solver.spend(time);
+        }
+    }
+}
+
+/// The bodies as the physics takes them. A body of which a stage has failed stands still.
+fn members(bodies: &mut [HostBody]) -> heapless::Vec<Member<'_, f64>, MAX_BODIES> {
+    let members = bodies.iter_mut().map(|body| {
+        let stepping = &mut body.stepping;
+        let stepper = stepping.sound.then(|| stepping.solver.stepper());
+        Member {
+            body: &stepping.body,
+            stepper,
+        }
+    });
+    members.collect()
+}

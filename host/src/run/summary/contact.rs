@@ -1,0 +1,127 @@
+//! The contacts in the summary of a run.
+
+use crate::engine::contact::{Contact, PairTotals};
+use crate::scene::Scene;
+use physics::motion::contacts::Side;
+use serde::Serialize;
+use std::fmt;
+
+/// The contacts of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct ContactSummary {
+    /// By pair of bodies and obstacles that touched.
+    pub pairs: Vec<ContactPairSummary>,
+    /// Displacements of vertices, over all steps, that were shortened so that nothing crosses.
+    pub truncated: u64,
+    /// Pairs of elements, over all steps, to which an obstacle or a hand left no room. They may have crossed.
+    pub squeezed: u64,
+    /// Contacts, over all steps, for which there was no row. The deepest ones had rows.
+    pub dropped: u64,
+    /// Most rows of a step.
+    pub most_rows: usize,
+    /// Energy that contacts took from the bodies (J): dissipated by friction, or stored in its springs.
+    pub taken: f64,
+    /// Work of moving obstacles on the bodies (J).
+    pub by_obstacles: f64,
+    /// Work with which bodies parted that began in each other (J).
+    pub parted: f64,
+}
+
+/// The contacts of two bodies, of a body with itself, or of a body with an obstacle. Forces are sums over all contacts of a
+/// step.
+#[derive(Clone, Debug, Serialize)]
+pub struct ContactPairSummary {
+    /// The names.
+    pub between: [String; 2],
+    /// Number of steps in which the two touched.
+    pub steps: u64,
+    /// Most contacts of a step.
+    pub most_contacts: usize,
+    /// Number of contacts at the end.
+    pub contacts: usize,
+    /// Sum of the sizes of the normal forces at the end (N).
+    pub normal_force: f64,
+    /// Sum of the sizes of the friction forces at the end (N).
+    pub friction_force: f64,
+    /// Largest sum of the sizes of the normal forces (N).
+    pub peak_force: f64,
+    /// Time of the largest sum (s).
+    pub peak_time: f64,
+    /// Largest depth of a contact (m).
+    pub depth: f64,
+}
+
+impl ContactSummary {
+    /// The summary of the contacts of a scene.
+    pub(crate) fn new(scene: &Scene, contact: &Contact) -> Self {
+        let totals = contact.totals();
+        let name = |side: Side| match side {
+            Side::Body(body) => scene.bodies[body].name.clone(),
+            Side::Obstacle(obstacle) => scene.obstacles[obstacle].name.clone(),
+        };
+        let pair = |pair: &PairTotals| ContactPairSummary {
+            between: pair.between.map(name),
+            steps: pair.steps,
+            most_contacts: pair.most,
+            contacts: pair.last.count,
+            normal_force: pair.last.normal,
+            friction_force: pair.last.friction,
+            peak_force: pair.peak.0,
+            peak_time: pair.peak.1,
+            depth: pair.depth,
+        };
+        Self {
+            pairs: totals.pairs.iter().map(pair).collect(),
+            truncated: totals.truncated,
+            squeezed: totals.squeezed,
+            dropped: totals.dropped,
+            most_rows: totals.most_rows,
+            taken: totals.taken,
+            by_obstacles: totals.by_obstacles,
+            parted: totals.parted,
+        }
+    }
+
+    /// Prints a line for each pair, and one for what was not as it should be.
+    pub(super) fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for pair in &self.pairs {
+            let [one, other] = &pair.between;
+            let with = if one == other {
+                "itself".to_owned()
+            } else {
+                other.clone()
+            };
+            writeln!(
+                f,
+                "  contact    {one} with {with}: {} at the end, normal {:.3} N, friction {:.3} N; peak {:.3} N at {:.2} s, \
+                 deepest {:.1} um, at most {} in a step",
+                pair.contacts,
+                pair.normal_force,
+                pair.friction_force,
+                pair.peak_force,
+                pair.peak_time,
+                1e6 * pair.depth,
+                pair.most_contacts,
+            )?;
+        }
+        if self.pairs.is_empty() {
+            writeln!(f, "  contact    nothing touched")?;
+        }
+        if self.dropped > 0 {
+            let dropped = self.dropped;
+            writeln!(
+                f,
+                "  !          {dropped} contacts found no row: the deepest ones had them"
+            )?;
+        }
+        if self.squeezed > 0 {
+            let squeezed = self.squeezed;
+            writeln!(
+                f,
+                "  !          {squeezed} pairs of elements had no room between an obstacle or a hand and another: they may \
+                 have crossed"
+            )?;
+        }
+        Ok(())
+    }
+}

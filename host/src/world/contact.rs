@@ -1,0 +1,365 @@
+//! What touches in a world: the thickness of each body, the pairs with their friction, and faults of the start.
+//!
+//! Obstacles touch all bodies. Bodies touch each other if a `[[contact]]` names the two, and themselves if they have
+//! `self_contact`. A scene without any of the three has no contact.
+
+use super::Built;
+use super::material::Elements;
+use super::shapes::round;
+use crate::scene::spec::Scene;
+use crate::scene::spec::contact::FRICTION;
+use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
+use physics::contact::obstacle::Geometry;
+use physics::contact::shape::Shape;
+use physics::contact::start::{Fault, Touching, deepest, faults, winding};
+use physics::contact::{Obstacle, Skin, Surfaces};
+use physics::mesh::Mesh;
+use physics::mesh::check_solid::size;
+
+/// The thickness of a solid in contact, as a fraction of the side of a cube of the same volume.
+const SKIN: f64 = 1e-3;
+/// The fraction of a contact's distance by which a body may start inside a shape: rounding of positions in a scene.
+const SLACK: f64 = 1e-3;
+/// The winding number above which a point is inside.
+const INSIDE: f64 = 0.5;
+
+/// A body or an obstacle, by its number in the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Thing {
+    /// A body.
+    Body(usize),
+    /// An obstacle.
+    Obstacle(usize),
+}
+
+/// Two things that may touch. A body that touches itself is a pair with itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactPair {
+    /// The things, ascending: the first one is a body.
+    pub between: [Thing; 2],
+    /// Coefficient of friction.
+    pub friction: f64,
+    /// The distance between the two meshes at which the two touch (m).
+    pub distance: f64,
+}
+
+/// The contacts of a world.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contacts {
+    /// The distance of each body's surface from its mesh (m), in the order of the bodies; empty in a world without contact.
+    pub radii: Vec<f64>,
+    /// The pairs that may touch, ascending.
+    pub pairs: Vec<ContactPair>,
+}
+
+impl Contacts {
+    /// The contacts of a scene whose bodies have these thicknesses (m).
+    pub(super) fn new(scene: &Scene, thicknesses: &[f64]) -> Self {
+        if !scene.has_contact() {
+            return Self::default();
+        }
+        let radii: Vec<f64> = thicknesses
+            .iter()
+            .map(|thickness| 0.5 * thickness)
+            .collect();
+        let name = |thing: Thing| match thing {
+            Thing::Body(index) => &scene.bodies[index].name,
+            Thing::Obstacle(index) => &scene.obstacles[index].name,
+        };
+        let radius = |thing: Thing| match thing {
+            Thing::Body(index) => radii[index],
+            Thing::Obstacle(_) => 0.0,
+        };
+        let bodies = (0..scene.bodies.len()).map(Thing::Body);
+        let things = bodies
+            .clone()
+            .chain((0..scene.obstacles.len()).map(Thing::Obstacle));
+        let mut pairs = Vec::new();
+        for one in bodies {
+            for other in things.clone().filter(|other| *other >= one) {
+                let given = scene.contacts.iter().find(|contact| {
+                    let [a, b] = [&contact.between[0], &contact.between[1]];
+                    [a, b] == [name(one), name(other)] || [b, a] == [name(one), name(other)]
+                });
+                let (touches, own) = match (one, other) {
+                    (_, Thing::Obstacle(index)) => (true, scene.obstacles[index].friction),
+                    (Thing::Body(index), _) if one == other => {
+                        (scene.bodies[index].self_contact, None)
+                    }
+                    _ => (given.is_some(), None),
+                };
+                if touches {
+                    let friction = given.and_then(|contact| contact.friction).or(own);
+                    let thickness = given.and_then(|contact| contact.thickness);
+                    pairs.push(ContactPair {
+                        between: [one, other],
+                        friction: friction.unwrap_or(FRICTION),
+                        distance: thickness.unwrap_or_else(|| radius(one) + radius(other)),
+                    });
+                }
+            }
+        }
+        Self { radii, pairs }
+    }
+
+    /// Whether nothing touches.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+
+    /// How two things touch; `None` for things that do not touch.
+    pub fn pair(&self, one: Thing, other: Thing) -> Option<&ContactPair> {
+        let between = [one.min(other), one.max(other)];
+        let place = self
+            .pairs
+            .binary_search_by_key(&between, |pair| pair.between);
+        place.ok().map(|place| &self.pairs[place])
+    }
+
+    /// The largest distance at which a thing touches another one (m).
+    fn farthest(&self, thing: Thing) -> f64 {
+        let pairs = self.pairs.iter();
+        let with = pairs.filter(|pair| pair.between.contains(&thing));
+        with.map(|pair| pair.distance).fold(0.0, f64::max)
+    }
+}
+
+/// The thickness of a body in contact (m): the `given` one, or else the largest of a sheet, the largest diameter of a
+/// thread, a thousandth of the side of a cube of a solid's volume.
+pub(super) fn thickness(given: Option<f64>, elements: &Elements, mesh: &Mesh) -> f64 {
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+    let diameter = |area: f64| 2.0 * (area / core::f64::consts::PI).sqrt();
+    given.unwrap_or_else(|| match elements {
+        Elements::Sheet(sheets) => largest(&mut sheets.iter().map(|one| one.thickness)),
+        Elements::Woven(weaves) => largest(&mut weaves.iter().map(|one| one.thickness)),
+        Elements::Thread(threads) => diameter(largest(&mut threads.iter().map(|one| one.area))),
+        Elements::Solid(_) => SKIN * volume(mesh).cbrt(),
+    })
+}
+
+/// The volume of a solid (m³); 0 for another mesh.
+fn volume(mesh: &Mesh) -> f64 {
+    let Mesh::Solid(mesh) = mesh else {
+        return 0.0;
+    };
+    let cells = mesh.cells.vertices();
+    cells.map(|cell| size(&mesh.positions, cell).0 / 6.0).sum()
+}
+
+/// Refuses a scene in which things touch.
+///
+/// # Errors
+/// [`SceneError`] at the first obstacle, contact or self-contact.
+pub fn check_solved(loaded: &LoadedScene) -> Result<(), SceneError> {
+    let scene = &loaded.scene;
+    if !scene.has_contact() {
+        return Ok(());
+    }
+    let itself = scene.bodies.iter().position(|body| body.self_contact);
+    let field = match itself {
+        _ if !scene.obstacles.is_empty() => "obstacle[0]".to_owned(),
+        _ if !scene.contacts.is_empty() => "contact[0]".to_owned(),
+        index => format!("body[{}].self_contact", index.unwrap_or(0)),
+    };
+    let problem = "contact is not solved yet: `palpate mesh check` checks such a scene, and no other command accepts it";
+    Err(loaded.source.problem(&field, problem))
+}
+
+/// Refuses bodies and obstacles that cross, lie inside each other or are too thin at the start, at rest.
+///
+/// # Errors
+/// [`SceneError`] at the first fault, with the place.
+pub(super) fn check_start(
+    loaded: &LoadedScene,
+    bodies: &[Built],
+    obstacles: &[Obstacle],
+    contacts: &Contacts,
+) -> Result<(), SceneError> {
+    if contacts.is_empty() {
+        return Ok(());
+    }
+    let start = Start {
+        loaded,
+        bodies,
+        obstacles,
+        contacts,
+    };
+    start.shapes()?;
+    start.meshes()
+}
+
+struct Start<'a> {
+    loaded: &'a LoadedScene,
+    bodies: &'a [Built],
+    obstacles: &'a [Obstacle],
+    contacts: &'a Contacts,
+}
+
+impl Start<'_> {
+    /// No body begins inside a shape, and no shape inside a body.
+    fn shapes(&self) -> Result<(), SceneError> {
+        for pair in &self.contacts.pairs {
+            let [Thing::Body(body), Thing::Obstacle(number)] = pair.between else {
+                continue;
+            };
+            let obstacle = &self.obstacles[number];
+            let Geometry::Shape(shape) = obstacle.geometry() else {
+                continue;
+            };
+            let mesh = &self.bodies[body].mesh;
+            let x = mesh.positions();
+            let elements: Vec<[u32; 3]> = match mesh {
+                Mesh::Thread(mesh) => mesh.lines.iter().map(|[a, b]| [*a, *b, *b]).collect(),
+                Mesh::Sheet(mesh) => mesh.triangles.clone(),
+                Mesh::Solid(mesh) => mesh.boundary(),
+            };
+            let each = elements.iter().filter_map(|corners| {
+                let corners = corners.map(|v| &x[v as usize]);
+                deepest(obstacle, corners, 0.0, -SLACK * pair.distance)
+            });
+            let found = each.min_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((depth, at)) = found {
+                let found = format!(
+                    "{} {} m inside {} at {}",
+                    self.name(pair.between[0]),
+                    round(-depth),
+                    self.name(pair.between[1]),
+                    place(&at)
+                );
+                return Err(self.apart(pair.between, found));
+            }
+            let centre = obstacle.pose(0.0).translation.vector;
+            let is_solid = matches!(mesh, Mesh::Solid(_)) && *shape != Shape::Plane;
+            if is_solid && winding(&elements, x, &centre) > INSIDE {
+                let found = self.inside(pair.between[1], pair.between[0], &centre);
+                return Err(self.apart(pair.between, found));
+            }
+        }
+        Ok(())
+    }
+
+    /// No two meshes cross, none lies inside another one, and none is too thin.
+    fn meshes(&self) -> Result<(), SceneError> {
+        let mut surfaces = Surfaces::default();
+        let (mut x, mut things, mut walls) = (Vec::new(), Vec::new(), Vec::new());
+        let refuse = |thing: Thing, error: &dyn std::fmt::Display| {
+            let allowed = "a surface";
+            let source = &self.loaded.source;
+            source.error(&field(thing), error.to_string(), allowed)
+        };
+        for (index, built) in self.bodies.iter().enumerate() {
+            let thing = Thing::Body(index);
+            let farthest = self.contacts.farthest(thing);
+            let is_closed = matches!(built.mesh, Mesh::Solid(_)) && farthest > 0.0;
+            let skin = Skin {
+                radius: self.contacts.radii[index],
+                touches_itself: is_closed || self.contacts.pair(thing, thing).is_some(),
+                is_obstacle: false,
+            };
+            (surfaces.add(&built.mesh, skin)).map_err(|error| refuse(thing, &error))?;
+            x.extend_from_slice(built.mesh.positions());
+            things.push(thing);
+            walls.push(is_closed.then_some(farthest));
+        }
+        for (index, obstacle) in self.obstacles.iter().enumerate() {
+            let Geometry::Mesh(mesh) = obstacle.geometry() else {
+                continue;
+            };
+            let thing = Thing::Obstacle(index);
+            let skin = Skin {
+                radius: 0.0,
+                touches_itself: true,
+                is_obstacle: true,
+            };
+            (surfaces.add_closed(mesh, skin)).map_err(|error| refuse(thing, &error))?;
+            let first = x.len();
+            x.resize(first + obstacle.vertices(), Vec3::zeros());
+            obstacle.write_positions(0.0, &mut x[first..]);
+            things.push(thing);
+            walls.push(Some(self.contacts.farthest(thing)));
+        }
+        let distance = |p: usize, q: usize| {
+            let pair = self.contacts.pair(things[p], things[q]);
+            pair.map(|pair| pair.distance)
+        };
+        let touching = Touching {
+            distance: &distance,
+            walls: &walls,
+        };
+        let Some(fault) = faults(&surfaces, &x, &touching).into_iter().next() else {
+            return Ok(());
+        };
+        Err(match fault {
+            Fault::Crossed { parts: [p, q], at } => {
+                let [one, other] = [things[p], things[q]];
+                let with = if p == q {
+                    "itself".to_owned()
+                } else {
+                    self.name(one)
+                };
+                let found = format!("{} crosses {with} at {}", self.name(other), place(&at));
+                self.apart([one, other], found)
+            }
+            Fault::Inside { part, of, at } => {
+                let [one, other] = [things[part], things[of]];
+                self.apart([one, other], self.inside(one, other, &at))
+            }
+            Fault::Thin { part, at, apart } => {
+                let thing = things[part];
+                let most = distance(part, part).into_iter().chain(walls[part]);
+                let found = format!(
+                    "two places of {} that are {} m apart at {}",
+                    self.name(thing),
+                    round(apart),
+                    place(&at)
+                );
+                let allowed = format!(
+                    "places that are more than {} m apart, the distance at which contact begins: give a smaller thickness",
+                    round(most.fold(0.0, f64::max))
+                );
+                self.loaded.source.error(&field(thing), found, allowed)
+            }
+        })
+    }
+
+    /// A thing in words.
+    fn name(&self, thing: Thing) -> String {
+        let scene = &self.loaded.scene;
+        match thing {
+            Thing::Body(index) => format!("body {:?}", scene.bodies[index].name),
+            Thing::Obstacle(index) => format!("obstacle {:?}", scene.obstacles[index].name),
+        }
+    }
+
+    fn inside(&self, one: Thing, other: Thing, at: &Vec3) -> String {
+        let [inner, outer] = [one, other].map(|thing| self.name(thing));
+        format!("{inner} inside {outer}, at {}", place(at))
+    }
+
+    /// The error for two things that begin in each other.
+    fn apart(&self, [one, other]: [Thing; 2], found: String) -> SceneError {
+        let distance = self.contacts.pair(one, other).map(|pair| pair.distance);
+        let allowed = format!(
+            "surfaces that are apart at the start, best by {} m, the distance at which contact begins",
+            round(distance.unwrap_or_default())
+        );
+        let source = &self.loaded.source;
+        source.error(&field(one.max(other)), found, allowed)
+    }
+}
+
+/// The field of a thing.
+fn field(thing: Thing) -> String {
+    match thing {
+        Thing::Body(index) => format!("body[{index}]"),
+        Thing::Obstacle(index) => format!("obstacle[{index}]"),
+    }
+}
+
+/// A place in words, to the micrometre.
+fn place(at: &Vec3) -> String {
+    // The sum has no negative zero.
+    let [x, y, z]: [f64; 3] = at.map(|x| (x * 1e6).round() / 1e6 + 0.0).into();
+    format!("[{x}, {y}, {z}]")
+}
