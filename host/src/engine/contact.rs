@@ -17,6 +17,8 @@ const _: () = assert!(MAX_BODIES <= MOST_BODIES);
 pub struct Contact {
     contacts: Contacts,
     sides: Vec<Side>,
+    /// The topology epoch of each body whose surface there is.
+    epochs: Vec<u64>,
     /// Where the obstacles are (s).
     time: f64,
     totals: ContactTotals,
@@ -61,11 +63,11 @@ pub struct PairTotals {
 }
 
 impl Contact {
-    /// The contacts of a world; `None` if nothing touches.
+    /// The contacts between the `bodies` of a world and its obstacles; `None` if nothing touches.
     ///
     /// # Errors
     /// [`SceneError`] for a body or an obstacle whose triangles are no surface.
-    pub fn new(world: &World<'_>) -> Result<Option<Self>, SceneError> {
+    pub fn new(world: &World<'_>, bodies: &[HostBody]) -> Result<Option<Self>, SceneError> {
         if world.contacts.is_empty() {
             return Ok(None);
         }
@@ -75,14 +77,14 @@ impl Contact {
             source.error(&field, error.to_string(), allowed)
         };
         let mut contacts = Contacts::new();
-        for (body, built) in world.bodies.iter().enumerate() {
+        for (body, (host, built)) in bodies.iter().zip(&world.bodies).enumerate() {
             let thing = Thing::Body(body);
             let skin = Skin {
                 radius: world.contacts.radii[body],
                 touches_itself: world.contacts.pair(thing, thing).is_some(),
                 is_obstacle: false,
             };
-            let added = contacts.add_body(body, &built.mesh, skin);
+            let added = contacts.add_body(body, host.body(), built.mesh.clone(), skin);
             added.map_err(|error| refuse(format!("body[{body}]"), &error))?;
         }
         for (number, obstacle) in world.obstacles.iter().enumerate() {
@@ -99,6 +101,7 @@ impl Contact {
         });
         Ok(Some(Self {
             sides: contacts.sides(),
+            epochs: bodies.iter().map(|body| body.body().epoch()).collect(),
             contacts,
             time: 0.0,
             totals: ContactTotals::default(),
@@ -151,6 +154,25 @@ impl Contact {
     /// The contacts of the physics.
     pub fn contacts(&self) -> &Contacts {
         &self.contacts
+    }
+
+    /// Follows bodies that have torn or have been changed. Returns the bodies whose new surface cannot touch: they touch with
+    /// the surface that they had.
+    pub(super) fn follow(&mut self, bodies: &[HostBody]) -> impl Iterator<Item = usize> {
+        let mut failed = [false; MAX_BODIES];
+        let each = bodies.iter().zip(&mut self.epochs).zip(&mut failed);
+        for (number, ((body, epoch), failed)) in each.enumerate() {
+            let body = body.body();
+            if *epoch != body.epoch() {
+                *epoch = body.epoch();
+                let followed = body
+                    .mesh()
+                    .map(|mesh| self.contacts.follow(number, body, mesh));
+                *failed = !matches!(followed, Some(Ok(())));
+            }
+        }
+        let failed = failed.into_iter().enumerate();
+        failed.filter_map(|(number, failed)| failed.then_some(number))
     }
 
     /// Keeps bodies awake that touch a body which moves. Called before the bodies are constrained.

@@ -188,7 +188,10 @@ impl Engine {
         for group in &self.groups {
             group.wake(&mut self.bodies);
         }
-        if let Some(contact) = &self.contact {
+        if let Some(contact) = &mut self.contact {
+            for body in contact.follow(&self.bodies) {
+                self.stats.fault(body, &StepFault::Surface);
+            }
             contact.keep_awake(&mut self.bodies);
         }
         self.stage(team, all.clone(), &|body| body.constrain(watch));

@@ -65,6 +65,11 @@ pub enum StepFault {
         "joints: they do not follow the new mesh of the body, which is joined to no other body from now on"
     )]
     Parted,
+    /// The surface of the body after a tear or a change is none that contact can use.
+    #[error(
+        "contact: the triangles of the changed body are no surface; it touches with the surface that it had before"
+    )]
+    Surface,
     /// The state of a body that tears is no longer finite. The body stands still from then on.
     #[error("the state is no longer finite; the body stands still from now on")]
     NotFinite,

@@ -142,9 +142,9 @@ impl Prepared {
             code: options.code,
             real: options.real,
         };
-        let engine = Engine::new(build::bodies(world, how)?)
-            .touching(Contact::new(world)?)
-            .on(scene.host.threads);
+        let bodies = build::bodies(world, how)?;
+        let contact = Contact::new(world, &bodies)?;
+        let engine = Engine::new(bodies).touching(contact).on(scene.host.threads);
         let (devices, told) = devices::open(world, options.seed, options.real)?;
         let (tick, host, log) = connect(world, devices, scene.devices.len(), LinkConfig::STALL)?;
         let period = 1.0 / scene.realtime.rate;

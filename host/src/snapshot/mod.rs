@@ -156,7 +156,7 @@ impl BodySnapshot {
                 self.torn.clear();
                 self.changed = None;
                 if known.epoch != self.epoch && !self.torn.copy(index, body) {
-                    self.changed = mesh::mesh_of(body).map(Box::new);
+                    self.changed = body.mesh().map(Box::new);
                 }
             }
         }

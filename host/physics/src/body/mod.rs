@@ -31,6 +31,7 @@ pub mod handle;
 mod hold;
 pub mod load;
 mod memory;
+mod mesh;
 mod model;
 mod pieces;
 pub(crate) mod rounding;

@@ -72,6 +72,19 @@ impl Pair {
         first.iter().any(|vertex| second.contains(vertex))
     }
 
+    /// Whether the two things are of one part and so near each other at rest that its thickness would part them: the sides of a
+    /// tear. Such a pair never touches.
+    pub(super) fn is_near_at_rest(self, surfaces: &Surfaces) -> bool {
+        if surfaces.rest.is_empty() {
+            return false;
+        }
+        let vertices = self.vertices(surfaces);
+        let [one, other] = [vertices[0], vertices[3]].map(|vertex| surfaces.part_of(vertex));
+        one == other
+            && surfaces.parts[one].tears
+            && self.foot(surfaces, &surfaces.rest).apart.norm() <= 2.0 * surfaces.parts[one].radius
+    }
+
     /// The shortest connection at the positions `x` (m).
     pub fn foot(self, surfaces: &Surfaces, x: &[Vec3]) -> Foot {
         self.foot_at(surfaces, |vertex| x[vertex as usize])

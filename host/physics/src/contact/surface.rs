@@ -5,6 +5,7 @@
 //! An edge without a triangle is a segment of a thread. The distance at which two parts touch is the sum of their radii.
 
 use super::obstacle::ClosedMesh;
+use crate::Vec3;
 use crate::mesh::{Adjacency, Mesh, MeshError};
 use core::ops::Range;
 use std::collections::BTreeSet;
@@ -24,6 +25,8 @@ pub struct Part {
     pub touches_itself: bool,
     /// Whether it is an obstacle. Two obstacles do not touch each other.
     pub is_obstacle: bool,
+    /// Whether it tears.
+    pub tears: bool,
 }
 
 /// The surfaces that may touch.
@@ -37,6 +40,8 @@ pub struct Surfaces {
     pub edges: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.
     pub parts: Vec<Part>,
+    /// Positions at rest (m), by vertex; empty if no part tears.
+    pub rest: Vec<Vec3>,
     /// Pairs of parts that do not touch, the smaller number first.
     apart: BTreeSet<[usize; 2]>,
 }
@@ -111,8 +116,19 @@ impl Surfaces {
             radius: skin.radius,
             touches_itself: skin.touches_itself,
             is_obstacle: skin.is_obstacle,
+            tears: false,
         });
         self.parts.len() - 1
+    }
+
+    /// Notes that a part tears. Its vertices have these positions at rest (m).
+    pub fn tears(&mut self, part: usize, rest: &[Vec3]) {
+        self.parts[part].tears = true;
+        let first = self.parts[part].vertices.start as usize;
+        self.rest.resize(self.vertices, Vec3::zeros());
+        for (to, from) in self.rest[first..].iter_mut().zip(rest) {
+            *to = *from;
+        }
     }
 
     /// The part of a vertex.

@@ -114,6 +114,7 @@ pub struct ContactReport {
 pub struct Contacts {
     surfaces: Surfaces,
     /// By part.
+    sources: Vec<Source>,
     owners: Vec<Owner>,
     obstacles: Vec<Obstacle>,
     /// The shapes, and the numbers of their obstacles.
@@ -142,6 +143,36 @@ pub struct Contacts {
     began: RowsReport,
     /// Whether nothing can move in the present step.
     is_idle: bool,
+}
+
+/// Where the surface of a part comes from.
+#[derive(Clone, Debug)]
+struct Source {
+    /// The mesh. Positions are those at rest; those without an element are room for vertices that tears will add.
+    mesh: Mesh,
+    skin: Skin,
+    tears: bool,
+}
+
+impl Source {
+    /// The surface of a body with this mesh.
+    fn of(body: &Body, mut mesh: Mesh, skin: Skin) -> Self {
+        let tears = body.surface().is_some();
+        if let (Some(surface), Mesh::Sheet(mesh)) = (body.surface(), &mut mesh) {
+            mesh.positions.clear();
+            mesh.positions.extend_from_slice(&body.model.rest);
+            (mesh.positions).resize(surface.limits().vertices, Vec3::zeros());
+        }
+        Self { mesh, skin, tears }
+    }
+
+    fn add_to(&self, surfaces: &mut Surfaces) -> Result<(), MeshError> {
+        let part = surfaces.add(&self.mesh, self.skin)?;
+        if self.tears {
+            surfaces.tears(part, self.mesh.positions());
+        }
+        Ok(())
+    }
 }
 
 /// How sides meet, by pair.
@@ -190,6 +221,7 @@ impl Contacts {
     pub fn new() -> Self {
         Self {
             surfaces: Surfaces::default(),
+            sources: Vec::new(),
             owners: Vec::new(),
             obstacles: Vec::new(),
             shapes: Vec::new(),
@@ -220,9 +252,44 @@ impl Contacts {
     /// # Errors
     ///
     /// [`MeshError`] if the triangles of the mesh are no surface.
-    pub fn add_body(&mut self, body: usize, mesh: &Mesh, skin: Skin) -> Result<(), MeshError> {
-        self.surfaces.add(mesh, skin)?;
-        self.owners.push(Owner::Body(body));
+    pub fn add_body(
+        &mut self,
+        number: usize,
+        body: &Body,
+        mesh: Mesh,
+        skin: Skin,
+    ) -> Result<(), MeshError> {
+        let source = Source::of(body, mesh, skin);
+        source.add_to(&mut self.surfaces)?;
+        self.sources.push(source);
+        self.owners.push(Owner::Body(number));
+        Ok(())
+    }
+
+    /// Follows the body of this number, whose connectivity has changed, with its new mesh. Contacts keep their forces if the
+    /// body has as much room for vertices as before. This allocates.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the triangles of the mesh are no surface; the contacts are unchanged then.
+    pub fn follow(&mut self, number: usize, body: &Body, mesh: Mesh) -> Result<(), MeshError> {
+        let Some(part) = self.owners.iter().position(|of| *of == Owner::Body(number)) else {
+            return Ok(());
+        };
+        let source = Source::of(body, mesh, self.sources[part].skin);
+        let mut surfaces = Surfaces::default();
+        for (other, old) in self.sources.iter().enumerate() {
+            let source = if other == part { &source } else { old };
+            source.add_to(&mut surfaces)?;
+        }
+        self.sources[part] = source;
+        let has_room = surfaces.vertices == self.surfaces.vertices;
+        self.surfaces = surfaces;
+        self.keep_apart();
+        self.lists = None;
+        if !has_room {
+            self.reserve();
+        }
         Ok(())
     }
 
@@ -254,8 +321,13 @@ impl Contacts {
                 touches_itself: false,
                 is_obstacle: true,
             };
-            let mesh = TriMesh::new(positions, triangles)?;
-            self.surfaces.add(&Mesh::Sheet(mesh), skin)?;
+            let source = Source {
+                mesh: Mesh::Sheet(TriMesh::new(positions, triangles)?),
+                skin,
+                tears: false,
+            };
+            source.add_to(&mut self.surfaces)?;
+            self.sources.push(source);
             self.owners.push(Owner::Obstacle(number));
         }
         self.obstacles.push(obstacle);
@@ -274,6 +346,11 @@ impl Contacts {
             count: sides.len(),
             friction: of,
         };
+        self.keep_apart();
+        self.reserve();
+    }
+
+    fn keep_apart(&mut self) {
         for one in 0..self.surfaces.parts.len() {
             for other in one + 1..self.surfaces.parts.len() {
                 if self.meetings.get(one, other).is_none() {
@@ -281,6 +358,10 @@ impl Contacts {
                 }
             }
         }
+    }
+
+    /// Makes the vectors of a step.
+    fn reserve(&mut self) {
         let vertices = self.surfaces.vertices;
         for vectors in [&mut self.x, &mut self.u, &mut self.v] {
             *vectors = vec![Vec3::zeros(); vertices];
@@ -292,7 +373,8 @@ impl Contacts {
         self.rows = Rows::new(&self.surfaces, most);
         self.touches.reserve(most);
         self.of_row.reserve(most);
-        self.touching.reserve(sides.len() * (sides.len() + 1) / 2);
+        let sides = self.meetings.count;
+        self.touching.reserve(sides * (sides + 1) / 2);
         self.is_near = vec![false; MOST_BODIES];
         self.islands.begin(MOST_BODIES);
     }
@@ -400,7 +482,9 @@ impl Contacts {
             match owner {
                 Owner::Body(body) => {
                     let member = &members[*body];
-                    let count = x.len();
+                    // Room for further vertices has no node.
+                    let count = x.len().min(member.body.node_positions().len());
+                    let (x, u, v) = (&mut x[..count], &mut u[..count], &mut v[..count]);
                     x.copy_from_slice(&member.body.node_positions()[..count]);
                     v.copy_from_slice(&member.body.node_velocities()[..count]);
                     let masses = &member.body.node_masses()[..count];
@@ -553,7 +637,8 @@ impl Contacts {
             if let Owner::Body(body) = owner
                 && let Some(stepper) = &members[*body].stepper
             {
-                for (node, vertex) in (0..).zip(part.vertices.clone()) {
+                let nodes = members[*body].body.node_positions().len() as u32;
+                for (node, vertex) in (0..nodes).zip(part.vertices.clone()) {
                     self.u[vertex as usize] = stepper.displacement(node);
                 }
             }

@@ -51,7 +51,9 @@ impl World {
             is_obstacle: false,
         };
         let number = self.bodies.len();
-        self.contacts.add_body(number, &mesh, skin).unwrap();
+        self.contacts
+            .add_body(number, &body, mesh.clone(), skin)
+            .unwrap();
         self.bodies.push(body);
         self.steppers.push(stepper);
         self.meshes.push(mesh);
