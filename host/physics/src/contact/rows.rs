@@ -142,7 +142,7 @@ pub struct RowsReport {
     pub parting: usize,
     /// Contacts that close fast: the step needs a second update of the multipliers.
     pub impacts: usize,
-    /// The energy (J) by which springs of friction gained because their stiffness changed and their force did not.
+    /// The energy (J) that springs of friction gained because their stiffness changed and their force did not.
     pub restrung: f64,
     /// The energy (J) in springs of friction whose contacts are no longer there.
     pub released: f64,
@@ -480,6 +480,7 @@ impl Rows {
             let Some(state) = state else { continue };
             contact.age = state.age;
             if state.is_parting && !overlaps {
+                self.report.released += state.stored();
                 continue;
             }
             contact.forces = state.forces;
@@ -488,7 +489,7 @@ impl Rows {
             row.friction_stiffness = state.stiffness;
         }
         let left = self.kept.iter().filter(|state| !state.is_taken);
-        self.report.released = left.map(Kept::stored).sum();
+        self.report.released += left.map(Kept::stored).fold(0.0, |sum, one| sum + one);
     }
 
     /// Thins the contacts, and gives those that are left their stiffness.

@@ -6,7 +6,8 @@
 
 use crate::Vec3;
 
-/// Rows of a vertex on a side.
+/// Rows of a vertex on a side. With one row of edges for each vertex, a sheet on a ball does not come to rest. Without thinning,
+/// a stack has twice the rows and needs a tenth more iterations.
 const ROWS: u8 = 3;
 /// Sides of a vertex. A further one has no rows.
 const SIDES: usize = 4;
