@@ -7,7 +7,7 @@ use super::stats::Stopwatch;
 use crate::scene::SceneError;
 use crate::world::World;
 use crate::world::contact::Thing;
-use physics::contact::Skin;
+use physics::contact::{Meeting, Skin};
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
 use rt_core::MAX_BODIES;
 
@@ -97,7 +97,10 @@ impl Contact {
         };
         contacts.complete(&|one, other| {
             let pair = world.contacts.pair(thing(one), thing(other));
-            pair.map(|pair| pair.friction)
+            pair.map(|pair| Meeting {
+                distance: pair.distance,
+                friction: pair.friction,
+            })
         });
         Ok(Some(Self {
             sides: contacts.sides(),

@@ -44,5 +44,5 @@ pub use lists::{Counts, Lists};
 pub use obstacle::Obstacle;
 pub use pair::{Foot, Pair};
 pub use placed::Placed;
-pub use rows::{Contact, Rows, RowsReport, Step, reach};
+pub use rows::{Contact, Meeting, Rows, RowsReport, Step, reach};
 pub use surface::{Part, Skin, Surfaces};

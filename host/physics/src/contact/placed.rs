@@ -13,8 +13,6 @@ pub struct Placed {
     pub start: Isometry3<f64>,
     /// Where they are at its end.
     pub end: Isometry3<f64>,
-    /// The distance at which a surface without a radius of its own touches the shape (m).
-    pub radius: f64,
 }
 
 impl Placed {

@@ -35,6 +35,28 @@ const FIRST: f64 = 0.1;
 /// The thickness (m) by which the stiffness of surfaces without thickness goes.
 const THINNEST: f64 = 1e-5;
 
+/// How two parts meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Meeting {
+    /// The distance at which they touch (m): at most the sum of their radii, up to which pairs are listed.
+    pub distance: f64,
+    /// The coefficient of friction.
+    pub friction: f64,
+}
+
+impl Meeting {
+    /// All parts touch at the sum of their radii, and obstacles with a shape have none.
+    pub fn by_radii(surfaces: &Surfaces, friction: f64) -> impl Fn(usize, usize) -> Option<Self> {
+        move |one, other| {
+            let radius = |part: usize| surfaces.parts.get(part).map_or(0.0, |part| part.radius);
+            Some(Self {
+                distance: radius(one) + radius(other),
+                friction,
+            })
+        }
+    }
+}
+
 /// A step, as it is predicted. Slices have an entry for each vertex of the surfaces.
 #[derive(Clone, Copy)]
 pub struct Step<'a> {
@@ -54,8 +76,8 @@ pub struct Step<'a> {
     pub h: f64,
     /// The speed at which an overlap parts (m/s).
     pub parting: f64,
-    /// The coefficient of friction of two parts. Obstacles are counted on after the parts.
-    pub friction: &'a dyn Fn(usize, usize) -> f64,
+    /// How two parts meet; `None` for parts that do not touch. Obstacles are counted on after the parts.
+    pub meeting: &'a dyn Fn(usize, usize) -> Option<Meeting>,
     /// The obstacles with a shape.
     pub obstacles: &'a [Placed],
     /// The boxes over the surfaces at `x`.
@@ -254,7 +276,10 @@ impl Rows {
         };
         let vertices = pair.vertices(surfaces);
         let parts = [vertices[0], vertices[3]].map(|v| self.part_of[v as usize] as usize);
-        let thickness = parts.map(|part| surfaces.parts[part].radius).iter().sum();
+        let Some(meeting) = (step.meeting)(parts[0], parts[1]) else {
+            return;
+        };
+        let thickness = meeting.distance;
         let places = [step.x, step.u, &self.ends];
         let Some(found) = Feet::of(pair, surfaces, places, thickness) else {
             return;
@@ -342,7 +367,10 @@ impl Rows {
             if part.is_obstacle {
                 continue;
             }
-            let thickness = part.radius + obstacle.radius;
+            let Some(meeting) = (step.meeting)(cluster.part, parts.len() + number) else {
+                continue;
+            };
+            let thickness = meeting.distance;
             let members = step.hierarchy.members(index);
             let most = most_of(step.u, members);
             let (centre, around) = (&cluster.centre, cluster.extent + most);
@@ -408,11 +436,8 @@ impl Rows {
         predicted: f64,
     ) -> Contact {
         let all = &step.surfaces.parts;
-        let radius = |part: usize| match all.get(part) {
-            Some(part) => part.radius,
-            None => step.obstacles[part - all.len()].radius,
-        };
-        let thickness = radius(parts[0]) + radius(parts[1]);
+        let meeting = (step.meeting)(parts[0], parts[1]);
+        let (thickness, friction) = meeting.map_or((0.0, 0.0), |of| (of.distance, of.friction));
         let Foot {
             vertices, weights, ..
         } = at.foot;
@@ -430,7 +455,7 @@ impl Rows {
                 normal: at.normal,
                 gap: predicted - thickness - at.normal.dot(&at.relative),
                 motion: prescribed.map(|(v, w)| step.u[v] * -w).sum(),
-                friction: (step.friction)(parts[0], parts[1]),
+                friction,
                 normal_stiffness: 0.0,
                 friction_stiffness: 0.0,
                 carried: 0.0,

@@ -21,7 +21,9 @@ use crate::contact::certificate::{Truncation, truncate};
 use crate::contact::obstacle::{Geometry, Obstacle};
 use crate::contact::row::Response;
 use crate::contact::shape::Shape;
-use crate::contact::{Counts, Lists, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach};
+use crate::contact::{
+    Counts, Lists, Meeting, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach,
+};
 use crate::element::precision::Precision;
 use crate::mesh::{Mesh, MeshError, TriMesh};
 use crate::{Mat3, Vec3};
@@ -179,13 +181,13 @@ impl Source {
 #[derive(Clone, Debug, Default)]
 struct Meetings {
     count: usize,
-    /// The coefficient of friction; `None` for sides that do not touch.
-    friction: Vec<Option<f64>>,
+    /// `None` for sides that do not touch.
+    of: Vec<Option<Meeting>>,
 }
 
 impl Meetings {
-    fn get(&self, one: usize, other: usize) -> Option<f64> {
-        self.friction[one * self.count + other]
+    fn get(&self, one: usize, other: usize) -> Option<Meeting> {
+        self.of[one * self.count + other]
     }
 }
 
@@ -310,7 +312,6 @@ impl Contacts {
                     shape: *shape,
                     start: pose,
                     end: pose,
-                    radius: 0.0,
                 });
                 None
             }
@@ -334,23 +335,32 @@ impl Contacts {
         Ok(())
     }
 
-    /// Ends the lists of bodies and obstacles. `friction` gives the coefficient of friction
-    /// of two sides; `None` for sides that do not touch.
-    pub fn complete(&mut self, friction: &dyn Fn(Side, Side) -> Option<f64>) {
+    /// Ends the lists of bodies and obstacles. `meeting` tells how two sides meet;
+    /// `None` for sides that do not touch.
+    pub fn complete(&mut self, meeting: &dyn Fn(Side, Side) -> Option<Meeting>) {
         let sides = self.sides();
         let mut of = Vec::with_capacity(sides.len() * sides.len());
         for one in &sides {
-            of.extend(sides.iter().map(|other| friction(*one, *other)));
+            of.extend(sides.iter().map(|other| meeting(*one, *other)));
         }
         self.meetings = Meetings {
             count: sides.len(),
-            friction: of,
+            of,
         };
         self.keep_apart();
         self.reserve();
     }
 
+    /// Keeps parts from touching that do not meet. Pairs are listed up to the sum of the radii of their parts, which is at least
+    /// the distance at which they meet.
     fn keep_apart(&mut self) {
+        for part in 0..self.surfaces.parts.len() {
+            let meetings =
+                (0..self.meetings.count).filter_map(|other| self.meetings.get(part, other));
+            let farthest = meetings.map(|meeting| meeting.distance).fold(0.0, f64::max);
+            let radius = &mut self.surfaces.parts[part].radius;
+            *radius = radius.max(0.5 * farthest);
+        }
         for one in 0..self.surfaces.parts.len() {
             for other in one + 1..self.surfaces.parts.len() {
                 if self.meetings.get(one, other).is_none() {
@@ -467,7 +477,7 @@ impl Contacts {
             hierarchy: lists.hierarchy(),
             pairs: &|found| lists.each(surfaces, x, found),
             h,
-            friction: &|one, other| meetings.get(one, other).unwrap_or(0.0),
+            meeting: &|one, other| meetings.get(one, other),
         };
         self.began = self.rows.begin(&step);
         self.make_touches(members);

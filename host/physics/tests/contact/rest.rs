@@ -28,7 +28,6 @@ fn still(shape: Shape, at: Vec3) -> Placed {
         shape,
         start: pose,
         end: pose,
-        radius: 0.0,
     }
 }
 

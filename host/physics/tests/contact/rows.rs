@@ -7,7 +7,7 @@ use physics::Vec3;
 use physics::contact::row::Response;
 use physics::contact::shape::Shape;
 use physics::contact::{
-    Contact, Key, Lists, Pair, Part, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach,
+    Contact, Key, Lists, Meeting, Pair, Part, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach,
 };
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{LineMesh, Mesh};
@@ -51,7 +51,7 @@ impl Scene {
             stiffest: &masses,
             h: H,
             parting: 0.2,
-            friction: &|_, _| 0.3,
+            meeting: &Meeting::by_radii(surfaces, 0.3),
             obstacles: &self.obstacles,
             hierarchy: lists.hierarchy(),
             pairs: &|found| match pairs {
@@ -326,7 +326,6 @@ fn an_obstacle_that_moves_takes_its_contact_along() {
         shape: Shape::Plane,
         start,
         end: turn,
-        radius: 0.0,
     }];
     let (_, found) = scene.contacts(100, None);
     assert_eq!(found.len(), 16);
@@ -366,7 +365,6 @@ fn a_step_allocates_nothing() {
         shape: Shape::Sphere { radius: 0.05 },
         start: Isometry3::identity(),
         end: Isometry3::identity(),
-        radius: 0.0,
     }];
     let all = first.all_pairs();
     let mut responses = Vec::with_capacity(4_000);
@@ -382,7 +380,7 @@ fn a_step_allocates_nothing() {
                 stiffest: &masses,
                 h: H,
                 parting: 0.2,
-                friction: &|_, _| 0.3,
+                meeting: &Meeting::by_radii(&surfaces, 0.3),
                 obstacles: &obstacles,
                 hierarchy: lists.hierarchy(),
                 pairs: &|found| all.iter().for_each(|pair| found(*pair)),

@@ -2,7 +2,9 @@
 
 use physics::contact::certificate::truncate;
 use physics::contact::crossing::passes;
-use physics::contact::{Lists, Pair, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach};
+use physics::contact::{
+    Lists, Meeting, Pair, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach,
+};
 use physics::mesh::Mesh;
 use physics::mesh::TriMesh;
 use physics::motion::joined::{At, Workspace};
@@ -158,7 +160,7 @@ impl World {
             stiffest: &self.stiffest,
             h: H,
             parting: 0.2,
-            friction: &|_, _| friction,
+            meeting: &Meeting::by_radii(surfaces, friction),
             obstacles: &self.obstacles,
             hierarchy: lists.hierarchy(),
             pairs: &|found| match given {

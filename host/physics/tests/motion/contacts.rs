@@ -2,7 +2,7 @@
 
 use physics::contact::obstacle::{Geometry, Motion, Obstacle};
 use physics::contact::shape::Shape;
-use physics::contact::{Skin, crossing::passes};
+use physics::contact::{Meeting, Skin, crossing::passes};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{Mesh, TriMesh};
 use physics::motion::contacts::{Contacts, Member, Side};
@@ -21,6 +21,7 @@ struct World {
     meshes: Vec<Mesh>,
     hands: Vec<Vec<HandlePose>>,
     steps: u32,
+    radius: f64,
     asleep: Vec<bool>,
 }
 
@@ -33,6 +34,7 @@ impl World {
             meshes: Vec::new(),
             hands: Vec::new(),
             steps: 0,
+            radius: RADIUS,
             asleep: Vec::new(),
         }
     }
@@ -91,9 +93,17 @@ impl World {
     }
 
     fn complete(&mut self, friction: f64) {
+        let radius = self.radius;
         self.contacts.complete(&|one, other| match (one, other) {
             (Side::Obstacle(_), Side::Obstacle(_)) => None,
-            _ => Some(friction),
+            (Side::Body(_), Side::Body(_)) => Some(Meeting {
+                distance: 2.0 * radius,
+                friction,
+            }),
+            _ => Some(Meeting {
+                distance: radius,
+                friction,
+            }),
         });
     }
 
@@ -352,6 +362,7 @@ fn a_block_on_an_incline_stays() {
         &[],
     )
     .unwrap();
+    world.radius = 0.05e-3;
     world.add(body, Mesh::Solid(mesh), 0.05e-3, true);
     world.still(Shape::Plane, Vec3::zeros());
     world.complete(0.5);
