@@ -1,7 +1,7 @@
 //! The texts of a scene: what is refused is refused in one line. Each function returns one if the text is accepted.
 
 use crate::is_one_line;
-use host::scene::{Scene, recording};
+use host::scene::{Scene, poses, recording};
 use sim::DeviceFile;
 
 /// A scene.
@@ -22,11 +22,21 @@ pub fn device(text: &str) -> usize {
     read.map_err(|error| is_one_line(&error)).map_or(0, |_| 1)
 }
 
-/// A recorded motion. What is accepted has ascending times and finite numbers.
+/// A recorded motion of a hand, or the poses of an obstacle. What is accepted has ascending times and finite numbers.
 ///
 /// # Panics
-/// If the reader breaks the rule.
+/// If a reader breaks the rule.
 pub fn recording(text: &str) -> usize {
+    match poses::parse(text, "obstacle.csv") {
+        Ok(rows) => {
+            assert!(rows.windows(2).all(|pair| pair[0].time < pair[1].time));
+            for row in &rows {
+                assert!(row.pose.to_matrix().iter().all(|x| x.is_finite()));
+            }
+            return 1;
+        }
+        Err(error) => is_one_line(&error),
+    }
     match recording::parse(text, "hand.csv") {
         Ok(rows) => {
             assert!(rows.windows(2).all(|pair| pair[0].0 < pair[1].0));

@@ -1,6 +1,5 @@
 //! Checks across several fields: whether the parts of a scene are consistent.
 
-use super::contact;
 use super::drivers::drivers;
 use super::spec::body::BorderName;
 use super::spec::{
@@ -59,7 +58,6 @@ pub(super) fn check(scene: &Scene) -> Check {
         check_tear(&format!("body[{index}]"), body, &scene.host)?;
     }
     check_holding(scene)?;
-    contact::check(scene)?;
     for (index, device) in scene.devices.iter().enumerate() {
         check_driver(&format!("device[{index}]"), device)?;
         check_held(&format!("device[{index}]"), device)?;

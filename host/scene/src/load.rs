@@ -180,6 +180,7 @@ fn parse(source: &Source) -> Result<Scene, SceneError> {
     let scene = serde_path_to_error::deserialize(document)
         .map_err(|error| SceneError::refused(source, &error.path().to_string(), error.inner()))?;
     consistency::check(&scene)
+        .and_then(|()| contact::check(&scene))
         .map_err(|conflict| source.error(&conflict.field, conflict.found, conflict.allowed))?;
     Ok(scene)
 }

@@ -315,7 +315,7 @@ pub fn deepest(
 ) -> Option<(f64, Vec3)> {
     let [a, b, c] = corners;
     let (mut lower, mut upper) = (f64::NEG_INFINITY, (f64::INFINITY, *a));
-    for at in [(a + b + c) / 3.0, *a, *b, *c] {
+    for at in [*a, *b, *c, (a + b + c) / 3.0] {
         let near = obstacle.nearest(&at, t)?;
         // A convex function lies above its tangents, which are least at corners.
         let tangents = corners.map(|corner| near.distance + near.normal.dot(&(corner - at)));

@@ -337,7 +337,7 @@ fn a_mesh_is_judged_with_and_without_a_scene() {
         "{warned}"
     );
 
-    let contact = "self_contact = true\n[[obstacle]]\nname = 'floor'\nshape = 'plane'\nposition = [0, 0, HEIGHT]\n";
+    let contact = "self_contact = true\ncontact_thickness = 5e-4\n[[obstacle]]\nname = 'floor'\nshape = 'plane'\nposition = [0, 0, HEIGHT]\n";
     let scene = std::fs::read_to_string(folder.path().join("scene.toml")).unwrap();
     let on_floor = |height: &str| {
         write(
@@ -347,12 +347,12 @@ fn a_mesh_is_judged_with_and_without_a_scene() {
         check("floor.toml")
     };
     let (code, printed, _) = on_floor("-0.001");
-    let end = "floor: obstacle, plane, still\ncloth and cloth: touch at 0.001 m, friction 0.3\ncloth and floor: touch at \
-               0.0005 m, friction 0.3\n";
+    let end = "floor: obstacle, plane, still\ncloth and cloth: touch at 0.0005 m, friction 0.3\ncloth and floor: touch at \
+               0.00025 m, friction 0.3\n";
     assert!(code == Some(0) && printed.ends_with(end), "{printed}");
     let (code, printed, warned) = on_floor("0.01");
     assert_eq!((code, &printed[..]), (Some(2), ""));
-    let said = "palpate: floor.toml:6: obstacle[0]: found body \"cloth\" 0.01 m inside obstacle \"floor\" at ";
+    let said = "palpate: floor.toml:8: obstacle[0]: found body \"cloth\" 0.01 m inside obstacle \"floor\" at ";
     assert!(warned.contains(said), "{warned}");
 
     write("slit.obj", "v 0 0 0\nv 1 0 0\nf 1 2 3\n");
