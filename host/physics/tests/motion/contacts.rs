@@ -382,3 +382,103 @@ fn a_block_on_an_incline_stays() {
         }
     }
 }
+
+/// A soft block under a hand that presses it on the floor: the local model has the stiffness that the hand finds if it moves
+/// and waits.
+#[test]
+fn the_local_model_of_a_pressed_block_feels_the_floor() {
+    let mut world = World::new();
+    world.radius = 0.5e-3;
+    let mut mesh = physics::mesh::generate_box::solid_box([0.1; 3], [4; 3]).unwrap();
+    for x in &mut mesh.positions {
+        *x += Vec3::z() * (0.05 + world.radius);
+    }
+    let top = 0.1 + world.radius;
+    let held: Vec<u32> = (0..)
+        .zip(&mesh.positions)
+        .filter(|(_, x)| x.z > top - 1e-6)
+        .map(|(v, _)| v)
+        .collect();
+    let handle = physics::HandleSpec {
+        vertices: held,
+        origin: Vec3::z() * top,
+        freedom: physics::Freedom::Translation,
+        border: physics::Border::Hinged,
+    };
+    let material = physics::SolidMaterial {
+        young: 20e3,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        gravity: DOWN,
+        stiffness_damping: 5e-3,
+        ..BodyConfig::default()
+    };
+    let body = Body::solid(
+        &mesh,
+        &[material],
+        physics::SolidLaw::Corotational,
+        config,
+        &[handle],
+    )
+    .unwrap();
+    let radius = world.radius;
+    world.add(body, Mesh::Solid(mesh), radius, false);
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.6);
+    let at = |z: f64, x: f64| HandlePose::at(Vec3::new(x, 0.0, top + z));
+    world.hands[0] = vec![at(0.0, 0.0)];
+    for step in 0..=60_u32 {
+        world.hands[0] = vec![at(-0.5e-3 * f64::from(step) / 60.0, 0.0)];
+        world.step();
+    }
+    for _ in 0..150 {
+        world.step();
+    }
+    let force = |world: &World| {
+        world.bodies[0]
+            .handle_report(0)
+            .unwrap()
+            .wrench_on_hand
+            .force
+    };
+    let before = force(&world);
+    let mut shapes = physics::Shapes::default();
+    let options = physics::ShapeOptions {
+        max_iterations: 2000,
+        ..physics::ShapeOptions::default()
+    };
+    let stepper = &mut world.steppers[0];
+    let (condensed, report) = shapes
+        .condense(stepper, &world.bodies[0], 10.0, &options)
+        .unwrap();
+    let stiffness = condensed.stiffness.clone();
+    println!(
+        "{report:?} {before} K {} {} contact {:?}",
+        stiffness[(2, 2)],
+        stiffness[(0, 0)],
+        world.contacts.touching()
+    );
+    for (axis, by) in [(2, -20e-6), (0, 10e-6)] {
+        let mut offset = Vec3::zeros();
+        offset[axis] = by;
+        world.hands[0] = vec![at(-0.5e-3 + offset.z, offset.x)];
+        for _ in 0..200 {
+            world.step();
+        }
+        let found = -(force(&world) - before)[axis] / by;
+        println!(
+            "axis {axis}: found {found} model {}",
+            stiffness[(axis, axis)]
+        );
+        assert!(
+            (stiffness[(axis, axis)] / found - 1.0).abs() < 0.01,
+            "{axis}"
+        );
+        world.hands[0] = vec![at(-0.5e-3, 0.0)];
+        for _ in 0..200 {
+            world.step();
+        }
+    }
+}
