@@ -600,10 +600,10 @@ impl Contacts {
             rows: self.began,
             ..ContactReport::default()
         };
+        self.report.solved.converged = true;
         if self.is_idle {
             return;
         }
-        self.report.solved.converged = true;
         let mut from = 0;
         while from < self.touches.len() {
             let island = self.island_of(self.of_row[from], members);
