@@ -147,7 +147,7 @@ fn volume(mesh: &Mesh) -> f64 {
     cells.map(|cell| size(&mesh.positions, cell).0 / 6.0).sum()
 }
 
-/// Refuses a scene in which things touch.
+/// Refuses a scene in which things touch, for an equilibrium or a motion without devices.
 ///
 /// # Errors
 /// [`SceneError`] at the first obstacle, contact or self-contact.
@@ -162,7 +162,7 @@ pub fn check_solved(loaded: &LoadedScene) -> Result<(), SceneError> {
         _ if !scene.contacts.is_empty() => "contact[0]".to_owned(),
         index => format!("body[{}].self_contact", index.unwrap_or(0)),
     };
-    let problem = "contact is not solved yet: `palpate mesh check` checks such a scene, and no other command accepts it";
+    let problem = "`palpate solve` does not solve contact yet: `palpate run` does";
     Err(loaded.source.problem(&field, problem))
 }
 

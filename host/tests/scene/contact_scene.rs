@@ -383,7 +383,7 @@ fn a_run_refuses_contact_while_it_is_not_solved() {
     let world = World::new(&loaded).expect("a world");
     let refused = Prepared::new(&world, &Options::of(&world)).err();
     let said = refused.expect("contact").to_string();
-    let expected = "x.toml:23: obstacle[0]: contact is not solved yet: ";
+    let expected = "x.toml:23: obstacle[0]: `palpate solve` does not solve contact yet";
     assert!(said.starts_with(expected), "{said}");
     assert!(
         World::new(&Scene::embedded_default().expect("a scene")).is_ok_and(|world| {

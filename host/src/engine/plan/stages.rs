@@ -30,14 +30,30 @@ impl Stage {
     }
 }
 
+/// What may touch, in numbers.
+fn contact(scene: &Scene) -> String {
+    let count = |number: usize, one: &str, many: &str| match number {
+        1 => format!("1 {one}"),
+        number => format!("{number} {many}"),
+    };
+    let itself = scene.bodies.iter().filter(|body| body.self_contact).count();
+    format!(
+        "{}, {} between bodies, {} that may touch themselves",
+        count(scene.obstacles.len(), "obstacle", "obstacles"),
+        count(scene.contacts.len(), "contact", "contacts"),
+        count(itself, "body", "bodies")
+    )
+}
+
 /// The stages of a host step for a scene whose bodies have these plans, in the scene's order.
 pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
     vec![
         handles(scene, bodies),
-        Stage::new(
-            "collision",
-            false,
-            "contact is not implemented: bodies pass through each other",
+        Stage::either(
+            "contact",
+            scene.has_contact(),
+            contact(scene),
+            "no obstacle, no [[contact]] and no self_contact: bodies pass through each other",
         ),
         Stage::new("elements", true, elements(bodies)),
         bending(bodies),
