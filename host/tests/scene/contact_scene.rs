@@ -3,7 +3,7 @@
 use host::run::prepare::{Options, Prepared};
 use host::scene::Scene;
 use host::world::World;
-use host::world::contact::{ContactPair, Thing};
+use host::world::contact::{ContactPair, Thing, check_solved};
 use nalgebra::Isometry3;
 use physics::contact::obstacle::{Geometry, Motion};
 use physics::contact::shape::Shape;
@@ -378,11 +378,11 @@ fn a_world_has_its_obstacles_and_pairs() {
 }
 
 #[test]
-fn a_run_refuses_contact_while_it_is_not_solved() {
+fn a_run_takes_a_scene_with_contact_and_solve_refuses_it() {
     let loaded = Scene::load_texts("x.toml", BASE, &files(&[])).expect("a scene");
     let world = World::new(&loaded).expect("a world");
-    let refused = Prepared::new(&world, &Options::of(&world)).err();
-    let said = refused.expect("contact").to_string();
+    Prepared::new(&world, &Options::of(&world)).expect("a run");
+    let said = check_solved(&loaded).expect_err("contact").to_string();
     let expected = "x.toml:23: obstacle[0]: `palpate solve` does not solve contact yet";
     assert!(said.starts_with(expected), "{said}");
     assert!(
@@ -394,7 +394,7 @@ fn a_run_refuses_contact_while_it_is_not_solved() {
     );
 }
 
-/// The scenes for contact, which no command runs yet.
+/// The scenes for contact.
 #[test]
 fn the_scenes_of_contact_are_sound() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes/contact");

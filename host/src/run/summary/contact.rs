@@ -6,46 +6,45 @@ use physics::motion::contacts::Side;
 use serde::Serialize;
 use std::fmt;
 
-/// The contacts of a run.
+/// The contacts of a run. Counts are sums over all steps.
 #[derive(Clone, Debug, Serialize)]
 pub struct ContactSummary {
-    /// By pair of bodies and obstacles that touched.
+    /// By pair that touched.
     pub pairs: Vec<ContactPairSummary>,
-    /// Displacements of vertices, over all steps, that were shortened so that nothing crosses.
+    /// Displacements of vertices that were shortened so that nothing crosses.
     pub truncated: u64,
-    /// Pairs of elements, over all steps, to which an obstacle or a hand left no room. They may have crossed.
+    /// Pairs of elements to which an obstacle or a hand left no room. They may have crossed.
     pub squeezed: u64,
-    /// Contacts, over all steps, for which there was no row. The deepest ones had rows.
+    /// Contacts for which there was no row.
     pub dropped: u64,
     /// Most rows of a step.
     pub most_rows: usize,
-    /// Energy that contacts took from the bodies (J): dissipated by friction, or stored in its springs.
+    /// Energy that contacts took from the bodies (J).
     pub taken: f64,
-    /// Work of moving obstacles on the bodies (J).
+    /// Work of moving obstacles (J).
     pub by_obstacles: f64,
-    /// Work with which bodies parted that began in each other (J).
+    /// Work with which overlaps at the start parted (J).
     pub parted: f64,
 }
 
-/// The contacts of two bodies, of a body with itself, or of a body with an obstacle. Forces are sums over all contacts of a
-/// step.
+/// The contacts of a pair. Forces are sums of sizes over the contacts of a step (N).
 #[derive(Clone, Debug, Serialize)]
 pub struct ContactPairSummary {
     /// The names.
     pub between: [String; 2],
-    /// Number of steps in which the two touched.
+    /// Steps in which the two touched.
     pub steps: u64,
     /// Most contacts of a step.
     pub most_contacts: usize,
     /// Number of contacts at the end.
     pub contacts: usize,
-    /// Sum of the sizes of the normal forces at the end (N).
+    /// Normal force at the end (N).
     pub normal_force: f64,
-    /// Sum of the sizes of the friction forces at the end (N).
+    /// Friction force at the end (N).
     pub friction_force: f64,
-    /// Largest sum of the sizes of the normal forces (N).
+    /// Largest normal force (N).
     pub peak_force: f64,
-    /// Time of the largest sum (s).
+    /// Its time (s).
     pub peak_time: f64,
     /// Largest depth of a contact (m).
     pub depth: f64,
