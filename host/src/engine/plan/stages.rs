@@ -4,6 +4,7 @@ use super::{BodyPlan, TearPlan};
 use crate::engine::parting::FAR;
 use crate::scene::spec::{Scene, SolverName, Starts, TearLawName};
 use crate::world::Kind;
+use crate::world::contact::touching;
 use crate::world::scheme;
 
 /// One stage of the host step.
@@ -34,11 +35,7 @@ impl Stage {
 pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
     vec![
         handles(scene, bodies),
-        Stage::new(
-            "collision",
-            false,
-            "contact is not implemented: bodies pass through each other",
-        ),
+        collision(scene),
         Stage::new("elements", true, elements(bodies)),
         bending(bodies),
         supports(scene),
@@ -71,6 +68,16 @@ fn handles(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
         scene.host.smoothing
     );
     Stage::new("handles", held > 0, why)
+}
+
+fn collision(scene: &Scene) -> Stage {
+    let pairs = touching(scene).len();
+    let why = format!(
+        "{} may touch: bodies that touch are solved together, and asleep together",
+        count(pairs, "pair")
+    );
+    let why_not = "no obstacle, no contact and no self-contact: bodies pass through each other";
+    Stage::either("collision", pairs > 0, why, why_not)
 }
 
 /// The elements of each kind of body.
