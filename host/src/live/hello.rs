@@ -1,6 +1,7 @@
 //! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
 
 use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
+use super::obstacle;
 use crate::scene::spec::ModelName;
 use crate::world::{Kind, World, grasps, scheme};
 use std::collections::BTreeMap;
@@ -56,6 +57,11 @@ impl Hello {
             duration: scene.duration,
             devices: devices.collect(),
             bodies: bodies.collect(),
+            obstacles: obstacle::infos(
+                scene,
+                &world.obstacles,
+                (world.bodies.iter()).flat_map(|built| built.mesh.positions().iter().copied()),
+            ),
             facts,
             scene_text: loaded.source.text.clone(),
             files: loaded.files.clone(),

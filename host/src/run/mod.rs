@@ -283,7 +283,7 @@ pub fn run_watched(
     let devices = &prepared.tick.devices;
     let log = log.map(|log| (log, header(loaded, options, seed, devices), log_frames));
     let mut observers = observers(loaded, options, others, (log, tears), &logged)?;
-    if options.log.is_some() || options.ticks.csv.is_some() {
+    if options.log.is_some() || options.ticks.csv.is_some() || view.is_some() {
         let channel = contacts::channel(&loaded.scene, &prepared.engine);
         if let Some((sender, steps)) = channel {
             prepared.subscribers.contacts = Some(sender);
