@@ -47,8 +47,7 @@ pub struct BodyPlan {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
-    /// The time over which models predict the response of the body to its hands (s): the horizon, or the memory of the
-    /// filter on the paths of the handles if that is longer.
+    /// The time over which models predict the response of the body to its hands (s).
     pub response: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
     pub links: Option<Vec<Spring>>,
@@ -78,11 +77,11 @@ pub struct TearPlan {
 /// Two things that may touch.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct ContactPlan {
-    /// The names; a body that touches itself is named twice.
+    /// The names.
     pub between: [String; 2],
-    /// Coefficient of friction.
+    /// The ratio of friction to normal force in sliding.
     pub friction: f64,
-    /// The distance between the two meshes at which contact begins (m).
+    /// The distance at which contact begins (m).
     pub distance: f64,
 }
 

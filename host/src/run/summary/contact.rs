@@ -9,45 +9,44 @@ use std::fmt;
 /// The contacts of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct ContactSummary {
-    /// By pair of bodies and obstacles that touched.
+    /// By pair that touched.
     pub pairs: Vec<ContactPairSummary>,
-    /// Displacements of vertices, over all steps, that were shortened so that nothing crosses.
+    /// Displacements of vertices that were shortened so that nothing crosses.
     pub truncated: u64,
-    /// Pairs of elements, over all steps, to which an obstacle or a hand left no room. They may have crossed.
+    /// Pairs of elements that had no room and may have crossed.
     pub squeezed: u64,
-    /// Contacts, over all steps, for which there was no row. The deepest ones had rows.
+    /// Contacts without a row.
     pub dropped: u64,
     /// Most rows of a step.
     pub most_rows: usize,
-    /// Energy that contacts took from the bodies (J): dissipated by friction, or stored in its springs.
+    /// Energy that contacts took from the bodies (J).
     pub taken: f64,
-    /// Work of moving obstacles on the bodies (J).
+    /// Work of moving obstacles (J).
     pub by_obstacles: f64,
-    /// Work with which bodies parted that began in each other (J).
+    /// Work with which overlapping starts parted (J).
     pub parted: f64,
 }
 
-/// The contacts of two bodies, of a body with itself, or of a body with an obstacle. Forces are sums over all contacts of a
-/// step.
+/// The contacts of a pair. Forces are sums over a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct ContactPairSummary {
     /// The names.
     pub between: [String; 2],
-    /// Number of steps in which the two touched.
+    /// Number of steps in contact.
     pub steps: u64,
     /// Most contacts of a step.
     pub most_contacts: usize,
     /// Number of contacts at the end.
     pub contacts: usize,
-    /// Sum of the sizes of the normal forces at the end (N).
+    /// Normal force at the end (N).
     pub normal_force: f64,
-    /// Sum of the sizes of the friction forces at the end (N).
+    /// Friction force at the end (N).
     pub friction_force: f64,
-    /// Largest sum of the sizes of the normal forces (N).
+    /// Largest normal force (N).
     pub peak_force: f64,
-    /// Time of the largest sum (s).
+    /// Its time (s).
     pub peak_time: f64,
-    /// Largest depth of a contact (m).
+    /// Largest depth (m).
     pub depth: f64,
 }
 
