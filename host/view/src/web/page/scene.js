@@ -15,6 +15,8 @@ const STILL = 400;
 const COARSE = 0.75;
 /** Least time between two changes of the labels while WebGL on the processor draws motion (ms). */
 const LABELS = 100;
+/** Most contacts of a frame. */
+const CONTACTS = 256;
 const UNIT = { displacement: "m", stress: "Pa" };
 const NAME = { displacement: "Displacement", stress: "Von Mises stress" };
 const up = new THREE.Vector3(0, 0, 1);
@@ -96,6 +98,7 @@ export class View {
     this.axes = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial());
     this.scene.add(this.grid, this.axes);
     this.pushes = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ depthTest: false }));
+    this.pushes.geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(6 * CONTACTS), 3).setUsage(THREE.DynamicDrawUsage));
     this.pushes.frustumCulled = false;
     this.pushes.visible = false;
     this.scene.add(this.pushes);
@@ -545,8 +548,11 @@ export class View {
   updateContacts() {
     const most = Math.max(1e-9, ...this.contacts.map(({ force }) => Math.hypot(...force)));
     const scale = this.radius / (3 * most);
-    const ends = this.contacts.flatMap(({ at, force }) => [...at, ...at.map((x, axis) => x + scale * force[axis])]);
-    this.pushes.geometry.setAttribute("position", new THREE.Float32BufferAttribute(ends, 3));
+    const { position } = this.pushes.geometry.attributes;
+    const shown = this.contacts.slice(0, CONTACTS);
+    shown.forEach(({ at, force }, index) => position.array.set([...at, ...at.map((x, axis) => x + scale * force[axis])], 6 * index));
+    position.needsUpdate = true;
+    this.pushes.geometry.setDrawRange(0, 2 * shown.length);
   }
 
   /** The position of a point (m) on the canvas, in CSS pixels from its left upper corner. */
