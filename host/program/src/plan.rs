@@ -3,7 +3,7 @@
 use super::outputs::{Declared, Format};
 use super::{CommandError, SceneArgument, build, progress_bar};
 use host::atomic_file::write_json;
-use host::engine::plan::{BodyPlan, Stage, stages};
+use host::engine::plan::{BodyPlan, ContactPlan, Stage, stages};
 use host::engine::rehearsal::Rehearsal;
 use host::engine::unrendered::{DampedSummary, StiffSummary};
 use host::preparation::Preparation;
@@ -44,6 +44,9 @@ struct PlanJson<'a> {
     stiff: &'a [StiffSummary],
     /// For each body of whose damping the devices render less than the whole at rest: where they render the least part of it.
     damped: &'a [DampedSummary],
+    /// The pairs that may touch; missing if nothing may.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    contacts: &'a [ContactPlan],
     /// The data from which the engine is built, by body.
     bodies: &'a [BodyPlan],
 }
@@ -78,6 +81,10 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
         let sign = if stage.needed { "run " } else { "skip" };
         outln!("  {sign}  {:<10} {}", stage.name, stage.why);
     }
+    let contacts = ContactPlan::all(&world);
+    for pair in &contacts {
+        outln!("  touch      {pair}");
+    }
     for direction in &stiff {
         outln!("  stiff      {direction}");
     }
@@ -106,6 +113,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
             step_time,
             stiff: &stiff,
             damped: &damped,
+            contacts: &contacts,
             bodies: &plans,
         };
         write_json(path, &json)?;

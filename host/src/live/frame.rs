@@ -2,7 +2,9 @@
 //! are integers since the start of the run.
 
 use super::Range;
+use super::obstacle::{ObstacleInfo, ObstacleState};
 use crate::record::Distribution;
+use crate::record::contact::ContactPoint;
 use crate::snapshot::HostCounts;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -50,6 +52,9 @@ pub struct Hello {
     pub devices: Vec<DeviceInfo>,
     /// The bodies, in the scene's order.
     pub bodies: Vec<BodyInfo>,
+    /// The obstacles, in the scene's order. A scene without obstacles has no such field, as have earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<ObstacleInfo>,
     /// The facts of the log's header: seed, version and others.
     pub facts: BTreeMap<String, String>,
     /// The text of the scene. Scene and files let a viewer build the bodies, to compute stresses. They are not sent to
@@ -112,6 +117,12 @@ pub struct Frame {
     pub hands: Vec<HandState>,
     /// The bodies at the last tick.
     pub bodies: Vec<BodyState>,
+    /// The obstacles at the last tick.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<ObstacleState>,
+    /// The strongest contacts of the newest host step.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<ContactArrow>,
     /// The host; `None` if nothing is known, as in a log.
     pub host: Option<HostCounts>,
     /// The events since the frame before, in order.
@@ -127,6 +138,30 @@ pub struct Frame {
     pub more_log: u64,
     /// The run is over, and this is its last frame.
     pub last: bool,
+}
+
+/// A contact of a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContactArrow {
+    /// Its place (m).
+    pub at: [f32; 3],
+    /// The force on the body, of two bodies on the first one (N).
+    pub force: [f32; 3],
+}
+
+impl From<&ContactPoint> for ContactArrow {
+    fn from(point: &ContactPoint) -> Self {
+        let [one, other] = point.sides;
+        let force = if one <= other {
+            point.force
+        } else {
+            -point.force
+        };
+        Self {
+            at: point.at.map(|x| x as f32).into(),
+            force: force.map(|x| x as f32).into(),
+        }
+    }
 }
 
 /// A message as the log has it.

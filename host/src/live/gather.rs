@@ -19,6 +19,7 @@ pub use resume::{Checkpoint, HandSums};
 pub use view::TickView;
 
 use super::frame::{Event, EventKind, Folded, Frame, Totals};
+use super::obstacle;
 use crate::record::Clock;
 use crate::record::Distribution;
 use crate::record::TearEvent;
@@ -26,8 +27,10 @@ use crate::record::totals::DeviceSum;
 use crate::scene::LoadedScene;
 use bins::bins;
 use events::{Change, Watch};
+use physics::contact::Obstacle;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use runner::latency::{Latencies, LatencyHistogram, LatencyReader};
+use std::sync::Arc;
 
 /// Most events of a frame. A limit that flickers would otherwise fill the memory of a viewer.
 pub const MAX_EVENTS: usize = 64;
@@ -70,6 +73,8 @@ pub struct Gatherer {
     events: Vec<Event>,
     more_events: u64,
     number: u64,
+    /// The obstacles that frames show.
+    obstacles: Arc<[Obstacle]>,
 }
 
 /// The last tick.
@@ -108,7 +113,15 @@ impl Gatherer {
             events: Vec::new(),
             more_events: 0,
             number: 0,
+            obstacles: Arc::default(),
         }
+    }
+
+    /// The gatherer whose frames show these obstacles.
+    #[must_use]
+    pub fn with_obstacles(mut self, obstacles: &[Obstacle]) -> Self {
+        self.obstacles = obstacles.into();
+        self
     }
 
     /// Gives the frames the computing times of the tick from now on: see
@@ -224,9 +237,11 @@ impl Gatherer {
     pub fn frame(&mut self) -> Frame {
         let number = self.number;
         self.number += 1;
+        let time_ns = self.last.tick.map_or(0, |(_, time_ns)| time_ns);
         Frame {
             number,
-            time_ns: self.last.tick.map_or(0, |(_, time_ns)| time_ns),
+            time_ns,
+            obstacles: obstacle::states(&self.obstacles, time_ns as f64 * 1e-9),
             folded: std::mem::take(&mut self.folded),
             totals: self.totals(),
             hands: (self.last.devices.iter().zip(&self.sums))

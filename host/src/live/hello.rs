@@ -1,6 +1,7 @@
 //! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
 
 use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
+use super::obstacle;
 use crate::scene::spec::ModelName;
 use crate::world::{Kind, World, grasps, scheme};
 use std::collections::BTreeMap;
@@ -56,6 +57,11 @@ impl Hello {
             duration: scene.duration,
             devices: devices.collect(),
             bodies: bodies.collect(),
+            obstacles: obstacle::infos(
+                scene,
+                &world.obstacles,
+                (world.bodies.iter()).flat_map(|built| built.mesh.positions().iter().copied()),
+            ),
             facts,
             scene_text: loaded.source.text.clone(),
             files: loaded.files.clone(),
@@ -78,6 +84,29 @@ mod tests {
     use super::*;
     use crate::live::Message;
     use crate::scene::Scene;
+
+    #[test]
+    fn a_viewer_is_told_the_obstacles_and_other_scenes_have_no_field_of_them()
+    -> Result<(), Box<dyn std::error::Error>> {
+        let told = |file: &str| {
+            let path = format!("{}/{file}", env!("CARGO_MANIFEST_DIR"));
+            let loaded = Scene::load(path.as_ref())?;
+            let hello = Hello::new(Source::Run, &World::new(&loaded)?, BTreeMap::new());
+            Ok::<_, Box<dyn std::error::Error>>((serde_json::to_string(&hello)?, hello.obstacles))
+        };
+        let (text, obstacles) = told("tests/scenes/contact/sheet_on_sphere.toml")?;
+        assert!(text.contains("\"obstacles\""));
+        let [ball] = &obstacles[..] else {
+            return Err("one obstacle".into());
+        };
+        assert_eq!((&*ball.name, &*ball.shape), ("ball", "sphere"));
+        let radius = |p: &[f32; 3]| p.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let (points, _) = ball.positions.as_chunks();
+        assert!(points.iter().all(|p| (radius(p) - 0.05).abs() < 1e-7));
+        let (text, obstacles) = told("scenes/press.toml")?;
+        assert!(obstacles.is_empty() && !text.contains("obstacles\":"));
+        Ok(())
+    }
 
     #[test]
     fn a_viewer_can_build_the_bodies_from_what_it_is_told() -> Result<(), Box<dyn std::error::Error>>

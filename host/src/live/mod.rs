@@ -10,12 +10,14 @@ pub mod gather;
 pub mod hello;
 pub mod merge;
 pub mod message;
+pub mod obstacle;
 pub mod range;
 pub mod socket;
 
 pub use frame::{
-    Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, HandState, HandleInfo,
-    Hello, LogMessage, Playback, Source, Totals, Vertices,
+    Bins, BodyInfo, BodyState, ContactArrow, DeviceInfo, Event, EventKind, Folded, Frame,
+    HandState, HandleInfo, Hello, LogMessage, Playback, Source, Totals, Vertices,
 };
 pub use message::{Message, MessageError};
+pub use obstacle::{ObstacleInfo, ObstacleState};
 pub use range::Range;

@@ -14,6 +14,8 @@
 //!   (`palpate_msgs/msg/Surface`). The time of a frame is the due time of its step. Replays skip these channels.
 //! - With the channels of [`Group::Tears`], the log of a scene with sheets that tear holds every edit of a sheet on the channel
 //!   `/bodies/NAME/tears` (`palpate_msgs/msg/Tear`). The time of a message is the due time of the step.
+//! - With the channel of [`Group::Contacts`], the log of a scene with contact holds the contacts of every host step on the
+//!   channel `/contacts` (`palpate_msgs/msg/Contacts`). Replays skip this channel.
 //! - The attachment `palpate.overview` at the end summarizes the run ([`overview`]), so that a player opens the log
 //!   by its index ([`index`]). It is not a file of the scene.
 //! - Two logs of the same ticks hold the same bytes: no wall clock and no random number enters.

@@ -1,7 +1,7 @@
 //! A whole log in memory, for tests and for programs that look at all ticks at once.
 
 use super::index::{IndexError, LogIndex};
-use crate::record::{ModelRow, TearEvent, TickRow};
+use crate::record::{ContactStep, ModelRow, TearEvent, TickRow};
 use rt_core::Capabilities;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Seek};
@@ -23,6 +23,8 @@ pub struct Log {
     pub models: Vec<ModelRow>,
     /// The edits by which bodies tore, in the order of the file.
     pub tears: Vec<TearEvent>,
+    /// The contacts of the host steps, in the order of the file.
+    pub contacts: Vec<ContactStep>,
     /// Whether the file has its end; `false` if its writer was killed.
     pub complete: bool,
 }
@@ -64,6 +66,7 @@ impl Log {
             log.rows.extend_from_slice(chunk.records());
             log.models.extend_from_slice(chunk.records());
             log.tears.extend_from_slice(chunk.records());
+            log.contacts.extend_from_slice(chunk.records());
         }
         Ok(log)
     }

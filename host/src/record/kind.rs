@@ -3,7 +3,7 @@
 //! [`KINDS`] lists all kinds. The log writes and reads the kinds of this list, and the index of a log keeps the records of
 //! each kind by its type. A new kind is one file with its [`Kind`], and one entry of the list.
 
-use super::{BodyFrame, Cloud, ModelRow, Surface, TearEvent, TickRow};
+use super::{BodyFrame, Cloud, ContactStep, ModelRow, Surface, TearEvent, TickRow};
 use std::any::Any;
 use std::fmt;
 
@@ -31,6 +31,8 @@ pub enum Group {
     Frames,
     /// A channel of each body that tears.
     Tears,
+    /// One channel, in the log of a scene with contact.
+    Contacts,
 }
 
 impl Group {
@@ -198,11 +200,12 @@ impl KindInfo {
 }
 
 /// All kinds, in the order in which a log has their channels.
-pub(crate) static KINDS: [KindInfo; 6] = [
+pub(crate) static KINDS: [KindInfo; 7] = [
     KindInfo::of::<TickRow>(),
     KindInfo::of::<ModelRow>(),
     KindInfo::of::<Cloud>(),
     KindInfo::of::<BodyFrame>(),
     KindInfo::of::<Surface>(),
     KindInfo::of::<TearEvent>(),
+    KindInfo::of::<ContactStep>(),
 ];

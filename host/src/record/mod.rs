@@ -9,6 +9,7 @@
 
 pub(crate) mod cdr;
 pub(crate) mod cloud;
+pub mod contact;
 pub mod field;
 mod frame;
 mod kind;
@@ -20,6 +21,7 @@ mod times;
 pub mod totals;
 
 pub use cloud::Cloud;
+pub use contact::ContactStep;
 pub use frame::BodyFrame;
 pub use kind::{ChannelInfo, Group, Kind, Stamp};
 pub(crate) use kind::{KINDS, List, Records};

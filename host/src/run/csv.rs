@@ -5,9 +5,12 @@
 
 use super::observer::{Observed, Observer};
 use crate::atomic_file::{AtomicFileError, Stream, open_stream, stream};
+use crate::record::ContactStep;
+use crate::record::contact::{ContactSum, contact_columns};
 use crate::record::tick::{body_columns, device_columns, tick_columns};
 use crate::scene::Scene;
 use crate::table::{Columns, Line};
+use crate::world::contact::touching;
 use rt_core::Telemetry;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use runner::link::LogRecord;
@@ -34,6 +37,8 @@ pub(super) struct CsvObserver {
     taken: u64,
     /// By body: the ticks in which the cap reduced a wrench so far.
     capped: Vec<u64>,
+    /// The sums of the newest host step, by pair that may touch.
+    sums: Vec<ContactSum>,
 }
 
 impl CsvObserver {
@@ -56,6 +61,7 @@ impl CsvObserver {
             flush_every: (scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
             taken: 0,
             capped: vec![0; scene.bodies.len()],
+            sums: pairs(scene),
         })
     }
 
@@ -69,6 +75,9 @@ impl CsvObserver {
         for (body, capped) in telemetry.bodies().zip(&mut self.capped) {
             body_columns(body, *capped, line);
             *capped = body.energy.capped;
+        }
+        for sum in &self.sums {
+            contact_columns(sum, line);
         }
         self.rows.push_str(line.end());
         self.taken += 1;
@@ -95,6 +104,12 @@ impl Observer for CsvObserver {
     fn take(&mut self, record: LogRecord<'_>) {
         if let LogRecord::Tick(telemetry) = record {
             self.write(telemetry);
+        }
+    }
+
+    fn touched(&mut self, step: &mut ContactStep) {
+        for sum in &mut self.sums {
+            *sum = step.sum(sum.sides);
         }
     }
 
@@ -149,5 +164,18 @@ fn columns(scene: &Scene) -> Columns {
     for body in &scene.bodies {
         body_columns(&BodyTelemetry::empty(), 0, &mut columns.of(&body.name));
     }
+    for between in touching(scene) {
+        let names = between.map(|thing| thing.name(scene));
+        contact_columns(&ContactSum::default(), &mut columns.of(&names.join("_")));
+    }
     columns
+}
+
+/// The pairs that may touch, before the first step.
+fn pairs(scene: &Scene) -> Vec<ContactSum> {
+    let pairs = touching(scene).into_iter().map(|between| ContactSum {
+        sides: between.map(|thing| thing.number(scene)),
+        ..ContactSum::default()
+    });
+    pairs.collect()
 }

@@ -9,7 +9,7 @@ use super::tears::TearEvents;
 use crate::live::gather::Gatherer;
 use crate::log::overview::OverviewBuilder;
 use crate::log::{LogError, LogWriter};
-use crate::record::ModelRow;
+use crate::record::{ContactStep, ModelRow};
 use crate::scene::LoadedScene;
 use runner::link::LogRecord;
 use std::fs::File;
@@ -110,6 +110,10 @@ impl Observer for LogObserver {
                 }
             }
         }
+    }
+
+    fn touched(&mut self, step: &mut ContactStep) {
+        self.write(|log| log.write_record(step.stamp(), step));
     }
 
     /// Ends the log. If the log ended early, adds the reason to the failures.

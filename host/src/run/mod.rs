@@ -1,6 +1,7 @@
 //! A run: a scene from beginning to end, under virtual time or the real clock, with its log, plot and summary.
 
 mod collect;
+mod contacts;
 mod csv;
 mod devices;
 pub mod ended;
@@ -282,6 +283,13 @@ pub fn run_watched(
     let devices = &prepared.tick.devices;
     let log = log.map(|log| (log, header(loaded, options, seed, devices), log_frames));
     let mut observers = observers(loaded, options, others, (log, tears), &logged)?;
+    if options.log.is_some() || options.ticks.csv.is_some() || view.is_some() {
+        let channel = contacts::channel(&loaded.scene, &prepared.engine);
+        if let Some((sender, steps)) = channel {
+            prepared.subscribers.contacts = Some(sender);
+            observers = observers.touching(steps);
+        }
+    }
     let session = match view.zip(listener) {
         None => None,
         Some((view, listener)) => {
@@ -409,6 +417,9 @@ fn observers(
         for (index, (body, _)) in bodies.filter(|(_, (_, tears))| *tears) {
             log.add(Group::Tears, index, &body.name)?;
         }
+    }
+    if scene.has_contact() {
+        log.add(Group::Contacts, 0, "")?;
     }
     let log = LogObserver::new(log, loaded, options.clock, (frames, theirs), logged);
     Ok(observers.with(log))

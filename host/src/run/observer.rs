@@ -4,6 +4,8 @@
 //! clock the observers work on the log's thread, fifty times a second. The tick does not depend on them.
 
 use super::collect::Collected;
+use super::contacts::ContactSteps;
+use crate::record::ContactStep;
 use runner::link::LogRecord;
 use std::path::PathBuf;
 
@@ -25,6 +27,9 @@ pub trait Observer: Send {
     /// Takes a record. Telemetry comes in the order of the ticks, and each model before the ticks that used it.
     fn take(&mut self, record: LogRecord<'_>);
 
+    /// Takes the contacts of a host step, before the first tick that follows the step.
+    fn touched(&mut self, _step: &mut ContactStep) {}
+
     /// Called after the records that waited have been taken, and many times a second while none comes.
     fn drained(&mut self) {}
 
@@ -34,7 +39,13 @@ pub trait Observer: Send {
 
 /// The observers of a run, in the order in which they receive each record.
 #[derive(Default)]
-pub struct Observers(Vec<Box<dyn Observer>>);
+pub struct Observers {
+    list: Vec<Box<dyn Observer>>,
+    /// The contacts of the host steps.
+    contacts: ContactSteps,
+    /// The number of the next tick.
+    next: u64,
+}
 
 impl Observers {
     /// A list without observers.
@@ -44,29 +55,64 @@ impl Observers {
 
     /// The list with `observer` added at its end.
     pub fn with(mut self, observer: impl Observer + 'static) -> Self {
-        self.0.push(Box::new(observer));
+        self.list.push(Box::new(observer));
         self
     }
 
-    /// Gives every observer a record.
+    /// The list whose observers take `contacts`.
+    pub(super) fn touching(mut self, contacts: ContactSteps) -> Self {
+        self.contacts = contacts;
+        self
+    }
+
+    /// Gives every observer a record, and before a tick the contacts of the steps that were due until the tick.
     pub(super) fn take(&mut self, record: LogRecord<'_>) {
-        for observer in &mut self.0 {
+        if let LogRecord::Tick(telemetry) = &record {
+            self.take_contacts(telemetry.time_ns, telemetry.tick);
+            self.next = telemetry.tick + 1;
+        }
+        for observer in &mut self.list {
             observer.take(record);
+        }
+    }
+
+    fn take_contacts(&mut self, until_ns: u64, tick: u64) {
+        let list = &mut self.list;
+        self.contacts.until(until_ns, |step| {
+            step.tick = tick;
+            for observer in &mut *list {
+                observer.touched(step);
+            }
+        });
+    }
+
+    /// Gives every observer the contacts of a step of a log.
+    pub(super) fn touched(&mut self, step: &mut ContactStep) {
+        for observer in &mut self.list {
+            observer.touched(step);
         }
     }
 
     /// Tells every observer that the records that waited have been taken.
     pub(super) fn drained(&mut self) {
-        for observer in &mut self.0 {
+        for observer in &mut self.list {
             observer.drained();
         }
     }
 
     /// Ends all observers and returns their results.
-    pub(super) fn finish(self) -> Observed {
+    pub(super) fn finish(mut self) -> Observed {
+        // No tick follows the last steps.
+        self.take_contacts(u64::MAX, self.next);
         let mut observed = Observed::default();
-        for observer in self.0 {
+        for observer in self.list {
             observer.finish(&mut observed);
+        }
+        let missing = self.contacts.missing();
+        if missing > 0 {
+            observed.degradations.push(format!(
+                "log and table lack the contacts of {missing} host steps, because they were not written as fast as the run"
+            ));
         }
         observed
     }

@@ -1,5 +1,6 @@
 //! The subscribers to the host steps of a run. No subscriber changes the state of the run.
 
+use super::contacts::ContactSender;
 use super::tears::TearSender;
 use crate::engine::Engine;
 use crate::snapshot::Subscriber;
@@ -12,6 +13,8 @@ pub struct Subscribers {
     pub snapshots: Vec<Subscriber>,
     /// Passes on the edits of tears; `None` if no body tears.
     pub tears: Option<TearSender>,
+    /// Passes on the contacts; `None` if nothing touches.
+    pub contacts: Option<ContactSender>,
 }
 
 impl Subscribers {
@@ -20,6 +23,9 @@ impl Subscribers {
     pub(super) fn after_step(&mut self, time_ns: u64, skipped: u64, engine: &Engine) {
         if let Some(tears) = &mut self.tears {
             tears.after_step(time_ns, engine.stats().steps, engine.bodies());
+        }
+        if let Some((sender, contact)) = self.contacts.as_mut().zip(engine.contact()) {
+            sender.after_step(time_ns, engine.stats().steps, contact.contacts());
         }
         if self.snapshots.is_empty() {
             return;

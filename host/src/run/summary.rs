@@ -173,8 +173,7 @@ pub struct DeviceSummary {
     pub port_work: Option<f64>,
     /// Largest distance from its first position (m).
     pub reach: f64,
-    /// Largest slip of its proxy (m): the displacement against the hand by which a hold that no hand paid for became the
-    /// true force of the body.
+    /// Largest slip of its proxy (m).
     pub slip: f64,
     /// Ticks with the force limited.
     pub limited_ticks: u64,
@@ -184,8 +183,7 @@ pub struct DeviceSummary {
     pub slewed_ticks: u64,
     /// Ticks without a good state.
     pub missed_reads: u64,
-    /// States that the ticks found, a second, from the first to the last (Hz). Of a device that is faster than the loop, a
-    /// tick finds the newest one.
+    /// States that the ticks found, a second, from the first to the last (Hz).
     pub states_rate: f64,
     /// Rate of the device's states by its profile (Hz).
     pub profile_rate: f64,
@@ -209,8 +207,7 @@ pub struct DeviceSummary {
     pub device_faults: u64,
     /// Time that each read of the device took; `None` under virtual time.
     pub read: Option<Distribution>,
-    /// Time that each write took; `None` under virtual time. If the device has a thread of its own, a write only hands
-    /// the wrench over.
+    /// Time that each write took; `None` under virtual time.
     pub write: Option<Distribution>,
     /// Time from the reading of the encoders to the force that answers it, in the clock of the device. A device that is
     /// asked for each state and does not tell is measured from the request for a state to the request that brings the
@@ -283,12 +280,10 @@ pub struct EnergySummary {
     /// The part of the supplied and of the initial energy that was neither stored nor raised; below zero, energy was
     /// made. `None` if the scheme uses no stored energy.
     pub dissipated: Option<f64>,
-    /// Net energy: the largest value over the run of `raised - supplied - credited - initial`, but at least zero. It is
-    /// the energy that came out at the hands beyond the initial energy, the work of lowered weights and the credited
-    /// dissipation of the devices.
+    /// Net energy: the largest value over the run of `raised - supplied - credited - initial`, but at least zero.
     pub most_out: f64,
     /// The part of the devices' own dissipation (damping and friction of their mechanisms) on which a cap relies, at the
-    /// end. The hands also supplied this energy; it went into the devices and not into the body.
+    /// end.
     pub credited: f64,
     /// Ticks in which a cap reduced a wrench, or the classic controller damped.
     pub capped_ticks: u64,

@@ -24,8 +24,7 @@ pub struct Solution {
     pub scheme: Option<TimeScheme>,
     /// The solution of each body.
     pub bodies: Vec<BodySolution>,
-    /// For each body that was not solved to the end, the reason. The solution of such a body is its state at the
-    /// last step or, in a static solve, at the last part of a step that succeeded.
+    /// For each body that was not solved to the end, the reason.
     pub failures: Vec<String>,
 }
 
@@ -82,7 +81,7 @@ pub struct Reaction {
     /// Force on the body (N); 0 along free axes.
     pub force: [f64; 3],
     /// Moment on the body about the present centre of the held vertices, of a grasp about its origin (N m). Only handles
-    /// and turned supports have one, because they hold their vertices as one rigid piece.
+    /// and turned supports have one.
     pub moment: Option<[f64; 3]>,
 }
 
@@ -117,8 +116,7 @@ pub struct Row {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open: Option<f64>,
     /// Fraction of the displacements and loads (of the weight, less one, in the stage `weight`) at which the body snapped to
-    /// another balance in this step of a static solve, if it did: with the loads of before, the body does not return to
-    /// where it was.
+    /// another balance in this step of a static solve, if it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub snapped: Option<f64>,
     /// Elastic energy (J).

@@ -6,8 +6,8 @@
 use super::Built;
 use super::material::Elements;
 use super::shapes::round;
-use crate::scene::spec::Scene;
 use crate::scene::spec::contact::FRICTION;
+use crate::scene::spec::{self, Scene};
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
 use physics::contact::obstacle::Geometry;
@@ -31,6 +31,50 @@ pub enum Thing {
     Body(usize),
     /// An obstacle.
     Obstacle(usize),
+}
+
+impl Thing {
+    /// Its name in the scene.
+    pub fn name(self, scene: &Scene) -> &str {
+        match self {
+            Self::Body(index) => &scene.bodies[index].name,
+            Self::Obstacle(index) => &scene.obstacles[index].name,
+        }
+    }
+
+    /// Its number in records of contacts: obstacles follow the bodies.
+    pub fn number(self, scene: &Scene) -> u32 {
+        match self {
+            Self::Body(index) => index as u32,
+            Self::Obstacle(index) => (scene.bodies.len() + index) as u32,
+        }
+    }
+}
+
+/// The pairs of a scene that may touch, ascending. The first of a pair is a body.
+pub fn touching(scene: &Scene) -> Vec<[Thing; 2]> {
+    let bodies = (0..scene.bodies.len()).map(Thing::Body);
+    let obstacles = (0..scene.obstacles.len()).map(Thing::Obstacle);
+    let things = bodies.clone().chain(obstacles);
+    let pairs = bodies.flat_map(|one| {
+        let others = things.clone().filter(move |other| *other >= one);
+        others.map(move |other| [one, other])
+    });
+    let touches = |[one, other]: &[Thing; 2]| match *other {
+        Thing::Obstacle(_) => true,
+        Thing::Body(index) if one == other => scene.bodies[index].self_contact,
+        Thing::Body(_) => given(scene, [*one, *other]).is_some(),
+    };
+    pairs.filter(touches).collect()
+}
+
+/// The contact of a pair in the scene; `None` if the scene has none.
+fn given(scene: &Scene, between: [Thing; 2]) -> Option<&spec::contact::Contact> {
+    let [one, other] = between.map(|thing| thing.name(scene));
+    scene.contacts.iter().find(|contact| {
+        let [a, b] = [&*contact.between[0], &*contact.between[1]];
+        [a, b] == [one, other] || [b, a] == [one, other]
+    })
 }
 
 /// Two things that may touch. A body that touches itself is a pair with itself.
@@ -63,43 +107,26 @@ impl Contacts {
             .iter()
             .map(|thickness| 0.5 * thickness)
             .collect();
-        let name = |thing: Thing| match thing {
-            Thing::Body(index) => &scene.bodies[index].name,
-            Thing::Obstacle(index) => &scene.obstacles[index].name,
-        };
         let radius = |thing: Thing| match thing {
             Thing::Body(index) => radii[index],
             Thing::Obstacle(_) => 0.0,
         };
-        let bodies = (0..scene.bodies.len()).map(Thing::Body);
-        let things = bodies
-            .clone()
-            .chain((0..scene.obstacles.len()).map(Thing::Obstacle));
-        let mut pairs = Vec::new();
-        for one in bodies {
-            for other in things.clone().filter(|other| *other >= one) {
-                let given = scene.contacts.iter().find(|contact| {
-                    let [a, b] = [&contact.between[0], &contact.between[1]];
-                    [a, b] == [name(one), name(other)] || [b, a] == [name(one), name(other)]
-                });
-                let (touches, own) = match (one, other) {
-                    (_, Thing::Obstacle(index)) => (true, scene.obstacles[index].friction),
-                    (Thing::Body(index), _) if one == other => {
-                        (scene.bodies[index].self_contact, None)
-                    }
-                    _ => (given.is_some(), None),
-                };
-                if touches {
-                    let friction = given.and_then(|contact| contact.friction).or(own);
-                    let thickness = given.and_then(|contact| contact.thickness);
-                    pairs.push(ContactPair {
-                        between: [one, other],
-                        friction: friction.unwrap_or(FRICTION),
-                        distance: thickness.unwrap_or_else(|| radius(one) + radius(other)),
-                    });
-                }
+        let pairs = touching(scene).into_iter().map(|between| {
+            let [one, other] = between;
+            let given = given(scene, between);
+            let own = match other {
+                Thing::Obstacle(index) => scene.obstacles[index].friction,
+                Thing::Body(_) => None,
+            };
+            let friction = given.and_then(|contact| contact.friction).or(own);
+            let thickness = given.and_then(|contact| contact.thickness);
+            ContactPair {
+                between,
+                friction: friction.unwrap_or(FRICTION),
+                distance: thickness.unwrap_or_else(|| radius(one) + radius(other)),
             }
-        }
+        });
+        let pairs = pairs.collect();
         Self { radii, pairs }
     }
 
@@ -325,11 +352,11 @@ impl Start<'_> {
 
     /// A thing in words.
     fn name(&self, thing: Thing) -> String {
-        let scene = &self.loaded.scene;
-        match thing {
-            Thing::Body(index) => format!("body {:?}", scene.bodies[index].name),
-            Thing::Obstacle(index) => format!("obstacle {:?}", scene.obstacles[index].name),
-        }
+        let kind = match thing {
+            Thing::Body(_) => "body",
+            Thing::Obstacle(_) => "obstacle",
+        };
+        format!("{kind} {:?}", thing.name(&self.loaded.scene))
     }
 
     fn inside(&self, one: Thing, other: Thing, at: &Vec3) -> String {

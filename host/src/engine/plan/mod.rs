@@ -13,10 +13,12 @@ use super::stiff::Renderable;
 use super::virtual_coupling::Spring;
 use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName, Starts, TearLawName};
+use crate::world::shapes::round;
 use crate::world::{self, Grasp, Kind, TearSpec, World};
 use physics::Freedom;
 use rt_core::Vec3;
 use rt_core::device_frame::DeviceFrame;
+use std::fmt;
 
 /// The plan of one body: its solver, its handles and its rates.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -45,8 +47,7 @@ pub struct BodyPlan {
     /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
     /// model.
     pub horizon: f64,
-    /// The time over which models predict the response of the body to its hands (s): the horizon, or the memory of the
-    /// filter on the paths of the handles if that is longer.
+    /// The time over which models predict the response of the body to its hands (s).
     pub response: f64,
     /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
     pub links: Option<Vec<Spring>>,
@@ -71,6 +72,42 @@ pub struct TearPlan {
     pub room: usize,
     /// By how much the tear of a short notch starts too late at most, relative to the load; missing without a short notch.
     pub late: Option<f64>,
+}
+
+/// Two things that may touch.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ContactPlan {
+    /// The names.
+    pub between: [String; 2],
+    /// The ratio of friction to normal force in sliding.
+    pub friction: f64,
+    /// The distance at which contact begins (m).
+    pub distance: f64,
+}
+
+impl ContactPlan {
+    /// All pairs of a world that may touch.
+    pub fn all(world: &World<'_>) -> Vec<Self> {
+        let scene = &world.loaded.scene;
+        let pairs = world.contacts.pairs.iter().map(|pair| Self {
+            between: pair.between.map(|thing| thing.name(scene).to_owned()),
+            friction: pair.friction,
+            distance: pair.distance,
+        });
+        pairs.collect()
+    }
+}
+
+impl fmt::Display for ContactPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [one, other] = &self.between;
+        let with = if one == other { "itself" } else { other };
+        let (friction, distance) = (self.friction, round(1e3 * self.distance));
+        write!(
+            f,
+            "{one} with {with}: friction {friction}, from a distance of {distance} mm"
+        )
+    }
 }
 
 impl TearPlan {

@@ -4,6 +4,7 @@ use super::{BodyPlan, TearPlan};
 use crate::engine::parting::FAR;
 use crate::scene::spec::{Scene, SolverName, Starts, TearLawName};
 use crate::world::Kind;
+use crate::world::contact::touching;
 use crate::world::scheme;
 
 /// One stage of the host step.
@@ -30,31 +31,11 @@ impl Stage {
     }
 }
 
-/// What may touch, in numbers.
-fn contact(scene: &Scene) -> String {
-    let count = |number: usize, one: &str, many: &str| match number {
-        1 => format!("1 {one}"),
-        number => format!("{number} {many}"),
-    };
-    let itself = scene.bodies.iter().filter(|body| body.self_contact).count();
-    format!(
-        "{}, {} between bodies, {} that may touch themselves",
-        count(scene.obstacles.len(), "obstacle", "obstacles"),
-        count(scene.contacts.len(), "contact", "contacts"),
-        count(itself, "body", "bodies")
-    )
-}
-
 /// The stages of a host step for a scene whose bodies have these plans, in the scene's order.
 pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
     vec![
         handles(scene, bodies),
-        Stage::either(
-            "contact",
-            scene.has_contact(),
-            contact(scene),
-            "no obstacle, no [[contact]] and no self_contact: bodies pass through each other",
-        ),
+        collision(scene),
         Stage::new("elements", true, elements(bodies)),
         bending(bodies),
         supports(scene),
@@ -87,6 +68,16 @@ fn handles(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
         scene.host.smoothing
     );
     Stage::new("handles", held > 0, why)
+}
+
+fn collision(scene: &Scene) -> Stage {
+    let pairs = touching(scene).len();
+    let why = format!(
+        "{} may touch: bodies that touch are solved together, and asleep together",
+        count(pairs, "pair")
+    );
+    let why_not = "no obstacle, no contact and no self-contact: bodies pass through each other";
+    Stage::either("collision", pairs > 0, why, why_not)
 }
 
 /// The elements of each kind of body.

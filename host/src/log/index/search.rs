@@ -2,7 +2,7 @@
 
 use super::decode::Decoded;
 use super::{Chunk, IndexError, LogIndex};
-use crate::record::{BodyFrame, Cloud, Kind, Surface, TickRow};
+use crate::record::{BodyFrame, Cloud, ContactStep, Kind, Surface, TickRow};
 use std::io::{Read, Seek};
 
 /// The place of a tick in the log. Places are in the order of the ticks.
@@ -141,16 +141,29 @@ impl<R: Read + Seek> LogIndex<R> {
     /// # Errors
     /// [`IndexError`].
     pub fn surface_at(&mut self, name: &str, time_ns: u64) -> Result<Option<Surface>, IndexError> {
-        let Some(surfaces) = self.channels.named::<Surface>(name) else {
+        self.newest_at(name, time_ns)
+    }
+
+    /// The contacts of the newest host step at or before `time_ns`; `None` in a log without contacts.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn contacts_at(&mut self, time_ns: u64) -> Result<Option<ContactStep>, IndexError> {
+        self.newest_at("", time_ns)
+    }
+
+    /// The newest record of a kind at or before `time_ns`, on the channel of the body of this name.
+    fn newest_at<K: Kind>(&mut self, name: &str, time_ns: u64) -> Result<Option<K>, IndexError> {
+        let Some(channel) = self.channels.named::<K>(name) else {
             return Ok(None);
         };
         for number in (0..self.chunks.len()).rev() {
             let chunk = self.chunks.get(number);
-            if chunk.is_none_or(|chunk| chunk.from_ns > time_ns || !chunk.may_have(surfaces)) {
+            if chunk.is_none_or(|chunk| chunk.from_ns > time_ns || !chunk.may_have(channel)) {
                 continue;
             }
-            if let Some(surface) = self.chunk(number)?.newest(surfaces, time_ns) {
-                return Ok(Some(Surface::clone(surface)));
+            if let Some(record) = self.chunk(number)?.newest::<K>(channel, time_ns) {
+                return Ok(Some(record.clone()));
             }
         }
         Ok(None)

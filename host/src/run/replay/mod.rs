@@ -22,7 +22,7 @@ use super::session::Session;
 use crate::atomic_file::AtomicFileError;
 use crate::log::Log;
 use crate::log::index::{IndexError, LogIndex};
-use crate::record::{ModelRow, TickRow};
+use crate::record::{ContactStep, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use crate::world::World;
 use rt_core::{Capabilities, MAX_HANDLES, TickTime};
@@ -76,8 +76,9 @@ pub enum ReplayError {
     },
 }
 
-/// A receiver of the models and the ticks of a part of a log.
-pub type Seer<'a> = dyn FnMut(&[ModelRow], &[TickRow]) -> Result<(), ReplayError> + 'a;
+/// A receiver of the models, the contacts and the ticks of a part of a log.
+pub type Seer<'a> =
+    dyn FnMut(&[ModelRow], &[ContactStep], &[TickRow]) -> Result<(), ReplayError> + 'a;
 
 /// A log that can be replayed.
 pub trait Recorded {
@@ -96,7 +97,8 @@ pub trait Recorded {
     /// Number of parts.
     fn parts(&self) -> usize;
 
-    /// Gives `see` the models and the ticks of a part, in order. No tick precedes, by parts, a model that it used.
+    /// Gives `see` the models, the contacts and the ticks of a part, in order. No tick precedes, by parts, a model that it
+    /// used, or the contacts of a step that it follows.
     ///
     /// # Errors
     /// [`ReplayError::Log`] if the part cannot be read; the error of `see`.
@@ -127,7 +129,7 @@ impl<R: Read + Seek> Recorded for &mut LogIndex<R> {
 
     fn part(&mut self, number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError> {
         let chunk = self.read_chunk(number)?;
-        see(chunk.records(), chunk.records())
+        see(chunk.records(), chunk.records(), chunk.records())
     }
 }
 
@@ -154,7 +156,7 @@ impl Recorded for &Log {
     }
 
     fn part(&mut self, _number: usize, see: &mut Seer<'_>) -> Result<(), ReplayError> {
-        see(&self.models, &self.rows)
+        see(&self.models, &self.contacts, &self.rows)
     }
 }
 
@@ -192,7 +194,7 @@ pub fn scene_of(mut log: impl Recorded, name: &str) -> Result<LoadedScene, Repla
     // This check comes first: a log whose writer was killed in its first moments has no scene either.
     let mut empty = true;
     for number in 0..log.parts() {
-        log.part(number, &mut |_, rows| {
+        log.part(number, &mut |_, _, rows| {
             empty = rows.is_empty();
             Ok(())
         })?;
@@ -265,9 +267,13 @@ fn replay_any(
     let mut in_use = Vec::new();
     let mut waiting = Waiting::default();
     for number in 0..parts {
-        log.part(number, &mut |models, rows| {
+        log.part(number, &mut |models, contacts, rows| {
             waiting.extend(models.iter().map(|model| (place(model), model.clone())));
+            let mut contacts = contacts.iter().peekable();
             for row in rows {
+                while let Some(step) = contacts.next_if(|step| step.tick <= row.tick) {
+                    observers.touched(&mut step.clone());
+                }
                 session.host.drain(|_| ());
                 for (body, sequence) in taken(row, &mut in_use) {
                     if let Some(model) = waiting.take((body, sequence)) {
@@ -292,6 +298,10 @@ fn replay_any(
                     report.first.get_or_insert(difference);
                 }
             }
+            // Their tick is in the next part.
+            for step in contacts {
+                observers.touched(&mut step.clone());
+            }
             waiting.bound();
             Ok(())
         })?;
@@ -307,7 +317,7 @@ fn check(log: &mut dyn Recorded, done: &mut dyn FnMut(usize)) -> Result<u64, Rep
     let mut in_use = Vec::new();
     let mut waiting = Waiting::default();
     for number in 0..log.parts() {
-        log.part(number, &mut |models, rows| {
+        log.part(number, &mut |models, _, rows| {
             waiting.extend(models.iter().map(|model| (place(model), ())));
             for row in rows {
                 if row.tick != expected {

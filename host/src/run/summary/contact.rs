@@ -6,16 +6,16 @@ use physics::motion::contacts::Side;
 use serde::Serialize;
 use std::fmt;
 
-/// The contacts of a run. Counts are sums over all steps.
+/// The contacts of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct ContactSummary {
     /// By pair that touched.
     pub pairs: Vec<ContactPairSummary>,
     /// Displacements of vertices that were shortened so that nothing crosses.
     pub truncated: u64,
-    /// Pairs of elements to which an obstacle or a hand left no room. They may have crossed.
+    /// Pairs of elements that had no room and may have crossed.
     pub squeezed: u64,
-    /// Contacts for which there was no row.
+    /// Contacts without a row.
     pub dropped: u64,
     /// Most rows of a step.
     pub most_rows: usize,
@@ -23,16 +23,16 @@ pub struct ContactSummary {
     pub taken: f64,
     /// Work of moving obstacles (J).
     pub by_obstacles: f64,
-    /// Work with which overlaps at the start parted (J).
+    /// Work with which overlapping starts parted (J).
     pub parted: f64,
 }
 
-/// The contacts of a pair. Forces are sums of sizes over the contacts of a step (N).
+/// The contacts of a pair. Forces are sums over a step.
 #[derive(Clone, Debug, Serialize)]
 pub struct ContactPairSummary {
     /// The names.
     pub between: [String; 2],
-    /// Steps in which the two touched.
+    /// Number of steps in contact.
     pub steps: u64,
     /// Most contacts of a step.
     pub most_contacts: usize,
@@ -46,7 +46,7 @@ pub struct ContactPairSummary {
     pub peak_force: f64,
     /// Its time (s).
     pub peak_time: f64,
-    /// Largest depth of a contact (m).
+    /// Largest depth (m).
     pub depth: f64,
 }
 

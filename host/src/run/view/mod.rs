@@ -69,7 +69,7 @@ impl Session {
         let epochs: Vec<_> = surfaces.iter().map(|surface| surface.epoch).collect();
         let vertices = vertices(&Snapshot::since(&epochs, engine, 0, 0)).collect();
         let tick_time = TickTime::default();
-        let gatherer = Gatherer::new(world.loaded, options.clock);
+        let gatherer = Gatherer::new(world.loaded, options.clock).with_obstacles(&world.obstacles);
         let frames = Frames::new(gatherer, surfaces.clone());
         let server = Server::start(listener, hello, surfaces, vertices, watchers.clone())?;
         let rest = Rest::default();

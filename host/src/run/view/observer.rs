@@ -4,11 +4,11 @@
 //! viewer is connected, it makes up to sixty frames a second of the wall clock, adds the newest positions of the host, and
 //! gives the frames to the thread of the viewers without waiting.
 
-use crate::live::frame::{Frame, LogMessage, Vertices};
+use crate::live::frame::{ContactArrow, Frame, LogMessage, Vertices};
 use crate::live::gather::Gatherer;
 use crate::live::merge::MAX_LOG;
 use crate::live::socket::{Update, UpdateSender};
-use crate::record::{Kind, ModelRow, Surface, TickRow};
+use crate::record::{ContactStep, Kind, ModelRow, Surface, TickRow};
 use crate::run::observer::{Observed, Observer};
 use crate::run::tears::TearEvents;
 use crate::snapshot::{HostCounts, Rate, Reader, Snapshot, Watchers, after_change};
@@ -119,6 +119,14 @@ impl Observer for ViewObserver {
         }
     }
 
+    fn touched(&mut self, step: &mut ContactStep) {
+        if self.watched {
+            let contacts = &mut self.frames.contacts;
+            contacts.clear();
+            contacts.extend(step.points.iter().map(ContactArrow::from));
+        }
+    }
+
     fn drained(&mut self) {
         if !self.watchers.any() {
             self.watched = false;
@@ -164,6 +172,8 @@ pub(super) struct Frames {
     gatherer: Gatherer,
     /// By body: the surface of the present topology epoch.
     surfaces: Vec<Surface>,
+    /// The contacts of the newest host step.
+    contacts: Vec<ContactArrow>,
     host: HostCounts,
     steps: StepRate,
     /// A frame that the thread of the viewers did not take.
@@ -178,6 +188,7 @@ impl Frames {
         Self {
             gatherer,
             surfaces,
+            contacts: Vec::new(),
             host: HostCounts::default(),
             steps: StepRate::default(),
             unsent: None,
@@ -199,6 +210,7 @@ impl Frames {
     /// bodies that begin a topology epoch.
     fn make(&mut self, snapshot: Option<&Snapshot>) -> (Vec<Surface>, Frame) {
         let mut frame = self.gatherer.frame();
+        frame.contacts.clone_from(&self.contacts);
         let mut changed = Vec::new();
         if let Some(snapshot) = snapshot {
             self.host = snapshot.host.clone();

@@ -57,6 +57,7 @@ impl<R: Read + Seek + Send> Player<R> {
             None => read_through(&mut log, &gatherer, progress).map_err(failed)?,
         };
         let world = World::new(&loaded)?;
+        let gatherer = gatherer.with_obstacles(&world.obstacles);
         let length = (to_ns.saturating_sub(from_ns) as f64) * 1e-9;
         let hello = Hello {
             file: name.to_owned(),

@@ -1,7 +1,7 @@
 //! The frame of the tick that is shown.
 
 use super::{Player, PlayerError};
-use host::live::{EventKind, Frame, Message, Totals, Vertices};
+use host::live::{ContactArrow, EventKind, Frame, Message, Totals, Vertices};
 use host::record::Surface;
 use std::io::{Read, Seek};
 
@@ -19,6 +19,9 @@ impl<R: Read + Seek + Send> Player<R> {
         frame.events.extend(others.cloned());
         for (index, state) in frame.bodies.iter_mut().enumerate() {
             state.vertices = self.vertices(index, frame.time_ns)?;
+        }
+        if let Some(step) = self.log.contacts_at(frame.time_ns)? {
+            frame.contacts = step.points.iter().map(ContactArrow::from).collect();
         }
         if self.stressed {
             self.add_stresses(&mut frame);

@@ -1,6 +1,6 @@
 use super::*;
 use host::engine::faults::{FaultKind, HostFault};
-use host::live::{EventKind, Folded};
+use host::live::{ContactArrow, EventKind, Folded};
 use host::log::{Log, LogHeader, LogWriter};
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
@@ -74,6 +74,38 @@ fn seen(frame: &Frame) -> Frame {
         events: Vec::new(),
         ..frame.clone()
     }
+}
+
+#[test]
+fn a_moment_has_the_obstacles_and_the_contacts_of_its_step() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../tests/scenes/contact/sheet_on_sphere.toml"
+    );
+    let scene = Scene::load(path.as_ref()).expect("a scene");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let options = RunOptions {
+        duration: Some(0.15),
+        log: Some(path.clone()),
+        ..RunOptions::new(Clock::Virtual)
+    };
+    run(&World::new(&scene).unwrap(), &options, &mut |_| ()).expect("a run");
+    let bytes = std::fs::read(&path).expect("the log");
+    let log = Log::parse(&bytes).expect("a log");
+    let mut player = player(&bytes);
+    for time_ns in [4_000_000, 60_000_000, 149_000_000] {
+        player.command(&Command::Seek { time_ns });
+        take_all(&mut player);
+        let frame = player.frame();
+        assert_eq!(frame.time_ns, time_ns);
+        assert_eq!(frame.obstacles[0].pose, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        let before = log.contacts.iter().filter(|step| step.time_ns <= time_ns);
+        let step = before.last().expect("a step");
+        let points = step.points.iter().map(ContactArrow::from);
+        assert_eq!(frame.contacts, points.collect::<Vec<_>>());
+    }
+    assert!(!player.frame().contacts.is_empty());
 }
 
 #[test]

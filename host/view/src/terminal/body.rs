@@ -1,7 +1,8 @@
 //! The bodies in braille dots: orthographic, with a depth buffer, so that what lies behind is hidden.
 //!
 //! A surface is shaded by ordered dithering (Bayer, 1973) of Lambert's cosine, and its outline is drawn in full; or it
-//! is drawn as the edges of its triangles. Hands are crosses with a number, and their forces are arrows.
+//! is drawn as the edges of its triangles. Obstacles are drawn as bodies are, fainter. Contacts are short lines along their
+//! forces. Hands are crosses with a number, and their forces are arrows.
 
 use super::dots::{Dots, line};
 use super::format::digits;
@@ -196,13 +197,67 @@ impl Raster {
     }
 }
 
-/// Draws bodies and hands.
+/// What is drawn, beside the camera.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layers {
+    /// Edges of triangles instead of surfaces.
+    pub wire: bool,
+    /// The forces of contacts.
+    pub contacts: bool,
+}
+
+/// A surface of the picture: the body or obstacle, triangles, lines and positions (m).
+#[derive(Clone, Copy)]
+struct Drawn<'a> {
+    number: u8,
+    style: Style,
+    triangles: &'a [u32],
+    lines: &'a [u32],
+    positions: &'a [[f32; 3]],
+}
+
+/// The surfaces of the bodies and the obstacles.
+fn drawn(model: &Model, palette: Palette) -> Vec<Drawn<'_>> {
+    let bodies = (0..model.hello.bodies.len()).filter_map(|body| {
+        let (surface, positions) = model.body(body)?;
+        let lines = surface.lines.as_slice();
+        Some((
+            body,
+            palette.body(body),
+            &*surface.triangles,
+            lines,
+            positions,
+        ))
+    });
+    let first = model.hello.bodies.len();
+    let obstacles = (0..model.hello.obstacles.len()).filter_map(|obstacle| {
+        let (triangles, positions) = model.obstacle(obstacle)?;
+        Some((
+            first + obstacle,
+            palette.faint(),
+            triangles,
+            &[][..],
+            positions,
+        ))
+    });
+    let all = bodies.chain(obstacles).take(usize::from(NOTHING));
+    let drawn = all.map(|(number, style, triangles, lines, positions)| Drawn {
+        number: number.min(usize::from(NOTHING) - 1) as u8,
+        style,
+        triangles,
+        lines,
+        positions,
+    });
+    drawn.collect()
+}
+
+/// Draws bodies, obstacles and hands.
 pub(super) fn draw(
     buffer: &mut Buffer,
     area: Rect,
     model: &Model,
     camera: &Camera,
-    wire: bool,
+    layers: Layers,
     palette: Palette,
 ) {
     if area.width < 4 || area.height < 2 {
@@ -211,16 +266,19 @@ pub(super) fn draw(
     let mut dots = Dots::new(area);
     let (width, height) = (dots.width(), dots.height());
     let projection = Projection::new(model, camera, width, height);
-    let count = model.hello.bodies.len().min(usize::from(NOTHING));
-    let raster = fill(model, count, &projection, width, height, wire);
-    if !wire {
-        shade(&raster, &projection, &mut dots, palette);
+    let surfaces = drawn(model, palette);
+    let raster = fill(&surfaces, &projection, width, height, layers.wire);
+    if !layers.wire {
+        shade(&raster, &surfaces, &projection, &mut dots);
     }
-    edges(model, count, &projection, &raster, &mut dots, palette, wire);
+    edges(&surfaces, &projection, &raster, &mut dots, layers.wire);
+    if layers.contacts {
+        contacts(model, &projection, &mut dots, palette);
+    }
     dots.draw(buffer);
     corner(buffer, area, &projection, palette);
     hands(buffer, area, model, &projection, palette);
-    if (0..count).all(|body| model.body(body).is_none()) {
+    if (0..model.hello.bodies.len()).all(|body| model.body(body).is_none()) {
         let text = if model.frame.is_none() {
             "no frame yet"
         } else {
@@ -231,10 +289,28 @@ pub(super) fn draw(
     }
 }
 
+/// The forces of contacts: lines from their places, as long as a sixth of the picture for the largest force.
+fn contacts(model: &Model, projection: &Projection, dots: &mut Dots, palette: Palette) {
+    let contacts = model.frame.iter().flat_map(|frame| &frame.contacts);
+    let size = |force: [f64; 3]| dot(&force, &force).sqrt();
+    let forces = contacts
+        .clone()
+        .map(|contact| size(contact.force.map(f64::from)));
+    let most = forces.filter(|force| force.is_finite()).fold(0.0, f64::max);
+    let longest = dots.width().min(dots.height()) as f64 / 6.0 / projection.scale;
+    for contact in contacts {
+        let (at, force) = (contact.at.map(f64::from), contact.force.map(f64::from));
+        let end = std::array::from_fn(|k| at[k] + force[k] * longest / most);
+        let [from, to] = [at, end].map(|point| projection.project(&point));
+        if from.iter().chain(&to).all(|x| x.is_finite()) {
+            dots.line([from[0], from[1]], [to[0], to[1]], palette.contact());
+        }
+    }
+}
+
 /// Fills the depth buffer with all triangles.
 fn fill(
-    model: &Model,
-    count: usize,
+    surfaces: &[Drawn<'_>],
     projection: &Projection,
     width: usize,
     height: usize,
@@ -243,11 +319,9 @@ fn fill(
     let mut raster = Raster::new(width, height);
     let [right, up, away] = projection.axes;
     let light: [f64; 3] = std::array::from_fn(|k| 0.45 * up[k] - 0.35 * right[k] - 0.8 * away[k]);
-    for body in 0..count {
-        let Some((surface, positions)) = model.body(body) else {
-            continue;
-        };
-        let points: Vec<[f64; 3]> = positions.iter().map(|p| p.map(f64::from)).collect();
+    for surface in surfaces {
+        let positions = surface.positions.iter();
+        let points: Vec<[f64; 3]> = positions.map(|p| p.map(f64::from)).collect();
         let drawn: Vec<[f64; 3]> = points.iter().map(|p| projection.project(p)).collect();
         for triangle in surface.triangles.as_chunks::<3>().0 {
             let corner = |list: &[[f64; 3]], k: usize| list.get(triangle[k] as usize).copied();
@@ -260,7 +334,7 @@ fn fill(
                 continue;
             }
             let shade = if wire { 0.0 } else { lambert(&at, &light) };
-            raster.triangle(on, shade, body as u8);
+            raster.triangle(on, shade, surface.number);
         }
     }
     raster
@@ -285,7 +359,7 @@ fn lambert(corners: &[[f64; 3]; 3], light: &[f64; 3]) -> f32 {
 }
 
 /// Dithers the shades and draws the outlines.
-fn shade(raster: &Raster, projection: &Projection, dots: &mut Dots, palette: Palette) {
+fn shade(raster: &Raster, surfaces: &[Drawn<'_>], projection: &Projection, dots: &mut Dots) {
     const BAYER: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
     // Six dots deep is a fold.
     let jump = 6.0 / projection.scale;
@@ -294,7 +368,8 @@ fn shade(raster: &Raster, projection: &Projection, dots: &mut Dots, palette: Pal
             let (_, shade, body) = raster.near[y * raster.width + x];
             let threshold = (f32::from(BAYER[y % 4][x % 4]) + 0.5) / 16.0;
             if body != NOTHING && (shade > threshold || raster.is_outline(x, y, jump)) {
-                dots.set(x, y, palette.body(usize::from(body)));
+                let surface = surfaces.iter().find(|surface| surface.number == body);
+                dots.set(x, y, surface.map_or(Style::new(), |surface| surface.style));
             }
         }
     }
@@ -302,19 +377,14 @@ fn shade(raster: &Raster, projection: &Projection, dots: &mut Dots, palette: Pal
 
 /// Draws the bars of threads, and the edges of triangles if `wire`, unless something hides them.
 fn edges(
-    model: &Model,
-    count: usize,
+    surfaces: &[Drawn<'_>],
     projection: &Projection,
     raster: &Raster,
     dots: &mut Dots,
-    palette: Palette,
     wire: bool,
 ) {
-    for body in 0..count {
-        let Some((surface, positions)) = model.body(body) else {
-            continue;
-        };
-        let style = palette.body(body);
+    for surface in surfaces {
+        let (positions, style) = (surface.positions, surface.style);
         let mut edge = |a: u32, b: u32| {
             let point = |v: u32| positions.get(v as usize).map(|p| p.map(f64::from));
             let (Some(a), Some(b)) = (point(a), point(b)) else {

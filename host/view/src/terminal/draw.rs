@@ -1,6 +1,6 @@
 //! The whole screen: a head, the chosen panels, a timeline for a log, and the keys.
 
-use super::body;
+use super::body::{self, Layers};
 use super::chart::{self, Curve, Window};
 use super::format::{fit, instant, scaled};
 use super::histogram;
@@ -252,8 +252,17 @@ impl Screen<'_> {
             names.join(", ")
         };
         let inner = self.title(buffer, area, &names, "");
-        let View { camera, wire, .. } = self.view;
-        body::draw(buffer, inner, self.model, camera, *wire, self.palette);
+        let View {
+            camera,
+            wire,
+            contacts,
+            ..
+        } = self.view;
+        let layers = Layers {
+            wire: *wire,
+            contacts: *contacts,
+        };
+        body::draw(buffer, inner, self.model, camera, layers, self.palette);
     }
 
     /// All rows of numbers, the most important first.

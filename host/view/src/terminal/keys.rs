@@ -41,6 +41,8 @@ pub struct View {
     pub camera: Camera,
     /// Whether surfaces are drawn as the edges of their triangles.
     pub wire: bool,
+    /// Whether the forces of contacts are drawn.
+    pub contacts: bool,
     /// Whether the list of keys is shown.
     pub help: bool,
     /// The first chart, and the first event, that is shown.
@@ -104,6 +106,7 @@ pub fn follow(key: &KeyEvent, view: &mut View, model: &Model) -> Wish {
         KeyCode::Char('h' | '?') | KeyCode::F(1) => view.help = !view.help,
         KeyCode::Char('s') => return Wish::Save,
         KeyCode::Char('w') => view.wire = !view.wire,
+        KeyCode::Char('c') => view.contacts = !view.contacts,
         KeyCode::Char('r') => view.camera = Camera::default(),
         KeyCode::Char('+' | '=') => view.camera.magnify(1.25),
         KeyCode::Char('-' | '_') => view.camera.magnify(0.8),
@@ -180,6 +183,7 @@ pub(super) fn help(log: bool, operates: bool) -> Vec<(&'static str, &'static str
         ("arrows", "rotate the bodies"),
         ("+  -  r", "larger, smaller, reset the picture"),
         ("w", "surfaces shaded, or as wire"),
+        ("c", "show or hide the forces of contacts"),
         (
             "Tab, PgDn",
             "scroll charts or events; back: Shift-Tab, PgUp",

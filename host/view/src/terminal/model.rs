@@ -2,7 +2,10 @@
 
 use crate::history::History;
 use crate::still::Shown;
-use host::live::{Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Vertices};
+use host::live::{
+    Event, EventKind, Folded, Frame, Hello, Message, ObstacleInfo, ObstacleState, Playback, Source,
+    Vertices,
+};
 use host::record::Surface;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
@@ -39,6 +42,8 @@ pub struct Model {
     /// How the source ended.
     pub over: Option<Over>,
     surfaces: BTreeMap<(u32, u32), Surface>,
+    /// By obstacle: the present positions (m).
+    obstacles: Vec<Vec<[f32; 3]>>,
     vertices: Vec<Option<Vertices>>,
     bounds: Option<Bounds>,
     arrived: Option<Instant>,
@@ -62,6 +67,7 @@ impl Default for Model {
             playback: None,
             over: None,
             surfaces: BTreeMap::new(),
+            obstacles: Vec::new(),
             vertices: Vec::new(),
             bounds: None,
             arrived: None,
@@ -131,6 +137,7 @@ impl Model {
                 }
             }
         }
+        self.place_obstacles(&frame);
         let hands: Vec<[f32; 3]> = frame
             .hands
             .iter()
@@ -138,6 +145,25 @@ impl Model {
             .collect();
         self.widen(&hands);
         self.frame = Some(frame);
+    }
+
+    /// Moves the obstacles. Planes are larger than what the picture has to show.
+    fn place_obstacles(&mut self, frame: &Frame) {
+        let infos = self.hello.obstacles.iter().zip(&frame.obstacles);
+        self.obstacles = infos.map(|(info, state)| placed(info, state)).collect();
+        let mut box_of = Vec::new();
+        for (info, positions) in self.hello.obstacles.iter().zip(&self.obstacles) {
+            if info.shape != "plane" {
+                box_of.extend_from_slice(positions);
+            }
+        }
+        self.widen(&box_of);
+    }
+
+    /// The triangles of an obstacle and its present positions (m).
+    pub(super) fn obstacle(&self, index: usize) -> Option<(&[u32], &[[f32; 3]])> {
+        let info = self.hello.obstacles.get(index)?;
+        Some((&info.triangles, self.obstacles.get(index)?))
     }
 
     fn take_playback(&mut self, mut playback: Playback) {
@@ -258,6 +284,43 @@ impl Model {
         let past = events.iter().filter(|event| event.time_ns <= now).count();
         (events, past)
     }
+}
+
+/// The positions of an obstacle (m).
+fn placed(info: &ObstacleInfo, state: &ObstacleState) -> Vec<[f32; 3]> {
+    let [x, y, z, i, j, k, w] = state.pose;
+    // The columns of the rotation of a quaternion of length one.
+    let columns = [
+        [
+            1.0 - 2.0 * (j * j + k * k),
+            2.0 * (i * j + k * w),
+            2.0 * (i * k - j * w),
+        ],
+        [
+            2.0 * (i * j - k * w),
+            1.0 - 2.0 * (i * i + k * k),
+            2.0 * (j * k + i * w),
+        ],
+        [
+            2.0 * (i * k + j * w),
+            2.0 * (j * k - i * w),
+            1.0 - 2.0 * (i * i + j * j),
+        ],
+    ];
+    let own = if state.positions.is_empty() {
+        &info.positions
+    } else {
+        &state.positions
+    };
+    let place = |own: &[f32; 3]| {
+        std::array::from_fn(|axis| {
+            let turned: f64 = (own.iter().zip(&columns))
+                .map(|(x, column)| f64::from(*x) * column[axis])
+                .sum();
+            ([x, y, z][axis] + turned) as f32
+        })
+    };
+    own.as_chunks().0.iter().map(place).collect()
 }
 
 /// The letter and the word for a kind of event.

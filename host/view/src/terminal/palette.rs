@@ -87,6 +87,11 @@ impl Palette {
         }
     }
 
+    /// The force of a contact.
+    pub(super) fn contact(self) -> Style {
+        self.tone(ORANGE)
+    }
+
     /// Titles and names of values.
     pub(super) fn label(self) -> Style {
         self.tone(SKY)

@@ -272,6 +272,58 @@ fn what_lies_behind_is_hidden() {
     }
 }
 
+/// The cells of the picture with dots in this style.
+fn dots_of(model: &Model, view: &View, style: ratatui::style::Style) -> usize {
+    let buffer = cells(100, 40, model, view, Palette(Colours::True));
+    let cells = buffer.content.iter().filter(|cell| {
+        let symbol = cell.symbol().chars().next().unwrap();
+        ('\u{2801}'..='\u{28ff}').contains(&symbol) && Some(cell.fg) == style.fg
+    });
+    cells.count()
+}
+
+#[test]
+fn obstacles_follow_their_poses_and_contacts_are_drawn_if_asked() {
+    let mut model = Model::default();
+    let hello = Hello {
+        bodies: vec![host::live::BodyInfo::default()],
+        obstacles: vec![host::live::ObstacleInfo {
+            shape: "mesh".into(),
+            positions: vec![-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 0.0],
+            triangles: vec![0, 1, 2],
+            ..Default::default()
+        }],
+        ..Hello::default()
+    };
+    let frame = |z: f64| {
+        Message::Frame(Box::new(Frame {
+            obstacles: vec![host::live::ObstacleState {
+                pose: [0.0, 0.0, z, 0.0, 0.0, 0.0, 1.0],
+                ..Default::default()
+            }],
+            contacts: vec![host::live::ContactArrow {
+                at: [0.0, 0.0, 0.0],
+                force: [3.0, 0.0, 0.0],
+            }],
+            ..Frame::default()
+        }))
+    };
+    let now = Instant::now();
+    model.take(Message::Hello(Box::new(hello)), now);
+    model.take(triangle(0, 0.0, 2.0), now);
+    let mut view = on(Tab::Body);
+    (view.camera.yaw, view.camera.pitch) = (0.0, std::f64::consts::FRAC_PI_2);
+    let palette = Palette(Colours::True);
+    // The obstacle is above the body, then below it.
+    model.take(frame(0.5), now);
+    assert!(dots_of(&model, &view, palette.faint()) > 20);
+    assert_eq!(dots_of(&model, &view, palette.contact()), 0);
+    press(KeyCode::Char('c'), &mut view, &model);
+    assert!(dots_of(&model, &view, palette.contact()) > 3);
+    model.take(frame(-0.5), now);
+    assert_eq!(dots_of(&model, &view, palette.faint()), 0);
+}
+
 #[test]
 fn keys_turn_magnify_and_reset_the_picture() {
     let model = synthetic(10);
@@ -666,6 +718,14 @@ fn any_message() -> impl Strategy<Value = Message> {
                     };
                     bodies
                 ],
+                obstacles: vec![
+                    host::live::ObstacleInfo {
+                        positions: (0..3 * devices).map(|k| k as f32 * 0.01).collect(),
+                        triangles: vec![0, 1, 2, 7, 8, 9],
+                        ..Default::default()
+                    };
+                    bodies
+                ],
                 ..Hello::default()
             }))
         });
@@ -708,6 +768,17 @@ fn any_message() -> impl Strategy<Value = Message> {
                 events,
                 ..Frame::default()
             };
+            for hand in &frame.hands {
+                let [x, y, z] = hand.position;
+                frame.obstacles.push(host::live::ObstacleState {
+                    pose: [x, y, z, x, y, z, x],
+                    positions: Vec::new(),
+                });
+                frame.contacts.push(host::live::ContactArrow {
+                    at: hand.position.map(|x| x as f32),
+                    force: hand.force.map(|x| x as f32),
+                });
+            }
             frame.totals.ticks = count;
             frame.totals.lateness_bins = bins.clone();
             frame.totals.duration_bins = bins;

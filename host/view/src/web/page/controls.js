@@ -45,6 +45,8 @@ export function control({ view, charts, state, rescale }) {
   });
   const hold = get("hold");
   hold.addEventListener("change", () => view.setHold(hold.checked));
+  const contacts = get("contacts");
+  contacts.addEventListener("change", () => view.setContacts(contacts.checked));
   const saveView = () => view.save(`palpate_${(state.frame?.time_ns ?? 0) / 1e6}ms.png`);
   get("save-view").addEventListener("click", () => {
     saveView();
@@ -85,7 +87,7 @@ export function control({ view, charts, state, rescale }) {
   const keys = {
     "?": () => (help.open ? help.close() : help.showModal()),
     t: theme, b: projector, w: nextMode, c: nextColour, s: saveView, x: () => charts.nextAxis(),
-    h: () => hold.click(),
+    h: () => hold.click(), f: () => contacts.click(),
     0: () => view.reset(), 1: () => view.reset(1), 2: () => view.reset(2), 3: () => view.reset(3),
     "+": () => view.move({ zoom: 1 / 1.15 }), "=": () => view.move({ zoom: 1 / 1.15 }), "-": () => view.move({ zoom: 1.15 }),
   };

@@ -15,6 +15,8 @@ const STILL = 400;
 const COARSE = 0.75;
 /** Least time between two changes of the labels while WebGL on the processor draws motion (ms). */
 const LABELS = 100;
+/** Most contacts of a frame. */
+const CONTACTS = 256;
 const UNIT = { displacement: "m", stress: "Pa" };
 const NAME = { displacement: "Displacement", stress: "Von Mises stress" };
 const up = new THREE.Vector3(0, 0, 1);
@@ -70,6 +72,9 @@ export class View {
     this.next = [];
     this.hands = [];
     this.handles = [];
+    this.obstacles = [];
+    /** The contacts of the last frame. */
+    this.contacts = [];
     this.radius = 0.1;
     this.center = new THREE.Vector3();
     this.framed = false;
@@ -92,6 +97,11 @@ export class View {
     this.grid = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ transparent: true }));
     this.axes = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial());
     this.scene.add(this.grid, this.axes);
+    this.pushes = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ depthTest: false }));
+    this.pushes.geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(6 * CONTACTS), 3).setUsage(THREE.DynamicDrawUsage));
+    this.pushes.frustumCulled = false;
+    this.pushes.visible = false;
+    this.scene.add(this.pushes);
     this.map = new THREE.DataTexture(new Uint8Array(table().buffer), 256, 1);
     this.map.colorSpace = THREE.SRGBColorSpace;
     this.map.minFilter = THREE.LinearFilter;
@@ -121,6 +131,12 @@ export class View {
     for (const { mesh } of this.handles) this.scene.remove(mesh);
     for (const label of this.labelled.values()) label.remove();
     this.labelled.clear();
+    for (const { mesh } of this.obstacles) {
+      this.scene.remove(mesh);
+      mesh.geometry.dispose();
+    }
+    this.obstacles = (hello.obstacles ?? []).map((info) => this.obstacle(info));
+    this.contacts = [];
     this.hands = hello.devices.map((info, device) => this.hand(info, device));
     this.handles = hello.bodies.flatMap((body, index) => body.handles.map((info) => {
       const material = new THREE.MeshLambertMaterial();
@@ -130,6 +146,33 @@ export class View {
       return { body: index, info, mesh, vertex: -1 };
     }));
     this.restyle();
+  }
+
+  /** An obstacle in its own axes, hidden until a frame has its pose. */
+  obstacle(info) {
+    const geometry = new THREE.BufferGeometry();
+    const position = new THREE.BufferAttribute(new Float32Array(info.positions), 3);
+    const normal = new THREE.BufferAttribute(new Float32Array(info.positions.length), 3);
+    geometry.setAttribute("position", position);
+    geometry.setAttribute("normal", normal);
+    geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(info.triangles), 1));
+    normals(position.array, info.triangles, normal.array);
+    const mesh = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ side: THREE.DoubleSide }));
+    mesh.frustumCulled = false;
+    mesh.visible = false;
+    this.scene.add(mesh);
+    return { info, mesh, position, normal };
+  }
+
+  /** Moves an obstacle; `positions` only if its vertices move in its axes. */
+  place({ info, mesh, position, normal }, { pose, positions }) {
+    mesh.visible = true;
+    mesh.position.set(pose[0], pose[1], pose[2]);
+    mesh.quaternion.set(pose[3], pose[4], pose[5], pose[6]);
+    if (positions?.length !== position.array.length) return;
+    position.array.set(positions);
+    normals(position.array, info.triangles, normal.array);
+    position.needsUpdate = normal.needsUpdate = true;
   }
 
   hand(info, device) {
@@ -218,7 +261,17 @@ export class View {
     frame.hands.forEach((hand, device) => {
       if (this.hands[device]) this.hands[device].state = hand;
     });
+    frame.obstacles?.forEach((state, index) => {
+      if (this.obstacles[index]) this.place(this.obstacles[index], state);
+    });
+    this.contacts = frame.contacts ?? [];
     if (!this.framed && frame.hands.length > 0) this.reset();
+    this.request();
+  }
+
+  /** Shows or hides the forces of contacts. */
+  setContacts(shown) {
+    this.pushes.visible = shown;
     this.request();
   }
 
@@ -270,6 +323,8 @@ export class View {
       faint.color.set(handColour(device));
     });
     for (const { mesh, info } of this.handles) mesh.material.color.set(handColour(info.device));
+    for (const { mesh } of this.obstacles) mesh.material.color.set(property("--grid"));
+    this.pushes.material.color.set(property("--axis"));
     this.grid.material.color.set(property("--grid"));
     this.axes.material.color.set(property("--axis"));
     this.recolour();
@@ -283,6 +338,14 @@ export class View {
       const { array } = body.position;
       const used = body.isThread ? body.surface.lines : body.surface.triangles;
       for (const vertex of used) box.expandByPoint(scratch.fromArray(array, 3 * vertex));
+    }
+    for (const { info, mesh, position } of this.obstacles) {
+      // A plane is larger than what the picture has to show.
+      if (info.shape === "plane" || !mesh.visible) continue;
+      mesh.updateMatrix();
+      for (let i = 0; i < position.count; i += 1) {
+        box.expandByPoint(scratch.fromBufferAttribute(position, i).applyMatrix4(mesh.matrix));
+      }
     }
     for (const { state } of this.hands) if (state) box.expandByPoint(scratch.fromArray(state.position));
     for (const { info } of this.handles) box.expandByPoint(scratch.fromArray(info.origin));
@@ -392,6 +455,7 @@ export class View {
     }
     this.updateBodies();
     this.updateHands();
+    if (this.pushes.visible) this.updateContacts();
     this.renderer.render(this.scene, this.camera);
     this.draws += 1;
     const now = performance.now();
@@ -478,6 +542,17 @@ export class View {
       mesh.scale.setScalar(0.7 * size);
       if (vertex >= 0) mesh.position.fromArray(this.bodies[body].position.array, 3 * vertex);
     }
+  }
+
+  /** Lines along the forces of contacts: the largest is a third of the radius long. */
+  updateContacts() {
+    const most = Math.max(1e-9, ...this.contacts.map(({ force }) => Math.hypot(...force)));
+    const scale = this.radius / (3 * most);
+    const { position } = this.pushes.geometry.attributes;
+    const shown = this.contacts.slice(0, CONTACTS);
+    shown.forEach(({ at, force }, index) => position.array.set([...at, ...at.map((x, axis) => x + scale * force[axis])], 6 * index));
+    position.needsUpdate = true;
+    this.pushes.geometry.setDrawRange(0, 2 * shown.length);
   }
 
   /** The position of a point (m) on the canvas, in CSS pixels from its left upper corner. */

@@ -1,0 +1,215 @@
+//! The obstacles of a scene for viewers: triangles, made once, and where the triangles are at a time.
+
+use crate::scene::Scene;
+use physics::Vec3;
+use physics::contact::Obstacle;
+use physics::contact::obstacle::{Geometry, Motion};
+use physics::contact::shape::Shape;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// Pieces of a circle.
+const AROUND: u32 = 32;
+/// Pieces of a quarter of a circle.
+const QUARTER: u32 = 8;
+/// The part of a plane that is drawn is larger than what lies on it by this factor.
+const BEYOND: f64 = 1.25;
+
+/// An obstacle as a viewer draws it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ObstacleInfo {
+    /// Name in the scene.
+    pub name: String,
+    /// `plane`, `sphere`, `capsule`, `cylinder`, `box` or `mesh`.
+    pub shape: String,
+    /// Positions in the axes of the obstacle (m), three numbers a vertex. Of a plane, a square about the bodies.
+    pub positions: Vec<f32>,
+    /// The triangles, three vertices each.
+    pub triangles: Vec<u32>,
+}
+
+/// An obstacle at a time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ObstacleState {
+    /// The pose of its axes: position (m), and the quaternion x, y, z, w.
+    pub pose: [f64; 7],
+    /// The positions in its axes (m), if they change with time; else empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub positions: Vec<f32>,
+}
+
+/// The obstacles of a scene, whose bodies have vertices at `points` at rest.
+pub(super) fn infos<'a>(
+    scene: &Scene,
+    obstacles: &[Obstacle],
+    points: impl Iterator<Item = Vec3> + Clone + 'a,
+) -> Vec<ObstacleInfo> {
+    let each = scene.obstacles.iter().zip(obstacles);
+    let info = each.map(|(spec, obstacle)| {
+        let (shape, positions, triangles) = match obstacle.geometry() {
+            Geometry::Mesh(mesh) => (
+                "mesh",
+                mesh.positions().to_vec(),
+                mesh.triangles().as_flattened().to_vec(),
+            ),
+            Geometry::Shape(shape) => {
+                let pose = obstacle.pose(0.0);
+                let own = points.clone().map(|point| {
+                    let own = pose.inverse_transform_point(&point.into());
+                    own.x.abs().max(own.y.abs())
+                });
+                let (positions, triangles) = surface(shape, BEYOND * own.fold(0.0, f64::max));
+                (name(shape), positions, triangles)
+            }
+        };
+        ObstacleInfo {
+            name: spec.name.clone(),
+            shape: shape.to_owned(),
+            positions: rounded(&positions),
+            triangles,
+        }
+    });
+    info.collect()
+}
+
+/// The obstacles at time `t` (s).
+pub(super) fn states(obstacles: &[Obstacle], t: f64) -> Vec<ObstacleState> {
+    let state = |obstacle: &Obstacle| {
+        let pose = obstacle.pose(t);
+        let (at, turn) = (pose.translation.vector, pose.rotation.coords);
+        let mut positions = Vec::new();
+        if matches!(obstacle.motion(), Motion::Frames(_)) {
+            let mut x = vec![Vec3::zeros(); obstacle.vertices()];
+            obstacle.write_positions(t, &mut x);
+            for x in &mut x {
+                *x = pose.inverse_transform_point(&(*x).into()).coords;
+            }
+            positions = rounded(&x);
+        }
+        ObstacleState {
+            pose: [at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w],
+            positions,
+        }
+    };
+    obstacles.iter().map(state).collect()
+}
+
+fn rounded(positions: &[Vec3]) -> Vec<f32> {
+    positions
+        .iter()
+        .flat_map(|p| [p.x as f32, p.y as f32, p.z as f32])
+        .collect()
+}
+
+fn name(shape: &Shape) -> &'static str {
+    match shape {
+        Shape::Plane => "plane",
+        Shape::Sphere { .. } => "sphere",
+        Shape::Capsule { .. } => "capsule",
+        Shape::Cylinder { .. } => "cylinder",
+        Shape::Box { .. } => "box",
+    }
+}
+
+/// Vertices and triangles of a shape, counterclockwise seen from outside. Of a plane, a square of half the side `half` (m).
+fn surface(shape: &Shape, half: f64) -> (Vec<Vec3>, Vec<u32>) {
+    // Rings about the z axis, from below: radius and height (m).
+    let arc = |radius: f64, z: f64, from: f64| {
+        (0..=QUARTER).map(move |k| {
+            let angle = from + f64::from(k) / f64::from(QUARTER) * 0.5 * PI;
+            (radius * angle.cos(), z + radius * angle.sin())
+        })
+    };
+    let rings: Vec<(f64, f64)> = match *shape {
+        Shape::Plane => {
+            let corner = |x: f64, y: f64| Vec3::new(x, y, 0.0) * half;
+            let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+            let positions = corners.map(|(x, y)| corner(x, y)).to_vec();
+            return (positions, vec![0, 1, 2, 0, 2, 3]);
+        }
+        Shape::Box { half } => return cuboid(&half),
+        Shape::Sphere { radius } => arc(radius, 0.0, -0.5 * PI)
+            .chain(arc(radius, 0.0, 0.0).skip(1))
+            .collect(),
+        Shape::Capsule { half, radius } => arc(radius, -half, -0.5 * PI)
+            .chain(arc(radius, half, 0.0))
+            .collect(),
+        Shape::Cylinder { half, radius } => {
+            // The edges have vertices of their own, so that the caps are flat.
+            let heights = [(0.0, -half), (radius, -half), (radius, half), (0.0, half)];
+            heights.to_vec()
+        }
+    };
+    let mut positions = Vec::new();
+    for (radius, z) in &rings {
+        for k in 0..AROUND {
+            let (sine, cosine) = (TAU * f64::from(k) / f64::from(AROUND)).sin_cos();
+            positions.push(Vec3::new(radius * cosine, radius * sine, *z));
+        }
+    }
+    let mut triangles = Vec::new();
+    for ring in 0..rings.len() as u32 - 1 {
+        for k in 0..AROUND {
+            let (a, b) = (ring * AROUND + k, ring * AROUND + (k + 1) % AROUND);
+            let (c, d) = (a + AROUND, b + AROUND);
+            triangles.extend([a, b, d, a, d, c]);
+        }
+    }
+    (positions, triangles)
+}
+
+/// A box about the origin. Each side has four vertices of its own, so that it is flat.
+fn cuboid(half: &Vec3) -> (Vec<Vec3>, Vec<u32>) {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for axis in 0..3 {
+        for side in [-1.0, 1.0] {
+            let first = positions.len() as u32;
+            for (u, v) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+                let mut corner = Vec3::zeros();
+                corner[axis] = side * half[axis];
+                corner[(axis + 1) % 3] = side * u * half[(axis + 1) % 3];
+                corner[(axis + 2) % 3] = v * half[(axis + 2) % 3];
+                positions.push(corner);
+            }
+            triangles.extend([0, 1, 2, 0, 2, 3].map(|k| first + k));
+        }
+    }
+    (positions, triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The volume within triangles whose normals point outwards.
+    fn volume((positions, triangles): (Vec<Vec3>, Vec<u32>)) -> f64 {
+        let part = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|v| positions[v as usize]);
+            a.cross(&b).dot(&c) / 6.0
+        };
+        triangles.as_chunks().0.iter().map(part).sum()
+    }
+
+    #[test]
+    fn shapes_have_their_volumes() {
+        let (half, radius) = (0.4, 0.3);
+        let ball = 4.0 / 3.0 * PI * radius * radius * radius;
+        let tube = 2.0 * half * PI * radius * radius;
+        let cases = [
+            (Shape::Sphere { radius }, ball),
+            (Shape::Capsule { half, radius }, ball + tube),
+            (Shape::Cylinder { half, radius }, tube),
+            (
+                Shape::Box {
+                    half: Vec3::new(0.1, 0.2, 0.3),
+                },
+                0.048,
+            ),
+        ];
+        for (shape, expected) in cases {
+            let found = volume(surface(&shape, 0.0));
+            // Chords instead of arcs take up to 2 %.
+            assert!((0.98..1.000_001).contains(&(found / expected)), "{shape:?}");
+        }
+    }
+}
