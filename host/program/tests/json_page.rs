@@ -84,6 +84,12 @@ const STUDIES: [Output; 9] = [
         root: "study::accuracy::Accuracy",
     },
     Output {
+        title: Cow::Borrowed("`palpate bench contact --json`"),
+        schema: "palpate.contact/1",
+        about: "Contact against the aims of its design.",
+        root: "study::contact::ContactStudy",
+    },
+    Output {
         title: Cow::Borrowed("`palpate bench extrapolation --json`"),
         schema: "palpate.extrapolation/1",
         about: "Errors of the force schemes between publications.",

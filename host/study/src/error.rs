@@ -66,6 +66,9 @@ pub enum StudyError {
     /// A mesh has no border.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// An obstacle cannot be built.
+    #[error(transparent)]
+    Obstacle(#[from] physics::contact::obstacle::ObstacleError),
     /// A mesh of a specimen cannot be read.
     #[error(transparent)]
     File(#[from] meshio::MeshFileError),

@@ -24,6 +24,7 @@ pub mod accuracy;
 pub mod adversary;
 mod chance;
 pub mod compare;
+pub mod contact;
 pub mod elsewhere;
 mod error;
 pub mod extrapolation;

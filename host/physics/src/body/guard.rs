@@ -153,6 +153,17 @@ impl Guard {
         found
     }
 
+    /// What part of the velocity a body may keep that ends with the energy `after`, when hands have supplied at most `work` (J).
+    /// `own` is the kinetic energy (J) that goes with the square of this part. The displacement stays as it is.
+    pub(crate) fn slow(&self, body: &Body, after: Energy, work: f64, own: f64) -> f64 {
+        if self.allows(body, after, work) {
+            return 1.0;
+        }
+        let kept = 1.0 - (after.total - self.limit - work) / own;
+        // Nothing is kept of a number that is not finite.
+        if kept > 0.0 { libm::sqrt(kept) } else { 0.0 }
+    }
+
     /// Moves the bound with the energy, which an edit of the body has changed to `after` since the last step.
     pub(crate) fn note_edit(&mut self, after: Energy) {
         if self.last.is_finite() {
@@ -196,7 +207,7 @@ impl Body {
     }
 
     /// Displacement of the centre of mass in the step (m); zero for a body with handles or supports.
-    fn free_drift(&self) -> Vec3 {
+    pub(crate) fn free_drift(&self) -> Vec3 {
         if !self.constraints.handles.is_empty() || !self.constraints.supports.list.is_empty() {
             return Vec3::zeros();
         }

@@ -1,6 +1,7 @@
 //! `palpate bench`: the measurements that the book quotes.
 
 mod accuracy;
+mod contact;
 mod extrapolation;
 mod speed;
 mod stability;
@@ -25,6 +26,8 @@ pub(super) struct BenchArguments {
 enum Benchmark {
     /// Measure the error of sheets and solids against exact solutions and independent programs
     Accuracy(accuracy::AccuracyArguments),
+    /// Measure contact against the aims of its design: rest, sliding, energy, detection, throws and times
+    Contact(contact::ContactArguments),
     /// Measure the force error of each scheme against the publication rate of the host
     Extrapolation(extrapolation::ExtrapolationArguments),
     /// Measure the processor time of a step against the error of its force, on every path, and compare other programs
@@ -40,6 +43,7 @@ enum Benchmark {
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
     match &arguments.benchmark {
         Benchmark::Accuracy(arguments) => accuracy::run(arguments),
+        Benchmark::Contact(arguments) => contact::run(arguments),
         Benchmark::Extrapolation(arguments) => extrapolation::run(arguments),
         Benchmark::Speed(arguments) => speed::run(arguments),
         Benchmark::Stability(arguments) => stability::run(arguments),

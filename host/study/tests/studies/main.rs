@@ -1,6 +1,7 @@
 //! Tests of the studies, one program: the generic code of the solvers is compiled once, and the tests run side by side.
 
 mod accuracy;
+mod contact;
 mod extrapolation;
 mod stability;
 mod stress_connections;

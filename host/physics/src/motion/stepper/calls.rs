@@ -43,8 +43,10 @@ pub(super) struct Present {
     pub(super) targets: Vec<HandlePose>,
     /// The forces of joints with other bodies on nodes at its end (N).
     pub(super) joints: Vec<(u32, Vec3)>,
-    /// Whether the displacement is [certified](super::Stepper::certify): the step may only be shortened.
+    /// Whether the displacement is [certified](super::Stepper::certify): it is what the body does.
     pub(super) is_certified: bool,
+    /// What part of its velocity, less a drift (m/s), a body keeps at the end of a certified step; `None` for all.
+    pub(super) slowed: Option<(f64, Vec3)>,
 }
 
 impl<T: Precision> Stepper<T> {
@@ -81,6 +83,7 @@ impl<T: Precision> Stepper<T> {
         self.present.underway = None;
         self.present.joints.clear();
         self.present.is_certified = false;
+        self.present.slowed = None;
         Body::check_length(h)?;
         self.follow(body).map_err(StepError::Matrix)?;
         if self.is_due() {

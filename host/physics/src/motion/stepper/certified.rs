@@ -33,7 +33,7 @@ impl<T: Precision> Stepper<T> {
     }
 
     /// Certifies the displacement after the solve: each free node takes its `fraction` of the displacement, from zero to one.
-    /// `finish` may shorten the whole step further, but solves no equation again. The residual follows.
+    /// `finish` keeps the displacement: if the step would add energy, the body loses velocity. The residual follows.
     ///
     /// # Errors
     ///

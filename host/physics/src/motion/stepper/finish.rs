@@ -4,7 +4,7 @@ use super::correct::MOST_SOLUTIONS;
 use super::{RUN, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
-use crate::body::guard::Energy;
+use crate::body::guard::{Energy, Guard};
 use crate::body::handle::HandlePose;
 use crate::element::precision::Precision;
 use crate::error::StepError;
@@ -99,6 +99,11 @@ impl<T: Precision> Stepper<T> {
                 *v = u / h;
             }
         });
+        if self.present.slowed.is_some() {
+            for node in 0..body.state.v.len() {
+                body.state.v[node] = self.velocity(body, h, node);
+            }
+        }
         body.state.motions += 1;
         Ok(())
     }
@@ -153,6 +158,12 @@ impl<T: Precision> Stepper<T> {
     ) -> Result<bool, StepError> {
         let mut guard = body.state.guard;
         guard.begin(before);
+        if self.present.is_certified {
+            let after = self.slow(body, h, &guard, (after, work), report);
+            guard.end(after, work);
+            body.state.guard = guard;
+            return Ok(false);
+        }
         let hands_work = work > 0.0;
         let (mut whole, mut solutions) = (Some(after), 0);
         let after = loop {
@@ -166,11 +177,7 @@ impl<T: Precision> Stepper<T> {
             } else {
                 held.energy
             };
-            if !hands_work
-                || self.present.is_certified
-                || solutions == MOST_SOLUTIONS
-                || guard.allows(body, after, work)
-            {
+            if !hands_work || solutions == MOST_SOLUTIONS || guard.allows(body, after, work) {
                 break after;
             }
             solutions += 1;
@@ -180,6 +187,44 @@ impl<T: Precision> Stepper<T> {
         guard.end(after, work);
         body.state.guard = guard;
         Ok(solutions > 0)
+    }
+
+    /// Takes velocity from a body whose step has been certified and would add energy. Its displacement stays, because a body
+    /// that goes less far than was certified may be where another body passes. Returns the energy at the end.
+    fn slow(
+        &mut self,
+        body: &Body,
+        h: f64,
+        guard: &Guard,
+        (after, work): (Energy, f64),
+        report: &mut StepperReport,
+    ) -> Energy {
+        let drift = body.free_drift() / h;
+        let free = body.constraints.free_nodes();
+        let own = free.map(|node| {
+            let own = body.state.displacement[node] / h - drift;
+            0.5 * body.model.mass[node] * own.norm_squared()
+        });
+        let kept = guard.slow(body, after, work, own.sum());
+        self.present.slowed = (kept < 1.0).then_some((kept, drift));
+        report.held_back = 1.0 - kept;
+        if kept == 1.0 {
+            return after;
+        }
+        let kinetic = body.kinetic_energy_of(|node| self.velocity(body, h, node));
+        let loads = body.load_potential_at(&self.elements.at);
+        Energy::new(kinetic + self.elements.energy, loads)
+    }
+
+    /// The velocity of a node at the end of the present step (m/s).
+    pub(super) fn velocity(&self, body: &Body, h: f64, node: usize) -> Vec3 {
+        let v = body.state.displacement[node] / h;
+        match self.present.slowed {
+            Some((kept, drift)) if (self.places.of[node] as usize) < self.places.free => {
+                drift + (v - drift) * kept
+            }
+            _ => v,
+        }
     }
 
     /// Energy at the end of the present displacement. The elements are linearized there.

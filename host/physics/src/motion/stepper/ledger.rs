@@ -48,7 +48,7 @@ pub struct Ledger {
     pub euler_elastic: f64,
     /// Loss by the linearization of the elastic forces.
     pub linearization: f64,
-    /// Work of the guard, which shortens steps that would add energy, and of the residual that is left if such a step
+    /// Work of the guard, which shortens or slows steps that would add energy, and of the residual that is left if such a step
     /// is solved again.
     pub guard: f64,
     /// Work of the residual that the solver left.
@@ -190,7 +190,7 @@ impl<T: Precision> Stepper<T> {
         };
         let (is_corrected, is_linear) = report;
         let u = &body.state.displacement;
-        let kinetic = body.kinetic_energy_of(|node| u[node] / h);
+        let kinetic = body.kinetic_energy_of(|node| self.velocity(body, h, node));
         let loads = body.load_potential_at(&self.elements.at);
         account.total = kinetic + self.elements.energy + loads;
         account.last = Ledger::default();
@@ -241,7 +241,8 @@ impl<T: Precision> Stepper<T> {
             ledger.solver = left;
             ledger.linearization = force - account.force + account.stiffness;
         } else {
-            ledger.guard = left;
+            let whole = body.kinetic_energy_of(|node| u[node] / h);
+            ledger.guard = left + (kinetic - whole);
         }
         account.edits = 0.0;
         account.last = ledger;

@@ -1,0 +1,72 @@
+//! Contact against the aims of its design, and what contact costs.
+//!
+//! Each aim is a line with the most that is asked for and what was measured (`rest`, `motions`, `throws`). A line that is not
+//! reached is printed as it is. Times are no aims (`cost`).
+
+mod aim;
+mod cost;
+mod motions;
+mod rest;
+mod tables;
+mod throws;
+mod world;
+
+pub use aim::Aim;
+pub use cost::Cost;
+
+use crate::{Level, StudyError};
+use serde::Serialize;
+
+/// A part of the study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Section {
+    /// Rest, sliding, belts, energy, lists and throws.
+    Aims,
+    /// The processor time of the stages.
+    Cost,
+}
+
+/// The results of the study.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ContactStudy {
+    /// `palpate.contact/1`.
+    pub schema: &'static str,
+    /// The extent.
+    pub level: Level,
+    /// The seed of the throws.
+    pub seed: u64,
+    /// The aims; empty if this part did not run.
+    pub aims: Vec<Aim>,
+    /// The times; empty if this part did not run.
+    pub costs: Vec<Cost>,
+}
+
+/// Runs one part of the study, or all. `seed` fixes the throws. `progress` receives the fraction done.
+///
+/// # Errors
+/// [`StudyError`].
+pub fn run(
+    level: Level,
+    only: Option<Section>,
+    seed: u64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<ContactStudy, StudyError> {
+    let mut found = ContactStudy {
+        schema: "palpate.contact/1",
+        level,
+        seed,
+        aims: Vec::new(),
+        costs: Vec::new(),
+    };
+    if only != Some(Section::Cost) {
+        let aims = &mut found.aims;
+        rest::run(level, &mut |done| progress(0.1 * done), aims)?;
+        motions::run(level, aims)?;
+        progress(0.2);
+        throws::run(level, seed, &mut |done| progress(0.2 + 0.5 * done), aims)?;
+    }
+    if only != Some(Section::Aims) {
+        found.costs = cost::run(level, &mut |done| progress(0.7 + 0.3 * done))?;
+    }
+    Ok(found)
+}

@@ -1,0 +1,104 @@
+//! The tables and the picture of the study.
+
+use super::{ContactStudy, Cost};
+use crate::Results;
+use host::plot::{self, Marker, Panel, Picture, Scale, Series};
+
+/// The stages of the picture, each with its mark.
+const STAGES: [(&str, Marker); 3] = [
+    ("lists and rows", Marker::Circle),
+    ("solve", Marker::Square),
+    ("certificate", Marker::Triangle),
+];
+
+impl Results for ContactStudy {
+    fn tables(&self) -> String {
+        let mut text = String::new();
+        if !self.aims.is_empty() {
+            put!(text, "| aim | unit | ask, at most | ours | reached |");
+            put!(text, "|---|---|---|---|---|");
+            for aim in &self.aims {
+                let reached = if aim.is_reached { "yes" } else { "no" };
+                put!(
+                    text,
+                    "| {} | {} | {} | {} | {reached} |",
+                    aim.name,
+                    aim.unit,
+                    short(aim.ask),
+                    short(aim.ours)
+                );
+            }
+        }
+        if !self.costs.is_empty() {
+            if !self.aims.is_empty() {
+                put!(text);
+            }
+            put_costs(&mut text, &self.costs);
+        }
+        text
+    }
+
+    fn picture(&self) -> Option<Picture> {
+        (!self.costs.is_empty()).then(|| chart(&self.costs))
+    }
+}
+
+fn put_costs(text: &mut String, costs: &[Cost]) {
+    put!(text, "Processor time of a step, by stage\n");
+    put!(
+        text,
+        "| scene | triangles | rows | stage | median ms | 99.9 % ms | ns by vertex | ns by row |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|---|");
+    for cost in costs {
+        let by_row = cost.by_row.map_or_else(String::new, |t| short(1e9 * t));
+        put!(
+            text,
+            "| {} | {} | {} | {} | {:.3} | {:.3} | {} | {by_row} |",
+            cost.scene,
+            cost.triangles,
+            cost.rows,
+            cost.stage,
+            1e3 * cost.time.median,
+            1e3 * cost.time.p999,
+            short(1e9 * cost.by_vertex)
+        );
+    }
+}
+
+/// A number in three digits; counts as they are.
+fn short(x: f64) -> String {
+    let size = x.abs();
+    if size != 0.0 && !(1e-3..1e5).contains(&size) {
+        format!("{x:.1e}")
+    } else if x.fract() == 0.0 || size >= 100.0 {
+        format!("{x:.0}")
+    } else if size >= 1.0 {
+        format!("{x:.1}")
+    } else {
+        format!("{x:.4}")
+    }
+}
+
+fn chart(costs: &[Cost]) -> Picture {
+    let series = STAGES.map(|(stage, marker)| Series {
+        name: stage.to_owned(),
+        points: costs
+            .iter()
+            .filter(|cost| cost.stage == stage)
+            .map(|cost| (cost.triangles as f64, 1e3 * cost.time.median))
+            .collect(),
+        marker,
+        ..Series::default()
+    });
+    let panel = Panel {
+        title: "Two sheets land on a plane".to_owned(),
+        x_label: "Triangles".to_owned(),
+        y_label: "Processor time of a step (ms)".to_owned(),
+        x_scale: Scale::Logarithmic,
+        y_scale: Scale::Logarithmic,
+        series: series.into(),
+        ..Panel::default()
+    };
+    plot::panels("Time of contact", "medians", 1, &[panel])
+}

@@ -1,0 +1,28 @@
+//! The quick part of `palpate bench contact`.
+
+use study::contact::{Aim, Section, run};
+use study::{Level, Results};
+
+/// The beginning of the names of the aims that are not reached.
+const MISSED: &str = "pairs a step, ";
+
+#[test]
+fn contact_holds_its_aims() {
+    let found = run(Level::Quick, None, 1, &mut |_| {}).unwrap();
+    let text = found.tables();
+    println!("{text}");
+    assert!(found.aims.len() > 20 && found.aims.iter().all(|aim| aim.ours.is_finite()));
+    let known = |aim: &&Aim| !aim.name.starts_with(MISSED);
+    let missed = found.aims.iter().filter(|aim| !aim.is_reached);
+    let missed: Vec<&Aim> = missed.filter(known).collect();
+    assert!(missed.is_empty(), "{missed:#?}");
+    // Times are shown, and are no aims.
+    assert_eq!(found.costs.len(), 13);
+    assert!(text.contains("| two sheets land |") && found.picture().is_some());
+}
+
+#[test]
+fn a_part_runs_alone() {
+    let found = run(Level::Quick, Some(Section::Cost), 1, &mut |_| {}).unwrap();
+    assert!(found.aims.is_empty() && !found.costs.is_empty());
+}
