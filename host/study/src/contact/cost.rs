@@ -7,7 +7,7 @@ use crate::speed::clock::cpu_time;
 use crate::{Level, StudyError};
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
-use physics::contact::{Lists, Rows, Step, reach};
+use physics::contact::{Lists, Meeting, Rows, Step, reach};
 use serde::Serialize;
 
 /// The time of a stage in a scene of one size.
@@ -107,7 +107,7 @@ fn prescribed(scene: &motions::Scene, steps: u32) -> [Cost; 2] {
             stiffest: &stiffest,
             h: motions::STEP,
             parting: 0.2,
-            friction: &|_, _| 0.3,
+            meeting: &Meeting::by_radii(surfaces, 0.3),
             hierarchy: lists.hierarchy(),
             pairs: &|found| lists.each(surfaces, &x, found),
         });

@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 use physics::contact::crossing::passes;
 use physics::contact::obstacle::{Geometry, Motion, Obstacle};
 use physics::contact::shape::Shape;
-use physics::contact::{Skin, Surfaces};
+use physics::contact::{Meeting, Skin, Surfaces};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{Mesh, TriMesh};
 use physics::motion::contacts::{Contacts, Member, Side};
@@ -108,7 +108,8 @@ impl World {
             is_obstacle: false,
         };
         let number = self.bodies.len();
-        self.contacts.add_body(number, &Mesh::Sheet(mesh), skin)?;
+        let mesh = Mesh::Sheet(mesh);
+        self.contacts.add_body(number, &body, mesh, skin)?;
         self.bodies.push(body);
         let poses = handles.iter().map(|handle| HandlePose::at(handle.origin));
         self.hands.push(poses.collect());
@@ -130,7 +131,14 @@ impl World {
     pub(super) fn complete(&mut self, friction: f64) {
         self.contacts.complete(&|one, other| match (one, other) {
             (Side::Obstacle(_), Side::Obstacle(_)) => None,
-            _ => Some(friction),
+            (Side::Body(_), Side::Body(_)) => Some(Meeting {
+                distance: 2.0 * RADIUS,
+                friction,
+            }),
+            _ => Some(Meeting {
+                distance: RADIUS,
+                friction,
+            }),
         });
     }
 
