@@ -276,7 +276,7 @@ fn sheets_on_each_other_carry_each_other_s_weight() {
 fn a_sheet_falls_over_the_edge_of_a_box() {
     let mut world = World::new();
     world.sheet([0.06, 0.04], [12, 8], DOWN, |x| {
-        x - Vec3::new(0.03, 0.02, -1e-3 - RADIUS)
+        x + Vec3::z() * (1e-3 + RADIUS)
     });
     world.still(
         Shape::Box {

@@ -121,6 +121,10 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         Arguments("host/program/tests/command/accuracy.rs runs it"),
     ),
     (
+        "palpate bench contact --part aims --quick",
+        Arguments("it takes ten seconds; host/study/tests/studies/contact.rs runs it"),
+    ),
+    (
         "palpate bench velocity",
         Arguments("it takes half a minute; host/study/tests/studies/velocity.rs runs a part"),
     ),
