@@ -1,6 +1,6 @@
 //! The plan of a scene: which stages of a host step the scene needs, and why.
 
-use host::engine::plan::{BodyPlan, Stage, stages};
+use host::engine::plan::{BodyPlan, ContactPlan, Stage, stages};
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use std::collections::BTreeMap;
@@ -121,4 +121,21 @@ fn the_reasons_name_the_kind_of_the_body() {
         );
         assert!(why(&loaded, "bending").contains(bending));
     }
+}
+
+#[test]
+fn the_pairs_that_may_touch_are_named() {
+    let floor = "[[obstacle]]\nname = \"floor\"\nshape = \"plane\"\n";
+    let loaded = scene("", &format!("position = [0, 0, 0.01]\n{SHEET}"), floor);
+    assert!(why(&loaded, "collision").starts_with("1 pair may touch: "));
+    let world = World::new(&loaded).expect("a world");
+    let pairs: Vec<_> = ContactPlan::all(&world)
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    assert_eq!(
+        pairs,
+        ["body with floor: friction 0.3, from a distance of 0.5 mm"]
+    );
+    assert!(!needed(&scene("", SHEET, "")).contains(&"collision"));
 }
