@@ -57,11 +57,7 @@ impl Hello {
             duration: scene.duration,
             devices: devices.collect(),
             bodies: bodies.collect(),
-            obstacles: obstacle::infos(
-                scene,
-                &world.obstacles,
-                (world.bodies.iter()).flat_map(|built| built.mesh.positions().iter().copied()),
-            ),
+            obstacles: obstacle::infos(world),
             facts,
             scene_text: loaded.source.text.clone(),
             files: loaded.files.clone(),

@@ -1,6 +1,6 @@
 //! The obstacles of a scene for viewers: triangles, made once, and where the triangles are at a time.
 
-use crate::scene::Scene;
+use crate::world::World;
 use physics::Vec3;
 use physics::contact::Obstacle;
 use physics::contact::obstacle::{Geometry, Motion};
@@ -38,13 +38,9 @@ pub struct ObstacleState {
     pub positions: Vec<f32>,
 }
 
-/// The obstacles of a scene, whose bodies have vertices at `points` at rest.
-pub(super) fn infos<'a>(
-    scene: &Scene,
-    obstacles: &[Obstacle],
-    points: impl Iterator<Item = Vec3> + Clone + 'a,
-) -> Vec<ObstacleInfo> {
-    let each = scene.obstacles.iter().zip(obstacles);
+/// The obstacles of a world.
+pub(super) fn infos(world: &World<'_>) -> Vec<ObstacleInfo> {
+    let each = world.loaded.scene.obstacles.iter().zip(&world.obstacles);
     let info = each.map(|(spec, obstacle)| {
         let (shape, positions, triangles) = match obstacle.geometry() {
             Geometry::Mesh(mesh) => (
@@ -54,8 +50,9 @@ pub(super) fn infos<'a>(
             ),
             Geometry::Shape(shape) => {
                 let pose = obstacle.pose(0.0);
-                let own = points.clone().map(|point| {
-                    let own = pose.inverse_transform_point(&point.into());
+                let points = world.bodies.iter().flat_map(|built| built.mesh.positions());
+                let own = points.map(|point| {
+                    let own = pose.inverse_transform_point(&(*point).into());
                     own.x.abs().max(own.y.abs())
                 });
                 let (positions, triangles) = surface(shape, BEYOND * own.fold(0.0, f64::max));

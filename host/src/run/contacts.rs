@@ -29,10 +29,13 @@ pub struct ContactSender {
     all: Vec<(f64, usize, ContactPoint)>,
 }
 
+/// Where the observers receive buffers, and where they give the buffers back.
+type Ends = (Receiver<Box<ContactStep>>, SyncSender<Box<ContactStep>>);
+
 /// The end of the observers. By default it hears nothing.
 #[derive(Default)]
 pub(super) struct ContactSteps {
-    ends: Option<(Receiver<Box<ContactStep>>, SyncSender<Box<ContactStep>>)>,
+    ends: Option<Ends>,
     /// Steps whose ticks have not come.
     early: VecDeque<Box<ContactStep>>,
     missing: Arc<AtomicU64>,

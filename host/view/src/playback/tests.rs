@@ -100,8 +100,8 @@ fn a_moment_has_the_obstacles_and_the_contacts_of_its_step() {
         let frame = player.frame();
         assert_eq!(frame.time_ns, time_ns);
         assert_eq!(frame.obstacles[0].pose, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
-        let before = log.contacts.iter().filter(|step| step.time_ns <= time_ns);
-        let step = before.last().expect("a step");
+        let mut before = log.contacts.iter().filter(|step| step.time_ns <= time_ns);
+        let step = before.next_back().expect("a step");
         let points = step.points.iter().map(ContactArrow::from);
         assert_eq!(frame.contacts, points.collect::<Vec<_>>());
     }
