@@ -70,7 +70,7 @@ const OUTPUTS: [Output; 8] = [
 ];
 
 /// The files of the studies, in the report's order. The studies of the registry stand before the one at [`AFTER`].
-const STUDIES: [Output; 9] = [
+const STUDIES: [Output; 10] = [
     Output {
         title: Cow::Borrowed("`palpate sweep --json`"),
         schema: "",
