@@ -119,13 +119,9 @@ impl World {
             &|body| steppers[body].rests(&bodies[body], H, &self.hands[body]),
             &mut |body, is_kept| kept[body] = is_kept,
         );
-        for (body, (stepper, kept)) in bodies
-            .iter_mut()
-            .zip(steppers.iter_mut().zip(kept))
-            .map(|(b, s)| (b, s))
-        {
+        for (body, (stepper, kept)) in bodies.iter_mut().zip(steppers.iter_mut().zip(kept)) {
             stepper.keep_awake(kept);
-            if self.steps % 5 == 0 {
+            if self.steps.is_multiple_of(5) {
                 stepper.prepare(body, H).unwrap();
             }
             stepper.predict(body, H).unwrap();

@@ -9,7 +9,7 @@ use crate::chance::Chance;
 use crate::{Level, StudyError};
 use nalgebra::UnitQuaternion;
 use physics::mesh::TriMesh;
-use physics::{Border, Freedom, HandleSpec, Vec3};
+use physics::{Body, Border, Freedom, HandleSpec, Vec3};
 
 /// The speed (m/s).
 const SPEED: f64 = 2.0;
@@ -31,15 +31,16 @@ pub(super) fn run(
 ) -> Result<(), StudyError> {
     let throws: u64 = level.choose(64, 10_000);
     let mut crossed = [0_usize; KINDS.len()];
-    let mut truncated = 0;
+    let (mut truncated, mut most) = (0, 0.0_f64);
     for throw in 0..throws {
         let kind = (throw % 4) as usize;
         let mut world = thrown(kind, Chance::new(seed, throw))?;
-        let mut crosses = false;
+        let (mut crosses, start) = (false, energy(&world));
         for _ in 0..STEPS {
             world.step()?;
             truncated += world.contacts.report().truncated.truncated;
             crosses |= world.crossings() > 0;
+            most = most.max(energy(&world) / start);
         }
         crossed[kind] += usize::from(crosses);
         progress((throw + 1) as f64 / throws as f64);
@@ -48,12 +49,19 @@ pub(super) fn run(
         let name = format!("throws of {} that cross, {kind}", throws / 4);
         aims.push(Aim::at_most(name, "", crossed as f64, 0.0));
     }
+    let name = "largest energy of a throw, of that at its start";
+    aims.push(Aim::at_most(name, "", most, 1.0));
     if truncated == 0 {
         // The throws do not show what they are for.
         let name = "throws without a truncation";
         aims.push(Aim::at_most(name, "", throws as f64, 0.0));
     }
     Ok(())
+}
+
+/// The kinetic and elastic energy of all bodies (J).
+fn energy(world: &World) -> f64 {
+    world.bodies.iter().map(Body::total_energy).sum()
 }
 
 /// The world of a throw, before its first step.
