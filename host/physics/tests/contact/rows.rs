@@ -398,44 +398,6 @@ fn a_step_allocates_nothing() {
     }
 }
 
-/// Prints what a row costs: `cargo test --release -p palpate-physics --test contact what_a_row_costs -- --ignored --nocapture`.
-#[test]
-#[ignore = "a measurement"]
-fn what_a_row_costs() {
-    for (name, cells) in [("rigid turn", 20), ("rigid turn", 40), ("fold", 40)] {
-        let scenes = motions::all(cells);
-        let scene = scenes.iter().find(|scene| scene.name == name).unwrap();
-        let first = moved(scene, 0.1);
-        let mut rows = Rows::new(&first.surfaces, 20_000);
-        let mut lists = Lists::new(&first.surfaces, &first.x);
-        let (mut report, mut of_lists) = (RowsReport::default(), 0.0);
-        let start = std::time::Instant::now();
-        for _ in 0..50 {
-            report = first.begin(&mut rows, &mut lists, None);
-            let started = std::time::Instant::now();
-            let mut pairs = 0;
-            lists.each(&first.surfaces, &first.x, &mut |_| pairs += 1);
-            of_lists += started.elapsed().as_secs_f64();
-            let still: Vec<Response> = rows
-                .contacts()
-                .iter()
-                .map(|one| one.row.response(&Vec3::zeros()))
-                .collect();
-            rows.end(still.iter());
-        }
-        let each = (start.elapsed().as_secs_f64() - of_lists) / 50.0 * 1e9;
-        let triangles = first.surfaces.triangles.len();
-        let checked = lists.counts().checked;
-        println!(
-            "{name}: {triangles} triangles, {checked} pairs, {} rows, {} thinned: {:.0} ns a row, {:.0} ns a pair",
-            report.rows,
-            report.thinned,
-            each / report.rows as f64,
-            each / checked as f64,
-        );
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 

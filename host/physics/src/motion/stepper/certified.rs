@@ -37,7 +37,7 @@ impl<T: Precision> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`StepError::Stage`] if the step has not been solved.
+    /// [`StepError::Order`] if the step has not been solved.
     pub fn certify(&mut self, fraction: &dyn Fn(u32) -> f64) -> Result<(), StepError> {
         let mut step = self.begun(Call::Solve)?;
         self.present.is_certified = true;
