@@ -1,0 +1,344 @@
+//! Contacts of bodies, of a body with itself and with obstacles, in the step of several bodies.
+//!
+//! A step of contact has these stages between those of the bodies (`stepper/calls`):
+//!
+//! ```text
+//! keep_awake   before constrain   bodies sleep together with those that they touch
+//! begin        after constrain    surfaces at the start, predicted motion, lists, rows
+//! solve                           each island of bodies that share a row, together
+//! certify      after solve        nothing crosses, whatever the solver left
+//! ```
+//!
+//! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step.
+//!
+//! Bodies without a row are solved alone between `solve` and `certify`. Nothing is allocated in a step, once the vectors have
+//! served as many rows.
+
+mod certify;
+mod islands;
+mod parts;
+mod report;
+
+pub use report::{ContactReport, Side, Touching};
+
+use super::joined::{At, Workspace};
+use super::stepper::{Equation, Stepper};
+use super::touching::{self, Touch};
+use crate::Vec3;
+use crate::body::Body;
+use crate::contact::row::Response;
+use crate::contact::{Lists, Obstacle, Placed, Rows, RowsReport, Step, Surfaces, reach};
+use crate::element::precision::Precision;
+use islands::Islands;
+use parts::{Meetings, Owner, Source, place};
+
+/// The most bodies of a scene.
+pub const MOST_BODIES: usize = 8;
+/// The rows of a scene for each vertex of its surfaces, at most.
+const ROWS_PER_VERTEX: usize = 6;
+/// The speed at which sides part that overlap at the start (m/s).
+const PARTING: f64 = 0.2;
+/// The normal of a contact in a local model is stiffer than its row by this factor: the carried multiplier makes the row rigid.
+const RIGID: f64 = 100.0;
+
+/// A body in a step.
+#[derive(Debug)]
+pub struct Member<'a, T> {
+    /// The body.
+    pub body: &'a Body,
+    /// Its stepper; `None` if a stage of its step has failed.
+    pub stepper: Option<&'a mut Stepper<T>>,
+}
+
+impl<T: Precision> Member<'_, T> {
+    fn is_awake(&self) -> bool {
+        let stepper = self.stepper.as_ref();
+        stepper.is_some_and(|stepper| !stepper.sleeps())
+    }
+}
+
+/// The contacts of a scene.
+#[derive(Debug)]
+pub struct Contacts {
+    surfaces: Surfaces,
+    /// By part.
+    sources: Vec<Source>,
+    owners: Vec<Owner>,
+    obstacles: Vec<Obstacle>,
+    /// The shapes, and the numbers of their obstacles.
+    shapes: Vec<Placed>,
+    of_shapes: Vec<usize>,
+    meetings: Meetings,
+    lists: Option<Lists>,
+    rows: Rows,
+    /// By vertex of the surfaces.
+    x: Vec<Vec3>,
+    u: Vec<Vec3>,
+    v: Vec<Vec3>,
+    mass: Vec<f64>,
+    stiffest: Vec<f64>,
+    fractions: Vec<f64>,
+    /// The contacts in the order of their islands; of each the number of its row.
+    touches: Vec<Touch>,
+    of_row: Vec<usize>,
+    islands: Islands,
+    /// Bodies with a listed pair or a shape nearby, which have to be certified.
+    is_near: Vec<bool>,
+    room: Workspace,
+    /// By pair of sides that touch.
+    touching: Vec<Touching>,
+    report: ContactReport,
+    began: RowsReport,
+    /// Whether nothing can move in the present step.
+    is_idle: bool,
+}
+
+impl Contacts {
+    /// The contacts of no surface.
+    pub fn new() -> Self {
+        Self {
+            surfaces: Surfaces::default(),
+            sources: Vec::new(),
+            owners: Vec::new(),
+            obstacles: Vec::new(),
+            shapes: Vec::new(),
+            of_shapes: Vec::new(),
+            meetings: Meetings::default(),
+            lists: None,
+            rows: Rows::new(&Surfaces::default(), 0),
+            x: Vec::new(),
+            u: Vec::new(),
+            v: Vec::new(),
+            mass: Vec::new(),
+            stiffest: Vec::new(),
+            fractions: Vec::new(),
+            touches: Vec::new(),
+            of_row: Vec::new(),
+            islands: Islands::default(),
+            is_near: Vec::new(),
+            room: Workspace::default(),
+            touching: Vec::new(),
+            report: ContactReport::default(),
+            began: RowsReport::default(),
+            is_idle: false,
+        }
+    }
+
+    /// The surfaces.
+    pub fn surfaces(&self) -> &Surfaces {
+        &self.surfaces
+    }
+
+    /// Keeps each of the `bodies` awake unless all bodies of its island rest. Called before the bodies are constrained.
+    pub fn keep_awake(
+        &self,
+        bodies: usize,
+        rests: &dyn Fn(usize) -> bool,
+        keep: &mut dyn FnMut(usize, bool),
+    ) {
+        for body in 0..bodies {
+            let root = self.islands.root(body);
+            let mut island = (0..bodies).filter(|other| self.islands.root(*other) == root);
+            keep(body, !island.all(rests));
+        }
+    }
+
+    /// Begins the step of `h` seconds, after the bodies have been constrained: finds the rows. The obstacles move from one
+    /// of the `times` (s) to the other.
+    pub fn begin<T: Precision>(&mut self, members: &[Member<'_, T>], times: [f64; 2], h: f64) {
+        let stands = |obstacle: &Obstacle| obstacle.stands(times[0], times[1] - times[0]);
+        self.is_idle = self.lists.is_some()
+            && !members.iter().any(Member::is_awake)
+            && self.obstacles.iter().all(stands);
+        if self.is_idle {
+            return;
+        }
+        self.gather(members, times, h);
+        let lists = match &mut self.lists {
+            Some(lists) => lists,
+            none => none.insert(Lists::new(&self.surfaces, &self.x)),
+        };
+        let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
+        lists.follow(surfaces, x, |hierarchy, cluster| {
+            reach(surfaces, u, hierarchy, cluster)
+        });
+        let meetings = &self.meetings;
+        let step = Step {
+            surfaces,
+            obstacles: &self.shapes,
+            x,
+            u,
+            v: &self.v,
+            masses: &self.mass,
+            stiffest: &self.stiffest,
+            parting: PARTING,
+            hierarchy: lists.hierarchy(),
+            pairs: &|found| lists.each(surfaces, x, found),
+            h,
+            meeting: &|one, other| meetings.get(one, other),
+        };
+        self.began = self.rows.begin(&step);
+        self.make_touches(members);
+    }
+
+    /// Takes the state of the bodies and the obstacles.
+    fn gather<T: Precision>(&mut self, members: &[Member<'_, T>], times: [f64; 2], h: f64) {
+        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
+            let range = part.vertices.start as usize..part.vertices.end as usize;
+            let (x, u) = (&mut self.x[range.clone()], &mut self.u[range.clone()]);
+            let v = &mut self.v[range.clone()];
+            match owner {
+                Owner::Body(body) => {
+                    let member = &members[*body];
+                    // Room for further vertices has no node.
+                    let count = x.len().min(member.body.node_positions().len());
+                    let (x, u, v) = (&mut x[..count], &mut u[..count], &mut v[..count]);
+                    x.copy_from_slice(&member.body.node_positions()[..count]);
+                    v.copy_from_slice(&member.body.node_velocities()[..count]);
+                    let masses = &member.body.node_masses()[..count];
+                    let nodes = u.iter_mut().zip(&mut self.mass[range]).zip(masses);
+                    for (node, ((u, mass), own)) in (0..).zip(nodes) {
+                        let stepper = member.stepper.as_deref();
+                        *u = stepper.map_or_else(Vec3::zeros, |stepper| stepper.displacement(node));
+                        let is_free = stepper.is_some_and(|stepper| stepper.is_free(node));
+                        *mass = if is_free { *own } else { f64::INFINITY };
+                    }
+                }
+                Owner::Obstacle(number) => {
+                    let obstacle = &self.obstacles[*number];
+                    place(obstacle, times[0], x);
+                    place(obstacle, times[1], u);
+                    for ((x, u), v) in x.iter().zip(u).zip(v) {
+                        *u -= x;
+                        *v = *u / h;
+                    }
+                }
+            }
+        }
+        for (placed, number) in self.shapes.iter_mut().zip(&self.of_shapes) {
+            let pose = |t| self.obstacles[*number].pose(t);
+            (placed.start, placed.end) = (pose(times[0]), pose(times[1]));
+        }
+    }
+
+    /// Makes the contacts of the solver, in the order of their islands.
+    fn make_touches<T: Precision>(&mut self, members: &[Member<'_, T>]) {
+        self.islands.begin(MOST_BODIES);
+        let contacts = self.rows.contacts();
+        for contact in contacts {
+            let mut first = None;
+            for (vertex, weight) in contact.vertices.into_iter().zip(contact.weights) {
+                if let Some(at) = self.at(vertex).filter(|_| weight != 0.0) {
+                    let one = *first.get_or_insert(at.body);
+                    self.islands.join(one, at.body);
+                }
+            }
+        }
+        let mut order = core::mem::take(&mut self.of_row);
+        order.clear();
+        order.extend(0..self.rows.contacts().len());
+        order.sort_unstable_by_key(|row| (self.island_of(*row, members), *row));
+        let mut touches = core::mem::take(&mut self.touches);
+        touches.clear();
+        for row in &order {
+            let contact = &self.rows.contacts()[*row];
+            let node = |i: usize| {
+                let none = (At { body: 0, node: 0 }, 0.0);
+                let at = self.at(contact.vertices[i]);
+                at.map_or(none, |at| (at, contact.weights[i]))
+            };
+            let mut touch = Touch::new([0, 1, 2, 3].map(node), contact.row);
+            if self.island_of(*row, members).is_none() {
+                // Nothing moves here: the forces stay.
+                touch.response = Response {
+                    normal: contact.forces()[0],
+                    friction: contact.row.anchored,
+                    ..touch.response
+                };
+            }
+            touches.push(touch);
+        }
+        // The rows of bodies that rest come first.
+        (self.of_row, self.touches) = (order, touches);
+    }
+
+    /// The island of a row; `None` if all its bodies rest.
+    fn island_of<T: Precision>(&self, row: usize, members: &[Member<'_, T>]) -> Option<usize> {
+        let contact = &self.rows.contacts()[row];
+        let vertices = contact.vertices.iter().zip(contact.weights);
+        let mut bodies = vertices
+            .filter(|(_, weight)| *weight != 0.0)
+            .filter_map(|(vertex, _)| self.at(*vertex))
+            .map(|at| at.body);
+        let awake = |body: &usize| members[*body].is_awake();
+        bodies.find(awake).map(|body| self.islands.root(body))
+    }
+
+    /// The node of a vertex; `None` for a vertex of an obstacle.
+    fn at(&self, vertex: u32) -> Option<At> {
+        let part = self.surfaces.part_of(vertex);
+        match self.owners[part] {
+            Owner::Body(body) => Some(At {
+                body,
+                node: vertex - self.surfaces.parts[part].vertices.start,
+            }),
+            Owner::Obstacle(_) => None,
+        }
+    }
+
+    /// Solves the bodies that have rows, island by island. `out_of_time` is called with the first body of the island after
+    /// each iteration.
+    pub fn solve<T: Precision>(
+        &mut self,
+        members: &mut [Member<'_, T>],
+        out_of_time: &mut dyn FnMut(usize) -> bool,
+    ) {
+        self.report = ContactReport {
+            counts: self.lists.as_ref().map(Lists::counts).unwrap_or_default(),
+            rows: self.began,
+            ..ContactReport::default()
+        };
+        self.report.solved.converged = true;
+        if self.is_idle {
+            return;
+        }
+        let mut from = 0;
+        while from < self.touches.len() {
+            let island = self.island_of(self.of_row[from], members);
+            let rest = self.of_row[from..].iter();
+            let same = rest.take_while(|row| self.island_of(**row, members) == island);
+            let end = from + same.count();
+            let Some(root) = island else {
+                from = end;
+                continue;
+            };
+            let mut lent: [Option<Equation<'_, T>>; MOST_BODIES] = [const { None }; MOST_BODIES];
+            for (body, (lent, member)) in lent.iter_mut().zip(&mut *members).enumerate() {
+                if self.islands.root(body) == root
+                    && let Some(stepper) = &mut member.stepper
+                {
+                    *lent = stepper.equation().ok().flatten();
+                }
+            }
+            let report = touching::solve(
+                &mut lent,
+                &mut self.touches[from..end],
+                if self.began.impacts > 0 { 2 } else { 1 },
+                &mut self.room,
+                &mut || out_of_time(root),
+            );
+            let solved = &mut self.report.solved;
+            solved.passes = solved.passes.max(report.passes);
+            solved.iterations += report.iterations;
+            solved.searched += report.searched;
+            solved.converged &= report.converged;
+            from = end;
+        }
+    }
+}
+
+impl Default for Contacts {
+    fn default() -> Self {
+        Self::new()
+    }
+}

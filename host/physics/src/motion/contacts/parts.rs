@@ -1,0 +1,257 @@
+//! The sides of contacts: surfaces of bodies that may tear, obstacles, and how they meet.
+
+use super::{Contacts, MOST_BODIES, ROWS_PER_VERTEX, Side};
+use crate::Vec3;
+use crate::body::Body;
+use crate::contact::obstacle::{Geometry, Obstacle};
+use crate::contact::shape::Shape;
+use crate::contact::{Meeting, Placed, Rows, Skin, Surfaces};
+use crate::mesh::{Mesh, MeshError, TriMesh};
+use nalgebra::Point3;
+
+/// What one part of the surfaces is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Owner {
+    Body(usize),
+    Obstacle(usize),
+}
+
+/// Where the surface of a part comes from.
+#[derive(Clone, Debug)]
+pub(super) struct Source {
+    /// The mesh. Positions are those at rest; those without an element are room for vertices that tears will add.
+    pub(super) mesh: Mesh,
+    pub(super) skin: Skin,
+    pub(super) tears: bool,
+}
+
+impl Source {
+    /// The surface of a body with this mesh.
+    pub(super) fn of(body: &Body, mut mesh: Mesh, skin: Skin) -> Self {
+        let tears = body.surface().is_some();
+        if let (Some(surface), Mesh::Sheet(mesh)) = (body.surface(), &mut mesh) {
+            mesh.positions.clear();
+            mesh.positions.extend_from_slice(&body.model.rest);
+            (mesh.positions).resize(surface.limits().vertices, Vec3::zeros());
+        }
+        Self { mesh, skin, tears }
+    }
+
+    pub(super) fn add_to(&self, surfaces: &mut Surfaces) -> Result<(), MeshError> {
+        let part = surfaces.add(&self.mesh, self.skin)?;
+        if self.tears {
+            surfaces.tears(part, self.mesh.positions());
+        }
+        Ok(())
+    }
+}
+
+/// How sides meet, by pair.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Meetings {
+    pub(super) count: usize,
+    /// `None` for sides that do not touch.
+    pub(super) of: Vec<Option<Meeting>>,
+}
+
+impl Meetings {
+    pub(super) fn get(&self, one: usize, other: usize) -> Option<Meeting> {
+        self.of[one * self.count + other]
+    }
+}
+
+impl Contacts {
+    /// Adds the surface of the body of this number, of at most [`MOST_BODIES`].
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the triangles of the mesh are no surface.
+    pub fn add_body(
+        &mut self,
+        number: usize,
+        body: &Body,
+        mesh: Mesh,
+        skin: Skin,
+    ) -> Result<(), MeshError> {
+        let source = Source::of(body, mesh, skin);
+        source.add_to(&mut self.surfaces)?;
+        self.sources.push(source);
+        self.owners.push(Owner::Body(number));
+        Ok(())
+    }
+
+    /// Follows the body of this number, whose connectivity has changed, with its new mesh. Contacts keep their forces if the
+    /// body has as much room for vertices as before. This allocates.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the triangles of the mesh are no surface; the contacts are unchanged then.
+    pub fn follow(&mut self, number: usize, body: &Body, mesh: Mesh) -> Result<(), MeshError> {
+        let Some(part) = self.owners.iter().position(|of| *of == Owner::Body(number)) else {
+            return Ok(());
+        };
+        let source = Source::of(body, mesh, self.sources[part].skin);
+        let mut surfaces = Surfaces::default();
+        for (other, old) in self.sources.iter().enumerate() {
+            let source = if other == part { &source } else { old };
+            source.add_to(&mut surfaces)?;
+        }
+        self.sources[part] = source;
+        let has_room = surfaces.vertices == self.surfaces.vertices;
+        self.surfaces = surfaces;
+        self.keep_apart();
+        self.lists = None;
+        if !has_room {
+            self.reserve();
+        }
+        Ok(())
+    }
+
+    /// Adds an obstacle. The sides of a box are triangles: its edges can hold a surface up between the vertices of the surface.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] if the triangles are no surface.
+    pub fn add_obstacle(&mut self, obstacle: Obstacle) -> Result<(), MeshError> {
+        let number = self.obstacles.len();
+        let triangles = match obstacle.geometry() {
+            Geometry::Mesh(mesh) => Some((mesh.positions().to_vec(), mesh.triangles().to_vec())),
+            Geometry::Shape(Shape::Box { half }) => Some(box_of(half)),
+            Geometry::Shape(shape) => {
+                let pose = obstacle.pose(0.0);
+                self.of_shapes.push(number);
+                self.shapes.push(Placed {
+                    shape: *shape,
+                    start: pose,
+                    end: pose,
+                });
+                None
+            }
+        };
+        if let Some((positions, triangles)) = triangles {
+            let skin = Skin {
+                radius: 0.0,
+                touches_itself: false,
+                is_obstacle: true,
+            };
+            let source = Source {
+                mesh: Mesh::Sheet(TriMesh::new(positions, triangles)?),
+                skin,
+                tears: false,
+            };
+            source.add_to(&mut self.surfaces)?;
+            self.sources.push(source);
+            self.owners.push(Owner::Obstacle(number));
+        }
+        self.obstacles.push(obstacle);
+        Ok(())
+    }
+
+    /// Ends the lists of bodies and obstacles. `meeting` tells how two sides meet;
+    /// `None` for sides that do not touch.
+    pub fn complete(&mut self, meeting: &dyn Fn(Side, Side) -> Option<Meeting>) {
+        let sides = self.sides();
+        let mut of = Vec::with_capacity(sides.len() * sides.len());
+        for one in &sides {
+            of.extend(sides.iter().map(|other| meeting(*one, *other)));
+        }
+        self.meetings = Meetings {
+            count: sides.len(),
+            of,
+        };
+        self.keep_apart();
+        self.reserve();
+    }
+
+    /// Keeps parts from touching that do not meet. Pairs are listed up to the sum of the radii of their parts, which is at least
+    /// the distance at which they meet.
+    pub(super) fn keep_apart(&mut self) {
+        for part in 0..self.surfaces.parts.len() {
+            let meetings =
+                (0..self.meetings.count).filter_map(|other| self.meetings.get(part, other));
+            let farthest = meetings.map(|meeting| meeting.distance).fold(0.0, f64::max);
+            let radius = &mut self.surfaces.parts[part].radius;
+            *radius = radius.max(0.5 * farthest);
+        }
+        for one in 0..self.surfaces.parts.len() {
+            for other in one + 1..self.surfaces.parts.len() {
+                if self.meetings.get(one, other).is_none() {
+                    self.surfaces.keep_apart(one, other);
+                }
+            }
+        }
+    }
+
+    /// Makes the vectors of a step.
+    pub(super) fn reserve(&mut self) {
+        let vertices = self.surfaces.vertices;
+        for vectors in [&mut self.x, &mut self.u, &mut self.v] {
+            *vectors = vec![Vec3::zeros(); vertices];
+        }
+        self.mass = vec![f64::INFINITY; vertices];
+        self.stiffest = vec![f64::INFINITY; vertices];
+        self.fractions = vec![1.0; vertices];
+        let most = ROWS_PER_VERTEX * vertices;
+        self.rows = Rows::new(&self.surfaces, most);
+        self.touches.reserve(most);
+        self.of_row.reserve(most);
+        let sides = self.meetings.count;
+        self.touching.reserve(sides * (sides + 1) / 2);
+        self.is_near = vec![false; MOST_BODIES];
+        self.islands.begin(MOST_BODIES);
+    }
+
+    /// The sides: the parts, and after them the shapes.
+    pub fn sides(&self) -> Vec<Side> {
+        let parts = self.owners.iter().map(|owner| match owner {
+            Owner::Body(body) => Side::Body(*body),
+            Owner::Obstacle(obstacle) => Side::Obstacle(*obstacle),
+        });
+        let shapes = self
+            .of_shapes
+            .iter()
+            .map(|obstacle| Side::Obstacle(*obstacle));
+        parts.chain(shapes).collect()
+    }
+}
+
+/// The positions of an obstacle of triangles (m).
+pub(super) fn place(obstacle: &Obstacle, time: f64, x: &mut [Vec3]) {
+    if let Geometry::Shape(Shape::Box { half }) = obstacle.geometry() {
+        let pose = obstacle.pose(time);
+        for (x, corner) in x.iter_mut().zip(corners(half)) {
+            *x = (pose * Point3::from(corner)).coords;
+        }
+    } else {
+        obstacle.write_positions(time, x);
+    }
+}
+
+/// The corners of a box.
+pub(super) fn corners(half: &Vec3) -> [Vec3; 8] {
+    [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
+        Vec3::from_fn(|axis, _| {
+            if corner >> axis & 1 == 1 {
+                half[axis]
+            } else {
+                -half[axis]
+            }
+        })
+    })
+}
+
+/// The corners and the triangles of a box, counterclockwise seen from outside.
+pub(super) fn box_of(half: &Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let faces = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let triangles = faces
+        .iter()
+        .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]);
+    (corners(half).to_vec(), triangles.collect())
+}

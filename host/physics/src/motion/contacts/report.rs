@@ -1,0 +1,165 @@
+//! What the contacts of a step did, what they keep for the next one, and what they are for the local models.
+
+use super::{Contacts, Member, RIGID};
+use crate::contact::certificate::Truncation;
+use crate::contact::{Counts, RowsReport};
+use crate::element::precision::Precision;
+use crate::motion::constraint::spring::Spring;
+use crate::motion::joined::At;
+use crate::motion::touching::{Touch, TouchReport};
+use crate::{Mat3, Vec3};
+
+/// A side of a contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Side {
+    /// The body of this number.
+    Body(usize),
+    /// The obstacle of this number.
+    Obstacle(usize),
+}
+
+/// The sum of the contacts between two sides in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Touching {
+    /// The sides, in ascending order: parts, and after them shapes.
+    pub sides: [usize; 2],
+    /// Number of contacts with a force.
+    pub count: usize,
+    /// Sum of the normal forces, by size (N).
+    pub normal: f64,
+    /// Sum of the friction forces, by size (N).
+    pub friction: f64,
+    /// The force on the first side (N).
+    pub force: Vec3,
+    /// The largest depth (m); not negative.
+    pub depth: f64,
+    /// Number of contacts that slip.
+    pub slipping: usize,
+}
+
+/// What the contacts of a step did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContactReport {
+    /// The lists.
+    pub counts: Counts,
+    /// The rows.
+    pub rows: RowsReport,
+    /// The solver, over all islands.
+    pub solved: TouchReport,
+    /// The truncation.
+    pub truncated: Truncation,
+    /// The energy that the contacts took from both sides, less the work of obstacles (J): stored in friction springs, dissipated
+    /// by friction, and by normal forces that depart from the law of a rigid contact.
+    pub taken: f64,
+    /// The work of moving obstacles (J).
+    pub by_obstacles: f64,
+    /// The work with which overlaps parted (J).
+    pub parted: f64,
+    /// The energy in the springs of friction (J).
+    pub stored: f64,
+}
+
+impl Contacts {
+    /// What the contacts of the last step did.
+    pub fn report(&self) -> ContactReport {
+        self.report
+    }
+
+    /// The sums of the contacts of the last step, by pair of sides that touch.
+    pub fn touching(&self) -> &[Touching] {
+        &self.touching
+    }
+
+    /// The contacts of the last step with a force: the sides, the place on the first side at the start of the step (m), and
+    /// the contact.
+    pub fn points(&self) -> impl Iterator<Item = ([usize; 2], Vec3, &Touch)> {
+        let touches = self.touches.iter().zip(&self.of_row);
+        let acting = touches.filter(|(touch, _)| touch.response.normal > 0.0);
+        acting.map(|(touch, row)| {
+            let contact = &self.rows.contacts()[*row];
+            let corners = contact.vertices.iter().zip(contact.weights);
+            let first = corners.filter(|(_, weight)| *weight > 0.0);
+            let place = first.map(|(vertex, weight)| self.x[*vertex as usize] * weight);
+            (contact.parts, place.sum(), touch)
+        })
+    }
+
+    /// Sums up the contacts, and keeps them.
+    pub(super) fn end<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
+        self.touching.clear();
+        let mut responses = core::mem::take(&mut self.room.responses);
+        responses.clear();
+        responses.resize(self.touches.len(), None);
+        for (touch, row) in self.touches.iter().zip(&self.of_row) {
+            responses[*row] = Some(touch.response);
+            let contact = &self.rows.contacts()[*row];
+            if touch.response.normal == 0.0 {
+                continue;
+            }
+            let force = touch.force();
+            let corners = contact.vertices.iter().zip(contact.weights);
+            let moved: Vec3 = corners
+                .filter(|(_, weight)| *weight != 0.0)
+                .map(|(vertex, weight)| {
+                    let at = *vertex as usize;
+                    self.u[at] * (weight * self.fractions[at])
+                })
+                .sum();
+            self.report.taken -= force.dot(&(moved - contact.row.motion));
+            self.report.by_obstacles += force.dot(&contact.row.motion);
+            // Vertices of either side may touch the other.
+            let [one, other] = contact.parts;
+            let (sides, sign) = if one <= other {
+                ([one, other], 1.0)
+            } else {
+                ([other, one], -1.0)
+            };
+            let found = self.touching.iter().position(|sum| sum.sides == sides);
+            let at = found.unwrap_or_else(|| {
+                self.touching.push(Touching {
+                    sides,
+                    ..Touching::default()
+                });
+                self.touching.len() - 1
+            });
+            let sum = &mut self.touching[at];
+            sum.count += 1;
+            sum.normal += touch.response.normal;
+            sum.friction += touch.response.friction.norm();
+            sum.force += force * sign;
+            sum.depth = sum.depth.max(-touch.response.gap);
+            sum.slipping += usize::from(touch.response.slips);
+        }
+        self.touching.sort_unstable_by_key(|sum| sum.sides);
+        self.report.parted = self.rows.end(responses.iter().flatten());
+        self.room.responses = responses;
+        self.report.stored = self.rows.stored();
+        for (body, member) in members.iter_mut().enumerate() {
+            if let Some(stepper) = member.stepper.as_deref_mut().filter(|s| !s.sleeps()) {
+                let acting = self
+                    .touches
+                    .iter()
+                    .filter(|touch| touch.response.normal > 0.0);
+                stepper.touch(acting.filter_map(|touch| spring(touch, body)));
+            }
+        }
+    }
+}
+
+/// What a contact is for the local model of a body: its normal is rigid, because the multiplier is carried; across it acts the
+/// friction spring of the step. `None` if the body has no node of it.
+fn spring(touch: &Touch, body: usize) -> Option<Spring> {
+    let is_own = |(at, weight): &(At, f64)| at.body == body && *weight != 0.0;
+    touch.nodes.iter().any(is_own).then(|| {
+        let row = &touch.row;
+        let along: Mat3 = row.normal * row.normal.transpose();
+        Spring {
+            nodes: touch.nodes.map(|node| {
+                let weight = if is_own(&node) { node.1 } else { 0.0 };
+                (node.0.node, weight)
+            }),
+            stiffness: row.tangent(&touch.response)
+                + along * (row.normal_stiffness * (RIGID - 1.0)),
+        }
+    })
+}
