@@ -103,13 +103,13 @@ async function shown(page, after, other = null) {
     console.log(`STRESS ${JSON.stringify(stress)}`);
 
     for (const [form, begins] of [["SVG", "<svg"], ["PNG", "\x89PNG"], ["CSV", ""]]) {
-      const name = `moment.${form.toLowerCase()}`;
+      const name = `still.${form.toLowerCase()}`;
       const response = await page.request.get(new URL(name, process.argv[2]).href);
       assert.strictEqual(response.status(), 200);
       const media = { SVG: "image/svg+xml", PNG: "image/png", CSV: "text/csv" }[form];
       assert(response.headers()["content-type"].startsWith(media), response.headers()["content-type"]);
       await page.locator("#save summary").click();
-      const [download] = await Promise.all([page.waitForEvent("download"), page.getByText(`Moment as ${form}`).click()]);
+      const [download] = await Promise.all([page.waitForEvent("download"), page.getByText(`Still as ${form}`).click()]);
       assert.strictEqual(download.suggestedFilename(), name);
       const bytes = fs.readFileSync(await download.path());
       assert(bytes.length > 1000 && bytes.toString("latin1").includes(begins), `${name} has ${bytes.length} bytes`);
