@@ -13,8 +13,8 @@ use super::surface::Surfaces;
 use crate::Vec3;
 
 /// The row looks further than the motion by this fraction, and by a fraction of the thickness.
-const FURTHER: f64 = 1.3;
-const BESIDE: f64 = 0.1;
+pub(super) const FURTHER: f64 = 1.3;
+pub(super) const BESIDE: f64 = 0.1;
 
 /// Whether a contact of a thickness (m), `distance` apart at the predicted end (m), may touch in the step: its feet are
 /// predicted to move by `relative` (m).

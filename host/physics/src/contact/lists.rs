@@ -16,6 +16,7 @@
 
 use super::drift::Drift;
 use super::hierarchy::Hierarchy;
+use super::moves::Moves;
 use super::pair::Pair;
 use super::rigid::departure;
 use super::search::Search;
@@ -29,6 +30,8 @@ use std::collections::HashMap;
 const LISTS_PER_CLUSTER: usize = 16;
 const ENTRIES_PER_ELEMENT: usize = 32;
 
+/// The lists cover motions that the solver makes larger than predicted by this factor.
+const SOLVED: f64 = 1.1;
 /// The fraction of a margin up to which the bounds of steps are summed before the departure is measured.
 const LOOSE: f64 = 0.1;
 
@@ -116,9 +119,9 @@ pub struct Lists {
     /// The lists in the order of their entries.
     order: Vec<usize>,
     near: Vec<Near>,
-    /// What each cluster may move (m), for the present step.
-    reach: Vec<f64>,
-    /// The same with the radius of its part.
+    /// By cluster, for the present step.
+    moves: Vec<Moves>,
+    /// How far each cluster must look (m).
     grown: Vec<f64>,
     /// Margins (m): least and most.
     margins: [f64; 2],
@@ -162,7 +165,7 @@ impl Lists {
             order: Vec::with_capacity(most),
             // Every pair of clusters is near every other one at most; of very many clusters, the first such step allocates.
             near: Vec::with_capacity((clusters * (clusters + 1) / 2).min(1 << 17)),
-            reach: vec![0.0; clusters],
+            moves: vec![Moves::default(); clusters],
             grown: vec![0.0; clusters],
             margins: [0.5 * thickness, 5.0 * thickness],
             step: 0,
@@ -182,36 +185,40 @@ impl Lists {
         self.counts
     }
 
-    /// Begins a step at the positions `x` (m). Afterwards [`each`](Self::each) gives every pair whose distance is at most
-    /// the sum of its parts' radii and of what its clusters may move: `reach` (m) of a cluster.
+    /// Begins a step at the positions `x` (m), in which clusters are predicted to move as `moves` says. Afterwards
+    /// [`each`](Self::each) gives every pair that may touch ([`feet`](super::feet)) or cross in the step.
     pub fn follow(
         &mut self,
         surfaces: &Surfaces,
         x: &[Vec3],
-        reach: impl Fn(&Hierarchy, usize) -> f64,
+        moves: impl Fn(&Hierarchy, usize) -> Moves,
     ) {
         self.step += 1;
         self.counts = Counts::default();
         self.hierarchy.refit(surfaces, x);
         self.drift.follow(&self.hierarchy, x);
-        for cluster in 0..self.reach.len() {
-            self.reach[cluster] = reach(&self.hierarchy, cluster);
+        for cluster in 0..self.moves.len() {
+            let mut predicted = moves(&self.hierarchy, cluster);
+            let part = self.hierarchy.clusters()[cluster].part;
+            predicted.most = (SOLVED * predicted.most).max(surfaces.parts[part].radius);
+            self.moves[cluster] = predicted;
         }
         self.require(surfaces, x);
     }
 
-    /// Has the step cover a larger `reach` (m) of the clusters, at the same positions.
+    /// Has the step cover the solved motion of the clusters, at the same positions: no pair crosses that is not given.
     pub fn extend(
         &mut self,
         surfaces: &Surfaces,
         x: &[Vec3],
-        reach: impl Fn(&Hierarchy, usize) -> f64,
+        moves: impl Fn(&Hierarchy, usize) -> Moves,
     ) {
         let mut is_larger = false;
-        for cluster in 0..self.reach.len() {
-            let new = reach(&self.hierarchy, cluster);
-            is_larger |= new > self.reach[cluster];
-            self.reach[cluster] = self.reach[cluster].max(new);
+        for cluster in 0..self.moves.len() {
+            let solved = moves(&self.hierarchy, cluster).most;
+            let covered = &mut self.moves[cluster].most;
+            is_larger |= solved > *covered;
+            *covered = covered.max(solved);
         }
         if is_larger {
             self.require(surfaces, x);
@@ -219,17 +226,18 @@ impl Lists {
     }
 
     fn require(&mut self, surfaces: &Surfaces, x: &[Vec3]) {
-        let clusters = self.hierarchy.clusters().iter();
-        for ((grown, reach), cluster) in self.grown.iter_mut().zip(&self.reach).zip(clusters) {
-            *grown = surfaces.parts[cluster.part].radius + reach;
+        let clusters = self.hierarchy.clusters();
+        for ((grown, moves), cluster) in self.grown.iter_mut().zip(&self.moves).zip(clusters) {
+            *grown = moves.alone(surfaces.parts[cluster.part].radius);
         }
         self.hierarchy.grow(&self.grown);
         self.near.clear();
-        let (near, grown) = (&mut self.near, &self.grown);
+        let (near, moves) = (&mut self.near, &self.moves);
         let clusters = self.hierarchy.clusters();
         self.hierarchy.near(surfaces, &mut |a, b| {
-            let need = grown[a] + grown[b];
             let (one, other) = (&clusters[a], &clusters[b]);
+            let radii = surfaces.parts[one.part].radius + surfaces.parts[other.part].radius;
+            let need = moves[a].need(&moves[b], radii);
             let reach = one.extent + other.extent + need;
             if (one.centre - other.centre).norm_squared() <= reach * reach {
                 near.push(Near {
@@ -457,7 +465,7 @@ impl Lists {
         self.entries.truncate(end);
     }
 
-    /// Calls `found` for each pair that may be as near as its parts' radii and the reach of its clusters say, once each.
+    /// Calls `found` for each pair of clusters' things that may be as near as the step needs, once each.
     /// `x` are the positions of the last [`follow`](Self::follow) (m).
     pub fn each(&self, surfaces: &Surfaces, x: &[Vec3], found: &mut dyn FnMut(Pair)) {
         for near in &self.near {

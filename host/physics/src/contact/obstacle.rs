@@ -96,6 +96,13 @@ pub enum ObstacleError {
     Empty,
 }
 
+/// No material point within `radius` (m) of `p` moves further than this (m) from one pose to the other.
+pub(super) fn most_motion([start, end]: [Isometry3<f64>; 2], p: &Vec3, radius: f64) -> f64 {
+    let p = Point3::from(*p);
+    let turn = end.rotation * start.rotation.inverse();
+    (p - start * end.inverse_transform_point(&p)).norm() + turn.angle() * radius
+}
+
 /// A point to the micrometre.
 fn place(point: &Vec3) -> String {
     // The sum has no negative zero.
@@ -227,6 +234,20 @@ impl Obstacle {
             Motion::Frames(frames) => (0.0, (frames.positions.len() - 1) as f64 / frames.rate),
         };
         t + h <= from || t >= to
+    }
+
+    /// Seen from the axes of the obstacle, no point within `radius` (m) of `centre` (m) moves further than this (m) from one of the
+    /// `times` (s) to the other, if it stands in the world. Infinite for moving frames.
+    pub fn most_motion(&self, times: [f64; 2], centre: &Vec3, radius: f64) -> f64 {
+        if self.stands(times[0], times[1] - times[0]) {
+            return 0.0;
+        }
+        match &self.motion {
+            Motion::Frames(_) => f64::INFINITY,
+            Motion::Still(_) | Motion::Poses(_) => {
+                most_motion(times.map(|t| self.pose(t)), centre, radius)
+            }
+        }
     }
 
     /// Number of vertices: 0 for a shape.

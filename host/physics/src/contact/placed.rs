@@ -1,5 +1,6 @@
 //! An obstacle of a step: a shape that moves rigidly from the start of the step to its end.
 
+use super::obstacle::most_motion;
 use super::shape::{Nearest, Shape};
 use crate::Vec3;
 use nalgebra::{Isometry3, Point3};
@@ -42,9 +43,8 @@ impl Placed {
         p - self.start * self.end.inverse_transform_point(&p)
     }
 
-    /// No material point within `reach` (m) of `p` moves further than this over the step (m).
-    pub fn most_motion(&self, p: &Vec3, reach: f64) -> f64 {
-        let turn = self.end.rotation * self.start.rotation.inverse();
-        self.motion_to(p).norm() + turn.angle() * reach
+    /// No material point within `radius` (m) of `p` moves further than this over the step (m).
+    pub fn most_motion(&self, p: &Vec3, radius: f64) -> f64 {
+        most_motion([self.start, self.end], p, radius)
     }
 }

@@ -82,16 +82,8 @@ pub struct Step<'a> {
     pub obstacles: &'a [Placed],
     /// The boxes over the surfaces at `x`.
     pub hierarchy: &'a Hierarchy,
-    /// The pairs that may touch: all that are as near as [`reach`] says.
+    /// The pairs that may touch: all that `Lists` gives.
     pub pairs: &'a Each<'a>,
-}
-
-/// How far pairs of a cluster must be listed (m), beside the radius: `Lists::follow` takes this. `u` are the predicted
-/// displacements (m).
-pub fn reach(surfaces: &Surfaces, u: &[Vec3], hierarchy: &Hierarchy, cluster: usize) -> f64 {
-    let radius = surfaces.parts[hierarchy.clusters()[cluster].part].radius;
-    // `feet::is_within` at the end, and the motion itself.
-    2.3 * most_of(u, hierarchy.members(cluster)) + 0.1 * radius
 }
 
 /// The largest of the vectors `u` of some vertices.

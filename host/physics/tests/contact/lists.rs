@@ -2,11 +2,18 @@
 
 use super::motions::{self, Scene};
 use physics::Vec3;
-use physics::contact::{Counts, Lists, Pair, Surfaces};
+use physics::contact::{Counts, Lists, Moves, Pair, Surfaces};
 use std::collections::BTreeSet;
 
 /// What each cluster may move in a step (m), beside the radii.
 const REACH: f64 = 0.25e-3;
+/// Motions for which clusters look as far.
+fn moves(surfaces: &Surfaces) -> Moves {
+    Moves {
+        around: (REACH - 0.1 * surfaces.parts[0].radius) / 2.3,
+        ..Moves::default()
+    }
+}
 /// Time of a step (s).
 const STEP: f64 = 4e-3;
 
@@ -59,7 +66,7 @@ fn run(scene: &Scene, steps: u32, mut see: impl FnMut(&Lists, &[Vec3])) -> Vec<C
     let mut lists = Lists::new(&scene.surfaces, &(scene.at)(0.0));
     let each = (0..steps).map(|step| {
         let x = (scene.at)(f64::from(step) * STEP);
-        lists.follow(&scene.surfaces, &x, |_, _| REACH);
+        lists.follow(&scene.surfaces, &x, |_, _| moves(&scene.surfaces));
         see(&lists, &x);
         lists.counts()
     });

@@ -7,7 +7,7 @@ use physics::Vec3;
 use physics::contact::row::Response;
 use physics::contact::shape::Shape;
 use physics::contact::{
-    Contact, Key, Lists, Meeting, Pair, Part, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach,
+    Contact, Key, Lists, Meeting, Moves, Pair, Part, Placed, Rows, RowsReport, Skin, Step, Surfaces,
 };
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{LineMesh, Mesh};
@@ -37,7 +37,7 @@ impl Scene {
     fn begin(&self, rows: &mut Rows, lists: &mut Lists, pairs: Option<&[Pair]>) -> RowsReport {
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
         lists.follow(surfaces, x, |hierarchy, cluster| {
-            reach(surfaces, u, hierarchy, cluster)
+            Moves::of(hierarchy.members(cluster), u)
         });
         let lists = &*lists;
         let masses = vec![1e-4; x.len()];

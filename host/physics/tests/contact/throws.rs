@@ -3,7 +3,7 @@
 use super::world::crossings;
 use physics::Vec3;
 use physics::contact::certificate::truncate;
-use physics::contact::{Hierarchy, Lists, Skin, Surfaces};
+use physics::contact::{Lists, Moves, Skin, Surfaces};
 use physics::mesh::Mesh;
 use physics::mesh::generate::{self, Pattern};
 use proptest::prelude::*;
@@ -53,13 +53,9 @@ fn fly(throw: Throw, steps: usize, jitter: f64) -> usize {
         let u: Vec<Vec3> = moves
             .map(|(i, v)| (v + Vec3::z() * wave(i)) * 4e-3)
             .collect();
-        let reach = |hierarchy: &Hierarchy, cluster: usize| {
-            let members = hierarchy.members(cluster).iter();
-            members
-                .map(|vertex| u[*vertex as usize].norm())
-                .fold(0.0, f64::max)
-        };
-        lists.follow(&surfaces, &x, reach);
+        lists.follow(&surfaces, &x, |hierarchy, cluster| {
+            Moves::of(hierarchy.members(cluster), &u)
+        });
         let each = |found: &mut dyn FnMut(physics::contact::Pair)| lists.each(&surfaces, &x, found);
         fractions.fill(1.0);
         let report = truncate(&surfaces, &x, &u, &each, &|_| true, &mut fractions);

@@ -3,7 +3,7 @@
 use physics::contact::certificate::truncate;
 use physics::contact::crossing::passes;
 use physics::contact::{
-    Lists, Meeting, Pair, Placed, Rows, RowsReport, Skin, Step, Surfaces, reach,
+    Lists, Meeting, Moves, Pair, Placed, Rows, RowsReport, Skin, Step, Surfaces,
 };
 use physics::mesh::Mesh;
 use physics::mesh::TriMesh;
@@ -147,7 +147,7 @@ impl World {
     fn begin(&mut self) -> RowsReport {
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
         self.lists.follow(surfaces, x, |hierarchy, cluster| {
-            reach(surfaces, u, hierarchy, cluster)
+            Moves::of(hierarchy.members(cluster), u)
         });
         let (lists, given) = (&self.lists, &self.pairs);
         let friction = self.friction;
@@ -246,7 +246,7 @@ impl World {
         }
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
         self.lists.extend(surfaces, x, |hierarchy, cluster| {
-            reach(surfaces, u, hierarchy, cluster)
+            Moves::of(hierarchy.members(cluster), u)
         });
         let lists = &self.lists;
         let each = |found: &mut dyn FnMut(Pair)| lists.each(surfaces, x, found);

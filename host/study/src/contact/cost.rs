@@ -7,7 +7,7 @@ use crate::speed::clock::cpu_time;
 use crate::{Level, StudyError};
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
-use physics::contact::{Lists, Meeting, Rows, Step, reach};
+use physics::contact::{Lists, Meeting, Moves, Rows, Step};
 use serde::Serialize;
 
 /// The time of a stage in a scene of one size.
@@ -94,7 +94,7 @@ fn prescribed(scene: &motions::Scene, steps: u32) -> [Cost; 2] {
         let v: Vec<Vec3> = u.iter().map(|u| u / motions::STEP).collect();
         let start = cpu_time();
         lists.follow(surfaces, &x, |hierarchy, cluster| {
-            reach(surfaces, &u, hierarchy, cluster)
+            Moves::of(hierarchy.members(cluster), &u)
         });
         let listed = cpu_time();
         let report = rows.begin(&Step {

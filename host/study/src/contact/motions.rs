@@ -4,12 +4,18 @@ use super::aim::Aim;
 use super::world::sheet_mesh;
 use crate::{Level, StudyError};
 use physics::Vec3;
-use physics::contact::{Lists, Pair, Skin, Surfaces};
+use physics::contact::{Lists, Moves, Pair, Skin, Surfaces};
 use physics::mesh::{Mesh, TriMesh};
 use std::collections::BTreeSet;
 
 /// What each cluster may move in a step (m), beside the radius. With the radii, 1 mm.
 pub(super) const REACH: f64 = 0.25e-3;
+/// Clusters that look as far.
+pub(super) const MOVES: Moves = Moves {
+    mean: Vec3::new(0.0, 0.0, 0.0),
+    around: (REACH - 0.1 * RADIUS) / 2.3,
+    most: 0.0,
+};
 /// Half the thickness of a surface (m).
 const RADIUS: f64 = 0.25e-3;
 /// Time of a step (s).
@@ -137,11 +143,11 @@ pub(super) fn run(level: Level, aims: &mut Vec<Aim>) -> Result<(), StudyError> {
     for speed in [1.0, 10.0] {
         let scene = &all(level.choose(12, 29))?[0];
         let mut lists = Lists::new(&scene.surfaces, &scene.at(0.0));
-        lists.follow(&scene.surfaces, &scene.at(0.0), |_, _| REACH);
+        lists.follow(&scene.surfaces, &scene.at(0.0), |_, _| MOVES);
         let mut searched = 0;
         for step in 1..=400 {
             let x = scene.at(speed * f64::from(step) * STEP);
-            lists.follow(&scene.surfaces, &x, |_, _| REACH);
+            lists.follow(&scene.surfaces, &x, |_, _| MOVES);
             searched += lists.counts().searched;
         }
         let name = format!("searches in 400 steps of a rigid rotation at {speed} rad/s");
@@ -176,7 +182,7 @@ fn pairs_a_step(scene: &Scene) -> f64 {
     let mut sum = 0;
     for step in 0..=STEPS {
         let x = scene.at(f64::from(step) * STEP);
-        lists.follow(&scene.surfaces, &x, |_, _| REACH);
+        lists.follow(&scene.surfaces, &x, |_, _| MOVES);
         let counts = lists.counts();
         sum += if step > 0 {
             counts.checked + counts.relisted
@@ -194,7 +200,7 @@ fn misses(scene: &Scene) -> usize {
     let pairs = pairs_of(surfaces);
     let each = (0..24_u32).map(|step| {
         let x = scene.at(f64::from(step) * STEP);
-        lists.follow(surfaces, &x, |_, _| REACH);
+        lists.follow(surfaces, &x, |_, _| MOVES);
         let mut listed = BTreeSet::new();
         lists.each(surfaces, &x, &mut |pair| {
             listed.insert(match pair {

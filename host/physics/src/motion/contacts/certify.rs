@@ -1,35 +1,36 @@
 //! Certified displacements: nothing crosses, whatever the solver left.
 
 use super::parts::Owner;
-use super::{Contacts, Member};
+use super::{Contacts, Member, Need};
 use crate::Vec3;
-use crate::contact::Placed;
 use crate::contact::certificate::truncate;
+use crate::contact::{Moves, Placed};
 use crate::element::precision::Precision;
 
 impl Contacts {
     /// Shortens the solved displacements such that nothing crosses, and keeps the forces for the next step.
     pub fn certify<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
-        let Some(lists) = self.lists.as_mut().filter(|_| !self.is_idle) else {
-            return;
-        };
-        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
-            if let Owner::Body(body) = owner
-                && let Some(stepper) = &members[*body].stepper
-            {
-                let nodes = members[*body].body.node_positions().len() as u32;
-                for (node, vertex) in (0..nodes).zip(part.vertices.clone()) {
-                    self.u[vertex as usize] = stepper.displacement(node);
+        match self.need {
+            Need::Nothing => return,
+            Need::Clearance => {
+                let motion = self.motion(members);
+                if self.clearance.spend(motion) {
+                    return;
+                }
+                self.list(members);
+            }
+            Need::All => {
+                self.take_solved(members);
+                let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
+                if let Some(lists) = &mut self.lists {
+                    lists.extend(surfaces, x, |hierarchy, cluster| {
+                        Moves::of(hierarchy.members(cluster), u)
+                    });
                 }
             }
         }
+        let Some(lists) = &self.lists else { return };
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
-        lists.extend(surfaces, x, |hierarchy, cluster| {
-            let members = hierarchy.members(cluster).iter();
-            members
-                .map(|vertex| u[*vertex as usize].norm())
-                .fold(0.0, f64::max)
-        });
         self.fractions.fill(1.0);
         self.is_near.fill(false);
         for touch in &self.touches {
@@ -48,22 +49,25 @@ impl Contacts {
             }
         });
         let mut squeezed = 0;
+        let hierarchy = lists.hierarchy();
         for (number, placed) in self.shapes.iter().enumerate() {
-            for (part, side) in surfaces.parts.iter().enumerate() {
-                if self
-                    .meetings
-                    .get(part, surfaces.parts.len() + number)
-                    .is_none()
+            for (index, cluster) in hierarchy.clusters().iter().enumerate() {
+                let (part, members) = (cluster.part, hierarchy.members(index));
+                let shape = surfaces.parts.len() + number;
+                let most = members.iter().map(|v| u[*v as usize].norm_squared());
+                let most = most.fold(0.0, f64::max).sqrt();
+                if self.meetings.get(part, shape).is_none()
+                    || !reaches(placed, &cluster.centre, cluster.extent, most)
                 {
                     continue;
                 }
-                for vertex in side.vertices.clone() {
-                    let (at, fraction) = (vertex as usize, &mut self.fractions[vertex as usize]);
+                for vertex in members {
+                    let (at, fraction) = (*vertex as usize, &mut self.fractions[*vertex as usize]);
                     let (is_near, most) = before(placed, &x[at], &u[at]);
                     if is_near {
                         mark(part);
                     }
-                    if most < 1.0 {
+                    if most.max(0.0) < *fraction {
                         squeezed += usize::from(self.mass[at].is_infinite() || most < 0.0);
                         *fraction = most.max(0.0);
                     }
@@ -90,7 +94,32 @@ impl Contacts {
             let _ = stepper.certify(&|node| fractions.get(node as usize).copied().unwrap_or(1.0));
         }
         self.end(members);
+        self.clear(members);
     }
+
+    /// Takes the solved displacements.
+    fn take_solved<T: Precision>(&mut self, members: &[Member<'_, T>]) {
+        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
+            if let Owner::Body(body) = owner
+                && let Some(stepper) = &members[*body].stepper
+            {
+                let nodes = members[*body].body.node_positions().len() as u32;
+                for (node, vertex) in (0..nodes).zip(part.vertices.clone()) {
+                    self.u[vertex as usize] = stepper.displacement(node);
+                }
+            }
+        }
+    }
+}
+
+/// The fraction of the distance to a shape that a vertex may use up.
+const BEFORE: f64 = 0.95;
+
+/// Whether a point within `extent` (m) of `centre` (m) that moves by `most` (m) may come to a shape.
+fn reaches(placed: &Placed, centre: &Vec3, extent: f64, most: f64) -> bool {
+    let distance = placed.at_start(centre).distance - extent;
+    let motion = placed.most_motion(centre, distance.abs() + 2.0 * extent);
+    BEFORE * distance <= most + motion
 }
 
 /// Whether a vertex is near a shape in the step, and the fraction of its displacement with which it stays before the shape:
@@ -100,7 +129,7 @@ fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> (bool, f64) {
     let motion = placed.motion_to(&(x - found.normal * found.distance));
     let is_near = found.distance <= u.norm() + motion.norm();
     let towards = -found.normal.dot(u);
-    let room = 0.95 * found.distance - found.normal.dot(&motion);
+    let room = BEFORE * found.distance - found.normal.dot(&motion);
     if found.distance <= 0.0 || towards <= room {
         return (is_near, 1.0);
     }

@@ -9,12 +9,14 @@
 //! certify      after solve        nothing crosses, whatever the solver left
 //! ```
 //!
-//! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step.
+//! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step. A scene with nothing
+//! near leaves the stages out (`clearance`).
 //!
 //! Bodies without a row are solved alone between `solve` and `certify`. Nothing is allocated in a step, once the vectors have
 //! served as many rows.
 
 mod certify;
+mod clearance;
 mod islands;
 mod parts;
 mod report;
@@ -27,8 +29,9 @@ use super::touching::{self, Touch};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::row::Response;
-use crate::contact::{Lists, Obstacle, Placed, Rows, RowsReport, Step, Surfaces, reach};
+use crate::contact::{Lists, Moves, Obstacle, Placed, Rows, RowsReport, Step, Surfaces};
 use crate::element::precision::Precision;
+use clearance::Clearance;
 use islands::Islands;
 use parts::{Meetings, Owner, Source, place};
 
@@ -55,6 +58,17 @@ impl<T: Precision> Member<'_, T> {
         let stepper = self.stepper.as_ref();
         stepper.is_some_and(|stepper| !stepper.sleeps())
     }
+}
+
+/// What a step needs of contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Need {
+    /// All stages.
+    All,
+    /// A measure of the displacements: the clearance is enough.
+    Clearance,
+    /// Nothing: nothing can move.
+    Nothing,
 }
 
 /// The contacts of a scene.
@@ -89,8 +103,12 @@ pub struct Contacts {
     touching: Vec<Touching>,
     report: ContactReport,
     began: RowsReport,
-    /// Whether nothing can move in the present step.
-    is_idle: bool,
+    clearance: Clearance,
+    /// The times (s) between which the obstacles move in the present step, and its length (s).
+    times: [f64; 2],
+    h: f64,
+    /// What the present step needs.
+    need: Need,
 }
 
 impl Contacts {
@@ -120,7 +138,10 @@ impl Contacts {
             touching: Vec::new(),
             report: ContactReport::default(),
             began: RowsReport::default(),
-            is_idle: false,
+            clearance: Clearance::default(),
+            times: [0.0; 2],
+            h: 0.0,
+            need: Need::All,
         }
     }
 
@@ -147,21 +168,26 @@ impl Contacts {
     /// of the `times` (s) to the other.
     pub fn begin<T: Precision>(&mut self, members: &[Member<'_, T>], times: [f64; 2], h: f64) {
         let stands = |obstacle: &Obstacle| obstacle.stands(times[0], times[1] - times[0]);
-        self.is_idle = self.lists.is_some()
+        (self.times, self.h) = (times, h);
+        self.need = if self.lists.is_some()
             && !members.iter().any(Member::is_awake)
-            && self.obstacles.iter().all(stands);
-        if self.is_idle {
+            && self.obstacles.iter().all(stands)
+        {
+            Need::Nothing
+        } else if self.clearance.is_enough() {
+            Need::Clearance
+        } else {
+            Need::All
+        };
+        if self.need == Need::Clearance {
+            self.began = RowsReport::default();
+        }
+        if self.need != Need::All {
             return;
         }
-        self.gather(members, times, h);
-        let lists = match &mut self.lists {
-            Some(lists) => lists,
-            none => none.insert(Lists::new(&self.surfaces, &self.x)),
-        };
+        self.list(members);
+        let Some(lists) = &mut self.lists else { return };
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
-        lists.follow(surfaces, x, |hierarchy, cluster| {
-            reach(surfaces, u, hierarchy, cluster)
-        });
         let meetings = &self.meetings;
         let step = Step {
             surfaces,
@@ -181,8 +207,22 @@ impl Contacts {
         self.make_touches(members);
     }
 
+    /// Lists the pairs of the step.
+    fn list<T: Precision>(&mut self, members: &[Member<'_, T>]) {
+        self.gather(members);
+        let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
+        let lists = match &mut self.lists {
+            Some(lists) => lists,
+            none => none.insert(Lists::new(surfaces, x)),
+        };
+        lists.follow(surfaces, x, |hierarchy, cluster| {
+            Moves::of(hierarchy.members(cluster), u)
+        });
+    }
+
     /// Takes the state of the bodies and the obstacles.
-    fn gather<T: Precision>(&mut self, members: &[Member<'_, T>], times: [f64; 2], h: f64) {
+    fn gather<T: Precision>(&mut self, members: &[Member<'_, T>]) {
+        let (times, h) = (self.times, self.h);
         for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
             let range = part.vertices.start as usize..part.vertices.end as usize;
             let (x, u) = (&mut self.x[range.clone()], &mut self.u[range.clone()]);
@@ -293,13 +333,14 @@ impl Contacts {
         members: &mut [Member<'_, T>],
         out_of_time: &mut dyn FnMut(usize) -> bool,
     ) {
+        let lists = self.lists.as_ref().filter(|_| self.need == Need::All);
         self.report = ContactReport {
-            counts: self.lists.as_ref().map(Lists::counts).unwrap_or_default(),
+            counts: lists.map(Lists::counts).unwrap_or_default(),
             rows: self.began,
             ..ContactReport::default()
         };
         self.report.solved.converged = true;
-        if self.is_idle {
+        if self.need == Need::Nothing {
             return;
         }
         let mut from = 0;

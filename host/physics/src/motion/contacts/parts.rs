@@ -1,5 +1,6 @@
 //! The sides of contacts: surfaces of bodies that may tear, obstacles, and how they meet.
 
+use super::clearance::Clearance;
 use super::{Contacts, MOST_BODIES, ROWS_PER_VERTEX, Side};
 use crate::Vec3;
 use crate::body::Body;
@@ -101,6 +102,7 @@ impl Contacts {
         self.surfaces = surfaces;
         self.keep_apart();
         self.lists = None;
+        self.clearance = Clearance::default();
         if !has_room {
             self.reserve();
         }

@@ -22,6 +22,19 @@ impl<T: Precision> Stepper<T> {
         }
     }
 
+    /// No node moves further than this over the step (m); zero for a body that sleeps.
+    pub fn largest_displacement(&self) -> f64 {
+        if self.sleeps() {
+            return 0.0;
+        }
+        let square = |u: &[T; 4]| u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
+        let largest = self.cg.u.iter().fold(T::ZERO, |most, u| {
+            let own = square(u);
+            if own > most { own } else { most }
+        });
+        largest.to_f64().sqrt()
+    }
+
     /// Whether a node moves by the equation: no hand or support holds it.
     pub fn is_free(&self, node: u32) -> bool {
         (self.places.of[node as usize] as usize) < self.places.free
