@@ -95,6 +95,8 @@ pub struct Counts {
     pub searched: usize,
     /// Distances that the searches computed.
     pub relisted: usize,
+    /// Pairs that the searches put into lists.
+    pub listed: usize,
     /// Pairs at the beginning of the lists.
     pub checked: usize,
     /// Pairs of clusters without room for a list.
@@ -399,6 +401,7 @@ impl Lists {
         });
         self.counts.searched += 1;
         self.counts.relisted += list.relisted;
+        self.counts.listed += scratch.len();
         scratch
             .sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.pair.cmp(&b.pair)));
         let first = self.hierarchy.members(a);
