@@ -10,6 +10,7 @@ use crate::world::contact::Thing;
 use physics::contact::{Meeting, Skin};
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
 use rt_core::MAX_BODIES;
+use serde::Serialize;
 
 const _: () = assert!(MAX_BODIES <= MOST_BODIES);
 
@@ -29,6 +30,13 @@ pub struct Contact {
 pub struct ContactTotals {
     /// By pair of bodies and obstacles that have touched, in the order of their first contact.
     pub pairs: Vec<PairTotals>,
+    /// The sums over all pairs.
+    pub sums: ContactSums,
+}
+
+/// Sums over all steps and pairs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ContactSums {
     /// Displacements of vertices that were shortened so that nothing crosses.
     pub truncated: u64,
     /// Pairs of elements to which an obstacle or a hand left no room. They may cross.
@@ -37,12 +45,16 @@ pub struct ContactTotals {
     pub dropped: u64,
     /// Most rows of a step.
     pub most_rows: usize,
-    /// Energy that the contacts took from the bodies (J): friction, and energy stored in its springs.
+    /// Energy that contacts took from the bodies and the obstacles (J): dissipated by friction, and stored in its springs.
     pub taken: f64,
+    /// The part of it that is in the springs of friction at the end (J).
+    pub stored: f64,
     /// Work of moving obstacles (J).
     pub by_obstacles: f64,
-    /// Work with which starts that overlapped parted (J).
+    /// Work with which overlapping starts parted (J).
     pub parted: f64,
+    /// Kinetic energy that the shortened displacements lost (J).
+    pub stopped: f64,
 }
 
 /// The contacts of a pair in all steps so far.
@@ -119,13 +131,16 @@ impl Contact {
     /// Adds the present step to the totals.
     fn sum_up(&mut self) {
         let (report, totals) = (self.contacts.report(), &mut self.totals);
-        totals.truncated += report.truncated.truncated as u64;
-        totals.squeezed += report.truncated.squeezed as u64;
-        totals.dropped += report.rows.dropped as u64;
-        totals.most_rows = totals.most_rows.max(report.rows.rows);
-        totals.taken += report.taken;
-        totals.by_obstacles += report.by_obstacles;
-        totals.parted += report.parted;
+        let sums = &mut totals.sums;
+        sums.truncated += report.truncated.truncated as u64;
+        sums.squeezed += report.truncated.squeezed as u64;
+        sums.dropped += report.rows.dropped as u64;
+        sums.most_rows = sums.most_rows.max(report.rows.rows);
+        sums.taken += report.taken;
+        sums.stored = report.stored;
+        sums.by_obstacles += report.by_obstacles;
+        sums.parted += report.parted;
+        sums.stopped += report.stopped;
         for pair in &mut totals.pairs {
             pair.last = Touching::default();
         }

@@ -12,6 +12,9 @@
 //! the least fraction over its pairs satisfies all pairs of a vertex. A vertex that stops may bring other pairs to fail, so
 //! pairs are tested until none fails. Fractions only fall, and zero is safe, so this ends.
 //!
+//! **Stretch.** A vertex that stops beside one that goes on would stretch the edge between them, and the surface would gain
+//! energy. So the fractions of two neighbours differ such that truncation stretches no edge by more than [`STRETCH`].
+//!
 //! The pairs must include all that are nearer than their vertices move, both in sum.
 
 use super::pair::{Foot, Pair};
@@ -20,6 +23,9 @@ use crate::Vec3;
 
 /// The fraction of the distance at the start that must be left between a pair, and between a vertex and the plane.
 const LEFT: f64 = 0.05;
+/// The strain of an edge that truncation may add. Of 64 throws at 2 m/s, the sums of energies are 638 without this bound, 215
+/// with 0.1, 123 with 0.03 and 110 with 0.01, in energies at the start; a smaller strain stops more of a body.
+const STRETCH: f64 = 0.03;
 /// Rounds of truncation. After them the vertices of a pair that fails are stopped.
 const ROUNDS: usize = 60;
 
@@ -168,8 +174,40 @@ pub fn truncate(
         if !is_changed {
             break;
         }
+        follow(surfaces, x, u, is_free, fractions);
         report.rounds += 1;
     }
     report.truncated = fractions.iter().filter(|t| **t < 1.0).count();
     report
+}
+
+/// Lowers the fractions of neighbours of truncated vertices until no edge is stretched by more than it may be.
+fn follow(
+    surfaces: &Surfaces,
+    x: &[Vec3],
+    u: &[Vec3],
+    is_free: &dyn Fn(u32) -> bool,
+    fractions: &mut [f64],
+) {
+    let mut is_changed = true;
+    while core::mem::take(&mut is_changed) {
+        for ends in surfaces
+            .edges
+            .iter()
+            .filter(|ends| ends.iter().all(|v| is_free(*v)))
+        {
+            let [a, b] = ends.map(|v| v as usize);
+            let (slower, faster) = if fractions[a] <= fractions[b] {
+                (a, b)
+            } else {
+                (b, a)
+            };
+            let room = STRETCH * (x[a] - x[b]).norm();
+            let most = fractions[slower] + room / u[faster].norm();
+            if most < fractions[faster] {
+                fractions[faster] = most;
+                is_changed = true;
+            }
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! The contacts in the summary of a run.
 
-use crate::engine::contact::{Contact, PairTotals};
+use crate::engine::contact::{Contact, ContactSums, PairTotals};
 use crate::scene::Scene;
 use physics::motion::contacts::Side;
 use serde::Serialize;
@@ -11,20 +11,8 @@ use std::fmt;
 pub struct ContactSummary {
     /// By pair that touched.
     pub pairs: Vec<ContactPairSummary>,
-    /// Displacements of vertices that were shortened so that nothing crosses.
-    pub truncated: u64,
-    /// Pairs of elements that had no room and may have crossed.
-    pub squeezed: u64,
-    /// Contacts without a row.
-    pub dropped: u64,
-    /// Most rows of a step.
-    pub most_rows: usize,
-    /// Energy that contacts took from the bodies (J).
-    pub taken: f64,
-    /// Work of moving obstacles (J).
-    pub by_obstacles: f64,
-    /// Work with which overlapping starts parted (J).
-    pub parted: f64,
+    /// The sums over all steps and pairs.
+    pub sums: ContactSums,
 }
 
 /// The contacts of a pair. Forces are sums over a step.
@@ -71,13 +59,7 @@ impl ContactSummary {
         };
         Self {
             pairs: totals.pairs.iter().map(pair).collect(),
-            truncated: totals.truncated,
-            squeezed: totals.squeezed,
-            dropped: totals.dropped,
-            most_rows: totals.most_rows,
-            taken: totals.taken,
-            by_obstacles: totals.by_obstacles,
-            parted: totals.parted,
+            sums: totals.sums,
         }
     }
 
@@ -105,16 +87,27 @@ impl ContactSummary {
         }
         if self.pairs.is_empty() {
             writeln!(f, "  contact    nothing touched")?;
+        } else {
+            let sums = &self.sums;
+            let given = sums.by_obstacles + sums.parted;
+            let [taken, stored, given, stopped] =
+                [sums.taken, sums.stored, given, sums.stopped].map(|joules| 1e3 * joules);
+            writeln!(
+                f,
+                "             {taken:.3} mJ taken by friction, of which {stored:.3} stored; {given:.3} given by obstacles and \
+                 overlaps; {stopped:.3} stopped"
+            )?;
         }
-        if self.dropped > 0 {
-            let dropped = self.dropped;
+        let ContactSums {
+            dropped, squeezed, ..
+        } = self.sums;
+        if dropped > 0 {
             writeln!(
                 f,
                 "  !          {dropped} contacts found no row: the deepest ones had them"
             )?;
         }
-        if self.squeezed > 0 {
-            let squeezed = self.squeezed;
+        if squeezed > 0 {
             writeln!(
                 f,
                 "  !          {squeezed} pairs of elements had no room between an obstacle or a hand and another: they may \

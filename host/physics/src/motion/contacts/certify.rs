@@ -79,6 +79,11 @@ impl Contacts {
         let each = |found: &mut dyn FnMut(crate::contact::Pair)| lists.each(surfaces, x, found);
         self.report.truncated = truncate(surfaces, x, u, &each, &is_free, &mut self.fractions);
         self.report.truncated.squeezed += squeezed;
+        let stopped = self.mass.iter().zip(&self.u).zip(&self.fractions);
+        let stopped = stopped.filter(|(_, fraction)| **fraction < 1.0);
+        let twice = stopped
+            .map(|((mass, u), fraction)| mass * u.norm_squared() * (1.0 - fraction * fraction));
+        self.report.stopped = 0.5 * twice.sum::<f64>() / (self.h * self.h);
         for (part, owner) in surfaces.parts.iter().zip(&self.owners) {
             let Owner::Body(body) = owner else { continue };
             let Some(stepper) = members[*body]

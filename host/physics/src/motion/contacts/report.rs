@@ -48,7 +48,7 @@ pub struct ContactReport {
     pub solved: TouchReport,
     /// The truncation.
     pub truncated: Truncation,
-    /// The energy that the contacts took from both sides, less the work of obstacles (J): stored in friction springs, dissipated
+    /// The energy that the contacts took from both sides, beside the work of obstacles and of parting (J): stored in friction springs, dissipated
     /// by friction, and by normal forces that depart from the law of a rigid contact.
     pub taken: f64,
     /// The work of moving obstacles (J).
@@ -57,6 +57,8 @@ pub struct ContactReport {
     pub parted: f64,
     /// The energy in the springs of friction (J).
     pub stored: f64,
+    /// The kinetic energy that truncation took (J).
+    pub stopped: f64,
 }
 
 impl Contacts {
@@ -132,6 +134,7 @@ impl Contacts {
         }
         self.touching.sort_unstable_by_key(|sum| sum.sides);
         self.report.parted = self.rows.end(responses.iter().flatten());
+        self.report.taken += self.report.parted;
         self.room.responses = responses;
         self.report.stored = self.rows.stored();
         for (body, member) in members.iter_mut().enumerate() {
