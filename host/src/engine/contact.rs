@@ -154,6 +154,11 @@ impl Contact {
         }
     }
 
+    /// Where the obstacles are (s): the time of the last step.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
     /// The contacts of the physics.
     pub fn contacts(&self) -> &Contacts {
         &self.contacts
