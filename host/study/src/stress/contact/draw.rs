@@ -158,7 +158,6 @@ impl Draw {
             if laid.held != [false; 2] {
                 laid.yaw = 0.0;
             }
-            // The two halves of a solid with two hands are bent, and not pressed.
             bodies.push(laid);
         }
         obstacles.extend(Obstacle::passing(chance, top, duration));
@@ -275,7 +274,7 @@ impl Draw {
             let _ = write!(
                 text,
                 "\n[[device]]\nname = \"hand {hand}\"\nmodel = \"omega3\"\n\n[device.hand]\ngrip = \"firm\"\n\
-                 tremor = 0.0001\nwaypoints = [{}]\n",
+                 tremor = 0.0001\nwaypoints = [[0.0, 0.0, 0.0, 0.0], {}]\n",
                 each.collect::<Vec<_>>().join(", ")
             );
         }
