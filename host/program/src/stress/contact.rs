@@ -1,10 +1,10 @@
 //! `palpate stress contact`: random worlds in contact.
 
-use super::{CellArguments, CommandError, Declared, judged, number};
+use super::{CellArguments, CommandError, Declared, judged};
 use host::atomic_file::write_atomically;
 use std::path::PathBuf;
 use study::stress::Verdict;
-use study::stress::contact::{self, CELLS, Study};
+use study::stress::contact::{self, CELLS, Length, Study};
 
 /// Arguments of `palpate stress contact`.
 #[derive(Clone, Debug, clap::Args)]
@@ -21,22 +21,30 @@ pub(super) struct ContactArguments {
     /// Run few worlds, for a shorter time
     #[arg(long)]
     quick: bool,
+    /// Run two worlds for 100,000 steps: a banknote that is crumpled, and a stack of eight sheets that is rocked
+    #[arg(long, conflicts_with_all = ["runs", "quick"])]
+    long: bool,
     #[command(flatten)]
     cells: CellArguments,
 }
 
 pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
     let _held = arguments.cells.declare(Declared::default()).check()?;
-    let (seed, quick) = (arguments.cells.seed, arguments.quick);
+    let seed = arguments.cells.seed;
+    let (length, count) = match (arguments.quick, arguments.long) {
+        (_, true) => (Length::Long, CELLS[2]),
+        (true, _) => (Length::Quick, CELLS[1]),
+        (false, false) => (Length::Whole, CELLS[0]),
+    };
     if let Some(cell) = arguments.cell {
         if let Some(folder) = &arguments.folder {
-            let (scene, files) = contact::texts(seed, cell, quick);
+            let (scene, files) = contact::texts(seed, cell, length);
             write_atomically(&folder.join("scene.toml"), scene.as_bytes())?;
             for (name, bytes) in files {
                 write_atomically(&folder.join(name), &bytes)?;
             }
         }
-        let found = contact::cell(seed, cell, quick);
+        let found = contact::cell(seed, cell, length);
         outln!("{found:#?}");
         let failed = usize::from(!found.failures.is_empty());
         return judged(
@@ -47,6 +55,10 @@ pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
             1,
         );
     }
-    let cells = number(arguments.runs, quick, CELLS);
-    arguments.cells.run(&Study { seed, cells, quick })
+    let cells = arguments.runs.unwrap_or(count);
+    arguments.cells.run(&Study {
+        seed,
+        cells,
+        length,
+    })
 }

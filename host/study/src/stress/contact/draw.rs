@@ -3,7 +3,7 @@
 
 use super::shapes::{Kind, Obstacle};
 use crate::chance::Chance;
-use crate::stress::scene::draw::Span;
+use crate::stress::scene::draw::{Draw as Host, Span};
 use sim::Fault;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -121,7 +121,7 @@ pub(super) struct Draw {
     pub(super) stalls: Vec<Span>,
     /// The largest delay beyond the latency, as a fraction of latency and period; the fractions of models and of records that
     /// are lost.
-    pub(super) losses: [f64; 3],
+    losses: [f64; 3],
     /// The device that is lost, how, and when.
     pub(super) loss: Option<(usize, Fault, Span)>,
     duration: f64,
@@ -232,14 +232,15 @@ impl Draw {
         }
     }
 
-    /// The publications a second (Hz), and the latency (s).
-    pub(super) fn host(&self) -> [f64; 2] {
-        [self.rates[1], self.latency]
-    }
-
-    /// Whether weight or obstacles put energy in.
-    pub(super) fn is_driven(&self) -> bool {
-        self.weight || self.obstacles.iter().any(|one| !one.is_still())
+    /// The host, with the losses of its link.
+    pub(super) fn host(&self) -> Host {
+        let [jitter, models_lost, records_lost] = self.losses;
+        Host {
+            jitter,
+            models_lost,
+            records_lost,
+            ..Host::untroubled(self.rates[1], self.latency)
+        }
     }
 
     /// The files that the scene names.

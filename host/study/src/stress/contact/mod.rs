@@ -10,27 +10,30 @@
 //! - The hands get no more net energy than [`NET_ENERGY`] beyond what weight and obstacles put in.
 //! - Contacts give no more energy to what they touch than rounding does, as a fraction of the energy that moves.
 //! - Both runs are equal to the byte.
+//!
+//! Instead of random worlds, the study may run two worlds for 100,000 steps (`long`).
 
 mod draw;
 mod judge;
+mod long;
 mod shapes;
 
 pub use judge::NET_ENERGY;
 
-use super::scene::draw::Draw as Host;
+use super::scene::draw::{Draw as Host, Span};
 use super::scene::troubled::{Lossy, stalls};
 use super::{Done, Verdict};
 use crate::StudyError;
 use crate::chance::Chance;
-use draw::{DURATIONS, Draw, Form};
+use draw::{DURATIONS, Draw, Form, Trouble};
 use host::run::prepare::{Options, Prepared};
 use host::run::session::Session;
-use host::scene::{LoadedScene, Scene};
+use host::scene::Scene;
 use host::world::World;
 use judge::Judge;
 use runner::AnyDevice;
 use serde::{Deserialize, Serialize};
-use sim::Faulty;
+use sim::{Fault, Faulty};
 use std::collections::BTreeMap;
 
 /// The result of a cell.
@@ -72,8 +75,8 @@ pub struct CellResult {
     pub failures: Vec<String>,
 }
 
-/// Cells of a whole study, and of a quick one.
-pub const CELLS: [u64; 2] = [300, 6];
+/// Cells of a whole study, of a quick one, and of a long one.
+pub const CELLS: [u64; 3] = [300, 6, 2];
 
 /// The study.
 #[derive(Clone, Copy, Debug)]
@@ -82,8 +85,81 @@ pub struct Study {
     pub seed: u64,
     /// Number of cells.
     pub cells: u64,
-    /// Whether the runs are short.
-    pub quick: bool,
+    /// How long the runs are.
+    pub length: Length,
+}
+
+/// How long the runs of the study are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Length {
+    /// Random worlds for half a second.
+    Quick,
+    /// Random worlds for a second.
+    Whole,
+    /// Two worlds of their own for 100,000 steps.
+    Long,
+}
+
+/// A world with its trouble.
+struct Case {
+    bodies: Vec<String>,
+    obstacles: Vec<String>,
+    trouble: Trouble,
+    /// The scene, and the files that it names.
+    text: String,
+    files: BTreeMap<String, Vec<u8>>,
+    host: Host,
+    stalls: Vec<Span>,
+    /// The device that is lost, how, and when.
+    loss: Option<(usize, Fault, Span)>,
+    /// Steps between two tests of all edges and triangles.
+    every: u64,
+    /// Number of runs, which must be equal.
+    runs: u64,
+}
+
+impl Case {
+    /// A world without trouble.
+    fn new(text: String, files: BTreeMap<String, Vec<u8>>) -> Self {
+        Self {
+            bodies: Vec::new(),
+            obstacles: Vec::new(),
+            trouble: Trouble::Nothing,
+            text,
+            files,
+            host: Host::untroubled(1e3, 0.0),
+            stalls: Vec::new(),
+            loss: None,
+            every: 1,
+            runs: 2,
+        }
+    }
+
+    /// The world of a cell.
+    fn of(seed: u64, cell: u64, length: Length) -> Self {
+        let duration = match length {
+            Length::Quick => DURATIONS[1],
+            Length::Whole => DURATIONS[0],
+            Length::Long => {
+                let [first, second] = long::cases();
+                return if cell == 0 { first } else { second };
+            }
+        };
+        let draw = Draw::new(seed, cell, duration);
+        let bodies = draw.bodies.iter();
+        Self {
+            bodies: bodies
+                .map(|body| words(body.form, body.tear.is_some()))
+                .collect(),
+            obstacles: draw.obstacles.iter().map(shapes::Obstacle::words).collect(),
+            trouble: draw.trouble,
+            host: draw.host(),
+            stalls: draw.stalls.clone(),
+            loss: draw.loss,
+            ..Self::new(draw.scene(), draw.files())
+        }
+    }
 }
 
 impl super::Study for Study {
@@ -100,11 +176,11 @@ impl super::Study for Study {
     }
 
     fn settings(&self) -> serde_json::Value {
-        serde_json::json!({ "quick": self.quick })
+        serde_json::json!({ "length": self.length })
     }
 
     fn cell(&self, cell: u64, _: &Done<'_>) -> CellResult {
-        self::cell(self.seed, cell, self.quick)
+        self::cell(self.seed, cell, self.length)
     }
 
     fn summary(&self, cells: &BTreeMap<u64, CellResult>) -> String {
@@ -159,22 +235,18 @@ impl super::Study for Study {
 }
 
 /// The scene of a cell of the study of `seed` as `palpate run` reads it, and the files that it names.
-pub fn texts(seed: u64, cell: u64, quick: bool) -> (String, BTreeMap<String, Vec<u8>>) {
-    let draw = Draw::new(seed, cell, DURATIONS[usize::from(quick)]);
-    (draw.scene(), draw.files())
+pub fn texts(seed: u64, cell: u64, length: Length) -> (String, BTreeMap<String, Vec<u8>>) {
+    let case = Case::of(seed, cell, length);
+    (case.text, case.files)
 }
 
 /// Runs a cell of the study of `seed`.
-pub fn cell(seed: u64, cell: u64, quick: bool) -> CellResult {
-    let draw = Draw::new(seed, cell, DURATIONS[usize::from(quick)]);
+pub fn cell(seed: u64, cell: u64, length: Length) -> CellResult {
+    let case = Case::of(seed, cell, length);
     let mut result = CellResult {
-        bodies: draw
-            .bodies
-            .iter()
-            .map(|body| words(body.form, body.tear.is_some()))
-            .collect(),
-        obstacles: draw.obstacles.iter().map(shapes::Obstacle::words).collect(),
-        trouble: draw.trouble.name().to_owned(),
+        bodies: case.bodies.clone(),
+        obstacles: case.obstacles.clone(),
+        trouble: case.trouble.name().to_owned(),
         steps: 0,
         touched: 0,
         truncated: 0,
@@ -192,8 +264,8 @@ pub fn cell(seed: u64, cell: u64, quick: bool) -> CellResult {
     };
     let chance = Chance::new(seed, cell);
     let mut first = None;
-    for _ in 0..2 {
-        let ran = run(&draw, chance, |judge| {
+    for _ in 0..case.runs {
+        let ran = run(&case, chance, |judge| {
             let counts = judge.counts;
             let [given, moved] = judge.given();
             let found = CellResult {
@@ -210,7 +282,7 @@ pub fn cell(seed: u64, cell: u64, quick: bool) -> CellResult {
                 net_energy: finite(judge.net_energy()),
                 given: finite(given),
                 moved: finite(moved),
-                failures: judge.failures(&draw),
+                failures: judge.failures(),
                 ..result.clone()
             };
             (found, judge.checksum)
@@ -229,6 +301,9 @@ pub fn cell(seed: u64, cell: u64, quick: bool) -> CellResult {
             }
         }
     }
+    if let Some((only, _)) = first {
+        result = only;
+    }
     result
 }
 
@@ -242,32 +317,23 @@ fn finite(value: f64) -> f64 {
     if value.is_finite() { value } else { f64::MAX }
 }
 
-/// The scene of a draw.
-fn scene(draw: &Draw) -> Result<LoadedScene, StudyError> {
-    Ok(Scene::load_texts(
-        "scene.toml",
-        &draw.scene(),
-        &draw.files(),
-    )?)
-}
-
-/// Runs the world of a draw, and gives its judge to `read`.
+/// Runs a world, and gives its judge to `read`.
 fn run<R>(
-    draw: &Draw,
+    case: &Case,
     chance: Chance,
     read: impl FnOnce(&Judge<'_>) -> R,
 ) -> Result<R, StudyError> {
-    let loaded = scene(draw)?;
+    let loaded = Scene::load_texts("scene.toml", &case.text, &case.files)?;
     let world = World::new(&loaded)?;
     let options = Options {
-        faults: stalls(&draw.stalls),
+        faults: stalls(&case.stalls),
         ..Options::of(&world)
     };
     let mut prepared = Prepared::new(&world, &options)?;
     let devices = prepared.tick.devices.into_iter().enumerate();
     prepared.tick.devices = devices
         .map(|(index, device)| {
-            let lost = draw.loss.filter(|(lost, ..)| *lost == index);
+            let lost = case.loss.filter(|(lost, ..)| *lost == index);
             let faults = lost.map(|(_, how, span)| {
                 let ns = |time: f64| (time * 1e9).ceil() as u64;
                 (ns(span.at)..ns(span.at + span.duration), how)
@@ -275,16 +341,8 @@ fn run<R>(
             Box::new(Faulty::new(device, faults.into_iter().collect())) as AnyDevice
         })
         .collect();
-    let mut judge = Judge::new(&world, &prepared.engine);
-    let [rate, latency] = draw.host();
-    let [jitter, models_lost, records_lost] = draw.losses;
-    let host = Host {
-        jitter,
-        models_lost,
-        records_lost,
-        ..Host::untroubled(rate, latency)
-    };
-    let lossy = |link| Lossy::new(link, &host, chance, loaded.scene.bodies.len());
+    let mut judge = Judge::new(&world, &prepared.engine, case.every);
+    let lossy = |link| Lossy::new(link, &case.host, chance, loaded.scene.bodies.len());
     let mut session = Session::with(prepared, lossy, |host| host);
     loop {
         let ticked = session.try_tick();
@@ -309,8 +367,9 @@ mod tests {
     #[test]
     fn every_draw_is_a_world() {
         for cell in 0..200 {
-            let draw = Draw::new(1, cell, DURATIONS[0]);
-            let loaded = scene(&draw).unwrap_or_else(|error| panic!("{cell}: {error}"));
+            let case = Case::of(1, cell, Length::Whole);
+            let loaded = Scene::load_texts("x.toml", &case.text, &case.files);
+            let loaded = loaded.unwrap_or_else(|error| panic!("{cell}: {error}"));
             let world = World::new(&loaded);
             assert!(
                 world.is_ok(),

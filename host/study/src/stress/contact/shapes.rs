@@ -110,10 +110,6 @@ impl Obstacle {
         self.motion = Motion::Frames(frames.collect());
     }
 
-    pub(super) fn is_still(&self) -> bool {
-        matches!(self.motion, Motion::Still)
-    }
-
     /// Its kind and motion in words.
     pub(super) fn words(&self) -> String {
         let kind = match self.kind {
