@@ -9,13 +9,13 @@ use super::shapes::round;
 use crate::scene::spec::contact::FRICTION;
 use crate::scene::spec::{self, Scene};
 use crate::scene::{LoadedScene, SceneError};
-use physics::Vec3;
 use physics::contact::obstacle::Geometry;
 use physics::contact::shape::Shape;
 use physics::contact::start::{Fault, Touching, deepest, faults, winding};
 use physics::contact::{Obstacle, Skin, Surfaces};
-use physics::mesh::Mesh;
 use physics::mesh::check_solid::size;
+use physics::mesh::{Bounds, Mesh};
+use physics::{Body, Vec3};
 
 /// The thickness of a solid in contact, as a fraction of the side of a cube of the same volume.
 const SKIN: f64 = 1e-3;
@@ -374,6 +374,96 @@ impl Start<'_> {
         let source = &self.loaded.source;
         source.error(&field(one.max(other)), found, allowed)
     }
+}
+
+/// Leaves out the `starts` of bodies that meet something on their way from rest: an equilibrium without contact may lie behind
+/// an obstacle.
+pub(super) fn keep_apart(
+    contacts: &Contacts,
+    bodies: &[Built],
+    obstacles: &[Obstacle],
+    starts: &mut [Option<Body>],
+) {
+    let rest = |body: usize| bodies[body].mesh.positions();
+    let mut ways: Vec<Option<Bounds>> = Vec::new();
+    for (body, start) in starts.iter().enumerate() {
+        let settled = start.iter().flat_map(Body::positions);
+        let all: Vec<Vec3> = rest(body).iter().copied().chain(settled).collect();
+        ways.push(Bounds::of(&all));
+    }
+    for (body, start) in starts.iter_mut().enumerate() {
+        let Some(settled) = start else { continue };
+        let thing = Thing::Body(body);
+        let mut pairs = contacts.pairs.iter();
+        let meets = pairs.any(|pair| {
+            let [one, other] = pair.between;
+            match (one == thing, other) {
+                (true, Thing::Obstacle(number)) => {
+                    let ends = [rest(body).to_vec(), settled.positions().collect()];
+                    meets(&obstacles[number], &ways[body], &ends, pair.distance)
+                }
+                (true, other) if other == thing => {
+                    folds(&bodies[body].mesh, settled, pair.distance)
+                }
+                (_, Thing::Body(other)) if one == thing || other == body => {
+                    let [Thing::Body(one), Thing::Body(other)] = pair.between else {
+                        return false;
+                    };
+                    overlap(&ways[one], &ways[other], pair.distance)
+                }
+                _ => false,
+            }
+        });
+        if meets {
+            *start = None;
+        }
+    }
+}
+
+/// Whether two boxes are nearer to each other than a distance (m).
+fn overlap(one: &Option<Bounds>, other: &Option<Bounds>, distance: f64) -> bool {
+    let (Some(one), Some(other)) = (one, other) else {
+        return false;
+    };
+    let gaps = (one.min - other.max).sup(&(other.min - one.max));
+    gaps.max() < distance
+}
+
+/// Whether an obstacle lies on a way: in its box, or on the wrong side of a plane.
+fn meets(obstacle: &Obstacle, way: &Option<Bounds>, ends: &[Vec<Vec3>; 2], distance: f64) -> bool {
+    let Some(bounds) = way else { return false };
+    match obstacle.geometry() {
+        Geometry::Mesh(_) => {
+            let mut x = vec![Vec3::zeros(); obstacle.vertices()];
+            obstacle.write_positions(0.0, &mut x);
+            overlap(way, &Bounds::of(&x), distance)
+        }
+        Geometry::Shape(Shape::Plane) => ends.iter().flatten().any(|x| {
+            let near = obstacle.nearest(x, 0.0);
+            near.is_some_and(|near| near.distance < (1.0 - SLACK) * distance)
+        }),
+        Geometry::Shape(_) => {
+            let (centre, around) = ((bounds.min + bounds.max) / 2.0, bounds.size().norm() / 2.0);
+            let near = obstacle.nearest(&centre, 0.0);
+            near.is_some_and(|near| near.distance < around + distance)
+        }
+    }
+}
+
+/// Whether a settled body crosses itself, or is nearer to itself than a distance (m).
+fn folds(mesh: &Mesh, settled: &Body, distance: f64) -> bool {
+    let mut surfaces = Surfaces::default();
+    let skin = Skin {
+        radius: 0.5 * distance,
+        touches_itself: true,
+        is_obstacle: false,
+    };
+    let x: Vec<Vec3> = settled.positions().collect();
+    let touching = Touching {
+        distance: &|_, _| Some(distance),
+        walls: &[None],
+    };
+    surfaces.add(mesh, skin).is_err() || !faults(&surfaces, &x, &touching).is_empty()
 }
 
 /// The field of a thing.

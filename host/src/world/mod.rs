@@ -100,7 +100,7 @@ impl<'a> World<'a> {
     }
 
     /// Brings copies of the bodies to the start of a run, at the first call: to rest under their weight and their loads
-    /// while their handles are held.
+    /// while their handles are held. A body that would meet something on the way starts undeformed.
     pub fn settle(&self) {
         self.settled();
     }
@@ -112,8 +112,11 @@ impl<'a> World<'a> {
     }
 
     fn settled(&self) -> &[Option<Body>] {
-        self.starts
-            .get_or_init(|| self.bodies.iter().map(Built::settled).collect())
+        self.starts.get_or_init(|| {
+            let mut starts: Vec<_> = self.bodies.iter().map(Built::settled).collect();
+            contact::keep_apart(&self.contacts, &self.bodies, &self.obstacles, &mut starts);
+            starts
+        })
     }
 }
 

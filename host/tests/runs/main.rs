@@ -4,6 +4,7 @@
 mod rig;
 
 mod body_change;
+mod contact_changes;
 mod contact_seen;
 mod emulated;
 mod energy;

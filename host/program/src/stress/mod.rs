@@ -1,6 +1,7 @@
 //! `palpate stress`: studies to run before a person touches a device. They run in virtual time, on all cores and in
 //! shards.
 
+mod contact;
 mod faults;
 mod hold;
 mod scene;
@@ -41,6 +42,8 @@ enum Study {
         mut_arg("quick", |quick| quick.help("Run each fault on each protocol once"))
     )]
     Connections(Plain),
+    /// Let random bodies touch each other and obstacles in two hands under all faults, and check energy, crossings and repetition
+    Contact(contact::ContactArguments),
     /// End commands that hold a device by signals and closed terminals, and watch the force of the device
     #[command(
         mut_arg("runs", |runs| runs.help("Number of runs of each way out of each command. Default: 3, or 1 with --quick")),
@@ -161,6 +164,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
         Study::Connections(asked) => asked.run(connections::RUNS, |seed, runs| {
             connections::Study { seed, runs }
         }),
+        Study::Contact(arguments) => contact::run(arguments),
         Study::Endings(asked) => asked.run(endings::RUNS, |seed, runs| {
             endings::Study::new(seed, runs, asked.quick)
         }),

@@ -5,6 +5,7 @@
 
 mod aim;
 mod cost;
+pub(crate) mod crossings;
 mod motions;
 mod rest;
 mod tables;

@@ -1,12 +1,12 @@
 //! Bodies that step together, with their contacts, as the host steps them.
 
+use super::crossings::crossings;
 use crate::StudyError;
 use crate::speed::clock::cpu_time;
 use nalgebra::Isometry3;
-use physics::contact::crossing::passes;
 use physics::contact::obstacle::{Geometry, Motion, Obstacle};
 use physics::contact::shape::Shape;
-use physics::contact::{Meeting, Skin, Surfaces};
+use physics::contact::{Meeting, Skin};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{Mesh, TriMesh};
 use physics::motion::contacts::{Contacts, Member, Side};
@@ -220,40 +220,22 @@ impl World {
 
     /// Number of edges of bodies that pass through a triangle of a body.
     pub(super) fn crossings(&self) -> usize {
-        let x: Vec<Vec3> = self
-            .bodies
-            .iter()
+        let surfaces = self.contacts.surfaces();
+        let bodies = self.bodies.iter();
+        let mut x: Vec<Vec3> = bodies
             .flat_map(|body| body.node_positions().iter().copied())
             .collect();
-        crossings(self.contacts.surfaces(), &x)
+        // What is left are obstacles.
+        let of_bodies = x.len() as u32;
+        x.resize(surfaces.vertices, Vec3::repeat(f64::NAN));
+        let is_body = |part: usize| surfaces.parts[part].vertices.end <= of_bodies;
+        let mut count = 0;
+        crossings(
+            surfaces,
+            &x,
+            &|one, other| is_body(one) && is_body(other),
+            &mut |_, _| count += 1,
+        );
+        count
     }
-}
-
-/// Number of edges that pass through a triangle, among the vertices at `x`, by an exact test of all pairs.
-fn crossings(surfaces: &Surfaces, x: &[Vec3]) -> usize {
-    let at = |vertex: u32| &x[vertex as usize];
-    let is_here = |vertices: &[u32]| vertices.iter().all(|v| (*v as usize) < x.len());
-    let mut count = 0;
-    for corners in surfaces.triangles.iter().filter(|c| is_here(&c[..])) {
-        let [low, high] = box_of(&corners.map(at));
-        for ends in surfaces.edges.iter().filter(|e| is_here(&e[..])) {
-            let [from, to] = box_of(&ends.map(at));
-            let is_apart = (0..3).any(|axis| from[axis] > high[axis] || to[axis] < low[axis]);
-            if !is_apart
-                && !ends.iter().any(|v| corners.contains(v))
-                && passes(ends.map(at), corners.map(at))
-            {
-                count += 1;
-            }
-        }
-    }
-    count
-}
-
-fn box_of(points: &[&Vec3]) -> [Vec3; 2] {
-    let (mut low, mut high) = (*points[0], *points[0]);
-    for point in points {
-        (low, high) = (low.inf(point), high.sup(point));
-    }
-    [low, high]
 }

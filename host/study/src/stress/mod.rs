@@ -4,9 +4,10 @@
 //! machines. [`devices`] are the devices of a study. [`wall`] maps a stiff wall inside the tick. [`faults`] gives the tick
 //! input that should never occur. [`connections`] cuts, floods and corrupts the connection of a device. [`hold`] checks that
 //! the rendered force is the force of the body. [`scene`] compares the schemes on a scene under hands, rates and faults.
-//! [`tearing`] tears random sheets. [`endings`] ends commands that hold a device. [`seeds`] compares results of several seeds.
+//! [`tearing`] tears random sheets. [`contact`] runs random worlds in which bodies touch. [`endings`] ends commands that hold a device. [`seeds`] compares results of several seeds.
 
 pub mod connections;
+pub mod contact;
 pub mod devices;
 pub mod endings;
 pub mod faults;
@@ -29,5 +30,6 @@ pub const STUDIES: &[Entry] = &[
     Entry::of::<hold::Holds>(),
     Entry::of::<scene::Trials>(),
     Entry::of::<tearing::Study>(),
+    Entry::of::<contact::Study>(),
     Entry::of::<endings::Study>(),
 ];

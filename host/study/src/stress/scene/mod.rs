@@ -28,7 +28,7 @@ pub mod summary;
 mod table;
 pub(crate) mod trial;
 pub mod trials;
-mod troubled;
+pub(super) mod troubled;
 pub mod verdict;
 pub mod written;
 

@@ -14,7 +14,7 @@ use rt_core::{LocalModel, TickRecord};
 use runner::link::HostEnd;
 
 /// A link that is late at random, and loses models and records.
-pub(super) struct Lossy {
+pub(in crate::stress) struct Lossy {
     link: LateLink,
     /// The largest random delay beyond the latency (ns), and the fractions of models and records that are lost.
     jitter_ns: f64,
@@ -28,7 +28,12 @@ pub(super) struct Lossy {
 }
 
 impl Lossy {
-    pub(super) fn new(link: LateLink, draw: &Draw, chance: Chance, bodies: usize) -> Self {
+    pub(in crate::stress) fn new(
+        link: LateLink,
+        draw: &Draw,
+        chance: Chance,
+        bodies: usize,
+    ) -> Self {
         Self {
             link,
             jitter_ns: draw.jitter * (draw.latency + 1.0 / draw.rate) * 1e9,
@@ -75,7 +80,7 @@ impl HostLink for Lossy {
 }
 
 /// The stalls of a host. A stall that begins during another one is a part of it.
-pub(super) fn stalls(spans: &[Span]) -> Vec<HostFault> {
+pub(in crate::stress) fn stalls(spans: &[Span]) -> Vec<HostFault> {
     let mut spans = spans.to_vec();
     spans.sort_unstable_by(|a, b| a.at.total_cmp(&b.at));
     let mut faults: Vec<HostFault> = Vec::new();
