@@ -90,7 +90,7 @@ mod tests {
             let hello = Hello::new(Source::Run, &World::new(&loaded)?, BTreeMap::new());
             Ok::<_, Box<dyn std::error::Error>>((serde_json::to_string(&hello)?, hello.obstacles))
         };
-        let (text, obstacles) = told("tests/scenes/contact/sheet_on_sphere.toml")?;
+        let (text, obstacles) = told("scenes/sheet_on_sphere.toml")?;
         assert!(text.contains("\"obstacles\""));
         let [ball] = &obstacles[..] else {
             return Err("one obstacle".into());
