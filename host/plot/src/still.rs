@@ -8,7 +8,7 @@ use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker, UNITS};
 use super::picture::Picture;
 use super::reduce::usable;
-use super::view::{self, HandMark, Shape};
+use super::view::{self, HandMark, Obstacle, Shape};
 
 /// Width of the page, and of its left part, the view (pixels).
 const WIDTH: i32 = 900;
@@ -30,6 +30,8 @@ pub struct StillPicture {
     pub color_label: String,
     /// The bodies.
     pub shapes: Vec<Shape>,
+    /// The obstacles.
+    pub obstacles: Vec<Obstacle>,
     /// The hands. The curves are in their order.
     pub hands: Vec<HandMark>,
     /// Its time (s).
@@ -60,7 +62,8 @@ pub fn still(still: &StillPicture) -> Picture {
         let top = page::title(area, &still.title, &still.subtitle)?;
         page::legend(area, WIDTH, top, &entries)?;
         let place = [20, head, VIEW - 20, HEIGHT];
-        view::draw(area, place, &still.color_label, &still.shapes, &still.hands)?;
+        let surfaces = (&still.shapes[..], &still.obstacles[..]);
+        view::draw(area, place, &still.color_label, surfaces, &still.hands)?;
         let right = area.clone().shrink(
             (VIEW * UNITS, head * UNITS),
             ((WIDTH - VIEW) * UNITS, HEIGHT * UNITS),

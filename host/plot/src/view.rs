@@ -1,7 +1,10 @@
-//! Deformed bodies and hands, seen from a fixed direction: shaded triangles, coloured by a value at the vertices.
+//! Deformed bodies, obstacles and hands, seen from a fixed direction: shaded triangles, coloured by a value at the vertices.
+//! Obstacles are grey.
 //!
 //! The projection is orthographic, so one scale bar serves the whole picture. What lies farther away is drawn first (the
-//! painter's algorithm, by the depth of the centres), which is exact enough for surfaces of many small triangles.
+//! painter's algorithm, by the depth of the centres), which is exact enough for surfaces of many small triangles. An
+//! obstacle is divided into such triangles, and each counts as farther away by its size, so that it does not cover a sheet
+//! that lies on it.
 
 use nalgebra::Vector3;
 use plotters::prelude::*;
@@ -22,6 +25,17 @@ pub struct Shape {
     pub triangles: Vec<[u32; 3]>,
     /// Lines: two vertices each.
     pub lines: Vec<[u32; 2]>,
+}
+
+/// An obstacle as it is drawn. Indices that do not exist are left out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Obstacle {
+    /// Positions (m).
+    pub positions: Vec<[f64; 3]>,
+    /// Triangles: three vertices each, counterclockwise seen from outside. The sides that face away are not drawn.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether it is a part of a plane. A plane is behind everything, and the picture need not show all of it.
+    pub plane: bool,
 }
 
 /// A hand as it is drawn.
@@ -51,23 +65,30 @@ const MOST_EDGES: usize = 4_000;
 /// Height of the strip below the view, with the scales (pixels).
 const SCALES: i32 = 64;
 
-/// Draws bodies and hands on the part of the page from (`x`, `y`) on, of this width and height (pixels), with the scale
-/// of colours, a scale bar and an arrow that shows the scale of forces.
+/// The colour of obstacles in full light, and of planes.
+const OBSTACLE: RGBColor = RGBColor(205, 205, 205);
+const PLANE: RGBColor = RGBColor(236, 236, 236);
+/// The longest side of a triangle of an obstacle, as a part of the longer side of the picture.
+const PIECE: f64 = 1.0 / 24.0;
+
+/// Draws bodies, obstacles and hands on the part of the page from (`x`, `y`) on, of this width and height (pixels), with the
+/// scale of colours, a scale bar and an arrow that shows the scale of forces.
 pub(super) fn draw(
     area: &Area,
     [x, y, width, height]: [i32; 4],
     label: &str,
-    shapes: &[Shape],
+    (shapes, obstacles): (&[Shape], &[Obstacle]),
     hands: &[HandMark],
 ) -> Drawn {
     let forces = hands.iter().map(|hand| Vector3::from(hand.force).norm());
     let strongest = forces.filter(|f| usable(*f)).fold(0.0, f64::max);
     let per_newton = ARROW / strongest.max(SMALL_FORCE);
     let inner = [x + 8, y + 8, width - 16, height - SCALES - 16];
-    let camera = Camera::fitting(inner, shapes, hands, per_newton);
+    let camera = Camera::fitting(inner, (shapes, obstacles), hands, per_newton);
     let values = shapes.iter().flat_map(|shape| shape.values.iter().copied());
     let scale = Axis::linear(values.filter(|value| usable(*value)).chain([0.0]), 0.0, 6.0);
-    draw_shapes(area, &camera, shapes, &scale)?;
+    draw_planes(area, &camera, obstacles, [x, y, width, height - SCALES])?;
+    draw_shapes(area, &camera, (shapes, obstacles), &scale)?;
     if shapes.iter().all(|shape| shape.positions.is_empty()) {
         let text = "this moment has no bodies";
         let at = x + (width - text_width(text, 12.0, false) as i32) / 2;
@@ -90,6 +111,8 @@ struct Camera {
     middle: [f64; 2],
     /// The projection of the middle of the box (m).
     center: [f64; 2],
+    /// The longer side of the box in the picture (m).
+    across: f64,
 }
 
 /// The coordinates of a point in the picture (m): to the right and upwards.
@@ -100,15 +123,18 @@ fn flat(point: [f64; 3]) -> Option<[f64; 2]> {
 }
 
 impl Camera {
-    /// The largest picture in which all bodies, hands and arrows are inside of a rectangle (pixels).
+    /// The largest picture in which all bodies, obstacles, hands and arrows are inside of a rectangle (pixels).
     fn fitting(
         [x, y, width, height]: [i32; 4],
-        shapes: &[Shape],
+        (shapes, obstacles): (&[Shape], &[Obstacle]),
         hands: &[HandMark],
         per_newton: f64,
     ) -> Self {
         let bodies = shapes.iter().flat_map(|shape| shape.positions.iter());
+        let obstacles = obstacles.iter().filter(|obstacle| !obstacle.plane);
+        let solids = obstacles.flat_map(|obstacle| obstacle.positions.iter());
         let mut points: Vec<([f64; 2], [f64; 2])> = bodies
+            .chain(solids)
             .filter_map(|point| Some((flat(*point)?, [0.0; 2])))
             .collect();
         for hand in hands {
@@ -155,6 +181,10 @@ impl Camera {
             middle: [(x, width), (y, height)]
                 .map(|(from, size)| f64::from((2 * from + size) * UNITS) / 2.0),
             center,
+            across: [0, 1]
+                .map(|k| (most[k] - least[k]) / scale)
+                .into_iter()
+                .fold(1e-9, f64::max),
         }
     }
 
@@ -180,9 +210,120 @@ struct Facet {
     depth: f64,
     corners: Vec<[f64; 2]>,
     color: RGBColor,
+    /// Whether its edges may be drawn.
+    edged: bool,
 }
 
-fn draw_shapes(area: &Area, camera: &Camera, shapes: &[Shape], scale: &Axis) -> Drawn {
+/// Draws the planes that face the viewer, cut at the border of a rectangle (pixels).
+fn draw_planes(area: &Area, camera: &Camera, obstacles: &[Obstacle], inner: [i32; 4]) -> Drawn {
+    let planes = obstacles.iter().filter(|obstacle| obstacle.plane);
+    for corners in planes.flat_map(|plane| facing(plane)) {
+        let places: Option<Vec<_>> = corners.iter().map(|p| camera.place((*p).into())).collect();
+        let within = cut(places.unwrap_or_default(), inner);
+        if within.len() > 2 {
+            let corners: Vec<_> = within.into_iter().map(whole).collect();
+            area.draw(&Polygon::new(corners, PLANE.filled()))?;
+        }
+    }
+    Ok(())
+}
+
+/// The triangles of an obstacle that face the viewer.
+fn facing(obstacle: &Obstacle) -> impl Iterator<Item = [Vector3<f64>; 3]> + '_ {
+    let corners = obstacle.triangles.iter().filter_map(|triangle| {
+        let at = triangle.map(|vertex| obstacle.positions.get(vertex as usize));
+        let [Some(a), Some(b), Some(c)] = at else {
+            return None;
+        };
+        Some([a, b, c].map(|point| Vector3::from(*point)))
+    });
+    corners.filter(|[a, b, c]| (b - a).cross(&(c - a)).dot(&Vector3::from(TOWARDS)) > 0.0)
+}
+
+/// The part of a convex polygon (units) within a rectangle (pixels): the algorithm of Sutherland and Hodgman (1974).
+fn cut(mut polygon: Vec<[f64; 2]>, [x, y, width, height]: [i32; 4]) -> Vec<[f64; 2]> {
+    let bounds = [(x, width), (y, height)];
+    let bounds = bounds.map(|(from, size)| [from, from + size].map(|at| f64::from(at * UNITS)));
+    for (axis, [least, most]) in bounds.into_iter().enumerate() {
+        for (bound, sign) in [(least, 1.0), (most, -1.0)] {
+            let inside = |p: &[f64; 2]| sign * (p[axis] - bound) >= 0.0;
+            let ends = polygon.iter().zip(polygon.iter().cycle().skip(1));
+            let mut kept = Vec::new();
+            for (from, to) in ends {
+                if inside(from) {
+                    kept.push(*from);
+                }
+                if inside(from) != inside(to) {
+                    let t = (bound - from[axis]) / (to[axis] - from[axis]);
+                    kept.push([0, 1].map(|k| from[k] + t * (to[k] - from[k])));
+                }
+            }
+            polygon = kept;
+        }
+    }
+    polygon
+}
+
+/// Divides a triangle until no side is longer than `longest` (m), and gives the parts to `take`.
+fn divide(corners: [Vector3<f64>; 3], longest: f64, take: &mut impl FnMut([Vector3<f64>; 3])) {
+    let [a, b, c] = corners;
+    let turns = [[a, b, c], [b, c, a], [c, a, b]];
+    let side = |turn: &[Vector3<f64>; 3]| (turn[1] - turn[0]).norm();
+    let longer = |one, other| {
+        if side(&other) > side(&one) {
+            other
+        } else {
+            one
+        }
+    };
+    let [a, b, c] = turns.into_iter().reduce(longer).unwrap_or(corners);
+    // A size that is not a number ends here, too.
+    if !(side(&[a, b, c]) > longest) {
+        return take([a, b, c]);
+    }
+    let middle = (a + b) / 2.0;
+    divide([a, middle, c], longest, take);
+    divide([middle, b, c], longest, take);
+}
+
+/// The pieces of the obstacles that are no planes.
+fn pieces(camera: &Camera, obstacles: &[Obstacle]) -> Vec<Facet> {
+    let longest = PIECE * camera.across;
+    let mut facets = Vec::new();
+    let solids = obstacles.iter().filter(|obstacle| !obstacle.plane);
+    for corners in solids.flat_map(|solid| facing(solid)) {
+        let color = mixed(OBSTACLE, BLACK, shadow(&corners));
+        divide(corners, longest, &mut |corners| {
+            let places = corners.map(|point| camera.place(point.into()));
+            if let [Some(a), Some(b), Some(c)] = places {
+                let middle: Vector3<f64> = corners.iter().sum::<Vector3<f64>>() / 3.0;
+                facets.push(Facet {
+                    depth: middle.dot(&Vector3::from(TOWARDS)) - longest,
+                    corners: vec![a, b, c],
+                    color,
+                    edged: false,
+                });
+            }
+        });
+    }
+    facets
+}
+
+/// The part of black in the colour of a triangle: none in full light.
+fn shadow([a, b, c]: &[Vector3<f64>; 3]) -> f64 {
+    let normal = (b - a).cross(&(c - a));
+    // The side of a sheet that the viewer sees is lit.
+    let seen = normal.dot(&Vector3::from(TOWARDS)).signum();
+    let angle = seen * normal.dot(&Vector3::from(LIGHT).normalize());
+    0.38 * (1.0 - (angle / normal.norm().max(f64::MIN_POSITIVE)).max(0.0))
+}
+
+fn draw_shapes(
+    area: &Area,
+    camera: &Camera,
+    (shapes, obstacles): (&[Shape], &[Obstacle]),
+    scale: &Axis,
+) -> Drawn {
     let mut facets: Vec<Facet> = Vec::new();
     for shape in shapes {
         let triangles = shape.triangles.iter().map(|t| &t[..]);
@@ -193,8 +334,9 @@ fn draw_shapes(area: &Area, camera: &Camera, shapes: &[Shape], scale: &Axis) -> 
                 .filter_map(|corners| facet(camera, shape, corners, scale)),
         );
     }
-    facets.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let edges = facets.len() <= MOST_EDGES;
+    facets.extend(pieces(camera, obstacles));
+    facets.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     for facet in &facets {
         let dark = mixed(facet.color, BLACK, 0.35);
         if let [from, to] = facet.corners[..] {
@@ -206,7 +348,7 @@ fn draw_shapes(area: &Area, camera: &Camera, shapes: &[Shape], scale: &Axis) -> 
         // Each triangle is slightly larger than it is, so that no seams show.
         let corners: Vec<_> = grown(&facet.corners).into_iter().map(whole).collect();
         area.draw(&Polygon::new(corners, facet.color.filled()))?;
-        if edges {
+        if edges && facet.edged {
             let corners = facet.corners.iter().chain(facet.corners.first());
             let path: Vec<_> = corners.map(|corner| whole(*corner)).collect();
             area.draw(&PathElement::new(path, page::stroke(dark, 0.25)))?;
@@ -235,20 +377,15 @@ fn facet(camera: &Camera, shape: &Shape, corners: &[u32], scale: &Axis) -> Optio
     } else {
         RGBColor(128, 128, 128)
     };
-    let light = match vectors[..] {
-        [a, b, c] => {
-            let normal = (b - a).cross(&(c - a));
-            // The side of a sheet that the viewer sees is lit.
-            let seen = normal.dot(&Vector3::from(TOWARDS)).signum();
-            let angle = seen * normal.dot(&Vector3::from(LIGHT).normalize());
-            (angle / normal.norm().max(f64::MIN_POSITIVE)).max(0.0)
-        }
-        _ => 1.0,
+    let dark = match vectors[..] {
+        [a, b, c] => shadow(&[a, b, c]),
+        _ => 0.0,
     };
     Some(Facet {
         depth: middle.dot(&Vector3::from(TOWARDS)),
         corners: places,
-        color: mixed(color, BLACK, 0.38 * (1.0 - light)),
+        color: mixed(color, BLACK, dark),
+        edged: true,
     })
 }
 
@@ -468,7 +605,7 @@ mod tests {
         let inside = [100, 50, 400, 300];
         let camera = Camera::fitting(
             inside,
-            std::slice::from_ref(&shape),
+            (std::slice::from_ref(&shape), &[]),
             std::slice::from_ref(&hand),
             16.0,
         );
@@ -483,6 +620,61 @@ mod tests {
         let right = bx + (16.0 * fx + 10.0) * units;
         assert!((right - ax - 400.0 * units).abs() < 2.0, "{}", right - ax);
         assert_eq!(camera.place([f64::NAN; 3]), None);
+    }
+
+    #[test]
+    fn an_obstacle_covers_what_is_behind_it_and_not_what_lies_on_it() {
+        // A box whose top faces the viewer, in the order of its triangles: top, and bottom, which faces away.
+        let corners = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]];
+        let corners = corners.map(|[x, y]| [x, y, 0.0]);
+        let obstacle = Obstacle {
+            positions: corners.to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 9]],
+            plane: false,
+        };
+        let inner = [0, 0, 400, 300];
+        let camera = Camera::fitting(inner, (&[], std::slice::from_ref(&obstacle)), &[], 1.0);
+        let found = pieces(&camera, std::slice::from_ref(&obstacle));
+        let area = |corners: &[[f64; 2]]| {
+            let (a, b, c) = (corners[0], corners[1], corners[2]);
+            0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
+        };
+        // The two triangles of the top, and no more: a square of 0.2 m, seen at 30 degrees.
+        let total: f64 = found.iter().map(|facet| area(&facet.corners)).sum();
+        let expected = 0.04 * 0.5 * camera.scale * camera.scale;
+        assert!((total / expected - 1.0).abs() < 1e-6, "{total} {expected}");
+        // A point on the top is in front of every piece that contains it, and a point below it by more than two sides of a
+        // piece is behind.
+        let side = PIECE * camera.across;
+        for facet in &found {
+            let [x, y] = [0, 1].map(|k| facet.corners.iter().map(|c| c[k]).sum::<f64>() / 3.0);
+            let on = |z: f64| {
+                // The depth of the point of the height z in the same place of the picture.
+                let [dx, dy] = [(x - camera.middle[0]), (camera.middle[1] - y)];
+                let flat = [
+                    dx / camera.scale + camera.center[0],
+                    dy / camera.scale + camera.center[1],
+                ];
+                let start = flat[0] * Vector3::from(RIGHT) + flat[1] * Vector3::from(UP);
+                let along = (z - start.z) / TOWARDS[2];
+                along
+            };
+            assert!(on(0.0) > facet.depth && on(-3.0 * side) < facet.depth);
+        }
+    }
+
+    #[test]
+    fn a_polygon_is_cut_at_the_border() {
+        let unit = f64::from(UNITS);
+        let big = [[-10.0, -10.0], [30.0, -10.0], [30.0, 30.0], [-10.0, 30.0]];
+        let within = cut(big.map(|p| p.map(|x| x * unit)).to_vec(), [0, 5, 20, 10]);
+        let mut found: Vec<_> = within
+            .iter()
+            .map(|p| p.map(|x| (x / unit).round() as i32))
+            .collect();
+        found.sort_unstable();
+        assert_eq!(found, [[0, 5], [0, 15], [20, 5], [20, 15]]);
+        assert!(cut(big.map(|p| p.map(|x| x * unit)).to_vec(), [40, 0, 5, 5]).is_empty());
     }
 
     #[test]

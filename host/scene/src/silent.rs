@@ -30,9 +30,11 @@ pub(super) fn check(
             advice: advice.to_owned(),
         });
     };
+    let handles = || scene.bodies.iter().flat_map(|body| &body.handles);
+    // A scene in which bodies fall on obstacles, and which no hand holds, means it.
+    let falls = handles().next().is_none() && !scene.obstacles.is_empty();
     for (index, (device, model)) in scene.devices.iter().zip(models).enumerate() {
-        let mut handles = scene.bodies.iter().flat_map(|body| &body.handles);
-        if !handles.any(|handle| handle.device == device.name) {
+        if !falls && handles().all(|handle| handle.device != device.name) {
             warn(
                 &format!("device[{index}]"),
                 format!("no handle of the device {:?}", device.name),
@@ -179,6 +181,18 @@ hand.waypoints = [[0.0, 0, 0, 0], [0.5, 0, 0, -0.01]]
             assert_eq!(found.len(), 1, "{found:?}");
             assert!(found[0].starts_with(said), "{}", found[0]);
         }
+        let falls = [
+            (
+                "handle = [{ name = 'h', group = 'top', device = 'd' }]\n",
+                "",
+            ),
+            (
+                "[[device]]",
+                "[[obstacle]]\nname = 'o'\nshape = 'plane'\nposition = [0, 0, -0.1]\n[[device]]",
+            ),
+        ];
+        assert_eq!(warnings(&falls), [""; 0]);
+        assert_eq!(warnings(&falls[..1]).len(), 1);
         let panto = "name = 'panto'\naxes = ['x', 'y']\nmass = 0.06\ndamping = 0.05\nfriction = 0.05\nposition_step = 2e-5\nmax_force = 2.0\n\
                      workspace_radius = 0.04\ndriver_stiffness = 500\ndriver_damping = 1\nrate = 1000\n";
         let files = BTreeMap::from([("panto.toml".to_owned(), panto.as_bytes().to_vec())]);

@@ -55,6 +55,9 @@ pub struct Hello {
     /// The obstacles, in the scene's order. A scene without obstacles has no such field, as have earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obstacles: Vec<ObstacleInfo>,
+    /// Whether something may touch, so that the log has contacts.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub touches: bool,
     /// The facts of the log's header: seed, version and others.
     pub facts: BTreeMap<String, String>,
     /// The text of the scene. Scene and files let a viewer build the bodies, to compute stresses. They are not sent to

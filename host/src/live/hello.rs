@@ -58,6 +58,7 @@ impl Hello {
             devices: devices.collect(),
             bodies: bodies.collect(),
             obstacles: obstacle::infos(world),
+            touches: scene.has_contact(),
             facts,
             scene_text: loaded.source.text.clone(),
             files: loaded.files.clone(),
@@ -90,8 +91,8 @@ mod tests {
             let hello = Hello::new(Source::Run, &World::new(&loaded)?, BTreeMap::new());
             Ok::<_, Box<dyn std::error::Error>>((serde_json::to_string(&hello)?, hello.obstacles))
         };
-        let (text, obstacles) = told("tests/scenes/contact/sheet_on_sphere.toml")?;
-        assert!(text.contains("\"obstacles\""));
+        let (text, obstacles) = told("scenes/sheet_on_sphere.toml")?;
+        assert!(text.contains("\"obstacles\"") && text.contains("\"touches\":true"));
         let [ball] = &obstacles[..] else {
             return Err("one obstacle".into());
         };
@@ -101,6 +102,7 @@ mod tests {
         assert!(points.iter().all(|p| (radius(p) - 0.05).abs() < 1e-7));
         let (text, obstacles) = told("scenes/press.toml")?;
         assert!(obstacles.is_empty() && !text.contains("obstacles\":"));
+        assert!(!text.contains("touches"));
         Ok(())
     }
 

@@ -38,6 +38,45 @@ pub struct ObstacleState {
     pub positions: Vec<f32>,
 }
 
+impl ObstacleInfo {
+    /// Its positions in the axes of the scene (m), in this state.
+    pub fn placed(&self, state: &ObstacleState) -> Vec<[f32; 3]> {
+        let [x, y, z, i, j, k, w] = state.pose;
+        // The columns of the rotation of a quaternion of length one.
+        let columns = [
+            [
+                1.0 - 2.0 * (j * j + k * k),
+                2.0 * (i * j + k * w),
+                2.0 * (i * k - j * w),
+            ],
+            [
+                2.0 * (i * j - k * w),
+                1.0 - 2.0 * (i * i + k * k),
+                2.0 * (j * k + i * w),
+            ],
+            [
+                2.0 * (i * k + j * w),
+                2.0 * (j * k - i * w),
+                1.0 - 2.0 * (i * i + j * j),
+            ],
+        ];
+        let own = if state.positions.is_empty() {
+            &self.positions
+        } else {
+            &state.positions
+        };
+        let place = |own: &[f32; 3]| {
+            std::array::from_fn(|axis| {
+                let turned: f64 = (own.iter().zip(&columns))
+                    .map(|(x, column)| f64::from(*x) * column[axis])
+                    .sum();
+                ([x, y, z][axis] + turned) as f32
+            })
+        };
+        own.as_chunks().0.iter().map(place).collect()
+    }
+}
+
 /// The obstacles of a world.
 pub(super) fn infos(world: &World<'_>) -> Vec<ObstacleInfo> {
     let each = world.loaded.scene.obstacles.iter().zip(&world.obstacles);

@@ -43,7 +43,7 @@ fn seen(loaded: &LoadedScene, duration: f64) -> Result<(RunSummary, Log, String)
 
 #[test]
 fn log_and_table_have_the_contacts_of_the_summary() -> Outcome {
-    let loaded = scene("tests/scenes/contact/sheet_on_sphere.toml")?;
+    let loaded = scene("scenes/sheet_on_sphere.toml")?;
     let (summary, log, table) = seen(&loaded, 0.4)?;
     let contact = summary.contact.ok_or("a scene with contact")?;
     let numbers: BTreeMap<&str, u32> = [("cloth", 0), ("ball", 1)].into();

@@ -9,8 +9,6 @@ use physics::contact::obstacle::{Geometry, Motion};
 use physics::contact::shape::Shape;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs;
-use std::path::Path;
 
 /// A scene with contacts of each kind. Each case changes one piece of it.
 const BASE: &str = r#"name = "base"
@@ -392,28 +390,4 @@ fn a_run_takes_a_scene_with_contact_and_solve_refuses_it() {
                 && world.obstacles.is_empty()
         })
     );
-}
-
-/// The scenes for contact.
-#[test]
-fn the_scenes_of_contact_are_sound() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes/contact");
-    let mut names = Vec::new();
-    for entry in fs::read_dir(folder).expect("a folder") {
-        let loaded = Scene::load(&entry.expect("a file").path()).expect("a scene");
-        let world = World::new(&loaded).expect("a world");
-        assert!(!world.contacts.is_empty());
-        names.push(loaded.scene.name);
-    }
-    names.sort();
-    let expected = [
-        "belt",
-        "block_on_incline",
-        "folded_banknote",
-        "pressed_blocks",
-        "sheet_on_edge",
-        "sheet_on_sphere",
-        "stack",
-    ];
-    assert_eq!(names, expected);
 }

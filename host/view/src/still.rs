@@ -2,7 +2,7 @@
 
 use crate::history::History;
 use host::live::{Folded, Frame, Hello, Range, Vertices};
-use host::plot::{HandMark, Picture, Ribbons, Shape, StillPicture, still};
+use host::plot::{HandMark, Obstacle, Picture, Ribbons, Shape, StillPicture, still};
 use host::record::Surface;
 use host::table::quoted;
 use std::fmt::Write as _;
@@ -49,8 +49,8 @@ impl Shown {
 }
 
 impl Still<'_> {
-    /// The still as a picture: on the left the bodies, coloured by their displacement from rest, with the hands and their
-    /// forces, on the right the curves, and below the states.
+    /// The still as a picture: on the left the bodies, coloured by their displacement from rest, with the obstacles, the
+    /// hands and their forces, on the right the curves, and below the states.
     pub fn picture(&self) -> Picture {
         let (hello, frame) = (self.hello, self.frame);
         let hands = frame.hands.iter().enumerate();
@@ -67,6 +67,14 @@ impl Still<'_> {
             triangles: surface.triangles.as_chunks().0.to_vec(),
             lines: surface.lines.as_chunks().0.to_vec(),
         });
+        let obstacles = hello.obstacles.iter().zip(&frame.obstacles);
+        let obstacles = obstacles.map(|(info, state)| Obstacle {
+            positions: (info.placed(state).into_iter())
+                .map(|point| point.map(f64::from))
+                .collect(),
+            triangles: info.triangles.as_chunks().0.to_vec(),
+            plane: info.shape == "plane",
+        });
         still(&StillPicture {
             title: format!("{} at {:.3} s", hello.scene, seconds(frame.time_ns)),
             subtitle: format!(
@@ -80,6 +88,7 @@ impl Still<'_> {
             ),
             color_label: "Displacement from rest (mm)".to_owned(),
             shapes: shapes.collect(),
+            obstacles: obstacles.collect(),
             hands: hands.collect(),
             time: seconds(frame.time_ns),
             charts: self.charts(),

@@ -10,9 +10,12 @@
 mod foxglove_common;
 
 use foxglove_common::{Logged, PATIENCE, Server, hello, messages_of, run_with_log};
-use host::live::{BodyState, Frame, Vertices};
+use host::live::frame::LogMessage;
+use host::live::{BodyState, Frame, Hello, ObstacleInfo, ObstacleState, Vertices};
 use host::log::{LogHeader, LogWriter};
-use host::record::{BodyFrame, Cloud, Group};
+use host::record::contact::{ContactPoint, ContactStep};
+use host::record::{BodyFrame, Cloud, Group, Kind};
+use physics::Vec3;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Write};
@@ -320,6 +323,83 @@ fn the_bodies_arrive_as_the_log_has_them() {
     assert_eq!(cloud["topic"], "/bodies/sheet");
     assert_eq!(cloud["schemaName"], "sensor_msgs/msg/PointCloud2");
     assert_eq!(cloud["fields"][3], "fields");
+    server.end().expect("served");
+}
+
+#[test]
+fn contacts_and_obstacles_have_channels_in_a_scene_with_contact_alone() {
+    let Some(mut clients) = Clients::start() else {
+        return;
+    };
+    let mut step = ContactStep {
+        step: 3,
+        time_ns: 90,
+        points: vec![ContactPoint {
+            sides: [0, 1],
+            at: Vec3::new(0.01, 0.02, 0.05),
+            force: Vec3::new(0.0, 0.0, 0.2),
+        }],
+        ..ContactStep::default()
+    };
+    let file = std::io::Cursor::new(Vec::new());
+    let mut log = LogWriter::create(file, &LogHeader::default()).expect("a log");
+    log.add(Group::Contacts, 0, "").expect("channels");
+    log.write_record(step.stamp(), &mut step).expect("written");
+    let bytes = log.finish().expect("written").into_inner();
+
+    let touching = Hello {
+        touches: true,
+        obstacles: vec![ObstacleInfo {
+            name: "ball".into(),
+            shape: "sphere".into(),
+            positions: vec![1.0, 0.0, 0.0, 0.0, 2.0, 0.0],
+            triangles: Vec::new(),
+        }],
+        ..hello()
+    };
+    let server = Server::start(touching, None);
+    let [_, channels] = clients.join("a", &server, &["/contacts", "/obstacles/ball"]);
+    let channels = channels.as_array().expect("a list");
+    // A scene without contact has four.
+    assert_eq!(channels.len(), 6);
+    assert_eq!(channels[4]["topic"], "/contacts");
+    assert_eq!(
+        channels[4]["fields"],
+        json!(["step", "time_ns", "tick", "sums", "points"])
+    );
+    assert_eq!(channels[5]["schemaName"], "sensor_msgs/msg/PointCloud2");
+    let [(_, time_ns, data)] = &messages_of(&bytes)[..] else {
+        panic!("one message");
+    };
+    server.give_frame(Frame {
+        time_ns: 100,
+        log: vec![LogMessage {
+            topic: "/contacts".into(),
+            time_ns: *time_ns,
+            length: data.len() as u32,
+            data: data.clone(),
+        }],
+        // A quarter of a turn about z.
+        obstacles: vec![ObstacleState {
+            pose: [0.0, 0.0, 0.5, 0.0, 0.0, 0.5_f64.sqrt(), 0.5_f64.sqrt()],
+            positions: Vec::new(),
+        }],
+        ..Frame::default()
+    });
+    let events = clients.until("a", |event| event["topic"] == "/obstacles/ball");
+    let placed: [f32; 6] = [0.0, 1.0, 0.5, -2.0, 0.0, 0.5];
+    let received = messages(&events);
+    assert_eq!(received[0], ("/contacts".to_owned(), 90, data.clone()));
+    let (topic, 100, cloud) = &received[1] else {
+        panic!("the cloud has the time of the frame");
+    };
+    assert_eq!(topic, "/obstacles/ball");
+    let found = Cloud::decode(100, cloud).expect("a cloud").positions;
+    let near = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-6;
+    assert!(
+        found.len() == 6 && found.iter().zip(&placed).all(near),
+        "{found:?}"
+    );
     server.end().expect("served");
 }
 

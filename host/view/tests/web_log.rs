@@ -6,6 +6,7 @@
 mod browser;
 
 use host::engine::faults::{FaultKind, HostFault};
+use host::log::Log;
 use host::log::index::LogIndex;
 use host::log::read_log;
 use host::record::TickRow;
@@ -105,6 +106,39 @@ fn compare(shown: &Shown, rows: &[TickRow], index: &mut LogIndex<File>) {
         (position.into(), force.into())
     });
     assert_eq!(shown.hands, hands.collect::<Vec<_>>(), "{after}");
+}
+
+#[test]
+fn the_page_draws_obstacles_and_on_a_key_the_forces_of_contacts() {
+    let Some(mut script) = browser::script("contact.cjs") else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let scene = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../scenes/sheet_on_sphere.toml"
+    );
+    let scene = Scene::load(scene.as_ref()).unwrap();
+    let options = RunOptions {
+        duration: Some(0.15),
+        log: Some(path.clone()),
+        log_frames: Some(50.0),
+        ..RunOptions::new(Clock::Virtual)
+    };
+    run(&World::new(&scene).unwrap(), &options, &mut |_| ()).unwrap();
+    let player = Player::open(&path, |_| ()).unwrap();
+    let stop = Arc::new(AtomicBool::new(false));
+    let draw: Arc<Draw> = Arc::new(|_, _| Err("the test saves no still".to_owned()));
+    let (server, address) = browser::server(Box::new(player), draw, &stop);
+    script.arg(&address);
+    let text = browser::lines(script);
+    stop.store(true, Ordering::Release);
+    server.join().unwrap();
+    let log = Log::parse(&std::fs::read(&path).unwrap()).unwrap();
+    let last = log.contacts.last().unwrap();
+    assert!(!last.points.is_empty());
+    assert_eq!(found::<usize>(&text, "CONTACTS "), [last.points.len()]);
 }
 
 #[test]

@@ -124,6 +124,7 @@ impl Observer for ViewObserver {
             let contacts = &mut self.frames.contacts;
             contacts.clear();
             contacts.extend(step.points.iter().map(ContactArrow::from));
+            self.log.touched(step);
         }
     }
 
@@ -290,7 +291,15 @@ struct LogTail {
 }
 
 impl LogTail {
+    /// Adds the contacts of a host step.
+    fn touched(&mut self, step: &mut ContactStep) {
+        let mut data = Vec::new();
+        step.encode(&mut data);
+        self.push(ContactStep::topic(""), step.time_ns, data);
+    }
+
     fn add(&mut self, record: LogRecord<'_>) {
+        // A message that has no room is not made.
         if self.bytes >= MAX_LOG {
             self.more += 1;
             return;
@@ -307,6 +316,10 @@ impl LogTail {
                 ModelRow::new(body, model).message(),
             ),
         };
+        self.push(topic, time_ns, data);
+    }
+
+    fn push(&mut self, topic: String, time_ns: u64, data: Vec<u8>) {
         self.bytes += data.len();
         if self.bytes > MAX_LOG {
             self.more += 1;

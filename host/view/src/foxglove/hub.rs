@@ -3,7 +3,7 @@
 use super::protocol::{Channel, Level, advertise, server_info, status, unadvertise};
 use super::queue::Queue;
 use crate::door::Client;
-use host::live::{Frame, Hello, Vertices};
+use host::live::{Frame, Hello, ObstacleState, Vertices};
 use host::record::{BodyFrame, ChannelInfo, Cloud, Group, Kind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -59,6 +59,17 @@ impl State {
         self.channels.iter().find(|channel| channel.topic == topic)
     }
 
+    /// Sends where the vertices of an obstacle are.
+    fn send_obstacle(&self, index: usize, placed: &ObstacleState, time_ns: u64) {
+        let hello = self.hello.as_ref();
+        let Some(info) = hello.and_then(|hello| hello.obstacles.get(index)) else {
+            return;
+        };
+        self.send(&obstacle_topic(&info.name), time_ns, || {
+            Cloud::message_of(time_ns, info.placed(placed).as_flattened())
+        });
+    }
+
     /// Sends a deformed body as the log has it.
     fn send_body(&self, index: usize, vertices: &Vertices) {
         let body = self
@@ -80,6 +91,11 @@ impl State {
             Cloud::message_of(time_ns, &vertices.positions)
         });
     }
+}
+
+/// The channel of an obstacle.
+fn obstacle_topic(name: &str) -> String {
+    format!("/obstacles/{name}")
 }
 
 impl Hub {
@@ -148,6 +164,9 @@ impl Hub {
                 state.send_body(index, vertices);
             }
         }
+        for (index, placed) in frame.obstacles.iter().enumerate() {
+            state.send_obstacle(index, placed, frame.time_ns);
+        }
         state.clock_ns = frame.time_ns;
         let clock_ns = state.clock_ns;
         let clients = state.clients.iter();
@@ -176,13 +195,19 @@ impl Hub {
     }
 }
 
-/// The channels of a source: those of the log, without the surfaces, which only this project's programs can show. The
-/// numbers of the channels begin with `first`.
+/// The channels of a source: those of the log, without the surfaces, which only this project's programs can show, and a
+/// cloud of each obstacle, which a log has in its scene. The numbers of the channels begin with `first`.
 fn channels(hello: &Hello, first: u32) -> Vec<Channel> {
     let bodies = hello.bodies.iter();
     let frames =
         bodies.flat_map(|body| [Cloud::channel(&body.name), BodyFrame::channel(&body.name)]);
+    let contacts = hello.touches.then(|| Group::Contacts.channels(""));
+    let obstacles = hello.obstacles.iter().map(|obstacle| ChannelInfo {
+        topic: obstacle_topic(&obstacle.name),
+        ..Cloud::channel("")
+    });
     let all = Group::Run.channels("").chain(frames);
+    let all = all.chain(contacts.into_iter().flatten()).chain(obstacles);
     let channel = |(id, info): (u32, ChannelInfo)| Channel {
         id,
         topic: info.topic,

@@ -2,7 +2,7 @@
 //! `foxglove.websocket.v1` (foxglove/ws-protocol, docs/spec.md).
 //!
 //! A client sees a run as it sees the log of the run: the same channels with the same definitions, the same messages
-//! with the same bytes, and the same times. The server sends and takes nothing: whatever a client sends has an effect
+//! with the same bytes, and the same times. Obstacles, which a log has in its scene, are point clouds. The server sends and takes nothing: whatever a client sends has an effect
 //! on that client alone.
 //!
 //! ```text

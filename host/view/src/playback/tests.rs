@@ -80,7 +80,7 @@ fn seen(frame: &Frame) -> Frame {
 fn a_moment_has_the_obstacles_and_the_contacts_of_its_step() {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../tests/scenes/contact/sheet_on_sphere.toml"
+        "/../scenes/sheet_on_sphere.toml"
     );
     let scene = Scene::load(path.as_ref()).expect("a scene");
     let folder = tempfile::tempdir().expect("a folder");

@@ -61,7 +61,7 @@ fn run_to(scene: &str, time: f64) -> Result<Seen, Box<dyn std::error::Error>> {
     let loaded = Scene::load(&folder.join(scene))?;
     let world = World::new(&loaded)?;
     let options = RunOptions::new(Clock::Virtual);
-    let mut gatherer = Gatherer::new(&loaded, Clock::Virtual);
+    let mut gatherer = Gatherer::new(&loaded, Clock::Virtual).with_obstacles(&world.obstacles);
     let mut history = History::new(10.0);
     let mut vertices = Vec::new();
     let mut frame = Frame::default();
@@ -101,7 +101,7 @@ fn run_to(scene: &str, time: f64) -> Result<Seen, Box<dyn std::error::Error>> {
     })
 }
 
-/// The pictures of three scenes have no texts that collide, and show every triangle. With `PALPATE_MOMENTS=FOLDER`, the
+/// The pictures of four scenes have no texts that collide, and show every triangle. With `PALPATE_MOMENTS=FOLDER`, the
 /// test leaves them there.
 #[test]
 fn a_moment_is_drawn_whole() -> Outcome {
@@ -109,6 +109,7 @@ fn a_moment_is_drawn_whole() -> Outcome {
         ("stretch.toml", 2.4),
         ("cloth.toml", 3.0),
         ("press.toml", 1.8),
+        ("sheet_on_sphere.toml", 0.2),
     ] {
         let seen = run_to(scene, time)?;
         let picture = seen.still().picture();
@@ -118,7 +119,18 @@ fn a_moment_is_drawn_whole() -> Outcome {
         assert!(svg.matches("<polygon").count() > triangles as usize);
         let name = &seen.hello.scene;
         assert!(svg.contains(&format!("{name} at {:.3} s", seconds(seen.frame.time_ns))));
-        assert!(svg.contains("model live") && svg.contains("last stage normal"));
+        let model = if name == "sheet_on_sphere" {
+            "no model yet"
+        } else {
+            "model live"
+        };
+        assert!(svg.contains(model) && svg.contains("last stage normal"));
+        // Obstacles are grey, and nothing else in the view is.
+        let greys = svg.split("fill=\"#").skip(1).filter(|rest| {
+            let [r, g, b] = [0, 2, 4].map(|at| rest.get(at..at + 2));
+            r == g && g == b && r != Some("FF") && r != Some("00")
+        });
+        assert_eq!(greys.count() > 200, !seen.hello.obstacles.is_empty());
         let image = picture.png()?;
         assert!(image.starts_with(b"\x89PNG"));
         if let Some(folder) = std::env::var_os("PALPATE_MOMENTS") {

@@ -2,10 +2,7 @@
 
 use crate::history::History;
 use crate::still::Shown;
-use host::live::{
-    Event, EventKind, Folded, Frame, Hello, Message, ObstacleInfo, ObstacleState, Playback, Source,
-    Vertices,
-};
+use host::live::{Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Vertices};
 use host::record::Surface;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
@@ -150,7 +147,7 @@ impl Model {
     /// Moves the obstacles. Planes are larger than what the picture has to show.
     fn place_obstacles(&mut self, frame: &Frame) {
         let infos = self.hello.obstacles.iter().zip(&frame.obstacles);
-        self.obstacles = infos.map(|(info, state)| placed(info, state)).collect();
+        self.obstacles = infos.map(|(info, state)| info.placed(state)).collect();
         let mut box_of = Vec::new();
         for (info, positions) in self.hello.obstacles.iter().zip(&self.obstacles) {
             if info.shape != "plane" {
@@ -284,43 +281,6 @@ impl Model {
         let past = events.iter().filter(|event| event.time_ns <= now).count();
         (events, past)
     }
-}
-
-/// The positions of an obstacle (m).
-fn placed(info: &ObstacleInfo, state: &ObstacleState) -> Vec<[f32; 3]> {
-    let [x, y, z, i, j, k, w] = state.pose;
-    // The columns of the rotation of a quaternion of length one.
-    let columns = [
-        [
-            1.0 - 2.0 * (j * j + k * k),
-            2.0 * (i * j + k * w),
-            2.0 * (i * k - j * w),
-        ],
-        [
-            2.0 * (i * j - k * w),
-            1.0 - 2.0 * (i * i + k * k),
-            2.0 * (j * k + i * w),
-        ],
-        [
-            2.0 * (i * k + j * w),
-            2.0 * (j * k - i * w),
-            1.0 - 2.0 * (i * i + j * j),
-        ],
-    ];
-    let own = if state.positions.is_empty() {
-        &info.positions
-    } else {
-        &state.positions
-    };
-    let place = |own: &[f32; 3]| {
-        std::array::from_fn(|axis| {
-            let turned: f64 = (own.iter().zip(&columns))
-                .map(|(x, column)| f64::from(*x) * column[axis])
-                .sum();
-            ([x, y, z][axis] + turned) as f32
-        })
-    };
-    own.as_chunks().0.iter().map(place).collect()
 }
 
 /// The letter and the word for a kind of event.

@@ -55,7 +55,7 @@ on(Kind.HELLO, (hello) => {
   setText(get("facts"), facts.join(" · "));
   document.title = `${hello.scene || "Palpate"} – Palpate`;
   get("labels").dataset.log = String(hello.source === "log");
-  get("contacts-label").hidden = !hello.obstacles;
+  get("contacts-label").hidden = !hello.touches;
   if (!same) view.begin(hello);
   charts.begin(hello);
   panel.begin(hello);
@@ -75,8 +75,6 @@ on(Kind.FRAME, (frame) => {
   times.push(state.arrived);
   if (times.length > 600) times.splice(0, 300);
   state.unconfirmed = (state.unconfirmed ?? 0) + 1;
-  // A body that touches itself needs no obstacle.
-  if (frame.contacts) get("contacts-label").hidden = false;
   view.frame(frame);
   charts.frame(frame);
   panel.frame(frame);
