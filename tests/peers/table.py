@@ -57,9 +57,6 @@ def main():
             f"| {row['tetrahedra']} | {row['program']} | {row['setting']} | {row['law']} | {row['median_ms']:.2f} "
             f"| {row['worst_ms']:.2f} | {share(row['motion_error'])} | {force} | {share(off)} |"
         )
-    skipped = folder / "skipped.txt"
-    if skipped.exists():
-        print("\nSKIPPED:\n" + skipped.read_text(), end="")
 
 
 main()

@@ -89,7 +89,7 @@ impl Table {
     fn assert_sound(&self) {
         let stats = self.engine.stats();
         assert_eq!((stats.faults, &stats.first_fault), (0, &None));
-        let totals = self.contact().totals();
+        let totals = self.contact().totals().sums;
         assert_eq!((totals.squeezed, totals.dropped), (0, 0));
     }
 }
@@ -354,7 +354,7 @@ fn a_sheet_under_a_block_is_cut() {
     assert_eq!((stats.faults, &stats.first_fault), (0, &None));
     assert_eq!(table.body(0).positions().count(), uncut + 3);
     carries(&table, "after");
-    assert_eq!(table.contact().totals().dropped, 0);
+    assert_eq!(table.contact().totals().sums.dropped, 0);
 }
 
 /// Two hands press two blocks on each other: the right one from above.
@@ -421,7 +421,7 @@ fn pressed(options: &Options, lost: Option<std::ops::Range<u64>>) -> [f64; 3] {
     let engine = session.engine().expect("a host");
     assert_eq!(engine.stats().faults, 0);
     let contact = engine.contact().expect("contacts");
-    assert_eq!(contact.totals().squeezed, 0);
+    assert_eq!(contact.totals().sums.squeezed, 0);
     let between = contact.contacts().touching().iter();
     [between.map(|sum| sum.normal).sum(), forces[0], forces[1]]
 }
@@ -512,7 +512,7 @@ fn an_obstacle_does_not_jump_after_a_pause_of_the_host() {
     while session.tick().is_some() {}
     let engine = session.engine().expect("a host");
     let contact = engine.contact().expect("contacts");
-    assert_eq!(contact.totals().squeezed, 0);
+    assert_eq!(contact.totals().sums.squeezed, 0);
     // The ball has pushed the block ahead, and is where the table says.
     assert!((contact.time() - 0.6).abs() < 0.01, "{}", contact.time());
     let x = engine.bodies()[0].body().node_positions();

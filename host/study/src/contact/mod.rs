@@ -1,20 +1,24 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
-//! Each aim is a line with the most that is asked for and what was measured (`rest`, `motions`, `throws`). A line that is not
-//! reached is printed as it is. Times are no aims (`cost`).
+//! Each aim is a line with the most that is asked for and what was measured (`rest`, `lists`, `measures`, `throws`). A line that
+//! is not reached is printed as it is. Times are no aims (`cost`).
 
 mod aim;
 mod cost;
 pub(crate) mod crossings;
+mod lists;
+mod measures;
 mod motions;
 mod rest;
 mod tables;
 mod throws;
 mod world;
 
-pub use aim::Aim;
-pub use cost::Cost;
+pub use aim::{Aim, Side};
+pub use cost::{Cost, Share};
+pub use measures::Measured;
 
+use crate::speed::Machine;
 use crate::{Level, StudyError};
 use serde::Serialize;
 
@@ -28,7 +32,7 @@ pub enum Section {
 }
 
 /// The results of the study.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct ContactStudy {
     /// `palpate.contact/1`.
     pub schema: &'static str,
@@ -38,6 +42,10 @@ pub struct ContactStudy {
     pub seed: u64,
     /// The aims; empty if this part did not run.
     pub aims: Vec<Aim>,
+    /// What measures of clusters cost and miss; empty if the aims did not run.
+    pub measures: Vec<Measured>,
+    /// The machine of the times; `null` if they were not taken.
+    pub machine: Option<Machine>,
     /// The times; empty if this part did not run.
     pub costs: Vec<Cost>,
 }
@@ -57,16 +65,20 @@ pub fn run(
         level,
         seed,
         aims: Vec::new(),
+        measures: Vec::new(),
+        machine: None,
         costs: Vec::new(),
     };
     if only != Some(Section::Cost) {
         let aims = &mut found.aims;
         rest::run(level, &mut |done| progress(0.1 * done), aims)?;
-        motions::run(level, aims)?;
+        lists::run(level, aims)?;
+        found.measures = measures::run(level, aims)?;
         progress(0.2);
         throws::run(level, seed, &mut |done| progress(0.2 + 0.5 * done), aims)?;
     }
     if only != Some(Section::Aims) {
+        found.machine = Some(Machine::here());
         found.costs = cost::run(level, &mut |done| progress(0.7 + 0.3 * done))?;
     }
     Ok(found)

@@ -1,6 +1,7 @@
 //! The tables and the picture of the study.
 
-use super::{ContactStudy, Cost};
+use super::aim::Side;
+use super::{ContactStudy, Cost, Measured, Share};
 use crate::Results;
 use host::plot::{self, Marker, Panel, Picture, Scale, Series};
 
@@ -15,24 +16,38 @@ impl Results for ContactStudy {
     fn tables(&self) -> String {
         let mut text = String::new();
         if !self.aims.is_empty() {
-            put!(text, "| aim | unit | ask, at most | ours | reached |");
+            put!(text, "| aim | unit | ask | ours | reached |");
             put!(text, "|---|---|---|---|---|");
             for aim in &self.aims {
                 let reached = if aim.is_reached { "yes" } else { "no" };
                 put!(
                     text,
-                    "| {} | {} | {} | {} | {reached} |",
+                    "| {} | {} | {} {} | {} | {reached} |",
                     aim.name,
                     aim.unit,
+                    match aim.side {
+                        Side::AtMost => "at most",
+                        Side::AtLeast => "at least",
+                    },
                     short(aim.ask),
                     short(aim.ours)
                 );
             }
         }
-        if !self.costs.is_empty() {
-            if !self.aims.is_empty() {
+        if !self.measures.is_empty() {
+            put_measures(&mut text, &self.measures);
+        }
+        if let Some(machine) = &self.machine {
+            if !text.is_empty() {
                 put!(text);
             }
+            put!(
+                text,
+                "{}, {} cores; small kernel {:.2} us\n",
+                machine.processor,
+                machine.cores,
+                1e6 * machine.calibration
+            );
             put_costs(&mut text, &self.costs);
         }
         text
@@ -43,15 +58,43 @@ impl Results for ContactStudy {
     }
 }
 
+fn put_measures(text: &mut String, rows: &[Measured]) {
+    put!(text, "\nWhen clusters are searched again, by measure\n");
+    put!(
+        text,
+        "| scene | triangles | measure | threshold mm | searches a step | pairs | missed | deepest um |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|---|");
+    for row in rows {
+        let threshold = row.threshold.map_or_else(String::new, |m| short(1e3 * m));
+        put!(
+            text,
+            "| {} | {} | {} | {threshold} | {} | {} | {} | {} |",
+            row.scene,
+            row.triangles,
+            row.measure,
+            short(row.searches),
+            row.near,
+            row.missed,
+            short(1e6 * row.deepest)
+        );
+    }
+}
+
 fn put_costs(text: &mut String, costs: &[Cost]) {
     put!(text, "Processor time of a step, by stage\n");
     put!(
         text,
-        "| scene | triangles | rows | stage | median ms | 99.9 % ms | ns by vertex | ns by row |"
+        "| scene | triangles | rows | stage | median ms | 99.9 % ms | ns by vertex | 99.9 % | ns by row | 99.9 % |"
     );
-    put!(text, "|---|---|---|---|---|---|---|---|");
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|");
+    let share = |share: Share| {
+        [share.median, share.p999]
+            .map(|t| short(1e9 * t))
+            .join(" | ")
+    };
     for cost in costs {
-        let by_row = cost.by_row.map_or_else(String::new, |t| short(1e9 * t));
+        let by_row = cost.by_row.map_or_else(|| " | ".to_owned(), share);
         put!(
             text,
             "| {} | {} | {} | {} | {:.3} | {:.3} | {} | {by_row} |",
@@ -61,7 +104,7 @@ fn put_costs(text: &mut String, costs: &[Cost]) {
             cost.stage,
             1e3 * cost.time.median,
             1e3 * cost.time.p999,
-            short(1e9 * cost.by_vertex)
+            share(cost.by_vertex)
         );
     }
 }

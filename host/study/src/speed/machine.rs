@@ -24,7 +24,7 @@ pub struct Machine {
 
 impl Machine {
     /// This machine. The measurement takes a quarter of a second.
-    pub(super) fn here() -> Self {
+    pub(crate) fn here() -> Self {
         Self {
             processor: processor(),
             cores: available_parallelism().map_or(1, usize::from),

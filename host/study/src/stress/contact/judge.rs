@@ -150,14 +150,14 @@ impl<'a> Judge<'a> {
         let Some(contact) = engine.contact() else {
             return is_finite;
         };
-        let (report, totals) = (contact.contacts().report(), contact.totals());
+        let (report, totals) = (contact.contacts().report(), contact.totals().sums);
         self.counts.touched += u64::from(!contact.contacts().touching().is_empty());
         self.counts.truncated += u64::from(report.truncated.truncated > 0);
         let by_obstacles = totals.by_obstacles + totals.parted;
         self.driven = self.driven.max(by_obstacles);
         self.moved += (by_obstacles - self.before[1]).abs();
         self.before[1] = by_obstacles;
-        self.given = self.given.max(-totals.taken - totals.parted);
+        self.given = self.given.max(-totals.taken);
         if !self.is_held {
             let energies = engine
                 .bodies()
@@ -244,11 +244,11 @@ impl<'a> Judge<'a> {
         self.counts.opened = stats.tears.iter().map(|report| report.opened).sum();
         self.panicked = panicked;
         if let Some(contact) = engine.contact() {
-            let totals = contact.totals();
+            let totals = contact.totals().sums;
             self.counts.squeezed = totals.squeezed;
             self.counts.dropped = totals.dropped;
             self.counts.most_rows = totals.most_rows;
-            let depths = totals.pairs.iter().map(|pair| pair.depth);
+            let depths = contact.totals().pairs.iter().map(|pair| pair.depth);
             self.depth = depths.fold(0.0, f64::max);
         }
     }
