@@ -23,7 +23,7 @@ pub mod distance;
 mod drift;
 mod feet;
 pub mod hierarchy;
-mod kept;
+pub(crate) mod kept;
 pub mod lists;
 mod nearest;
 pub mod obstacle;

@@ -10,9 +10,9 @@ use crate::element::precision::Precision;
 impl Contacts {
     /// Shortens the solved displacements such that nothing crosses, and keeps the forces for the next step.
     pub fn certify<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
-        let Some(lists) = self.lists.as_mut().filter(|_| !self.is_idle) else {
+        if self.lists.is_none() || self.is_idle {
             return;
-        };
+        }
         for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
             if let Owner::Body(body) = owner
                 && let Some(stepper) = &members[*body].stepper
@@ -23,6 +23,27 @@ impl Contacts {
                 }
             }
         }
+        self.shorten();
+        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
+            let Owner::Body(body) = owner else { continue };
+            let Some(stepper) = members[*body]
+                .stepper
+                .as_deref_mut()
+                .filter(|_| self.is_near[*body])
+            else {
+                continue;
+            };
+            let range = part.vertices.start as usize..part.vertices.end as usize;
+            let fractions = &self.fractions[range];
+            // A step that has not been solved has an error of its own.
+            let _ = stepper.certify(&|node| fractions.get(node as usize).copied().unwrap_or(1.0));
+        }
+        self.end(members);
+    }
+
+    /// Finds the fractions of the displacements with which nothing crosses, and the bodies that are near something.
+    pub(super) fn shorten(&mut self) {
+        let Some(lists) = &mut self.lists else { return };
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
         lists.extend(surfaces, x, |hierarchy, cluster| {
             let members = hierarchy.members(cluster).iter();
@@ -75,21 +96,6 @@ impl Contacts {
         let each = |found: &mut dyn FnMut(crate::contact::Pair)| lists.each(surfaces, x, found);
         self.report.truncated = truncate(surfaces, x, u, &each, &is_free, &mut self.fractions);
         self.report.truncated.squeezed += squeezed;
-        for (part, owner) in surfaces.parts.iter().zip(&self.owners) {
-            let Owner::Body(body) = owner else { continue };
-            let Some(stepper) = members[*body]
-                .stepper
-                .as_deref_mut()
-                .filter(|_| self.is_near[*body])
-            else {
-                continue;
-            };
-            let range = part.vertices.start as usize..part.vertices.end as usize;
-            let fractions = &self.fractions[range];
-            // A step that has not been solved has an error of its own.
-            let _ = stepper.certify(&|node| fractions.get(node as usize).copied().unwrap_or(1.0));
-        }
-        self.end(members);
     }
 }
 

@@ -9,7 +9,8 @@
 //! certify      after solve        nothing crosses, whatever the solver left
 //! ```
 //!
-//! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step.
+//! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step. `still` are the
+//! contacts of bodies in equilibrium.
 //!
 //! Bodies without a row are solved alone between `solve` and `certify`. Nothing is allocated in a step, once the vectors have
 //! served as many rows.
@@ -18,8 +19,10 @@ mod certify;
 mod islands;
 mod parts;
 mod report;
+mod still;
 
 pub use report::{ContactReport, Side, Touching};
+pub(crate) use still::Still;
 
 use super::joined::{At, Workspace};
 use super::stepper::{Equation, Stepper};
@@ -154,6 +157,12 @@ impl Contacts {
             return;
         }
         self.gather(members, times, h);
+        self.find(h);
+        self.make_touches(members);
+    }
+
+    /// Finds the rows of the positions and predicted displacements.
+    fn find(&mut self, h: f64) {
         let lists = match &mut self.lists {
             Some(lists) => lists,
             none => none.insert(Lists::new(&self.surfaces, &self.x)),
@@ -178,7 +187,6 @@ impl Contacts {
             meeting: &|one, other| meetings.get(one, other),
         };
         self.began = self.rows.begin(&step);
-        self.make_touches(members);
     }
 
     /// Takes the state of the bodies and the obstacles.
