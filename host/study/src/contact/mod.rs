@@ -1,9 +1,10 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
 //! Each aim is a line with the most that is asked for and what was measured (`rest`, `motions`, `throws`). A line that is not
-//! reached is printed as it is. Times are no aims (`cost`).
+//! reached is printed as it is. `between` has the aims of bodies in equilibrium. Times are no aims (`cost`).
 
 mod aim;
+mod between;
 mod cost;
 mod motions;
 mod rest;
@@ -22,6 +23,8 @@ use serde::Serialize;
 pub enum Section {
     /// Rest, sliding, belts, energy, lists and throws.
     Aims,
+    /// Equilibria: a pressed patch, and the law of Hertz.
+    Between,
     /// The processor time of the stages.
     Cost,
 }
@@ -35,7 +38,7 @@ pub struct ContactStudy {
     pub level: Level,
     /// The seed of the throws.
     pub seed: u64,
-    /// The aims; empty if this part did not run.
+    /// The aims; empty if no part with aims ran.
     pub aims: Vec<Aim>,
     /// The times; empty if this part did not run.
     pub costs: Vec<Cost>,
@@ -58,15 +61,23 @@ pub fn run(
         aims: Vec::new(),
         costs: Vec::new(),
     };
-    if only != Some(Section::Cost) {
+    let runs = |part| only.is_none_or(|only| only == part);
+    if runs(Section::Aims) {
         let aims = &mut found.aims;
         rest::run(level, &mut |done| progress(0.1 * done), aims)?;
         motions::run(level, aims)?;
         progress(0.2);
         throws::run(level, seed, &mut |done| progress(0.2 + 0.5 * done), aims)?;
     }
-    if only != Some(Section::Aims) {
-        found.costs = cost::run(level, &mut |done| progress(0.7 + 0.3 * done))?;
+    if runs(Section::Between) {
+        between::run(
+            level,
+            &mut |done| progress(0.7 + 0.1 * done),
+            &mut found.aims,
+        )?;
+    }
+    if runs(Section::Cost) {
+        found.costs = cost::run(level, &mut |done| progress(0.8 + 0.2 * done))?;
     }
     Ok(found)
 }

@@ -22,6 +22,7 @@ mod report;
 mod still;
 
 pub use report::{ContactReport, Side, Touching};
+pub use still::Pressed;
 pub(crate) use still::Still;
 
 use super::joined::{At, Workspace};

@@ -142,28 +142,26 @@ impl Contacts {
         (self.owners.iter()).position(|owner| *owner == Owner::Body(body))
     }
 
-    /// The pressure of the contacts of the last step on each vertex of a body (Pa): the sum of the normal forces on the vertex,
-    /// by size, over a third of the area of its triangles. A thread has the area of its diameter. Vertices inside a solid have
-    /// no pressure.
-    pub fn pressures(&self, body: usize) -> Vec<f64> {
+    /// Adds what the contacts of the last step press on each vertex of a body to `found`, which is empty.
+    pub fn press(&self, body: usize, found: &mut Vec<Pressed>) {
         let Some(part) = self
             .part_of_body(body)
             .map(|part| &self.surfaces.parts[part])
         else {
-            return Vec::new();
+            return;
         };
-        let count = part.vertices.len();
-        let (mut forces, mut areas) = (vec![0.0; count], vec![0.0; count]);
+        found.resize(part.vertices.len(), Pressed::default());
         for touch in &self.touches {
             let own = (touch.nodes.iter()).filter(|(at, weight)| at.body == body && *weight != 0.0);
             for (at, weight) in own {
-                forces[at.node as usize] += touch.response.normal * weight.abs();
+                found[at.node as usize].force += touch.response.normal * weight.abs();
             }
         }
         let at = |vertex: u32| &self.x[vertex as usize];
         let mut share = |vertices: &[u32], area: f64| {
             for vertex in vertices {
-                areas[(vertex - part.vertices.start) as usize] += area / vertices.len() as f64;
+                let own = &mut found[(vertex - part.vertices.start) as usize];
+                own.area += area / vertices.len() as f64;
             }
         };
         for number in part.triangles.clone() {
@@ -178,8 +176,26 @@ impl Contacts {
                 share(&ends, 2.0 * part.radius * (b - a).norm());
             }
         }
-        let each = forces.iter().zip(&areas);
-        each.map(|(force, area)| if *area > 0.0 { force / area } else { 0.0 })
-            .collect()
+    }
+}
+
+/// What contacts press on a vertex.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pressed {
+    /// The sum of the normal forces on the vertex, by size (N).
+    pub force: f64,
+    /// A third of the area of its triangles, or half of that of the segments of a thread, as wide as their diameter (m²);
+    /// 0 inside a solid.
+    pub area: f64,
+}
+
+impl Pressed {
+    /// Force over area (Pa); 0 without an area.
+    pub fn pressure(&self) -> f64 {
+        if self.area > 0.0 {
+            self.force / self.area
+        } else {
+            0.0
+        }
     }
 }
