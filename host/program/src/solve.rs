@@ -8,8 +8,7 @@ use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use host::scene::spec::Analysis;
 use host::solve::frames::FrameFolder;
-use host::solve::{Solution, SolveError, has_load_curves, solve};
-use host::world::contact::check_solved;
+use host::solve::{Solution, SolveError, check_solved, has_load_curves, solve};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -84,6 +83,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let solution = solution.map_err(|error| match error {
         SolveError::Frame(error) => CommandError::File(error),
         SolveError::Matrix(error) => CommandError::Solve(error),
+        SolveError::Scene(error) => error.into(),
     })?;
     out!("{solution}");
     let mut written = Written::default();

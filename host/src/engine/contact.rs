@@ -6,8 +6,7 @@ use super::body::HostBody;
 use super::stats::Stopwatch;
 use crate::scene::SceneError;
 use crate::world::World;
-use crate::world::contact::Thing;
-use physics::contact::{Meeting, Skin};
+use physics::Body;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
 use rt_core::MAX_BODIES;
 use serde::Serialize;
@@ -86,37 +85,8 @@ impl Contact {
         if world.contacts.is_empty() {
             return Ok(None);
         }
-        let refuse = |field: String, error: &dyn std::fmt::Display| {
-            let allowed = "a surface whose edges have two triangles at most";
-            let source = &world.loaded.source;
-            source.error(&field, error.to_string(), allowed)
-        };
-        let mut contacts = Contacts::new();
-        for (body, (host, built)) in bodies.iter().zip(&world.bodies).enumerate() {
-            let thing = Thing::Body(body);
-            let skin = Skin {
-                radius: world.contacts.radii[body],
-                touches_itself: world.contacts.pair(thing, thing).is_some(),
-                is_obstacle: false,
-            };
-            let added = contacts.add_body(body, host.body(), built.mesh.clone(), skin);
-            added.map_err(|error| refuse(format!("body[{body}]"), &error))?;
-        }
-        for (number, obstacle) in world.obstacles.iter().enumerate() {
-            let added = contacts.add_obstacle(obstacle.clone());
-            added.map_err(|error| refuse(format!("obstacle[{number}]"), &error))?;
-        }
-        let thing = |side: Side| match side {
-            Side::Body(body) => Thing::Body(body),
-            Side::Obstacle(number) => Thing::Obstacle(number),
-        };
-        contacts.complete(&|one, other| {
-            let pair = world.contacts.pair(thing(one), thing(other));
-            pair.map(|pair| Meeting {
-                distance: pair.distance,
-                friction: pair.friction,
-            })
-        });
+        let own: heapless::Vec<&Body, MAX_BODIES> = bodies.iter().map(HostBody::body).collect();
+        let contacts = world.touching(&own)?;
         Ok(Some(Self {
             sides: contacts.sides(),
             epochs: bodies.iter().map(|body| body.body().epoch()).collect(),

@@ -15,6 +15,7 @@ use crate::snapshot::{Contents, Missing, Policy, Reader, Schedule, Snapshot, Sub
 use crate::solve::frames::FrameFolder;
 use crate::solve::{Frame, grid};
 use crate::world::{Built, World};
+use physics::motion::contacts::Pressed;
 use physics::{BodyError, TearingError, Vec3};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -139,6 +140,7 @@ impl FrameWriter {
                 .collect(),
             built,
             names: names.collect(),
+            touches: !world.contacts.is_empty(),
             folder,
         };
         let thread = std::thread::Builder::new()
@@ -194,6 +196,8 @@ struct Drawn {
     /// By body: the positions at rest (m).
     rest: Vec<Vec<Vec3>>,
     names: Vec<String>,
+    /// Whether something may touch.
+    touches: bool,
     folder: FrameFolder,
 }
 
@@ -220,11 +224,13 @@ impl Drawn {
             }
             built.body.set_positions(&moved.positions)?;
             built.body.set_velocities(&moved.velocities)?;
+            let pressed = self.touches.then(|| moved.pressed.iter());
+            let pressure = pressed.map(|pressed| pressed.map(Pressed::pressure).collect());
             self.folder.keep(&Frame {
                 body: &self.names[index],
                 number: taken.number,
                 at: taken.time_ns as f64 / 1e9,
-                grid: grid::of_body(built, &self.rest[index], true),
+                grid: grid::of_body(built, &self.rest[index], true, pressure),
             })?;
         }
         Ok(())

@@ -23,8 +23,10 @@ pub(crate) use mesh::after_change;
 
 use crate::engine::Engine;
 use crate::engine::body::HostBody;
+use crate::engine::contact::Contact;
 use physics::Vec3;
 use physics::mesh::Mesh;
+use physics::motion::contacts::Pressed;
 use physics::topology::Edit;
 
 /// The state of the bodies and of the host after a step.
@@ -51,6 +53,8 @@ pub struct BodySnapshot {
     pub positions: Vec<Vec3>,
     /// Velocities (m/s), for [`Contents::Motion`].
     pub velocities: Vec<Vec3>,
+    /// What presses on each vertex of its surface, for [`Contents::Motion`]; empty if nothing touches in the scene.
+    pub pressed: Vec<Pressed>,
     /// The edits by which the body has torn since the snapshot before, for [`Contents::Motion`].
     pub edits: Vec<Edit>,
     /// The surface, if a tear has grown since the snapshot before, for [`Contents::Surfaces`].
@@ -90,6 +94,7 @@ impl Snapshot {
             match contents {
                 Contents::Motion => {
                     copy.velocities.reserve(room);
+                    copy.pressed.reserve(room);
                     // Every edit adds a vertex.
                     copy.edits.reserve(room - body.vertex_count());
                 }
@@ -130,14 +135,20 @@ impl Snapshot {
         self.bodies.resize_with(bodies.len(), Default::default);
         let copies = self.bodies.iter_mut().zip(known);
         for (index, ((copy, known), body)) in copies.zip(bodies).enumerate() {
-            copy.take(index, body, contents, known);
+            copy.take((index, body), engine.contact(), contents, known);
         }
         self.host.count(engine, skipped);
     }
 }
 
 impl BodySnapshot {
-    fn take(&mut self, index: usize, host: &HostBody, contents: Contents, known: &mut Known) {
+    fn take(
+        &mut self,
+        (index, host): (usize, &HostBody),
+        contact: Option<&Contact>,
+        contents: Contents,
+        known: &mut Known,
+    ) {
         let body = host.body();
         self.epoch = body.epoch() as u32;
         self.positions.clear();
@@ -146,6 +157,10 @@ impl BodySnapshot {
             Contents::Motion => {
                 self.velocities.clear();
                 self.velocities.extend(body.velocities());
+                self.pressed.clear();
+                if let Some(contact) = contact {
+                    contact.contacts().press(index, &mut self.pressed);
+                }
                 self.edits.clear();
                 let journal = host.tears().map(|tears| tears.tearing().journal());
                 let newer = journal.and_then(|journal| journal.get(known.edits..));

@@ -2,18 +2,19 @@
 //!
 //! A static solve has two stages if the scene has both weight and displacements or loads: first the body settles under
 //! its weight while supports stay, then displacements and loads grow. If only one of the two acts, it grows in the load
-//! steps.
+//! steps. Bodies that touch are driven together (`contact`): each prepares a step and keeps its state after the step.
 
 use super::grid;
 use super::result::{BodySolution, Extreme, Reaction, Row};
 use crate::scene::spec::solve::TimeScheme;
-use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
+use crate::scene::spec::{Analysis, Body as BodySpec, Scene, Solve};
 use crate::world::{Built, Carrier, Grasp, grasps};
 use meshio::write_vtu::UnstructuredGrid;
 use nalgebra::UnitQuaternion;
 use physics::mesh::{Cells, Mesh};
+use physics::motion::Goal;
 use physics::{
-    BodyError, CondenseError, Equilibrium, EquilibriumOptions, EquilibriumReport, HandlePose,
+    Body, BodyError, CondenseError, Equilibrium, EquilibriumOptions, EquilibriumReport, HandlePose,
     Integrator, IntegratorOptions, NewtonOptions, StepError, Vec3,
 };
 
@@ -29,6 +30,8 @@ pub(super) struct State {
 
 enum Method {
     Static(Box<Equilibrium>),
+    /// The solver of all bodies that touch: the report of its last step.
+    Contact(EquilibriumReport),
     Dynamic(Box<Integrator>),
 }
 
@@ -108,28 +111,43 @@ pub(super) enum DriveError {
     Body(#[from] BodyError),
 }
 
+/// The options of the equilibria of a scene.
+pub(super) fn equilibrium(solve: &Solve) -> EquilibriumOptions {
+    EquilibriumOptions {
+        newton: newton(solve),
+        refuse_inversion: solve.refuse_inversion,
+        find_snaps: true,
+        ..EquilibriumOptions::default()
+    }
+}
+
+fn newton(solve: &Solve) -> NewtonOptions {
+    NewtonOptions {
+        tolerance: solve.tolerance,
+        max_iterations: solve.max_iterations,
+    }
+}
+
 impl<'a> Drive<'a> {
+    /// A body of a scene at rest. A body that `touches` has no solver of its own.
     pub(super) fn new(
         scene: &'a Scene,
         index: usize,
         mut built: Built,
+        touches: bool,
     ) -> Result<Self, CondenseError> {
         let solve = &scene.solve;
-        let newton = NewtonOptions {
-            tolerance: solve.tolerance,
-            max_iterations: solve.max_iterations,
-        };
+        let newton = newton(solve);
         let (method, steps, step, ramp, frames) = match solve.analysis {
             Analysis::Static => {
-                let options = EquilibriumOptions {
-                    newton,
-                    refuse_inversion: solve.refuse_inversion,
-                    find_snaps: true,
-                    ..EquilibriumOptions::default()
-                };
+                let options = equilibrium(solve);
                 // Weight and loads grow from zero. The call cannot fail, because 0 is a finite factor.
                 let _ = built.body.set_load_factor(0.0);
-                let method = Method::Static(Box::new(Equilibrium::new(&built.body, options)?));
+                let method = if touches {
+                    Method::Contact(EquilibriumReport::default())
+                } else {
+                    Method::Static(Box::new(Equilibrium::new(&built.body, options)?))
+                };
                 let steps = solve.load_steps;
                 (method, steps, 1.0 / steps as f64, 1.0, steps)
             }
@@ -188,10 +206,12 @@ impl<'a> Drive<'a> {
         let at = self.rows.last().map(|row| row.at);
         match self.method {
             // Rest is at -1, and the settled state is at 0.
-            Method::Static(_) if self.unsettled => {
+            Method::Static(_) | Method::Contact(_) if self.unsettled => {
                 format!("at {:.4} of its weight alone", at.unwrap_or(-1.0) + 1.0)
             }
-            Method::Static(_) => format!("at {:.4} of the loads", at.unwrap_or(0.0)),
+            Method::Static(_) | Method::Contact(_) => {
+                format!("at {:.4} of the loads", at.unwrap_or(0.0))
+            }
             Method::Dynamic(_) => format!("at {} s", at.unwrap_or(0.0)),
         }
     }
@@ -199,30 +219,23 @@ impl<'a> Drive<'a> {
     /// Advances the body by one step; `None` at the end. After an error, the body is in its previous state, or in a static
     /// solve in the state of the last substep that succeeded. [`halt`](Self::halt) keeps that state.
     pub(super) fn advance(&mut self) -> Result<Option<State>, DriveError> {
-        if self.unsettled {
-            return self.settle().map(Some);
-        }
-        if self.done == self.steps {
+        if self.is_done() {
             if let Method::Dynamic(integrator) = &self.method {
                 integrator.check_digits(&self.built.body)?;
             }
             return Ok(None);
         }
-        let next = self.done + 1;
-        let (at, fraction) = self.end_of(next);
-        self.aim(fraction)?;
-        for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
-            *force = load * fraction;
-        }
+        let factor = self.prepare()?;
         let body = &mut self.built.body;
         let effort = match &mut self.method {
-            Method::Static(equilibrium) if self.settles => {
+            Method::Static(equilibrium) if self.settles && !self.unsettled => {
                 let report = equilibrium.solve_loaded(body, &self.targets, &self.forces)?;
                 Effort::from(report)
             }
             Method::Static(equilibrium) => {
-                Effort::from(equilibrium.solve(body, &self.targets, fraction)?)
+                Effort::from(equilibrium.solve(body, &self.targets, factor)?)
             }
+            Method::Contact(report) => Effort::from(*report),
             Method::Dynamic(integrator) => {
                 let report =
                     integrator.step_loaded(body, self.step, &self.targets, &self.forces)?;
@@ -236,16 +249,78 @@ impl<'a> Drive<'a> {
                 }
             }
         };
+        Ok(Some(self.complete(&effort)))
+    }
+
+    /// Whether the last step has been taken.
+    pub(super) fn is_done(&self) -> bool {
+        !self.unsettled && self.done == self.steps
+    }
+
+    /// Aims the supports, and gives the loads at the end of the next step. Returns the fraction of loads and weight that a
+    /// static solve goes to.
+    fn prepare(&mut self) -> Result<f64, BodyError> {
+        if self.unsettled {
+            return Ok(1.0);
+        }
+        let (_, fraction) = self.end_of(self.done + 1);
+        self.aim(fraction)?;
+        for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
+            *force = load * fraction;
+        }
+        Ok(if self.settles { 1.0 } else { fraction })
+    }
+
+    /// Keeps the state after a step.
+    fn complete(&mut self, effort: &Effort) -> State {
+        if self.unsettled {
+            self.unsettled = false;
+            self.keep(Some("weight"), 0.0, 0.0, effort);
+            return State {
+                frame: Some(1),
+                at: 0.0,
+                done: 0.0,
+            };
+        }
+        let next = self.done + 1;
+        let (at, fraction) = self.end_of(next);
         self.done = next;
-        self.keep(None, at, fraction, &effort);
+        self.keep(None, at, fraction, effort);
         // Frame k is the first step at or after the fraction k / frames of the solve.
         let part = |step: usize| step * self.frames / self.steps;
         let number = part(next) + usize::from(self.settles);
-        Ok(Some(State {
+        State {
             frame: (part(next) > part(next - 1)).then_some(number),
             at,
             done: next as f64 / self.steps as f64,
-        }))
+        }
+    }
+
+    /// A body that touches others, and where it goes in the next step.
+    pub(super) fn next(&mut self) -> Result<(&mut Body, Goal<'_>), DriveError> {
+        let load_factor = self.prepare()?;
+        let goal = Goal {
+            targets: &self.targets,
+            load_factor,
+            forces: (self.settles && !self.unsettled).then_some(&*self.forces),
+        };
+        Ok((&mut self.built.body, goal))
+    }
+
+    /// After a step of a body that touches others: takes its report. If the step has failed, the state is that of
+    /// [`halt`](Self::halt).
+    pub(super) fn take(&mut self, report: EquilibriumReport, failed: bool) -> Option<State> {
+        self.method = Method::Contact(report);
+        if failed {
+            self.halt()
+        } else {
+            Some(self.complete(&Effort::from(report)))
+        }
+    }
+
+    /// The body.
+    pub(super) fn body(&self) -> &Body {
+        &self.built.body
     }
 
     /// The end of a step, from 1: its time (s) or fraction of the loads, and the fraction of the loads.
@@ -262,10 +337,11 @@ impl<'a> Drive<'a> {
     /// After a failed step of a static solve: keeps the state of its last substep that succeeded; `None` if there is
     /// no such state.
     pub(super) fn halt(&mut self) -> Option<State> {
-        let Method::Static(equilibrium) = &self.method else {
-            return None;
+        let report = match &self.method {
+            Method::Static(equilibrium) => *equilibrium.report(),
+            Method::Contact(report) => *report,
+            Method::Dynamic(_) => return None,
         };
-        let report = *equilibrium.report();
         if report.reached <= 0.0 || report.reached >= 1.0 {
             return None;
         }
@@ -285,24 +361,6 @@ impl<'a> Drive<'a> {
             frame: Some(frame),
             at,
             done: self.done as f64 / self.steps as f64,
-        })
-    }
-
-    /// Lets the body settle under its weight, with its supports in their places. The state is the first frame after rest.
-    fn settle(&mut self) -> Result<State, DriveError> {
-        let effort = match &mut self.method {
-            Method::Static(equilibrium) => {
-                Effort::from(equilibrium.solve(&mut self.built.body, &self.targets, 1.0)?)
-            }
-            // A motion begins at rest.
-            Method::Dynamic(_) => Effort::default(),
-        };
-        self.unsettled = false;
-        self.keep(Some("weight"), 0.0, 0.0, &effort);
-        Ok(State {
-            frame: Some(1),
-            at: 0.0,
-            done: 0.0,
         })
     }
 
@@ -412,9 +470,10 @@ impl<'a> Drive<'a> {
     }
 
     /// The present state of the body, with the positions of the deformed body.
-    pub(super) fn grid(&self) -> UnstructuredGrid {
+    /// A body that touches others has the `pressure` of its contacts (Pa), by vertex.
+    pub(super) fn grid(&self, pressure: Option<Vec<f64>>) -> UnstructuredGrid {
         let moves = matches!(self.method, Method::Dynamic(_));
-        grid::of_body(&self.built, &self.rest, moves)
+        grid::of_body(&self.built, &self.rest, moves, pressure)
     }
 
     /// The solution of the body, in its present state.

@@ -7,8 +7,13 @@ use physics::topology::Surface;
 use physics::{Mat3, Vec3};
 
 /// The present state of a body, with the positions of the deformed body. Displacements (m) are those from `rest`. A body
-/// that `moves` has velocities.
-pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> UnstructuredGrid {
+/// that `moves` has velocities. A body that may touch something has the `pressure` of its contacts (Pa), by vertex.
+pub(crate) fn of_body(
+    built: &Built,
+    rest: &[Vec3],
+    moves: bool,
+    pressure: Option<Vec<f64>>,
+) -> UnstructuredGrid {
     let mut grid = match &built.mesh {
         Mesh::Thread(mesh) => UnstructuredGrid::of_thread(mesh),
         Mesh::Sheet(mesh) => UnstructuredGrid::of_sheet(mesh),
@@ -40,6 +45,13 @@ pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Unstructured
     );
     if moves {
         at_vertices("velocity", body.velocities().collect());
+    }
+    if let Some(mut pressure) = pressure {
+        // Vertices that a tear has just added have not touched anything.
+        pressure.resize(grid.positions.len(), 0.0);
+        let values = Values::Scalar(pressure);
+        grid.at_vertices
+            .push(("contact_pressure".to_owned(), values));
     }
     let stresses = stresses(built);
     let faces = faces(built, &stresses);

@@ -2,8 +2,10 @@
 //!
 //! Handles stay at their rest poses. Supports move and loads grow in proportion to the load steps of a static
 //! solve, or to the time of the ramp of a dynamic solve. In a static solve, bodies settle under their weight first,
-//! with their supports in their places. Bodies do not touch each other, so each body is solved by itself.
+//! with their supports in their places. Each body is solved by itself, unless something touches in the scene: then all
+//! bodies are solved together, for equilibrium (`contact`). Obstacles stay where they start.
 
+mod contact;
 mod curve;
 mod drive;
 pub mod frames;
@@ -12,14 +14,16 @@ mod report;
 mod result;
 mod table;
 
+use crate::scene::SceneError;
 use crate::scene::spec::Analysis;
 use crate::world::World;
 use drive::State;
 use meshio::write_vtu::UnstructuredGrid;
 use physics::CondenseError;
 
+pub use contact::check_solved;
 pub use curve::has_load_curves;
-pub use result::{BodySolution, Extreme, Reaction, Row, SCHEMA, Solution};
+pub use result::{BodySolution, Extreme, PairRow, PairSolution, Reaction, Row, SCHEMA, Solution};
 
 /// A state of one body to be kept as a frame of the result.
 #[derive(Debug)]
@@ -41,6 +45,9 @@ pub enum SolveError<E> {
     /// There is no memory for the matrix.
     #[error(transparent)]
     Matrix(#[from] CondenseError),
+    /// A surface cannot touch, or the scene asks for a motion with contact.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
     /// A frame could not be kept.
     #[error(transparent)]
     Frame(E),
@@ -80,33 +87,38 @@ pub fn solve<E>(
         analysis: scene.solve.analysis,
         scheme: (scene.solve.analysis == Analysis::Dynamic).then_some(scene.solve.scheme),
         bodies: Vec::new(),
+        contacts: Vec::new(),
         failures: Vec::new(),
     };
+    let mut keep = |drive: &drive::Drive, index: usize, number, at, pressure| {
+        if !wants_frames {
+            return Ok(());
+        }
+        frame(Frame {
+            body: &scene.bodies[index].name,
+            number,
+            at,
+            grid: drive.grid(pressure),
+        })
+        .map_err(SolveError::Frame)
+    };
+    let rest = if drive::settles_first(scene) {
+        -1.0
+    } else {
+        0.0
+    };
+    if !world.contacts.is_empty() {
+        contact::solve(world, rest, &mut solution, progress, &mut keep)?;
+        return Ok(solution);
+    }
     for index in 0..count {
-        let mut drive = drive::Drive::new(scene, index, world.bodies[index].clone())?;
-        let mut keep = |drive: &drive::Drive, number: usize, at: f64| {
-            if !wants_frames {
-                return Ok(());
-            }
-            frame(Frame {
-                body: &scene.bodies[index].name,
-                number,
-                at,
-                grid: drive.grid(),
-            })
-            .map_err(SolveError::Frame)
-        };
-        let rest = if drive::settles_first(scene) {
-            -1.0
-        } else {
-            0.0
-        };
-        keep(&drive, 0, rest)?;
+        let mut drive = drive::Drive::new(scene, index, world.bodies[index].clone(), false)?;
+        keep(&drive, index, 0, rest, None)?;
         let failure = loop {
             match drive.advance() {
                 Ok(Some(state)) => {
                     if let Some(number) = state.frame {
-                        keep(&drive, number, state.at)?;
+                        keep(&drive, index, number, state.at, None)?;
                     }
                     progress((index as f64 + state.done) / count as f64);
                 }
@@ -121,7 +133,7 @@ pub fn solve<E>(
                 ..
             }) = drive.halt()
             {
-                keep(&drive, number, at)?;
+                keep(&drive, index, number, at, None)?;
             }
             let (name, at) = (&scene.bodies[index].name, drive.place());
             solution.failures.push(format!("{name}: {at}: {error}"));

@@ -1,6 +1,6 @@
 //! A solution as text for people.
 
-use super::result::{BodySolution, Reaction, Solution};
+use super::result::{BodySolution, PairSolution, Reaction, Solution};
 use crate::scene::spec::Analysis;
 use crate::scene::spec::body::LawName;
 use crate::scene::spec::solve::TimeScheme;
@@ -17,6 +17,24 @@ impl fmt::Display for Solution {
         writeln!(to, "{}: {analysis}", self.scene)?;
         for body in &self.bodies {
             write_body(to, body, self.analysis)?;
+        }
+        for PairSolution { between, steps } in &self.contacts {
+            let Some(last) = steps.last().filter(|last| last.count > 0) else {
+                continue;
+            };
+            writeln!(
+                to,
+                "  {:<10} {} and {}: {} contacts, normal forces {}, friction {}, force {} N on {}, at most {} deep",
+                "contact",
+                between[0],
+                between[1],
+                last.count,
+                si(last.normal, "N"),
+                si(last.friction, "N"),
+                vector(last.force, 1e-9 * last.normal),
+                between[0],
+                si(last.depth, "m"),
+            )?;
         }
         for failure in &self.failures {
             writeln!(to, "  not solved {failure}")?;

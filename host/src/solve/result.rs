@@ -24,6 +24,8 @@ pub struct Solution {
     pub scheme: Option<TimeScheme>,
     /// The solution of each body.
     pub bodies: Vec<BodySolution>,
+    /// The contacts of each pair that may touch.
+    pub contacts: Vec<PairSolution>,
     /// For each body that was not solved to the end, the reason.
     pub failures: Vec<String>,
 }
@@ -69,6 +71,32 @@ pub struct BodySolution {
     pub stress_free: bool,
     /// The steps, in their order.
     pub steps: Vec<Row>,
+}
+
+/// The contacts of two things that may touch.
+#[derive(Clone, Debug, Serialize)]
+pub struct PairSolution {
+    /// The names of both; twice that of a body that touches itself.
+    pub between: [String; 2],
+    /// The sums after each step.
+    pub steps: Vec<PairRow>,
+}
+
+/// The sums of the contacts of a pair after a step.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct PairRow {
+    /// End of the step, as in [`Row::at`].
+    pub at: f64,
+    /// Number of contacts with a force.
+    pub count: usize,
+    /// Sum of the normal forces, by size (N).
+    pub normal: f64,
+    /// Sum of the friction forces, by size (N).
+    pub friction: f64,
+    /// Force on the first of the pair (N).
+    pub force: [f64; 3],
+    /// Largest depth (m).
+    pub depth: f64,
 }
 
 /// The force and the moment of a handle or a support on the body.

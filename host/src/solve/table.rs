@@ -1,6 +1,6 @@
 //! The steps of a solution as a table: a row for each step, and the columns of all bodies beside each other.
 
-use super::result::{Extreme, Row, Solution};
+use super::result::{Extreme, PairRow, PairSolution, Row, Solution};
 use crate::scene::spec::Analysis;
 use crate::table::{Columns, Line};
 
@@ -21,6 +21,9 @@ impl Solution {
             line.number(row.fraction);
             for body in &self.bodies {
                 write_body(&mut line, body.steps.get(step), &body.driven);
+            }
+            for pair in &self.contacts {
+                write_pair(&mut line, pair.steps.get(step));
             }
             text.push_str(line.end());
         }
@@ -54,8 +57,25 @@ impl Solution {
                 columns.add(&body.name, quantity);
             }
         }
+        for PairSolution { between, .. } in &self.contacts {
+            let name = format!("{}_{}_contact", between[0], between[1]);
+            for quantity in ["count", "normal_N", "friction_N", "depth_m"] {
+                columns.add(&name, quantity);
+            }
+            columns.vector(&name, "force", "N");
+        }
         columns
     }
+}
+
+/// The columns of the contacts of a pair.
+fn write_pair(line: &mut Line, row: Option<&PairRow>) {
+    let Some(row) = row else {
+        return line.numbers([f64::NAN; 7]);
+    };
+    line.whole(row.count as u64);
+    line.numbers([row.normal, row.friction, row.depth]);
+    line.numbers(row.force);
 }
 
 /// The columns of one body. `driven`: the displacement of each part that gives a reaction, at the end (m).

@@ -12,9 +12,10 @@ use crate::scene::{LoadedScene, SceneError};
 use physics::contact::obstacle::Geometry;
 use physics::contact::shape::Shape;
 use physics::contact::start::{Fault, Touching, deepest, faults, winding};
-use physics::contact::{Obstacle, Skin, Surfaces};
+use physics::contact::{Meeting, Obstacle, Skin, Surfaces};
 use physics::mesh::check_solid::size;
 use physics::mesh::{Bounds, Mesh};
+use physics::motion::contacts::{self, Side};
 use physics::{Body, Vec3};
 
 /// The thickness of a solid in contact, as a fraction of the side of a cube of the same volume.
@@ -174,23 +175,45 @@ fn volume(mesh: &Mesh) -> f64 {
     cells.map(|cell| size(&mesh.positions, cell).0 / 6.0).sum()
 }
 
-/// Refuses a scene in which things touch, for an equilibrium or a motion without devices.
-///
-/// # Errors
-/// [`SceneError`] at the first obstacle, contact or self-contact.
-pub fn check_solved(loaded: &LoadedScene) -> Result<(), SceneError> {
-    let scene = &loaded.scene;
-    if !scene.has_contact() {
-        return Ok(());
+impl super::World<'_> {
+    /// The contacts of the physics between `bodies`, those of this world, and its obstacles.
+    ///
+    /// # Errors
+    /// [`SceneError`] for a body or an obstacle whose triangles are no surface.
+    pub(crate) fn touching(&self, bodies: &[&Body]) -> Result<contacts::Contacts, SceneError> {
+        let refuse = |thing: Thing, error: &dyn std::fmt::Display| {
+            let allowed = "a surface whose edges have two triangles at most";
+            let source = &self.loaded.source;
+            source.error(&field(thing), error.to_string(), allowed)
+        };
+        let mut found = contacts::Contacts::new();
+        for (number, (body, built)) in bodies.iter().zip(&self.bodies).enumerate() {
+            let thing = Thing::Body(number);
+            let skin = Skin {
+                radius: self.contacts.radii[number],
+                touches_itself: self.contacts.pair(thing, thing).is_some(),
+                is_obstacle: false,
+            };
+            let added = found.add_body(number, body, built.mesh.clone(), skin);
+            added.map_err(|error| refuse(thing, &error))?;
+        }
+        for (number, obstacle) in self.obstacles.iter().enumerate() {
+            let added = found.add_obstacle(obstacle.clone());
+            added.map_err(|error| refuse(Thing::Obstacle(number), &error))?;
+        }
+        let thing = |side: Side| match side {
+            Side::Body(body) => Thing::Body(body),
+            Side::Obstacle(number) => Thing::Obstacle(number),
+        };
+        found.complete(&|one, other| {
+            let pair = self.contacts.pair(thing(one), thing(other));
+            pair.map(|pair| Meeting {
+                distance: pair.distance,
+                friction: pair.friction,
+            })
+        });
+        Ok(found)
     }
-    let itself = scene.bodies.iter().position(|body| body.self_contact);
-    let field = match itself {
-        _ if !scene.obstacles.is_empty() => "obstacle[0]".to_owned(),
-        _ if !scene.contacts.is_empty() => "contact[0]".to_owned(),
-        index => format!("body[{}].self_contact", index.unwrap_or(0)),
-    };
-    let problem = "`palpate solve` does not solve contact yet: `palpate run` does";
-    Err(loaded.source.problem(&field, problem))
 }
 
 /// Refuses bodies and obstacles that cross, lie inside each other or are too thin at the start, at rest.

@@ -2,8 +2,9 @@
 
 use host::run::prepare::{Options, Prepared};
 use host::scene::Scene;
+use host::solve::check_solved;
 use host::world::World;
-use host::world::contact::{ContactPair, Thing, check_solved};
+use host::world::contact::{ContactPair, Thing};
 use nalgebra::Isometry3;
 use physics::contact::obstacle::{Geometry, Motion};
 use physics::contact::shape::Shape;
@@ -376,13 +377,16 @@ fn a_world_has_its_obstacles_and_pairs() {
 }
 
 #[test]
-fn a_run_takes_a_scene_with_contact_and_solve_refuses_it() {
+fn a_run_takes_a_scene_with_contact_and_solve_refuses_its_motion() {
     let loaded = Scene::load_texts("x.toml", BASE, &files(&[])).expect("a scene");
     let world = World::new(&loaded).expect("a world");
     Prepared::new(&world, &Options::of(&world)).expect("a run");
-    let said = check_solved(&loaded).expect_err("contact").to_string();
-    let expected = "x.toml:23: obstacle[0]: `palpate solve` does not solve contact yet";
-    assert!(said.starts_with(expected), "{said}");
+    assert!(check_solved(&loaded).is_ok());
+    let text = format!("{BASE}\n[solve]\nanalysis = \"dynamic\"\nstep = 0.01\n");
+    let moving = Scene::load_texts("x.toml", &text, &files(&[])).expect("a scene");
+    let said = check_solved(&moving).expect_err("a motion").to_string();
+    let expected = "solve.analysis: `palpate solve` solves contact in equilibrium";
+    assert!(said.contains(expected), "{said}");
     assert!(
         World::new(&Scene::embedded_default().expect("a scene")).is_ok_and(|world| {
             world.contacts.is_empty()

@@ -5,4 +5,5 @@ mod solve_support;
 
 mod needles;
 mod solve;
+mod solve_contact;
 mod solve_weight;

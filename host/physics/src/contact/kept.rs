@@ -20,7 +20,7 @@ pub enum Key {
 
 /// The state of a contact after a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Kept {
+pub(crate) struct Kept {
     pub key: Key,
     pub normal: Vec3,
     /// The normal forces of the last two steps (N), the latest first.

@@ -23,7 +23,7 @@ pub mod distance;
 mod drift;
 mod feet;
 pub mod hierarchy;
-mod kept;
+pub(crate) mod kept;
 pub mod lists;
 pub mod moves;
 mod nearest;

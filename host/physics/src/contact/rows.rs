@@ -216,6 +216,10 @@ impl Rows {
         self.report = RowsReport::default();
         self.candidates.clear();
         self.found.clear();
+        // The rows of a step may be made again for another prediction.
+        for state in &mut self.kept {
+            state.is_taken = false;
+        }
         for ((end, x), u) in self.ends.iter_mut().zip(step.x).zip(step.u) {
             *end = x + u;
         }
@@ -256,6 +260,17 @@ impl Rows {
             });
         }
         work
+    }
+
+    /// What the contacts keep from the last step, to be taken [back](Self::go_back_to).
+    pub(crate) fn kept(&self) -> Vec<Kept> {
+        self.kept.clone()
+    }
+
+    /// Takes back what contacts kept at another time.
+    pub(crate) fn go_back_to(&mut self, kept: &[Kept]) {
+        self.kept.clear();
+        self.kept.extend_from_slice(kept);
     }
 
     /// The energy (J) in the springs of friction after the last step.

@@ -15,6 +15,8 @@ use crate::error::CondenseError;
 pub struct Cholesky {
     /// Upper triangle by columns.
     sparse: SparseCholesky,
+    /// Whether the factor is that of the values.
+    is_current: bool,
 }
 
 impl Cholesky {
@@ -44,7 +46,10 @@ impl Cholesky {
         }
         let elimination = Elimination::MinimumDegree;
         let sparse = SparseCholesky::new(column_start, row_index, elimination, code, columns)?;
-        Ok(Self { sparse })
+        Ok(Self {
+            sparse,
+            is_current: false,
+        })
     }
 
     /// Number of scalar unknowns.
@@ -57,7 +62,7 @@ impl Cholesky {
         self.sparse.numbers.len()
     }
 
-    /// Factorizes `mass_factor M + stiffness_factor K`. `matrix` must have the pattern given to `new`, and `mass` (kg)
+    /// Factorizes `mass_factor M + stiffness_factor K`, unless it is the matrix of the last factor. `matrix` must have the pattern given to `new`, and `mass` (kg)
     /// has an entry for each of its nodes.
     ///
     /// `mask` has for each free node and axis 1 if the axis is free and 0 if it is guided. Guided axes are uncoupled,
@@ -85,7 +90,8 @@ impl Cholesky {
             stiffness_factor,
             mask,
         };
-        let mut next = 0;
+        let (mut next, mut is_same) = (0, self.is_current);
+        self.is_current = false;
         for node in 0..matrix.free() {
             for axis in 0..3 {
                 // The matrix is symmetric: row `node` is also column `node`.
@@ -95,7 +101,9 @@ impl Cholesky {
                         let Some(value) = self.sparse.values.get_mut(next) else {
                             return Err(CondenseError::Topology);
                         };
-                        *value = step.entry((node, axis), (row, i), block[(axis, i)]);
+                        let entry = step.entry((node, axis), (row, i), block[(axis, i)]);
+                        is_same &= *value == entry;
+                        *value = entry;
                         next += 1;
                     }
                 }
@@ -104,7 +112,11 @@ impl Cholesky {
         if next != self.sparse.values.len() {
             return Err(CondenseError::Topology);
         }
-        self.sparse.factorize()
+        if !is_same {
+            self.sparse.factorize()?;
+        }
+        self.is_current = true;
+        Ok(())
     }
 
     /// Solves in place for the right-hand sides in `columns`, one after the other, each with

@@ -6,7 +6,10 @@
 //! and the size grows again after a success (the usual incremental procedure: Crisfield, "Non-linear finite element analysis
 //! of solids and structures", chapter 9).
 //! A search that ends early leaves the body at the last load step that succeeded. The velocities of the body are zero
-//! afterwards.
+//! afterwards. [`in_contact`] has bodies that touch.
+
+pub mod in_contact;
+mod lent;
 
 use super::integrator::between;
 use super::newton::{Guide, Newton, NewtonOptions, NewtonReport};
@@ -129,27 +132,38 @@ impl Equilibrium {
         }
         let factors = [body.model.load_factor, load_factor];
         let result = self.advance(body, targets, factors);
-        let reached = self.report.reached;
         if result.is_err() {
-            body.state.x.copy_from_slice(&self.last);
-            self.load(body, factors, reached);
+            self.go_back(body, factors);
         }
-        // A search that took no step leaves the body as it was, with its velocities and its reports.
+        self.end(body, targets, |_| {});
+        result.map(|()| self.report)
+    }
+
+    /// After a failed search: brings the body to the last load step that succeeded.
+    fn go_back(&self, body: &mut Body, factors: [f64; 2]) {
+        body.state.x.copy_from_slice(&self.last);
+        self.load(body, factors, self.report.reached);
+        if self.report.reached > 0.0 {
+            body.assemble_with(Tangent::Exact);
+        }
+    }
+
+    /// Ends a search: reports on hands and supports, after `touch` has added the forces of contacts to those of the elements.
+    /// A search that took no step leaves the body as it was, with its velocities and its reports.
+    fn end(&mut self, body: &mut Body, targets: &[HandlePose], touch: impl FnOnce(&mut Body)) {
+        let reached = self.report.reached;
         if reached > 0.0 {
             let handles = body.constraints.handles.iter().zip(targets);
             let poses = handles.map(|(handle, to)| between(&handle.report.pose, to, reached));
             self.poses.clear();
             self.poses.extend(poses);
-            if result.is_err() {
-                body.assemble_with(Tangent::Exact);
-            }
             body.state.v.fill(Vec3::zeros());
             // At zero velocity, the reports contain no damping and no inertia.
             self.last.fill(Vec3::zeros());
+            touch(body);
             body.report_stage(f64::INFINITY, &self.poses, &self.last);
         }
         body.state.motions += 1;
-        result.map(|()| self.report)
     }
 
     /// Makes the memory again if `body` has begun another topology epoch since.
@@ -173,6 +187,14 @@ impl Equilibrium {
         targets: &[HandlePose],
         forces: &[Vec3],
     ) -> Result<EquilibriumReport, StepError> {
+        self.load_towards(body, forces)?;
+        let result = self.solve(body, targets, body.model.load_factor);
+        self.loads = [Vec::new(), Vec::new()];
+        result
+    }
+
+    /// Has the forces on the vertices change to `forces` (N) in the next search.
+    fn load_towards(&mut self, body: &mut Body, forces: &[Vec3]) -> Result<(), StepError> {
         let before = body.model.external.clone();
         body.set_external_forces(forces)
             .map_err(StepError::Forces)?;
@@ -180,9 +202,7 @@ impl Equilibrium {
         let loads = [body.model.external.clone(), after];
         self.follow(body)?;
         self.loads = loads;
-        let result = self.solve(body, targets, body.model.load_factor);
-        self.loads = [Vec::new(), Vec::new()];
-        result
+        Ok(())
     }
 
     /// Gives `body` the loads at the fraction `at` of the way between two load `factors`, and between two sets of forces.
@@ -257,72 +277,121 @@ impl Equilibrium {
         targets: &[HandlePose],
         factors: [f64; 2],
     ) -> Result<(), StepError> {
-        let widest = 1.0 / f64::from(self.options.load_steps.max(1));
-        let narrowest = widest * libm::exp2(-f64::from(self.options.max_halvings));
-        let mut size = widest;
-        while self.report.reached < 1.0 {
-            let done = self.report.reached;
-            self.last.copy_from_slice(&body.state.x);
-            let inverted = if self.options.refuse_inversion {
-                body.inverted_count()
-            } else {
-                0
-            };
-            let next = if done + size > 1.0 - 0.5 * narrowest {
-                1.0
-            } else {
-                done + size
-            };
-            self.aim(body, targets, factors, next);
-            let fraction = if next == 1.0 {
-                1.0
-            } else {
-                (next - done) / (1.0 - done)
-            };
-            let outcome = self
-                .newton
-                .solve(body, None, &self.held, Guide::By(fraction));
-            let good = |newton: &NewtonReport| {
-                newton.converged
-                    && !(self.options.refuse_inversion && body.inverted_count() > inverted)
-            };
-            match outcome {
-                Ok(newton) if good(&newton) => {
-                    let is_open = self.options.find_snaps && self.report.snapped.is_none();
+        let options = self.options;
+        in_load_steps(&options, &mut |[done, next]| {
+            let inverted = self.begin(body, targets, factors, next);
+            let guide = Guide::By(part([done, next]));
+            let outcome = self.newton.solve(body, None, &self.held, guide);
+            match judge(&options, outcome, inverted, body.inverted_count()) {
+                Ok(newton) => {
+                    let is_open = options.find_snaps && self.report.snapped.is_none();
                     if is_open
                         && newton.clipped + newton.halvings > 0
                         && self.has_snapped(body, targets, factors, [done, next])
                     {
                         self.report.snapped = Some(next);
                     }
-                    let report = &mut self.report;
-                    report.reached = next;
-                    report.load_steps += 1;
-                    report.iterations += newton.iterations;
-                    report.last = newton;
-                    size = (2.0 * size).min(widest);
+                    self.report.add(next, newton);
+                    Ok(())
                 }
-                // A shorter load step would have even fewer digits.
-                Err(error @ StepError::Rounding { .. }) => return Err(error),
-                other => {
-                    self.report.refused += 1;
-                    let count = body.inverted_count();
-                    body.state.x.copy_from_slice(&self.last);
-                    size *= 0.5;
-                    if size < narrowest {
-                        return Err(match other {
-                            Ok(newton) if newton.converged => StepError::Inverted { count },
-                            Ok(newton) => StepError::NotConverged {
-                                iterations: newton.iterations,
-                                residual: newton.residual,
-                                reference: newton.reference,
-                            },
-                            Err(error) => error,
-                        });
+                Err(error) => {
+                    if !matches!(error, StepError::Rounding { .. }) {
+                        self.report.refused += 1;
+                        body.state.x.copy_from_slice(&self.last);
                     }
+                    Err(error)
+                }
+            }
+        })
+    }
+
+    /// Begins a load step that ends at the fraction `next` of the way. Returns the number of inverted elements before it.
+    fn begin(
+        &mut self,
+        body: &mut Body,
+        targets: &[HandlePose],
+        factors: [f64; 2],
+        next: f64,
+    ) -> usize {
+        self.last.copy_from_slice(&body.state.x);
+        let inverted = if self.options.refuse_inversion {
+            body.inverted_count()
+        } else {
+            0
+        };
+        self.aim(body, targets, factors, next);
+        inverted
+    }
+}
+
+impl EquilibriumReport {
+    /// Adds a load step that ends at the fraction `reached` of the way.
+    fn add(&mut self, reached: f64, newton: NewtonReport) {
+        self.reached = reached;
+        self.load_steps += 1;
+        self.iterations += newton.iterations;
+        self.last = newton;
+    }
+}
+
+/// The part of the remaining way that a load step covers.
+fn part([done, next]: [f64; 2]) -> f64 {
+    if next == 1.0 {
+        1.0
+    } else {
+        (next - done) / (1.0 - done)
+    }
+}
+
+/// The report of a load step, or the reason why it fails. `inverted` elements were so before, and `now` are.
+fn judge(
+    options: &EquilibriumOptions,
+    outcome: Result<NewtonReport, StepError>,
+    inverted: usize,
+    now: usize,
+) -> Result<NewtonReport, StepError> {
+    let newton = outcome?;
+    if !newton.converged {
+        return Err(StepError::NotConverged {
+            iterations: newton.iterations,
+            residual: newton.residual,
+            reference: newton.reference,
+        });
+    }
+    if options.refuse_inversion && now > inverted {
+        return Err(StepError::Inverted { count: now });
+    }
+    Ok(newton)
+}
+
+/// Takes load steps, each from one fraction of the way to another. A step that fails is taken again, half as long.
+fn in_load_steps(
+    options: &EquilibriumOptions,
+    step: &mut dyn FnMut([f64; 2]) -> Result<(), StepError>,
+) -> Result<(), StepError> {
+    let widest = 1.0 / f64::from(options.load_steps.max(1));
+    let narrowest = widest * libm::exp2(-f64::from(options.max_halvings));
+    let (mut size, mut done) = (widest, 0.0);
+    while done < 1.0 {
+        let next = if done + size > 1.0 - 0.5 * narrowest {
+            1.0
+        } else {
+            done + size
+        };
+        match step([done, next]) {
+            Ok(()) => {
+                done = next;
+                size = (2.0 * size).min(widest);
+            }
+            // A shorter load step would have even fewer digits.
+            Err(error @ StepError::Rounding { .. }) => return Err(error),
+            Err(error) => {
+                size *= 0.5;
+                if size < narrowest {
+                    return Err(error);
                 }
             }
         }
-        Ok(())
     }
+    Ok(())
 }

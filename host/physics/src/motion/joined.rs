@@ -5,11 +5,10 @@
 //! systems", algorithm 9.1, with a block diagonal preconditioner). The stages of each body before and after the solution
 //! are those of a body alone: `predict`, `constrain`, then [`solve`] for all, `finish`.
 
-use super::stepper::Equation;
+use super::joint_equation::JointEquation;
 use crate::Vec3;
 use crate::body::{Body, BodyMap};
 use crate::contact::row::Response;
-use crate::element::precision::Precision;
 
 /// A node of a joined body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,11 +51,11 @@ pub struct Workspace {
 
 impl Workspace {
     /// Computes the forces of the joints, and their norm for each body.
-    fn load<T: Precision>(&mut self, bodies: &[Option<Equation<'_, T>>], joints: &dyn Joints) {
+    fn load<E: JointEquation>(&mut self, bodies: &[Option<E>], joints: &dyn Joints) {
         self.forces.clear();
         let forces = &mut self.forces;
         joints.forces(
-            &|node| at(bodies, node, Equation::displacement),
+            &|node| at(bodies, node, E::displacement),
             &mut |node, force| forces.push((node, force)),
         );
         self.loads.clear();
@@ -67,18 +66,14 @@ impl Workspace {
     }
 
     /// Whether the residual of each body is small.
-    pub(super) fn is_solved<T: Precision>(&self, bodies: &[Option<Equation<'_, T>>]) -> bool {
+    pub(super) fn is_solved<E: JointEquation>(&self, bodies: &[Option<E>]) -> bool {
         let mut each = bodies.iter().zip(&self.left).zip(&self.loads);
         each.all(|((body, left), load)| body.as_ref().is_none_or(|body| *left <= body.goal(*load)))
     }
 }
 
 /// The value at a node of the bodies; zero for a body that takes no part.
-pub(super) fn at<'a, T>(
-    bodies: &[Option<Equation<'a, T>>],
-    at: At,
-    of: impl Fn(&Equation<'a, T>, u32) -> Vec3,
-) -> Vec3 {
+pub(super) fn at<E>(bodies: &[Option<E>], at: At, of: impl Fn(&E, u32) -> Vec3) -> Vec3 {
     let body = bodies.get(at.body).and_then(Option::as_ref);
     body.map_or_else(Vec3::zeros, |body| of(body, at.node))
 }
@@ -88,8 +83,8 @@ pub(super) fn at<'a, T>(
 ///
 /// The iterations end if the residual of each body is small against its loads and the forces of its joints, or after the most
 /// iterations of the first one. Nothing is allocated once `room` has served a step with as many joints.
-pub fn solve<T: Precision>(
-    bodies: &mut [Option<Equation<'_, T>>],
+pub fn solve<E: JointEquation>(
+    bodies: &mut [Option<E>],
     joints: &dyn Joints,
     room: &mut Workspace,
     mut out_of_time: impl FnMut() -> bool,
@@ -103,7 +98,7 @@ pub fn solve<T: Precision>(
     room.left.clear();
     let residuals = bodies.iter_mut();
     room.left
-        .extend(residuals.map(|body| body.as_mut().map_or(0.0, Equation::residual)));
+        .extend(residuals.map(|body| body.as_mut().map_or(0.0, E::residual)));
     let iterations = iterate(
         bodies,
         room,
@@ -120,7 +115,7 @@ pub fn solve<T: Precision>(
         if let Some(body) = body {
             let own = room.forces.iter().filter(|(at, _)| at.body == number);
             body.solved(
-                own.map(|(at, force)| (at.node, *force)),
+                &mut own.map(|(at, force)| (at.node, *force)),
                 *load,
                 iterations,
                 *left,
@@ -134,21 +129,17 @@ type Product<'a> = dyn Fn(&dyn Fn(At) -> Vec3, &mut dyn FnMut(At, Vec3)) + 'a;
 
 /// Conjugate gradients over the equations of bodies and a symmetric positive semidefinite `product` between them, from the
 /// residuals in `room.left`, until `is_done`. Returns the number of iterations.
-pub(super) fn iterate<T: Precision>(
-    bodies: &mut [Option<Equation<'_, T>>],
+pub(super) fn iterate<E: JointEquation>(
+    bodies: &mut [Option<E>],
     room: &mut Workspace,
     product: &Product<'_>,
-    mut is_done: impl FnMut(&[Option<Equation<'_, T>>], &mut Workspace) -> bool,
+    mut is_done: impl FnMut(&[Option<E>], &mut Workspace) -> bool,
     out_of_time: &mut dyn FnMut() -> bool,
 ) -> usize {
-    let most = bodies.iter().flatten().next().map_or(0, Equation::most);
+    let most = bodies.iter().flatten().next().map_or(0, E::most);
     let (mut iterations, mut rz) = (0, 1.0);
     while !is_done(bodies, room) && iterations < most {
-        let next: f64 = bodies
-            .iter_mut()
-            .flatten()
-            .map(Equation::precondition)
-            .sum();
+        let next: f64 = bodies.iter_mut().flatten().map(E::precondition).sum();
         let beta = if iterations == 0 { 0.0 } else { next / rz };
         rz = next;
         for body in bodies.iter_mut().flatten() {
@@ -156,20 +147,19 @@ pub(super) fn iterate<T: Precision>(
         }
         room.forces.clear();
         let products = &mut room.forces;
-        product(
-            &|node| at(bodies, node, Equation::direction),
-            &mut |at, force| products.push((at, force)),
-        );
+        product(&|node| at(bodies, node, E::direction), &mut |at, force| {
+            products.push((at, force))
+        });
         for (at, product) in &room.forces {
             if let Some(body) = &mut bodies[at.body] {
                 body.add_product(at.node, product);
             }
         }
-        let curvature: f64 = bodies.iter_mut().flatten().map(Equation::curvature).sum();
+        let curvature: f64 = bodies.iter_mut().flatten().map(E::curvature).sum();
         // The matrix is positive definite. Any other curvature is underflow, or a state that has diverged.
         let is_sound = rz > 0.0 && curvature > 0.0 && (rz / curvature).is_finite();
         if !is_sound {
-            bodies.iter_mut().flatten().for_each(Equation::stop);
+            bodies.iter_mut().flatten().for_each(E::stop);
         }
         for (body, left) in bodies.iter_mut().zip(&mut room.left) {
             if let Some(body) = body.as_mut().filter(|_| is_sound) {

@@ -14,6 +14,7 @@ pub mod contacts;
 pub mod equilibrium;
 pub mod integrator;
 pub mod joined;
+pub mod joint_equation;
 pub mod newton;
 pub mod refresh;
 mod sleep;
@@ -23,6 +24,7 @@ pub mod tearing;
 pub mod touching;
 
 pub use constraint::cohesion::Cohesion;
+pub use equilibrium::in_contact::{ContactEquilibrium, Goal};
 pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
 pub use integrator::{Integrator, IntegratorOptions, StepReport, TimeScheme};
 pub use newton::{NewtonOptions, NewtonReport};

@@ -34,7 +34,7 @@ const FINE: f64 = 1e-6;
 const MOST_OPEN: f64 = 0.01;
 /// Mass added to a static matrix, as a fraction of the mean diagonal. It keeps parts without support in place, if
 /// the matrix would otherwise be singular. The residual does not contain this mass.
-const STATIC_SHIFT: f64 = 1e-11;
+pub(super) const STATIC_SHIFT: f64 = 1e-11;
 
 /// The limits of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,16 +114,16 @@ pub(crate) struct StageEquation<'a> {
 #[derive(Debug)]
 pub(crate) struct Newton {
     pub(crate) options: NewtonOptions,
-    cholesky: Cholesky,
+    pub(super) cholesky: Cholesky,
     /// `A u - ...` by node.
     residual: Vec<Vec3>,
     /// Velocity in the damping term, by node (m/s).
     velocity: Vec<Vec3>,
-    step: Vec<Vec3>,
+    pub(super) step: Vec<Vec3>,
     start: Vec<Vec3>,
     /// The direction by free place.
-    flat: Vec<f64>,
-    rounding: Rounding,
+    pub(super) flat: Vec<f64>,
+    pub(super) rounding: Rounding,
     /// Norm of the right-hand side of the last direction (N).
     asked: f64,
 }
@@ -287,7 +287,7 @@ impl Newton {
 
     /// Computes the residual at the present positions, by node (N). On held nodes the residual is the force of the
     /// hand.
-    fn balance(&mut self, body: &Body, stage: Option<StageEquation<'_>>) {
+    pub(super) fn balance(&mut self, body: &Body, stage: Option<StageEquation<'_>>) {
         let damping = body.model.config.stiffness_damping;
         if let Some(stage) = stage {
             for (node, velocity) in self.velocity.iter_mut().enumerate() {
@@ -498,7 +498,7 @@ pub(crate) fn check_digits(body: &Body, open: f64, moved: f64) -> Result<(), Ste
 }
 
 /// Mean diagonal of the stiffness over the mean mass (1/s^2).
-fn stiffness_per_mass(body: &Body) -> f64 {
+pub(super) fn stiffness_per_mass(body: &Body) -> f64 {
     let free = body.assembly.places.free();
     let diagonal: f64 = (0..free)
         .map(|place| body.assembly.stiffness.diagonal(place).trace() / 3.0)

@@ -8,10 +8,9 @@
 //! line search, friction cycles.
 
 use super::joined::{At, Workspace, at, iterate};
-use super::stepper::Equation;
+use super::joint_equation::JointEquation;
 use crate::contact::Contact;
 use crate::contact::row::{Response, Row};
-use crate::element::precision::Precision;
 use crate::{Mat3, Vec3};
 
 /// Most passes of a step, for each update of the multipliers.
@@ -109,7 +108,7 @@ pub struct TouchReport {
 }
 
 /// Adds forces (N) to the residuals of the bodies.
-fn load<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], touch: &Touch, force: &Vec3) {
+fn load<E: JointEquation>(bodies: &mut [Option<E>], touch: &Touch, force: &Vec3) {
     touch.add(force, &mut |at, force| {
         if let Some(body) = &mut bodies[at.body] {
             body.load(at.node, &force);
@@ -119,8 +118,8 @@ fn load<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], touch: &Touch, for
 
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
 /// step. `out_of_time` is called after each iteration; if it returns true, the step continues with the solution so far.
-pub fn solve<T: Precision>(
-    bodies: &mut [Option<Equation<'_, T>>],
+pub fn solve<E: JointEquation>(
+    bodies: &mut [Option<E>],
     touches: &mut [Touch],
     updates: usize,
     room: &mut Workspace,
@@ -128,7 +127,7 @@ pub fn solve<T: Precision>(
 ) -> TouchReport {
     let mut report = TouchReport::default();
     for touch in &mut *touches {
-        let ju = touch.difference(&|node| at(bodies, node, Equation::displacement));
+        let ju = touch.difference(&|node| at(bodies, node, E::displacement));
         touch.response = touch.row.response(&ju);
         touch.pass.start = ju;
         load(bodies, touch, &touch.force());
@@ -163,15 +162,15 @@ pub fn solve<T: Precision>(
     for (number, (body, (left, load))) in each.enumerate() {
         if let Some(body) = body {
             let own = room.forces.iter().filter(|(at, _)| at.body == number);
-            let own = own.map(|(at, force)| (at.node, *force));
-            body.solved(own, *load, report.iterations, *left);
+            let mut own = own.map(|(at, force)| (at.node, *force));
+            body.solved(&mut own, *load, report.iterations, *left);
         }
     }
     report
 }
 
 /// Lets the pairs of tears take their forces. Returns whether this has changed a residual.
-fn let_go<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], room: &Workspace) -> bool {
+fn let_go<E: JointEquation>(bodies: &mut [Option<E>], room: &Workspace) -> bool {
     let mut changes = false;
     for (body, load) in bodies.iter_mut().zip(&room.loads) {
         if let Some(body) = body {
@@ -182,15 +181,11 @@ fn let_go<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], room: &Workspace
 }
 
 /// Computes the norms of the residuals and of the forces of the contacts.
-fn weigh<T: Precision>(
-    bodies: &mut [Option<Equation<'_, T>>],
-    touches: &[Touch],
-    room: &mut Workspace,
-) {
+fn weigh<E: JointEquation>(bodies: &mut [Option<E>], touches: &[Touch], room: &mut Workspace) {
     room.left.clear();
     let residuals = bodies.iter_mut();
     room.left
-        .extend(residuals.map(|body| body.as_mut().map_or(0.0, Equation::residual)));
+        .extend(residuals.map(|body| body.as_mut().map_or(0.0, E::residual)));
     room.loads.clear();
     room.loads.resize(bodies.len(), 0.0);
     for touch in touches {
@@ -201,8 +196,8 @@ fn weigh<T: Precision>(
 }
 
 /// One pass from the present displacement, whose residual includes the forces of the contacts there.
-fn pass<T: Precision>(
-    bodies: &mut [Option<Equation<'_, T>>],
+fn pass<E: JointEquation>(
+    bodies: &mut [Option<E>],
     touches: &mut [Touch],
     room: &mut Workspace,
     report: &mut TouchReport,
@@ -212,7 +207,7 @@ fn pass<T: Precision>(
         touch.pass.tangent = touch.row.tangent(&touch.response);
         touch.pass.force = touch.force();
     }
-    bodies.iter_mut().flatten().for_each(Equation::mark);
+    bodies.iter_mut().flatten().for_each(E::mark);
     let sum = |left: &[f64]| left.iter().map(|left| left * left).sum::<f64>().sqrt();
     let goal = bodies.iter().zip(&room.loads).filter_map(|(body, load)| {
         let body = body.as_ref()?;
@@ -244,7 +239,7 @@ fn pass<T: Precision>(
         linear = [linear[0] + start, linear[1] + end];
     }
     for touch in &mut *touches {
-        touch.pass.end = touch.difference(&|node| at(bodies, node, Equation::displacement));
+        touch.pass.end = touch.difference(&|node| at(bodies, node, E::displacement));
     }
     let along = |a: f64| {
         let mut sum = (1.0 - a) * linear[0] + a * linear[1];

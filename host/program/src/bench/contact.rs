@@ -31,6 +31,8 @@ pub(super) struct ContactArguments {
 enum SectionName {
     /// Rest, sliding, belts, energy, lists and throws, each with what is asked for
     Aims,
+    /// Bodies in equilibrium: a pressed patch, and the law of Hertz
+    Between,
     /// The processor time of detection, rows, solve and certificate
     Cost,
 }
@@ -43,6 +45,7 @@ pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
         .check()?;
     let section = arguments.part.map(|part| match part {
         SectionName::Aims => Section::Aims,
+        SectionName::Between => Section::Between,
         SectionName::Cost => Section::Cost,
     });
     let found = with_bar(|progress| {

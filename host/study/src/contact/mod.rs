@@ -1,9 +1,10 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
 //! Each aim is a line with the most that is asked for and what was measured (`rest`, `lists`, `measures`, `throws`). A line that
-//! is not reached is printed as it is. Times are no aims (`cost`).
+//! is not reached is printed as it is. `between` has the aims of bodies in equilibrium. Times are no aims (`cost`).
 
 mod aim;
+mod between;
 mod cost;
 pub(crate) mod crossings;
 mod lists;
@@ -27,6 +28,8 @@ use serde::Serialize;
 pub enum Section {
     /// Rest, sliding, belts, energy, lists and throws.
     Aims,
+    /// Equilibria: a pressed patch, and the law of Hertz.
+    Between,
     /// The processor time of the stages.
     Cost,
 }
@@ -40,7 +43,7 @@ pub struct ContactStudy {
     pub level: Level,
     /// The seed of the throws.
     pub seed: u64,
-    /// The aims; empty if this part did not run.
+    /// The aims; empty if no part with aims ran.
     pub aims: Vec<Aim>,
     /// What measures of clusters cost and miss; empty if the aims did not run.
     pub measures: Vec<Measured>,
@@ -69,7 +72,8 @@ pub fn run(
         machine: None,
         costs: Vec::new(),
     };
-    if only != Some(Section::Cost) {
+    let runs = |part| only.is_none_or(|only| only == part);
+    if runs(Section::Aims) {
         let aims = &mut found.aims;
         rest::run(level, &mut |done| progress(0.1 * done), aims)?;
         lists::run(level, aims)?;
@@ -77,9 +81,16 @@ pub fn run(
         progress(0.2);
         throws::run(level, seed, &mut |done| progress(0.2 + 0.5 * done), aims)?;
     }
-    if only != Some(Section::Aims) {
+    if runs(Section::Between) {
+        between::run(
+            level,
+            &mut |done| progress(0.7 + 0.1 * done),
+            &mut found.aims,
+        )?;
+    }
+    if runs(Section::Cost) {
         found.machine = Some(Machine::here());
-        found.costs = cost::run(level, &mut |done| progress(0.7 + 0.3 * done))?;
+        found.costs = cost::run(level, &mut |done| progress(0.8 + 0.2 * done))?;
     }
     Ok(found)
 }

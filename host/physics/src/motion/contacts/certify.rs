@@ -17,20 +17,45 @@ impl Contacts {
                 if self.clearance.spend(motion) {
                     return;
                 }
-                self.list(members);
+                self.gather(members);
+                self.list();
             }
-            Need::All => {
-                self.take_solved(members);
-                let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
-                if let Some(lists) = &mut self.lists {
-                    lists.extend(surfaces, x, |hierarchy, cluster| {
-                        Moves::of(hierarchy.members(cluster), u)
-                    });
-                }
-            }
+            Need::All => self.take_solved(members),
         }
-        let Some(lists) = &self.lists else { return };
+        if self.lists.is_none() {
+            return;
+        }
+        self.shorten();
+        let stopped = self.mass.iter().zip(&self.u).zip(&self.fractions);
+        let stopped = stopped.filter(|(_, fraction)| **fraction < 1.0);
+        let twice = stopped
+            .map(|((mass, u), fraction)| mass * u.norm_squared() * (1.0 - fraction * fraction));
+        self.report.stopped = 0.5 * twice.sum::<f64>() / (self.h * self.h);
+        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
+            let Owner::Body(body) = owner else { continue };
+            let Some(stepper) = members[*body]
+                .stepper
+                .as_deref_mut()
+                .filter(|_| self.is_near[*body])
+            else {
+                continue;
+            };
+            let range = part.vertices.start as usize..part.vertices.end as usize;
+            let fractions = &self.fractions[range];
+            // A step that has not been solved has an error of its own.
+            let _ = stepper.certify(&|node| fractions.get(node as usize).copied().unwrap_or(1.0));
+        }
+        self.end(members);
+        self.clear(members);
+    }
+
+    /// Finds the fractions of the displacements with which nothing crosses, and the bodies that are near something.
+    pub(super) fn shorten(&mut self) {
+        let Some(lists) = &mut self.lists else { return };
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
+        lists.extend(surfaces, x, |hierarchy, cluster| {
+            Moves::of(hierarchy.members(cluster), u)
+        });
         self.fractions.fill(1.0);
         self.is_near.fill(false);
         for touch in &self.touches {
@@ -79,27 +104,6 @@ impl Contacts {
         let each = |found: &mut dyn FnMut(crate::contact::Pair)| lists.each(surfaces, x, found);
         self.report.truncated = truncate(surfaces, x, u, &each, &is_free, &mut self.fractions);
         self.report.truncated.squeezed += squeezed;
-        let stopped = self.mass.iter().zip(&self.u).zip(&self.fractions);
-        let stopped = stopped.filter(|(_, fraction)| **fraction < 1.0);
-        let twice = stopped
-            .map(|((mass, u), fraction)| mass * u.norm_squared() * (1.0 - fraction * fraction));
-        self.report.stopped = 0.5 * twice.sum::<f64>() / (self.h * self.h);
-        for (part, owner) in surfaces.parts.iter().zip(&self.owners) {
-            let Owner::Body(body) = owner else { continue };
-            let Some(stepper) = members[*body]
-                .stepper
-                .as_deref_mut()
-                .filter(|_| self.is_near[*body])
-            else {
-                continue;
-            };
-            let range = part.vertices.start as usize..part.vertices.end as usize;
-            let fractions = &self.fractions[range];
-            // A step that has not been solved has an error of its own.
-            let _ = stepper.certify(&|node| fractions.get(node as usize).copied().unwrap_or(1.0));
-        }
-        self.end(members);
-        self.clear(members);
     }
 
     /// Takes the solved displacements.

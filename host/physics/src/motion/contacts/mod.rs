@@ -10,7 +10,7 @@
 //! ```
 //!
 //! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step. A scene with nothing
-//! near leaves the stages out (`clearance`).
+//! near leaves the stages out (`clearance`). `still` are the contacts of bodies in equilibrium.
 //!
 //! Bodies without a row are solved alone between `solve` and `certify`. Nothing is allocated in a step, once the vectors have
 //! served as many rows.
@@ -20,8 +20,11 @@ mod clearance;
 mod islands;
 mod parts;
 mod report;
+mod still;
 
 pub use report::{ContactReport, Side, Touching};
+pub use still::Pressed;
+pub(crate) use still::Still;
 
 use super::joined::{At, Workspace};
 use super::stepper::{Equation, Stepper};
@@ -185,7 +188,14 @@ impl Contacts {
         if self.need != Need::All {
             return;
         }
-        self.list(members);
+        self.gather(members);
+        self.find(h);
+        self.make_touches(members);
+    }
+
+    /// Finds the rows of the positions and predicted displacements, for a step of `h` seconds.
+    fn find(&mut self, h: f64) {
+        self.list();
         let Some(lists) = &mut self.lists else { return };
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
         let meetings = &self.meetings;
@@ -204,12 +214,10 @@ impl Contacts {
             meeting: &|one, other| meetings.get(one, other),
         };
         self.began = self.rows.begin(&step);
-        self.make_touches(members);
     }
 
     /// Lists the pairs of the step.
-    fn list<T: Precision>(&mut self, members: &[Member<'_, T>]) {
-        self.gather(members);
+    fn list(&mut self) {
         let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
         let lists = match &mut self.lists {
             Some(lists) => lists,

@@ -87,7 +87,7 @@ impl Contacts {
     }
 
     /// Sums up the contacts, and keeps them.
-    pub(super) fn end<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
+    pub(super) fn sum_up(&mut self) {
         self.touching.clear();
         let mut responses = core::mem::take(&mut self.room.responses);
         responses.clear();
@@ -137,6 +137,11 @@ impl Contacts {
         self.report.taken += self.report.parted;
         self.room.responses = responses;
         self.report.stored = self.rows.stored();
+    }
+
+    /// Ends a step: sums up the contacts, keeps them, and gives them to the bodies for their local models.
+    pub(super) fn end<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
+        self.sum_up();
         for (body, member) in members.iter_mut().enumerate() {
             if let Some(stepper) = member.stepper.as_deref_mut().filter(|s| !s.sleeps()) {
                 let acting = self

@@ -13,6 +13,7 @@ use crate::element::precision::Precision;
 use crate::error::StepError;
 use crate::lanes::{Node, to_node, to_vec};
 use crate::motion::constraint::by_node;
+use crate::motion::joint_equation::JointEquation;
 
 /// The equation of a step. If [`joined::solve`](crate::motion::joined::solve) does not solve the equation, the step is
 /// discarded and has to begin again.
@@ -98,70 +99,63 @@ fn add<T: Precision>(place: &[u32], node: u32, value: &Vec3, to: &mut [Node<T>])
 }
 
 impl<T: Precision> Equation<'_, T> {
-    /// The norm of the residual (N) at which the body is solved, if joints load it with forces of the norm `load` (N).
-    pub(crate) fn goal(&self, load: f64) -> f64 {
-        self.stepper.options.tolerance * self.step.report.reference.max(load)
-    }
-
-    /// The most iterations.
-    pub(crate) fn most(&self) -> usize {
-        self.step.limits.max_iterations
-    }
-
     /// The displacement of a node over the step so far (m). A held node has that of its hand or support.
     pub fn displacement(&self, node: u32) -> Vec3 {
         by_node(&self.stepper.places.of, &self.stepper.cg.u)(node)
     }
+}
 
-    /// Adds a force (N) on a node to the residual. The residual on held nodes is minus the force of the hand or support.
-    pub(crate) fn load(&mut self, node: u32, force: &Vec3) {
+impl<T: Precision> JointEquation for Equation<'_, T> {
+    fn displacement(&self, node: u32) -> Vec3 {
+        Equation::displacement(self, node)
+    }
+
+    fn goal(&self, load: f64) -> f64 {
+        self.stepper.options.tolerance * self.step.report.reference.max(load)
+    }
+
+    fn most(&self) -> usize {
+        self.step.limits.max_iterations
+    }
+
+    fn load(&mut self, node: u32, force: &Vec3) {
         let Stepper { places, cg, .. } = &mut *self.stepper;
         add(&places.of, node, force, &mut cg.residual);
     }
 
-    /// The norm of the residual on free axes (N).
-    pub(crate) fn residual(&mut self) -> f64 {
+    fn residual(&mut self) -> f64 {
         self.stepper.norm()
     }
 
-    /// Preconditions the residual. Returns its product with the result.
-    pub(crate) fn precondition(&mut self) -> f64 {
+    fn precondition(&mut self) -> f64 {
         self.stepper.precondition(Solved::Step)
     }
 
-    /// Computes the next direction, from the preconditioned residual and `beta` times the direction before, and its product
-    /// with the matrix.
-    pub(crate) fn direct(&mut self, beta: f64) {
+    fn direct(&mut self, beta: f64) {
         self.stepper.direct(beta, self.step.factors.1);
     }
 
-    /// The direction at a node (m); zero at a held one.
-    pub(crate) fn direction(&self, node: u32) -> Vec3 {
+    fn direction(&self, node: u32) -> Vec3 {
         by_node(&self.stepper.places.of, &self.stepper.cg.p)(node)
     }
 
-    /// Adds to the product of the direction with the matrix (N) at a node.
-    pub(crate) fn add_product(&mut self, node: u32, value: &Vec3) {
+    fn add_product(&mut self, node: u32, value: &Vec3) {
         add(&self.stepper.places.of, node, value, &mut self.stepper.cg.q);
     }
 
-    /// The product of the direction with its product.
-    pub(crate) fn curvature(&mut self) -> f64 {
+    fn curvature(&mut self) -> f64 {
         self.stepper.curvature()
     }
 
-    /// Moves by `alpha` times the direction. Returns the norm of the residual on free axes (N).
-    pub(crate) fn advance(&mut self, alpha: f64) -> f64 {
+    fn advance(&mut self, alpha: f64) -> f64 {
         self.stepper.advance(alpha)
     }
 
-    /// Discards the direction.
-    pub(crate) fn stop(&mut self) {
+    fn stop(&mut self) {
         self.stepper.cg.p.fill([T::ZERO; 4]);
     }
 
-    /// Marks the displacement and the residual, for [`along`](Self::along) and [`back`](Self::back).
-    pub(crate) fn mark(&mut self) {
+    fn mark(&mut self) {
         let Stepper { places, cg, .. } = &mut *self.stepper;
         for (marked, of) in cg.marked.iter_mut().zip([&cg.u, &cg.residual]) {
             marked.clear();
@@ -169,8 +163,7 @@ impl<T: Precision> Equation<'_, T> {
         }
     }
 
-    /// The products (J) of the residual at the mark, and of the present one, with the displacement since the mark.
-    pub(crate) fn along(&self) -> [f64; 2] {
+    fn along(&self) -> [f64; 2] {
         let cg = &self.stepper.cg;
         let [u0, r0] = &cg.marked;
         let mut sums = [0.0; 2];
@@ -182,9 +175,7 @@ impl<T: Precision> Equation<'_, T> {
         sums
     }
 
-    /// Takes the fraction `a` of the displacement since the mark. The residual changes as much as the displacement, as that
-    /// of linear forces does.
-    pub(crate) fn back(&mut self, a: f64) {
+    fn back(&mut self, a: f64) {
         let cg = &mut self.stepper.cg;
         let a = T::of(a);
         let [u0, r0] = &cg.marked;
@@ -197,9 +188,7 @@ impl<T: Precision> Equation<'_, T> {
         }
     }
 
-    /// Lets the pairs of a tear take their forces for the present displacement. Returns whether the forces have changed by
-    /// more than the [goal](Self::goal): then the residual has, too.
-    pub(crate) fn let_go(&mut self, goal: f64) -> bool {
+    fn let_go(&mut self, goal: f64) -> bool {
         let Stepper {
             pairs, places, cg, ..
         } = &mut *self.stepper;
@@ -210,11 +199,9 @@ impl<T: Precision> Equation<'_, T> {
         changes
     }
 
-    /// Ends the solve, so that `finish` may follow. `forces` are those of the joints on nodes (N), which the residual
-    /// includes, and `load` is their norm (N); `residual` is the norm of the residual on free axes (N).
-    pub(crate) fn solved(
+    fn solved(
         &mut self,
-        forces: impl Iterator<Item = (u32, Vec3)>,
+        forces: &mut dyn Iterator<Item = (u32, Vec3)>,
         load: f64,
         iterations: usize,
         residual: f64,

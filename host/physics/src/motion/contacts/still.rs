@@ -1,0 +1,201 @@
+//! Contacts of bodies in equilibrium, and the pressure of contacts.
+//!
+//! A load step of an equilibrium takes the place of a step. Nothing has a velocity, and obstacles stay where they start. In the
+//! stiffness of a row, the stiffness of a vertex takes the place of its mass over the square of the step.
+
+use super::parts::{Owner, place};
+use super::{ContactReport, Contacts};
+use crate::Vec3;
+use crate::body::Body;
+use crate::contact::Lists;
+use crate::contact::kept::Kept;
+use crate::motion::joined::At;
+use crate::motion::joint_equation::JointEquation;
+use crate::motion::touching::{self, TouchReport};
+
+/// Length of the step that a load step takes the place of (s): masses are stiffnesses (N/m).
+const UNIT: f64 = 1.0;
+
+/// A body in a load step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Still<'a> {
+    /// The body.
+    pub(crate) body: &'a Body,
+    /// The displacements that are predicted, by node (m).
+    pub(crate) u: &'a [Vec3],
+    /// The stiffness of each node (N/m); infinite for a held one.
+    pub(crate) stiffness: &'a [f64],
+}
+
+impl Contacts {
+    /// Finds the rows of bodies. This may be called again for another prediction. Each row then has the force of no
+    /// displacement.
+    pub(crate) fn begin_still(&mut self, bodies: &[Still<'_>]) {
+        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
+            let range = part.vertices.start as usize..part.vertices.end as usize;
+            let (x, u) = (&mut self.x[range.clone()], &mut self.u[range.clone()]);
+            self.v[range.clone()].fill(Vec3::zeros());
+            match owner {
+                Owner::Body(body) => {
+                    let Still {
+                        body,
+                        u: by,
+                        stiffness,
+                    } = bodies[*body];
+                    let count = x.len().min(body.node_positions().len());
+                    x[..count].copy_from_slice(&body.node_positions()[..count]);
+                    u[..count].copy_from_slice(&by[..count]);
+                    self.mass[range][..count].copy_from_slice(&stiffness[..count]);
+                }
+                Owner::Obstacle(number) => {
+                    place(&self.obstacles[*number], 0.0, x);
+                    u.fill(Vec3::zeros());
+                }
+            }
+        }
+        for (placed, number) in self.shapes.iter_mut().zip(&self.of_shapes) {
+            placed.start = self.obstacles[*number].pose(0.0);
+            placed.end = placed.start;
+        }
+        self.find(UNIT);
+        let mut touches = core::mem::take(&mut self.touches);
+        touching::fill(&mut touches, self.rows.contacts(), &|vertex| {
+            self.at(vertex)
+        });
+        self.touches = touches;
+        self.of_row.clear();
+        self.of_row.extend(0..self.touches.len());
+        self.report = ContactReport {
+            counts: self.lists.as_ref().map(Lists::counts).unwrap_or_default(),
+            rows: self.began,
+            ..ContactReport::default()
+        };
+    }
+
+    /// Solves the bodies with their rows. The multipliers are carried on `updates` times.
+    pub(crate) fn solve_still<E: JointEquation>(
+        &mut self,
+        bodies: &mut [Option<E>],
+        updates: usize,
+    ) -> TouchReport {
+        let report = touching::solve(
+            bodies,
+            &mut self.touches,
+            updates,
+            &mut self.room,
+            &mut || false,
+        );
+        self.report.solved = report;
+        report
+    }
+
+    /// Finds the fractions of the displacements with which nothing crosses. Returns how many vertices have less than the whole.
+    pub(crate) fn shorten_still(&mut self, displacements: &[&[Vec3]]) -> usize {
+        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
+            if let Owner::Body(body) = owner {
+                let u = &mut self.u[part.vertices.start as usize..part.vertices.end as usize];
+                let count = u.len().min(displacements[*body].len());
+                u[..count].copy_from_slice(&displacements[*body][..count]);
+            }
+        }
+        self.shorten();
+        self.fractions.iter().filter(|part| **part < 1.0).count()
+    }
+
+    /// The fractions of the nodes of a body; those of nodes that are not listed are 1.
+    pub(crate) fn fractions(&self, body: usize) -> &[f64] {
+        match self.part_of_body(body) {
+            Some(part) => {
+                let vertices = &self.surfaces.parts[part].vertices;
+                &self.fractions[vertices.start as usize..vertices.end as usize]
+            }
+            None => &[],
+        }
+    }
+
+    /// Keeps the forces of the solution for the next load step.
+    pub(crate) fn end_still(&mut self) {
+        self.sum_up();
+    }
+
+    /// Calls `add` with the force of each contact on each of its nodes (N).
+    pub(crate) fn each_force(&self, add: &mut dyn FnMut(At, Vec3)) {
+        for touch in &self.touches {
+            let force = touch.force();
+            for (at, weight) in touch.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
+                add(*at, force * *weight);
+            }
+        }
+    }
+
+    /// What the contacts keep.
+    pub(crate) fn kept(&self) -> Vec<Kept> {
+        self.rows.kept()
+    }
+
+    /// Takes back what contacts kept at another time.
+    pub(crate) fn go_back_to(&mut self, kept: &[Kept]) {
+        self.rows.go_back_to(kept);
+    }
+
+    fn part_of_body(&self, body: usize) -> Option<usize> {
+        (self.owners.iter()).position(|owner| *owner == Owner::Body(body))
+    }
+
+    /// Adds what the contacts of the last step press on each vertex of a body to `found`, which is empty.
+    pub fn press(&self, body: usize, found: &mut Vec<Pressed>) {
+        let Some(part) = self
+            .part_of_body(body)
+            .map(|part| &self.surfaces.parts[part])
+        else {
+            return;
+        };
+        found.resize(part.vertices.len(), Pressed::default());
+        for touch in &self.touches {
+            let own = (touch.nodes.iter()).filter(|(at, weight)| at.body == body && *weight != 0.0);
+            for (at, weight) in own {
+                found[at.node as usize].force += touch.response.normal * weight.abs();
+            }
+        }
+        let at = |vertex: u32| &self.x[vertex as usize];
+        let mut share = |vertices: &[u32], area: f64| {
+            for vertex in vertices {
+                let own = &mut found[(vertex - part.vertices.start) as usize];
+                own.area += area / vertices.len() as f64;
+            }
+        };
+        for number in part.triangles.clone() {
+            let corners = self.surfaces.triangles[number as usize];
+            let [a, b, c] = corners.map(at);
+            share(&corners, 0.5 * (b - a).cross(&(c - a)).norm());
+        }
+        if part.triangles.is_empty() {
+            for number in part.edges.clone() {
+                let ends = self.surfaces.edges[number as usize];
+                let [a, b] = ends.map(at);
+                share(&ends, 2.0 * part.radius * (b - a).norm());
+            }
+        }
+    }
+}
+
+/// What contacts press on a vertex.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pressed {
+    /// The sum of the normal forces on the vertex, by size (N).
+    pub force: f64,
+    /// A third of the area of its triangles, or half of that of the segments of a thread, as wide as their diameter (m²);
+    /// 0 inside a solid.
+    pub area: f64,
+}
+
+impl Pressed {
+    /// Force over area (Pa); 0 without an area.
+    pub fn pressure(&self) -> f64 {
+        if self.area > 0.0 {
+            self.force / self.area
+        } else {
+            0.0
+        }
+    }
+}
