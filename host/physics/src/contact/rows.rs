@@ -287,6 +287,15 @@ impl Rows {
             }
             _ => pair,
         };
+        let is_flat = match pair {
+            Pair::VertexTriangle(vertex, _) => surfaces.flat_vertices[vertex as usize],
+            Pair::EdgeEdge(a, b) => {
+                surfaces.flat_edges[a as usize] || surfaces.flat_edges[b as usize]
+            }
+        };
+        if is_flat {
+            return;
+        }
         let vertices = pair.vertices(surfaces);
         let parts = [vertices[0], vertices[3]].map(|v| self.part_of[v as usize] as usize);
         let Some(meeting) = (step.meeting)(parts[0], parts[1]) else {

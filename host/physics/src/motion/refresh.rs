@@ -15,6 +15,7 @@ use crate::linear::precondition::{Factorization, Preconditioner, Solves, Step};
 use crate::linear::read_ahead::Share;
 use crate::linear::sparse_cholesky::FactorCode;
 use crate::linear::step_matrix::StepMatrix;
+use crate::motion::constraint::spring::{self, Spring};
 
 /// Time over which a new factor is read ahead (s): a fraction of the time that makes the factor, so that the factor is
 /// hardly older when a step takes it. Between longer steps, caches lose what was read ahead, and a factor that is a step
@@ -39,6 +40,8 @@ pub struct Refresher<T> {
     force: Vec<Node<T>>,
     mass: Vec<f64>,
     guided: Vec<Vec3>,
+    /// The contacts in the next factor, over places.
+    contacts: Vec<Spring>,
 }
 
 impl<T: Precision> Refresher<T> {
@@ -69,6 +72,7 @@ impl<T: Precision> Refresher<T> {
             matrix,
             mass,
             guided,
+            contacts: Vec::new(),
         })
     }
 
@@ -110,6 +114,13 @@ impl<T: Precision> Refresher<T> {
         self.read = 0;
     }
 
+    /// Sets the contacts in the next factor. `place` gives the place of each node.
+    pub(crate) fn load_contacts(&mut self, contacts: &[Spring], place: &[u32]) {
+        self.contacts.clear();
+        self.contacts
+            .extend(contacts.iter().map(|contact| contact.renumbered(place)));
+    }
+
     /// The displacements (m) that were loaded: those of the free places, then those of the held places.
     pub(crate) fn state(&self) -> &[Node<T>] {
         &self.d
@@ -128,6 +139,8 @@ impl<T: Precision> Refresher<T> {
             kernel.linearize(&self.d, &mut self.force);
             kernel.add_to(&mut self.matrix);
         }
+        // The matrix of the step has the elements times this factor, and the contacts as they are.
+        spring::assemble(&self.contacts, self.factors.1.recip(), &mut self.matrix);
         let d = &self.d;
         let step = Step {
             matrix: &self.matrix,

@@ -5,6 +5,7 @@
 //! friction spring did in the step.
 
 use crate::lanes::{Node, Real, to_node};
+use crate::linear::block_matrix::BlockMatrix;
 use crate::{Mat3, Vec3};
 
 /// A spring on the sum of the displacements of nodes, by weights.
@@ -14,11 +15,22 @@ pub struct Spring {
     pub nodes: [(u32, f64); 4],
     /// Stiffness (N/m), symmetric and positive semidefinite.
     pub stiffness: Mat3,
+    /// The tangent of the contact in the step (N/m), symmetric and positive semidefinite.
+    pub tangent: Mat3,
 }
 
 impl Spring {
     fn taken(&self) -> impl Iterator<Item = (u32, f64)> {
         self.nodes.into_iter().filter(|(_, weight)| *weight != 0.0)
+    }
+
+    /// The spring with the number `place` of each node.
+    pub(crate) fn renumbered(&self, place: &[u32]) -> Self {
+        let renumber = |(node, weight): (u32, f64)| (place[node as usize], weight);
+        Self {
+            nodes: self.nodes.map(renumber),
+            ..*self
+        }
     }
 }
 
@@ -42,6 +54,27 @@ pub(crate) fn add<T: Real>(
             let sum = &mut q[of(node)];
             for i in 0..4 {
                 sum[i] += load[i];
+            }
+        }
+    }
+}
+
+/// Adds `factor` times the tangents of springs over places to a matrix. Held places are left out. A matrix lacks the blocks
+/// between the two feet of a contact of a body with itself: the feet are added each for itself, so that the sum stays positive
+/// semidefinite.
+pub(crate) fn assemble(springs: &[Spring], factor: f64, matrix: &mut BlockMatrix) {
+    let free = matrix.free() as u32;
+    for spring in springs {
+        let each = || spring.taken().filter(|(place, _)| *place < free);
+        let has_all =
+            each().all(|(row, _)| each().all(|(column, _)| matrix.slot(row, column).is_some()));
+        for (row, own) in each() {
+            for (column, other) in each() {
+                if (has_all || own * other > 0.0)
+                    && let Some(slot) = matrix.slot(row, column)
+                {
+                    matrix.add(slot, &(spring.tangent * (factor * own * other)));
+                }
             }
         }
     }

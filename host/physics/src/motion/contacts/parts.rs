@@ -4,7 +4,7 @@ use super::clearance::Clearance;
 use super::{Contacts, MOST_BODIES, ROWS_PER_VERTEX, Side};
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::obstacle::{Geometry, Obstacle};
+use crate::contact::obstacle::{Geometry, Motion, Obstacle};
 use crate::contact::shape::Shape;
 use crate::contact::{Meeting, Placed, Rows, Skin, Surfaces};
 use crate::mesh::{Mesh, MeshError, TriMesh};
@@ -24,6 +24,8 @@ pub(super) struct Source {
     pub(super) mesh: Mesh,
     pub(super) skin: Skin,
     pub(super) tears: bool,
+    /// Whether it keeps the shape of the mesh.
+    pub(super) is_rigid: bool,
 }
 
 impl Source {
@@ -35,13 +37,21 @@ impl Source {
             mesh.positions.extend_from_slice(&body.model.rest);
             (mesh.positions).resize(surface.limits().vertices, Vec3::zeros());
         }
-        Self { mesh, skin, tears }
+        Self {
+            mesh,
+            skin,
+            tears,
+            is_rigid: false,
+        }
     }
 
     pub(super) fn add_to(&self, surfaces: &mut Surfaces) -> Result<(), MeshError> {
         let part = surfaces.add(&self.mesh, self.skin)?;
         if self.tears {
             surfaces.tears(part, self.mesh.positions());
+        }
+        if self.is_rigid {
+            surfaces.is_rigid(part, self.mesh.positions())?;
         }
         Ok(())
     }
@@ -140,6 +150,7 @@ impl Contacts {
                 mesh: Mesh::Sheet(TriMesh::new(positions, triangles)?),
                 skin,
                 tears: false,
+                is_rigid: !matches!(obstacle.motion(), Motion::Frames(_)),
             };
             source.add_to(&mut self.surfaces)?;
             self.sources.push(source);

@@ -161,13 +161,14 @@ fn spring(touch: &Touch, body: usize) -> Option<Spring> {
     touch.nodes.iter().any(is_own).then(|| {
         let row = &touch.row;
         let along: Mat3 = row.normal * row.normal.transpose();
+        let tangent = row.tangent(&touch.response);
         Spring {
             nodes: touch.nodes.map(|node| {
                 let weight = if is_own(&node) { node.1 } else { 0.0 };
                 (node.0.node, weight)
             }),
-            stiffness: row.tangent(&touch.response)
-                + along * (row.normal_stiffness * (RIGID - 1.0)),
+            stiffness: tangent + along * (row.normal_stiffness * (RIGID - 1.0)),
+            tangent,
         }
     })
 }

@@ -90,6 +90,7 @@ impl<T: Precision> Stepper<T> {
         if let Some(refresher) = &mut self.factor.refresher {
             let (d, places) = (&self.elements.d, &self.places);
             refresher.load((d, places.free, places.held), factors);
+            refresher.load_contacts(&self.contacts, &places.of);
             refresher.work()?;
             let is_first = self.factor.factors.is_none();
             self.factor.factors = refresher.exchange(&mut self.factor.solves);
@@ -117,6 +118,7 @@ impl<T: Precision> Stepper<T> {
         let mut refresher = self.factor.refresher.take()?;
         let (d, places) = (&self.elements.d, &self.places);
         refresher.load((d, places.free, places.held), factors);
+        refresher.load_contacts(&self.contacts, &places.of);
         Some(refresher)
     }
 
