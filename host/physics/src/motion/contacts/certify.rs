@@ -27,7 +27,7 @@ impl Contacts {
         }
         self.shorten();
         let stopped = self.mass.iter().zip(&self.u).zip(&self.fractions);
-        let stopped = stopped.filter(|(_, fraction)| **fraction < 1.0);
+        let stopped = stopped.filter(|((mass, _), fraction)| mass.is_finite() && **fraction < 1.0);
         let twice = stopped
             .map(|((mass, u), fraction)| mass * u.norm_squared() * (1.0 - fraction * fraction));
         self.report.stopped = 0.5 * twice.sum::<f64>() / (self.h * self.h);
