@@ -31,6 +31,8 @@ pub(super) struct ContactArguments {
 enum SectionName {
     /// Rest, sliding, belts, energy, lists and throws, each with what is asked for
     Aims,
+    /// The force at the hand under slow hosts: pressed on a floor, on another body, on itself
+    Hand,
     /// The processor time of detection, rows, solve and certificate
     Cost,
 }
@@ -43,6 +45,7 @@ pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
         .check()?;
     let section = arguments.part.map(|part| match part {
         SectionName::Aims => Section::Aims,
+        SectionName::Hand => Section::Hand,
         SectionName::Cost => Section::Cost,
     });
     let found = with_bar(|progress| {

@@ -1,10 +1,11 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
 //! Each aim is a line with the most that is asked for and what was measured (`rest`, `motions`, `throws`). A line that is not
-//! reached is printed as it is. Times are no aims (`cost`).
+//! reached is printed as it is (`hand` too). Times are no aims (`cost`).
 
 mod aim;
 mod cost;
+mod hand;
 mod motions;
 mod rest;
 mod tables;
@@ -13,6 +14,7 @@ mod world;
 
 pub use aim::Aim;
 pub use cost::Cost;
+pub use hand::HandCell;
 
 use crate::{Level, StudyError};
 use serde::Serialize;
@@ -22,6 +24,8 @@ use serde::Serialize;
 pub enum Section {
     /// Rest, sliding, belts, energy, lists and throws.
     Aims,
+    /// The force at the hand under slow hosts.
+    Hand,
     /// The processor time of the stages.
     Cost,
 }
@@ -37,6 +41,8 @@ pub struct ContactStudy {
     pub seed: u64,
     /// The aims; empty if this part did not run.
     pub aims: Vec<Aim>,
+    /// What hands feel of slow hosts; empty if this part did not run.
+    pub hands: Vec<HandCell>,
     /// The times; empty if this part did not run.
     pub costs: Vec<Cost>,
 }
@@ -56,17 +62,23 @@ pub fn run(
         level,
         seed,
         aims: Vec::new(),
+        hands: Vec::new(),
         costs: Vec::new(),
     };
-    if only != Some(Section::Cost) {
+    let runs = |section: Section| only.is_none_or(|only| only == section);
+    if runs(Section::Aims) {
         let aims = &mut found.aims;
         rest::run(level, &mut |done| progress(0.1 * done), aims)?;
         motions::run(level, aims)?;
         progress(0.2);
-        throws::run(level, seed, &mut |done| progress(0.2 + 0.5 * done), aims)?;
+        throws::run(level, seed, &mut |done| progress(0.2 + 0.4 * done), aims)?;
     }
-    if only != Some(Section::Aims) {
-        found.costs = cost::run(level, &mut |done| progress(0.7 + 0.3 * done))?;
+    if runs(Section::Hand) {
+        let aims = &mut found.aims;
+        found.hands = hand::run(level, &mut |done| progress(0.6 + 0.2 * done), aims)?;
+    }
+    if runs(Section::Cost) {
+        found.costs = cost::run(level, &mut |done| progress(0.8 + 0.2 * done))?;
     }
     Ok(found)
 }

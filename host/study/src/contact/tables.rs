@@ -1,6 +1,6 @@
 //! The tables and the picture of the study.
 
-use super::{ContactStudy, Cost};
+use super::{ContactStudy, Cost, HandCell};
 use crate::Results;
 use host::plot::{self, Marker, Panel, Picture, Scale, Series};
 
@@ -29,6 +29,10 @@ impl Results for ContactStudy {
                 );
             }
         }
+        if !self.hands.is_empty() {
+            put!(text);
+            put_hands(&mut text, &self.hands);
+        }
         if !self.costs.is_empty() {
             if !self.aims.is_empty() {
                 put!(text);
@@ -40,6 +44,36 @@ impl Results for ContactStudy {
 
     fn picture(&self) -> Option<Picture> {
         (!self.costs.is_empty()).then(|| chart(&self.costs))
+    }
+}
+
+fn put_hands(text: &mut String, cells: &[HandCell]) {
+    put!(
+        text,
+        "Force at the hand, against a host that steps in every tick\n"
+    );
+    put!(
+        text,
+        "| pressed | steps Hz | models Hz | rows | peak N | largest error % | at s | RMS % | hold % | jump mN | tick mN | faults |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for cell in cells {
+        let rows = if cell.limited { "yes" } else { "no" };
+        put!(
+            text,
+            "| {} | {:.0} | {:.1} | {rows} | {:.2} | {:.2} | {:.3} | {:.2} | {:.2} | {:.1} | {:.1} | {} |",
+            cell.pressed,
+            cell.step_rate,
+            cell.publish_rate,
+            cell.peak,
+            1e2 * cell.worst,
+            cell.time,
+            1e2 * cell.rms,
+            1e2 * cell.hold,
+            1e3 * cell.jump,
+            1e3 * cell.tick,
+            cell.faults
+        );
     }
 }
 

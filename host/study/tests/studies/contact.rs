@@ -26,3 +26,10 @@ fn a_part_runs_alone() {
     let found = run(Level::Quick, Some(Section::Cost), 1, &mut |_| {}).unwrap();
     assert!(found.aims.is_empty() && !found.costs.is_empty());
 }
+
+#[test]
+fn hands_feel_contact() {
+    let found = run(Level::Quick, Some(Section::Hand), 1, &mut |_| {}).unwrap();
+    println!("{}", found.tables());
+    assert!(!found.hands.is_empty() && found.hands.iter().all(|cell| cell.faults == 0));
+}
