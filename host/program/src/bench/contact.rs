@@ -33,6 +33,8 @@ enum SectionName {
     Aims,
     /// Bodies in equilibrium: a pressed patch, and the law of Hertz
     Between,
+    /// The force at the hand under slow hosts: pressed on a floor, on another body, on itself
+    Hand,
     /// The processor time of detection, rows, solve and certificate
     Cost,
 }
@@ -46,6 +48,7 @@ pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
     let section = arguments.part.map(|part| match part {
         SectionName::Aims => Section::Aims,
         SectionName::Between => Section::Between,
+        SectionName::Hand => Section::Hand,
         SectionName::Cost => Section::Cost,
     });
     let found = with_bar(|progress| {

@@ -1,12 +1,13 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
 //! Each aim is a line with the most that is asked for and what was measured (`rest`, `lists`, `measures`, `throws`). A line that
-//! is not reached is printed as it is. `between` has the aims of bodies in equilibrium. Times are no aims (`cost`).
+//! is not reached is printed as it is. `hand` has the force at the hand, `between` has the aims of bodies in equilibrium. Times are no aims (`cost`).
 
 mod aim;
 mod between;
 mod cost;
 pub(crate) mod crossings;
+mod hand;
 mod lists;
 mod measures;
 mod motions;
@@ -17,6 +18,7 @@ mod world;
 
 pub use aim::{Aim, Side};
 pub use cost::{Cost, Share};
+pub use hand::HandCell;
 pub use measures::Measured;
 
 use crate::speed::Machine;
@@ -30,6 +32,8 @@ pub enum Section {
     Aims,
     /// Equilibria: a pressed patch, and the law of Hertz.
     Between,
+    /// The force at the hand under slow hosts.
+    Hand,
     /// The processor time of the stages.
     Cost,
 }
@@ -49,6 +53,8 @@ pub struct ContactStudy {
     pub measures: Vec<Measured>,
     /// The machine of the times; `null` if they were not taken.
     pub machine: Option<Machine>,
+    /// What hands feel of slow hosts; empty if this part did not run.
+    pub hands: Vec<HandCell>,
     /// The times; empty if this part did not run.
     pub costs: Vec<Cost>,
 }
@@ -69,6 +75,7 @@ pub fn run(
         seed,
         aims: Vec::new(),
         measures: Vec::new(),
+        hands: Vec::new(),
         machine: None,
         costs: Vec::new(),
     };
@@ -79,14 +86,18 @@ pub fn run(
         lists::run(level, aims)?;
         found.measures = measures::run(level, aims)?;
         progress(0.2);
-        throws::run(level, seed, &mut |done| progress(0.2 + 0.5 * done), aims)?;
+        throws::run(level, seed, &mut |done| progress(0.2 + 0.4 * done), aims)?;
     }
     if runs(Section::Between) {
         between::run(
             level,
-            &mut |done| progress(0.7 + 0.1 * done),
+            &mut |done| progress(0.6 + 0.1 * done),
             &mut found.aims,
         )?;
+    }
+    if runs(Section::Hand) {
+        let aims = &mut found.aims;
+        found.hands = hand::run(level, &mut |done| progress(0.7 + 0.1 * done), aims)?;
     }
     if runs(Section::Cost) {
         found.machine = Some(Machine::here());

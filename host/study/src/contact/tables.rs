@@ -1,7 +1,7 @@
 //! The tables and the picture of the study.
 
 use super::aim::Side;
-use super::{ContactStudy, Cost, Measured, Share};
+use super::{ContactStudy, Cost, HandCell, Measured, Share};
 use crate::Results;
 use host::plot::{self, Marker, Panel, Picture, Scale, Series};
 
@@ -36,6 +36,10 @@ impl Results for ContactStudy {
         }
         if !self.measures.is_empty() {
             put_measures(&mut text, &self.measures);
+        }
+        if !self.hands.is_empty() {
+            put!(text);
+            put_hands(&mut text, &self.hands);
         }
         if let Some(machine) = &self.machine {
             if !text.is_empty() {
@@ -77,6 +81,36 @@ fn put_measures(text: &mut String, rows: &[Measured]) {
             row.near,
             row.missed,
             short(1e6 * row.deepest)
+        );
+    }
+}
+
+fn put_hands(text: &mut String, cells: &[HandCell]) {
+    put!(
+        text,
+        "Force at the hand, against a host that steps in every tick\n"
+    );
+    put!(
+        text,
+        "| pressed | steps Hz | models Hz | rows | peak N | largest error % | at s | RMS % | hold % | jump mN | tick mN | faults |"
+    );
+    put!(text, "|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for cell in cells {
+        let rows = if cell.limited { "yes" } else { "no" };
+        put!(
+            text,
+            "| {} | {:.0} | {:.1} | {rows} | {:.2} | {:.2} | {:.3} | {:.2} | {:.2} | {:.1} | {:.1} | {} |",
+            cell.pressed,
+            cell.step_rate,
+            cell.publish_rate,
+            cell.peak,
+            1e2 * cell.worst,
+            cell.time,
+            1e2 * cell.rms,
+            1e2 * cell.hold,
+            1e3 * cell.jump,
+            1e3 * cell.tick,
+            cell.faults
         );
     }
 }

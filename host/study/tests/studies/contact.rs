@@ -23,3 +23,10 @@ fn contact_holds_its_aims() {
     assert_eq!(found.costs.len(), 13);
     assert!(text.contains("| two sheets land |") && found.picture().is_some());
 }
+
+#[test]
+fn hands_feel_contact() {
+    let found = run(Level::Quick, Some(Section::Hand), 1, &mut |_| {}).unwrap();
+    println!("{}", found.tables());
+    assert!(!found.hands.is_empty() && found.hands.iter().all(|cell| cell.faults == 0));
+}

@@ -3,26 +3,16 @@
 //! Some hosts make the same steps as the reference and publish rarely: their error is that of the extrapolation. The
 //! other hosts also step rarely: their error contains that of the long steps, after which the tear is elsewhere.
 //!
-//! The hands follow the waypoints of the scene, so every host meets the same motion. A coupling with the scheme `capped`
-//! renders the models of each host, with the limit that tears set to the extrapolation and without it. There is no
-//! device, no latency and no encoder.
+//! The models of each host are rendered with the limit that tears set to the extrapolation, and without it.
 
-use super::hands::Hands;
 use crate::StudyError;
-use host::engine::Engine;
-use host::engine::build::{self, BuildOptions};
-use host::engine::pacer::Pacer;
+use crate::hands::Hands;
+use crate::slow_host::{Forces, SlowHost, TICK, unlimited, whole};
 use host::engine::stats::WallStopwatch;
 use host::scene::LoadedScene;
 use host::world::World;
-use rt_core::coupling::{Coupling, CouplingConfig, Passed};
-use rt_core::{
-    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Scheme, TearLimit, Vec6, Wrench,
-};
 use serde::Serialize;
 
-/// Period of the tick (s).
-const TICK: f64 = 1e-3;
 /// Steps a second (Hz) of the hosts, and the steps for each publication. The last is the reference.
 pub const HOSTS: [(f64, u64); 7] = [
     (1000.0, 16),
@@ -78,83 +68,10 @@ pub struct Feel {
     pub cells: Vec<Cell>,
 }
 
-/// One host with its couplings.
-struct Rival {
-    engine: Engine,
-    pacer: Pacer,
-    couplings: Vec<Coupling>,
-    /// The force on each hand (N) in each tick, by coupling.
-    forces: [Vec<[rt_core::Vec3; 2]>; 2],
-}
-
-impl Rival {
-    fn new(loaded: &LoadedScene, (rate, steps): (f64, u64)) -> Result<Self, StudyError> {
-        let mut loaded = loaded.clone();
-        let host = &mut loaded.scene.host;
-        (host.step_rate, host.publish_rate, host.latency) = (rate, rate / steps as f64, 0.0);
-        let coupling = || {
-            Coupling::new(CouplingConfig {
-                scheme: Scheme::Capped,
-                period: TICK,
-                blend: 0.5,
-                // Models are never late here.
-                age_limit: 1.0,
-                decay: 0.1,
-                recovery: 0.1,
-                hold_damping: [0.0; MAX_DEVICES],
-                passivity: PassivityConfig::new(TICK),
-            })
-        };
-        Ok(Self {
-            engine: Engine::new(build::bodies(
-                &World::new(&loaded)?,
-                BuildOptions::default(),
-            )?),
-            pacer: Pacer::new(rate, steps),
-            couplings: vec![coupling(), coupling()],
-            forces: [Vec::new(), Vec::new()],
-        })
-    }
-
-    /// Makes the steps that are due by the time of the tick, and renders.
-    fn tick(&mut self, hands: &Hands, number: u64, time_ns: u64, watch: &WallStopwatch) {
-        self.engine.follow(&hands.record(number, time_ns));
-        while self.pacer.next_ns() <= time_ns {
-            let due = self.pacer.begin(self.pacer.next_ns());
-            let [free, limited] = self.couplings.as_mut_slice() else {
-                return;
-            };
-            self.engine.step(due, watch, &mut |_, model| {
-                // A refusal would appear as an error of the force.
-                let _ = free.accept(&unlimited(model));
-                let _ = limited.accept(model);
-            });
-        }
-        let poses = hands.at(time_ns as f64 * 1e-9);
-        for (coupling, forces) in self.couplings.iter_mut().zip(&mut self.forces) {
-            let wrenches: [Wrench; MAX_HANDLES] = coupling.tick(time_ns, &poses);
-            let mut held = [Wrench::zero(); MAX_DEVICES];
-            for (held, wrench) in held.iter_mut().zip(&wrenches).take(poses.len()) {
-                *held = *wrench;
-            }
-            coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
-            forces.push([0, 1].map(|hand| wrenches[hand].force));
-        }
-    }
-
-    fn area(&self) -> f64 {
-        self.engine.stats().tears.iter().map(|tear| tear.area).sum()
-    }
-}
-
-/// The model without the limit of the tears.
-fn unlimited(model: &LocalModel) -> LocalModel {
-    let mut model = *model;
-    model.head.tear_limit = TearLimit::none();
-    for handle in &mut model.handles {
-        handle.tear_slope = Vec6::zeros();
-    }
-    model
+/// The torn area (m2).
+fn area(host: &SlowHost) -> f64 {
+    let tears = host.engine.stats().tears.iter();
+    tears.map(|tear| tear.area).sum()
 }
 
 /// Runs the scene for at most `most` seconds.
@@ -164,8 +81,11 @@ fn unlimited(model: &LocalModel) -> LocalModel {
 pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Feel, StudyError> {
     let duration = loaded.scene.duration.min(most);
     let ticks = (duration / TICK).round() as u64;
-    let rivals = HOSTS.iter().map(|host| Rival::new(loaded, *host));
-    let mut rivals: Vec<Rival> = rivals.collect::<Result<_, _>>()?;
+    let changes = [unlimited, whole];
+    let rivals = HOSTS
+        .iter()
+        .map(|host| SlowHost::new(loaded, *host, &changes));
+    let mut rivals: Vec<SlowHost> = rivals.collect::<Result<_, _>>()?;
     let Some(reference) = rivals.last() else {
         return Ok(empty(loaded));
     };
@@ -192,14 +112,14 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
         return Ok(empty(loaded));
     };
     let span = first..=last;
-    let exact = &reference.forces[1][span.clone()];
+    let exact = &hands_of(&reference.forces(1)[span.clone()]);
     let norms = exact.iter().flatten().map(rt_core::Vec3::norm);
     let plateau = norms.sum::<f64>() / (2 * exact.len()) as f64;
-    let area = reference.area();
+    let torn = area(reference);
     let mut cells = Vec::new();
     for (rival, (rate, steps)) in rivals.iter().zip(HOSTS) {
         for limited in [false, true] {
-            let forces = &rival.forces[usize::from(limited)][span.clone()];
+            let forces = &hands_of(&rival.forces(usize::from(limited))[span.clone()]);
             let pairs = forces.iter().flatten().zip(exact.iter().flatten());
             let mut errors: Vec<f64> = pairs.map(|(force, exact)| (force - exact).norm()).collect();
             errors.sort_by(f64::total_cmp);
@@ -224,7 +144,7 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
                 ripple: ripple(&|at, hand| forces[at][hand]),
                 error_ripple: ripple(&|at, hand| forces[at][hand] - exact[at][hand]),
                 torn: rival.engine.stats().torn,
-                area: rival.area() / area,
+                area: area(rival) / torn,
                 faults: rival.engine.stats().faults,
             });
         }
@@ -235,6 +155,11 @@ pub fn run(loaded: &LoadedScene, most: f64, progress: &dyn Fn(f64)) -> Result<Fe
         window: [first, last].map(|tick| (tick + 1) as f64 * TICK),
         cells,
     })
+}
+
+/// The forces on the first two hands.
+fn hands_of(forces: &[Forces]) -> Vec<[rt_core::Vec3; 2]> {
+    forces.iter().map(|forces| [forces[0], forces[1]]).collect()
 }
 
 /// The result if nothing tears.

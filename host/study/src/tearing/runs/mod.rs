@@ -4,11 +4,9 @@
 //! - [`figure`]: the force over a tear (thesis, figure 4.7).
 //! - [`table`]: the times of the steps (thesis, table 4.1).
 //! - [`feel`]: the force of slow hosts against that of a host that steps in every tick.
-//! - `hands`: hands that follow the waypoints of a scene exactly, so that all hosts of a comparison meet the same motion.
 
 pub mod feel;
 pub mod figure;
-mod hands;
 pub mod table;
 mod tables;
 

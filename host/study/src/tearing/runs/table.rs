@@ -4,8 +4,8 @@
 //! factors are made on other threads. The time is the processor time of the thread that steps, so other programs do not
 //! count. The hands follow the waypoints of the scene.
 
-use super::hands::Hands;
 use crate::StudyError;
+use crate::hands::Hands;
 use crate::speed::clock::{Times, cpu_time};
 use host::engine::Engine;
 use host::engine::build::{self, BuildOptions};

@@ -18,14 +18,17 @@ struct Path {
     scale: f64,
 }
 
+/// Pose and twist of a hand, by device.
+pub(crate) type Poses = [(Pose, Twist); MAX_DEVICES];
+
 /// The hands of all bodies of a scene, in the order of the handles.
-pub(super) struct Hands {
+pub(crate) struct Hands {
     paths: Vec<Path>,
 }
 
 impl Hands {
     /// The hands of the world, at the handles of the bodies of `engine`, which are at rest.
-    pub(super) fn new(world: &World<'_>, engine: &Engine) -> Self {
+    pub(crate) fn new(world: &World<'_>, engine: &Engine) -> Self {
         let scene = &world.loaded.scene;
         let mut paths = Vec::new();
         for (spec, body) in scene.bodies.iter().zip(engine.bodies()) {
@@ -59,7 +62,7 @@ impl Hands {
     }
 
     /// Pose and twist of each hand at `time` (s), in the order of the handles.
-    pub(super) fn at(&self, time: f64) -> Vec<(Pose, Twist)> {
+    pub(crate) fn at(&self, time: f64) -> Vec<(Pose, Twist)> {
         let each = self.paths.iter().map(|path| {
             let (moved, velocity) = path.trajectory.at(time);
             let pose = Pose {
@@ -75,8 +78,19 @@ impl Hands {
         each.collect()
     }
 
+    /// Pose and twist of the hand of each device at `time` (s).
+    pub(crate) fn by_device(&self, time: f64) -> Poses {
+        let mut poses = [(Pose::identity(), Twist::zero()); MAX_DEVICES];
+        for (path, hand) in self.paths.iter().zip(self.at(time)) {
+            if let Some(pose) = poses.get_mut(path.device) {
+                *pose = hand;
+            }
+        }
+        poses
+    }
+
     /// The direction in which each hand moves from the start until `time` (s): of unit length, or zero.
-    pub(super) fn directions(&self, time: f64) -> Vec<Vec3> {
+    pub(crate) fn directions(&self, time: f64) -> Vec<Vec3> {
         let each = self.paths.iter().map(|path| {
             let moved = path.rotation * path.trajectory.at(time).0;
             moved.try_normalize(0.0).unwrap_or_default()
@@ -85,7 +99,7 @@ impl Hands {
     }
 
     /// The record of the tick of this number and time (ns).
-    pub(super) fn record(&self, tick: u64, time_ns: u64) -> TickRecord {
+    pub(crate) fn record(&self, tick: u64, time_ns: u64) -> TickRecord {
         let mut record = TickRecord {
             tick,
             time_ns,
