@@ -87,19 +87,20 @@ pub(super) fn all(cells: u32) -> Result<Vec<Scene>, StudyError> {
             vec![flat([0.2, 0.1], [2 * cells, cells], 0.0)?],
             fold,
         )?,
-        Scene::new(
-            "poke",
-            vec![
-                flat([0.2, 0.2], [cells, cells], 0.0)?,
-                flat([0.2, 0.2], [cells, cells], 22e-3)?,
-            ],
-            |is_upper, x, t| {
-                let bump = libm::exp(-(x.x * x.x + x.y * x.y) / (2.0 * 0.012 * 0.012));
-                let deep = if is_upper { 0.3 * t * bump } else { 0.0 };
-                x - Vec3::z() * deep
-            },
-        )?,
+        poke("poke", 22e-3, cells)?,
+        poke("deep poke", 6e-3, cells)?,
     ])
+}
+
+/// A hand pushes a bump of the upper one of two sheets, with a `gap` (m) between them, down at 0.3 m/s.
+fn poke(name: &'static str, gap: f64, cells: u32) -> Result<Scene, StudyError> {
+    let sheets = [0.0, gap].map(|z| flat([0.2, 0.2], [cells, cells], z));
+    let sheets = sheets.into_iter().collect::<Result<_, _>>()?;
+    Scene::new(name, sheets, |is_upper, x, t| {
+        let bump = libm::exp(-(x.x * x.x + x.y * x.y) / (2.0 * 0.012 * 0.012));
+        let deep = if is_upper { 0.3 * t * bump } else { 0.0 };
+        x - Vec3::z() * deep
+    })
 }
 
 fn flat(size: [f64; 2], cells: [u32; 2], z: f64) -> Result<TriMesh, SheetError> {

@@ -26,7 +26,11 @@ impl Spring {
 
     /// The spring with the number `place` of each node.
     pub(crate) fn renumbered(&self, place: &[u32]) -> Self {
-        let renumber = |(node, weight): (u32, f64)| (place[node as usize], weight);
+        // A node without a weight may be one of another body.
+        let renumber = |(node, weight): (u32, f64)| {
+            let is_own = weight != 0.0;
+            (if is_own { place[node as usize] } else { 0 }, weight)
+        };
         Self {
             nodes: self.nodes.map(renumber),
             ..*self
