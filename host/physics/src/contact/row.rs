@@ -36,6 +36,8 @@ pub struct Row {
     pub motion: Vec3,
     /// Coefficient of friction.
     pub friction: f64,
+    /// The depth that the contact may have (m): beyond it, the multiplier is carried on within the step.
+    pub depth: f64,
     /// Stiffness along the normal (N/m).
     pub normal_stiffness: f64,
     /// Stiffness of the friction spring (N/m).
@@ -185,6 +187,7 @@ mod tests {
             normal: Vec3::z(),
             gap: 0.0,
             motion: Vec3::zeros(),
+            depth: 1e-5,
             friction: 0.5,
             normal_stiffness: 100.0,
             friction_stiffness: 50.0,

@@ -478,6 +478,7 @@ impl Rows {
                 gap: predicted - thickness - at.normal.dot(&at.relative),
                 motion: prescribed.map(|(v, w)| step.u[v] * -w).sum(),
                 friction,
+                depth: 0.0,
                 normal_stiffness: 0.0,
                 friction_stiffness: 0.0,
                 carried: 0.0,
@@ -617,6 +618,7 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
         report.restrung += 0.5 * row.anchored.norm_squared() * softer;
     }
     row.normal_stiffness = stiffness.normal();
+    row.depth = stiffness.depth();
     row.carried = carried(contact.forces, opening, step.h, stiffness.depth());
     if contact.is_parting {
         let speed = (-row.gap / PARTING_TIME).clamp(SLOWEST, step.parting.max(SLOWEST));

@@ -13,6 +13,8 @@ use crate::contact::Contact;
 use crate::contact::row::{Response, Row};
 use crate::{Mat3, Vec3};
 
+/// Most updates of the multipliers in a step.
+const MOST_UPDATES: usize = 6;
 /// Most passes of a step, for each update of the multipliers.
 const PASSES: usize = 12;
 /// The iterations of a pass end at this fraction of its residual.
@@ -117,7 +119,7 @@ fn load<E: JointEquation>(bodies: &mut [Option<E>], touch: &Touch, force: &Vec3)
 }
 
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
-/// step. `out_of_time` is called after each iteration; if it returns true, the step continues with the solution so far.
+/// step, and further ones do while a contact is too deep. `out_of_time` is called after each iteration; if it returns true, the step continues with the solution so far.
 pub fn solve<E: JointEquation>(
     bodies: &mut [Option<E>],
     touches: &mut [Touch],
@@ -132,7 +134,11 @@ pub fn solve<E: JointEquation>(
         touch.pass.start = ju;
         load(bodies, touch, &touch.force());
     }
-    for update in 0..=updates {
+    let is_deep = |touch: &Touch| touch.response.gap < -touch.row.depth;
+    for update in 0..=MOST_UPDATES {
+        if update > updates && !touches.iter().any(is_deep) {
+            break;
+        }
         if update > 0 {
             for touch in &mut *touches {
                 let before = touch.force();
