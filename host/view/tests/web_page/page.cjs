@@ -274,7 +274,7 @@ async function log(browser, address) {
   await page.locator(".events button").first().click();
   await until(page, () => window.__palpate.state.playback.at_ns < 60e9);
   await page.locator("#save summary").click();
-  const [csv] = await Promise.all([page.waitForEvent("download"), page.getByText("Moment as CSV").click()]);
+  const [csv] = await Promise.all([page.waitForEvent("download"), page.getByText("Still as CSV").click()]);
   assert.strictEqual(csv.suggestedFilename(), "still.csv");
   const [png] = await Promise.all([page.waitForEvent("download"), page.keyboard.press("s")]);
   assert(png.suggestedFilename().endsWith(".png"));
