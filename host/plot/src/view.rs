@@ -348,10 +348,16 @@ fn draw_shapes(
         // Each triangle is slightly larger than it is, so that no seams show.
         let corners: Vec<_> = grown(&facet.corners).into_iter().map(whole).collect();
         area.draw(&Polygon::new(corners, facet.color.filled()))?;
-        if edges && facet.edged {
+        let outline = if facet.edged {
+            edges.then(|| page::stroke(dark, 0.25))
+        } else {
+            // The thin pieces at the centre of a cap would leave seams nevertheless.
+            Some(page::stroke(facet.color, 0.5))
+        };
+        if let Some(outline) = outline {
             let corners = facet.corners.iter().chain(facet.corners.first());
             let path: Vec<_> = corners.map(|corner| whole(*corner)).collect();
-            area.draw(&PathElement::new(path, page::stroke(dark, 0.25)))?;
+            area.draw(&PathElement::new(path, outline))?;
         }
     }
     Ok(())

@@ -122,6 +122,75 @@ fn log_and_table_have_the_contacts_of_the_summary() -> Outcome {
     Ok(())
 }
 
+/// A belt that is drawn over a cylinder slips everywhere, so the ratio of the pulls of the hands is that of Euler and
+/// Eytelwein for half a turn.
+#[test]
+fn the_hands_feel_the_ratio_of_a_belt_over_a_cylinder() -> Outcome {
+    let loaded = scene("scenes/belt.toml")?;
+    let (summary, log, table) = seen(&loaded, 4.0)?;
+    let mut lines = table.lines();
+    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let pulls = ["left_force_z_N", "right_force_z_N"].map(|name| {
+        let column = names.iter().position(|found| *found == name);
+        // The hands rest from 3.5 s on.
+        let rows = table.lines().skip(1 + 3700);
+        let cells = rows.map(|row| row.split(',').nth(column?)?.parse::<f64>().ok());
+        let values: Option<Vec<f64>> = cells.collect();
+        let values = values?;
+        Some(values.iter().sum::<f64>() / values.len() as f64)
+    });
+    let [Some(slack), Some(tight)] = pulls else {
+        return Err("two columns of numbers".into());
+    };
+    assert!(slack > 0.3, "{slack} N: the belt is taut");
+    // The aim of the capstan: half a percent, for chords of 3.3 mm instead of an arc of 40 mm.
+    let euler = (0.3 * std::f64::consts::PI).exp();
+    let ratio = tight / slack;
+    assert!((ratio / euler - 1.0).abs() < 0.005, "{ratio}, {euler}");
+    // While the hands move, each contact slips.
+    let moving = log
+        .contacts
+        .iter()
+        .filter(|step| (2.6e9..3.3e9).contains(&(step.time_ns as f64)));
+    for step in moving {
+        let sum = step.sum([0, 1]);
+        assert!(sum.friction > 0.29 * sum.normal && sum.friction < 0.3001 * sum.normal);
+    }
+    assert_eq!(summary.contact.ok_or("contact")?.pairs.len(), 1);
+    Ok(())
+}
+
+/// The hand folds the note on itself while the note is whole, and tears it in two. Nothing crosses.
+#[test]
+fn a_folded_banknote_touches_itself_and_tears_through() -> Outcome {
+    let loaded = scene("scenes/folded_banknote.toml")?;
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("run.mcap");
+    let options = RunOptions {
+        duration: Some(4.3),
+        log: Some(path.clone()),
+        ..RunOptions::new(Clock::Virtual)
+    };
+    let summary = run(&World::new(&loaded)?, &options, &mut |_| ())?;
+    assert_eq!(summary.failures, Vec::<String>::new());
+    let contact = summary.contact.ok_or("a scene with contact")?;
+    assert_eq!((contact.squeezed, contact.dropped), (0, 0));
+    // A contact deeper than the thickness of the paper would have crossed it.
+    assert!(
+        contact.pairs[0].depth < 0.0003,
+        "{}",
+        contact.pairs[0].depth
+    );
+    let log = Log::parse(&fs::read(path)?)?;
+    let torn = log.tears.first().ok_or("a tear")?.time_ns;
+    let folded = log.contacts.iter().filter(|step| step.time_ns < torn);
+    let touching = folded.filter(|step| step.sum([0, 0]).count > 0).count();
+    assert!(touching > 200, "{touching} steps of 2 ms before the tear");
+    let tears = summary.tears.first().ok_or("a sheet that tears")?;
+    assert_eq!(tears.tips, 0, "the tear ran through");
+    Ok(())
+}
+
 #[test]
 fn a_scene_without_contact_has_no_channel_and_no_column() -> Outcome {
     let (_, log, table) = seen(&scene("scenes/press.toml")?, 0.1)?;

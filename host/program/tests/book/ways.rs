@@ -160,6 +160,10 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         "palpate bench tearing --part feel",
         Arguments("it takes half a minute; host/study/tests/studies/tearing_runs.rs runs a part"),
     ),
+    (
+        "palpate run host/scenes/sheet_on_sphere.toml",
+        With("--duration 0.2"),
+    ),
     ("palpate stress faults", With(CELLS)),
     ("palpate stress faults my_device.toml", With(CELLS)),
     ("palpate stress connections", With(CELLS)),
