@@ -30,12 +30,12 @@ def main():
     cloth = lines(folder / "palpate_cloth.jsonl") + lines(folder / "mujoco_cloth.jsonl")
     if cloth:
         print("\nCloth on a sphere, one thread\n")
-        print("| program | setting | triangles | step, median ms | worst ms | second ms | deepest um | at the end um | contacts |")
-        print("|---|---|---|---|---|---|---|---|---|")
+        print("| program | setting | triangles | step, median ms | worst ms | second ms | deepest um | mean um | at the end um | contacts |")
+        print("|---|---|---|---|---|---|---|---|---|---|")
         for row in cloth:
             print(
                 f"| {row['program']} | {row['setting']} | {row['triangles']} | {row['median_ms']:.2f} | {row['worst_ms']:.2f} "
-                f"| {row['second_ms']:.0f} | {row['deepest_um']:.1f} | {row['end_um']:.1f} | {row['contacts']} |"
+                f"| {row['second_ms']:.0f} | {row['deepest_um']:.1f} | {row['mean_um']:.1f} | {row['end_um']:.1f} | {row['contacts']} |"
             )
 
 

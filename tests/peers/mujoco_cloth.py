@@ -88,6 +88,7 @@ def run(setting):
         "worst_ms": 1e3 * max(times),
         "second_ms": 1e3 * sum(times) / DURATION,
         "deepest_um": 1e6 * max(depths),
+        "mean_um": 1e6 * float(np.mean(depths)),
         "end_um": 1e6 * depths[-1],
         "contacts": int(data.ncon),
     }

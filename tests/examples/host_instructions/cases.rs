@@ -1,17 +1,26 @@
-//! The counted calls: steps of the fast path, the work beside them, the assembled step, and the springs of a publication.
+//! The counted calls: steps of the fast path, the work beside them, the assembled step, a whole step of the host, and the
+//! springs of a publication.
 //!
 //! The number of iterations is fixed at the number that a tolerance of 1e-6 needs here, to within one. Counts then
 //! depend on the code only, and do not jump where rounding moves a residual below its tolerance. The remaining residual
 //! is checked against [`MOST_RESIDUAL`], so that every counted call solves its problem.
 
+use host::engine::Engine;
+use host::engine::build::{BuildOptions, bodies};
+use host::engine::contact::Contact;
+use host::engine::pacer::Due;
+use host::engine::stats::Stopwatch;
 use host::engine::stiff::{Renderable, SeriesSprings};
+use host::scene::Scene;
+use host::world::World;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Border, Budget, Freedom, HandlePose, HandleSpec, Material, Precision,
     ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
-use rt_core::{LocalModel, Mat6};
+use rt_core::{LocalModel, Mat6, Pose, TickRecord};
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::hint::black_box;
 
@@ -43,7 +52,7 @@ pub(crate) type Prepare = fn() -> Result<Case, Failure>;
 
 /// Name and preparation of each case of the table: the kinds of elements, the laws, the precisions, a model, a factor,
 /// and the springs of a publication at their largest number.
-pub(crate) const GATE: [(&str, Prepare); 12] = [
+pub(crate) const GATE: [(&str, Prepare); 14] = [
     ("step, solid, f64", || step::<f64>(solid(6, false)?)),
     ("step, solid, f32", || step::<f32>(solid(6, false)?)),
     ("step, quadratic solid, f64", || {
@@ -64,6 +73,10 @@ pub(crate) const GATE: [(&str, Prepare); 12] = [
     ("step, sheet, f64", || step::<f64>(strip()?)),
     ("local model, solid, f64", local_model),
     ("factor, solid, f64", factor),
+    ("host step, solid alone", || host_step(false)),
+    ("host step, solid and an obstacle far away", || {
+        host_step(true)
+    }),
     ("springs, 8 soft handles", || springs(8, SOFT)),
     ("springs, 8 stiff handles", || springs(8, STIFF)),
 ];
@@ -101,6 +114,12 @@ pub(crate) const LAWS: [(&str, &str); 4] = [
         "step, quadratic neo-Hookean solid, f64",
         "step, quadratic solid, f64",
     ),
+];
+
+/// A host step of a scene in which nothing touches, and the same step without the obstacle.
+pub(crate) const NOTHING_NEAR: [&str; 2] = [
+    "host step, solid and an obstacle far away",
+    "host step, solid alone",
 ];
 
 /// A counted call.
@@ -307,6 +326,101 @@ fn assembled() -> Result<Case, Failure> {
         solved(report.relative_residual())?;
         Ok(report.iterations)
     }))
+}
+
+/// A step of the host without a publication: a cube of 1,296 tetrahedra that a hand pulls. The obstacle, if there is one, is
+/// half a metre from the cube.
+fn host_step(has_obstacle: bool) -> Result<Case, Failure> {
+    let obstacle =
+        "[[obstacle]]\nname = \"floor\"\nshape = \"plane\"\nposition = [0.0, 0.0, -0.55]\n";
+    let text = format!("{SCENE}{}", if has_obstacle { obstacle } else { "" });
+    let loaded = Scene::load_texts("cube.toml", &text, &BTreeMap::new())?;
+    let world = World::new(&loaded)?;
+    let bodies = bodies(&world, BuildOptions::default())?;
+    let elements = bodies[0].body().element_count();
+    let places: Vec<Pose> = (0..2)
+        .filter_map(|handle| bodies[0].body().handle_report(handle))
+        .map(|report| Pose::at(report.pose.position))
+        .collect();
+    let contact = Contact::new(&world, &bodies)?;
+    if contact.is_some() != has_obstacle {
+        return Err("an obstacle has contacts, and a body alone has none".into());
+    }
+    let mut engine = Engine::new(bodies).touching(contact);
+    let mut tick = 0_u32;
+    let mut step = move || {
+        for _ in 0..TICKS {
+            tick += 1;
+            let mut record = TickRecord::empty();
+            record.time_ns = u64::from(tick) * 1_000_000;
+            record.device_count = 2;
+            for (proxy, place) in record.proxies.iter_mut().zip(&places) {
+                proxy.0 = *place;
+            }
+            record.proxies[1].0.position.x += SPEED * 1e-3 * f64::from(tick);
+            engine.follow(&record);
+        }
+        let due = Due {
+            time_ns: u64::from(tick) * 1_000_000,
+            publishes: false,
+        };
+        engine.step(due, &NoTime, &mut |_, _| {});
+        match &engine.stats().first_fault {
+            Some(fault) => Err(fault.clone()),
+            None => Ok(()),
+        }
+    };
+    for _ in 0..SETTLE {
+        step()?;
+    }
+    Ok(Case::new(elements, move || {
+        step()?;
+        Ok(0)
+    }))
+}
+
+/// Ticks of a host step.
+const TICKS: u32 = 10;
+
+/// The scene of [`host_step`].
+const SCENE: &str = r#"
+name = "cube"
+gravity = [0.0, 0.0, 0.0]
+[host]
+step_rate = 100.0
+publish_rate = 100.0
+[[body]]
+name = "cube"
+mesh.box = { size = [0.1, 0.1, 0.1], cells = [6, 6, 6] }
+material = { young = 20e3, poisson = 0.3, density = 1000.0 }
+damping = { mass = 0.1, stiffness = 0.1 }
+[[body.handle]]
+name = "left end"
+group = "left"
+device = "left"
+[[body.handle]]
+name = "right end"
+group = "right"
+device = "right"
+[[device]]
+name = "left"
+model = "falcon"
+[device.hand]
+waypoints = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
+[[device]]
+name = "right"
+model = "falcon"
+[device.hand]
+waypoints = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
+"#;
+
+/// A clock that stands still: the reading of a clock is no part of the counts.
+struct NoTime;
+
+impl Stopwatch for NoTime {
+    fn now_ns(&self) -> u64 {
+        0
+    }
 }
 
 /// The springs of a body with handles in a row, whose devices drive turns, too: the second model. Each handle has a stiffness

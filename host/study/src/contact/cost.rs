@@ -59,8 +59,13 @@ pub(super) fn run(level: Level, progress: &mut dyn FnMut(f64)) -> Result<Vec<Cos
     let sizes = level.take(&CELLS, 1);
     let mut costs = Vec::new();
     for (number, cells) in sizes.iter().enumerate() {
-        // A percentile of 99.9 needs a thousand steps. The largest mesh has the longest of its steps instead.
-        let steps = level.choose(20, if *cells > 50 { 200 } else { 1000 });
+        // A percentile of 99.9 needs a thousand steps. Larger meshes have the longest of their steps instead.
+        let full = match cells {
+            ..30 => 1000,
+            30..100 => 200,
+            _ => 50,
+        };
+        let steps = level.choose(20, full);
         for scene in motions::all(*cells)? {
             costs.extend(prescribed(&scene, steps));
         }

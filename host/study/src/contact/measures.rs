@@ -40,7 +40,7 @@ pub struct Measured {
     pub measure: &'static str,
     /// The threshold (m); `null` for the lists, which choose one for each pair of clusters.
     pub threshold: Option<f64>,
-    /// Pairs of clusters that a step searches, mean after the first step.
+    /// Mean number of pairs of clusters that a step searches, after the first step.
     pub searches: f64,
     /// Pairs nearer than what is needed, over all steps.
     pub near: usize,
