@@ -145,13 +145,13 @@ impl Draw {
         ];
         for number in 0..count {
             let mut laid = laid(chance, number);
-            let gap = chance.of("gap").between(number as u64, 1e-3, 6e-3);
+            let gap = chance.of("gap").between(number as u64, 1e-3, 3e-3);
             let height = laid.form.height();
             laid.z = top + gap + 0.5 * height;
             laid.room = match laid.form {
                 Form::Solid(..) => height,
                 // What lies under the handle of a sheet may be hard.
-                Form::Sheet(..) | Form::Thread(..) => gap,
+                Form::Sheet(..) | Form::Thread(..) => 2.5 * gap,
             };
             top += gap + height;
             laid.held = [0, 1].map(|hand| owners[hand] == number);
@@ -211,7 +211,7 @@ impl Draw {
             bodies,
             pairs,
             obstacles,
-            weight: unit("weight") < 0.5,
+            weight: unit("weight") < 0.7,
             hands,
             rates: [step_rate, step_rate / every],
             latency: if late {

@@ -5,8 +5,9 @@
 //! [`CellResult::failures`] names what a run must not do (`judge`):
 //!
 //! - The states of bodies and devices are finite, and the host has no fault.
-//! - Nothing crosses: an exact test of all edges and triangles after each step, and of vertices in shapes. A run in which a hand
-//!   or an obstacle leaves no room to a thing ("squeezed") is not judged from then on; such runs are counted.
+//! - Nothing crosses: an exact test of all edges and triangles after each step, and of vertices in shapes. What had
+//!   no room between hands and obstacles ("squeezed") may cross, until nothing crosses any more; such runs are counted. The two
+//!   sides of a tear may cross each other.
 //! - The hands get no more net energy than [`NET_ENERGY`] beyond what weight and obstacles put in.
 //! - Contacts give no more energy to what they touch than rounding does, as a fraction of the energy that moves.
 //! - Both runs are equal to the byte.
@@ -51,6 +52,8 @@ pub struct CellResult {
     pub touched: u64,
     /// Number of steps in which displacements were shortened so that nothing crosses.
     pub truncated: u64,
+    /// Number of steps after which an exact test found no crossing.
+    pub judged: u64,
     /// Number of pairs of elements to which a hand or an obstacle left no room.
     pub squeezed: u64,
     /// Number of contacts without a row.
@@ -199,8 +202,9 @@ impl super::Study for Study {
         );
         put!(
             text,
-            "steps: {}, with contacts {}, truncated {}, at the iteration limit {}; contacts without a row: {}; most rows: {}",
+            "steps: {}, without a crossing {}, with contacts {}, truncated {}, at the iteration limit {}; contacts without a row: {}; most rows: {}",
             sum(|cell| cell.steps),
+            sum(|cell| cell.judged),
             sum(|cell| cell.touched),
             sum(|cell| cell.truncated),
             sum(|cell| cell.unconverged),
@@ -250,6 +254,7 @@ pub fn cell(seed: u64, cell: u64, length: Length) -> CellResult {
         steps: 0,
         touched: 0,
         truncated: 0,
+        judged: 0,
         squeezed: 0,
         dropped: 0,
         most_rows: 0,
@@ -272,6 +277,7 @@ pub fn cell(seed: u64, cell: u64, length: Length) -> CellResult {
                 steps: counts.steps,
                 touched: counts.touched,
                 truncated: counts.truncated,
+                judged: counts.judged,
                 squeezed: counts.squeezed,
                 dropped: counts.dropped,
                 most_rows: counts.most_rows,
