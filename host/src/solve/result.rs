@@ -24,7 +24,8 @@ pub struct Solution {
     pub scheme: Option<TimeScheme>,
     /// The solution of each body.
     pub bodies: Vec<BodySolution>,
-    /// The contacts of each pair that may touch.
+    /// By pair that may touch; missing if nothing may.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<PairSolution>,
     /// For each body that was not solved to the end, the reason.
     pub failures: Vec<String>,
@@ -73,27 +74,27 @@ pub struct BodySolution {
     pub steps: Vec<Row>,
 }
 
-/// The contacts of two things that may touch.
+/// The contacts of a pair.
 #[derive(Clone, Debug, Serialize)]
 pub struct PairSolution {
-    /// The names of both; twice that of a body that touches itself.
+    /// Names of both.
     pub between: [String; 2],
-    /// The sums after each step.
+    /// Sums after each step.
     pub steps: Vec<PairRow>,
 }
 
-/// The sums of the contacts of a pair after a step.
+/// Sums after a step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PairRow {
-    /// End of the step, as in [`Row::at`].
+    /// Time (s), or fraction of the loads.
     pub at: f64,
-    /// Number of contacts with a force.
+    /// Contacts with a force.
     pub count: usize,
-    /// Sum of the normal forces, by size (N).
+    /// Sum of normal forces (N).
     pub normal: f64,
-    /// Sum of the friction forces, by size (N).
+    /// Sum of friction forces (N).
     pub friction: f64,
-    /// Force on the first of the pair (N).
+    /// Force on the first (N).
     pub force: [f64; 3],
     /// Largest depth (m).
     pub depth: f64,

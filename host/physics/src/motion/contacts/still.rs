@@ -9,9 +9,10 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::contact::Lists;
 use crate::contact::kept::Kept;
+use crate::linear::block_matrix::BlockMatrix;
 use crate::motion::joined::At;
 use crate::motion::joint_equation::JointEquation;
-use crate::motion::touching::{self, TouchReport};
+use crate::motion::touching;
 
 /// Length of the step that a load step takes the place of (s): masses are stiffnesses (N/m).
 const UNIT: f64 = 1.0;
@@ -77,16 +78,14 @@ impl Contacts {
         &mut self,
         bodies: &mut [Option<E>],
         updates: usize,
-    ) -> TouchReport {
-        let report = touching::solve(
+    ) {
+        self.report.solved = touching::solve(
             bodies,
             &mut self.touches,
             updates,
             &mut self.room,
             &mut || false,
         );
-        self.report.solved = report;
-        report
     }
 
     /// Finds the fractions of the displacements with which nothing crosses. Returns how many vertices have less than the whole.
@@ -124,6 +123,32 @@ impl Contacts {
             let force = touch.force();
             for (at, weight) in touch.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
                 add(*at, force * *weight);
+            }
+        }
+    }
+
+    /// Adds the stiffness of contacts of a body to its `matrix`, in which each node has its place: of those with obstacles, or of
+    /// `all`. The coupling to other bodies is left out.
+    pub(crate) fn stiffen(&self, body: usize, all: bool, places: &[u32], matrix: &mut BlockMatrix) {
+        for touch in &self.touches {
+            // The weights of both feet add up to zero, and an obstacle has no node.
+            let sum: f64 = touch.nodes.iter().map(|(_, weight)| weight).sum();
+            if !all && sum.abs() < 0.5 {
+                continue;
+            }
+            let tangent = touch.row.tangent(&touch.response);
+            let free = matrix.free();
+            let own = touch.nodes.map(|(at, weight)| {
+                let is_own = at.body == body && weight != 0.0;
+                let place = is_own.then(|| places[at.node as usize])?;
+                ((place as usize) < free).then_some((place, weight))
+            });
+            for (row, by) in own.iter().flatten() {
+                for (column, weight) in own.iter().flatten() {
+                    if let Some(slot) = matrix.slot(*row, *column) {
+                        matrix.add(slot, &(tangent * (by * weight)));
+                    }
+                }
             }
         }
     }

@@ -19,8 +19,12 @@ use crate::body::handle::HandlePose;
 use crate::error::{CondenseError, StepError};
 use crate::material::Tangent;
 use crate::motion::contacts::{Contacts, Still};
+use crate::motion::joint_equation::JointEquation;
 use crate::motion::newton::{NewtonReport, STATIC_SHIFT, stiffness_per_mass};
 
+/// A residual of at most this fraction of the forces that does not fall any more is rounding: more rows than motions hold a face
+/// on another one, and their gaps agree only to some digits.
+const FINE: f64 = 1e-6;
 /// How often the multipliers are carried on in an iteration.
 const UPDATES: usize = 2;
 /// The longest free motion of an iteration, as a fraction of the size of the largest body.
@@ -34,8 +38,9 @@ const LEAST: f64 = 1e-6;
 const GROWTH: f64 = 100.0;
 /// The most growths in an iteration.
 const MOST_GROWTHS: usize = 10;
-/// The bodies are solved to this fraction of the tolerance.
+/// The bodies are solved to this fraction of the tolerance, or of the residual of the iteration, whatever is more.
 const FINER: f64 = 0.1;
+const REDUCED: f64 = 1e-3;
 
 /// Where a body goes in a search.
 #[derive(Clone, Copy, Debug)]
@@ -205,6 +210,7 @@ impl ContactEquilibrium {
     ) -> Result<NewtonReport, StepError> {
         let mut report = NewtonReport::default();
         let mut prescribed = self.prescribe(bodies, fraction);
+        let mut last = f64::INFINITY;
         loop {
             for ((body, own), vectors) in
                 bodies.iter_mut().zip(&mut self.each).zip(&mut self.vectors)
@@ -225,8 +231,10 @@ impl ContactEquilibrium {
             let floor: f64 = floors
                 .map(|(body, own)| own.newton.rounding.of_forces(body, 0.0, 1.0))
                 .sum();
-            report.rounded = !met && report.residual <= floor;
+            let stands = report.residual > 0.5 * last && report.residual <= FINE * report.reference;
+            report.rounded = !met && (report.residual <= floor || stands);
             report.converged = prescribed == 0.0 && (met || report.rounded);
+            last = report.residual;
             if report.converged || report.iterations == self.options.newton.max_iterations {
                 return Ok(report);
             }
@@ -291,7 +299,12 @@ impl ContactEquilibrium {
         let longest = LONGEST * size + 2.0 * prescribed;
         for _ in 0..MOST_GROWTHS {
             let shifts = self.factorize(bodies, report)?;
-            let goal = FINER * self.options.newton.tolerance * report.reference;
+            let least = FINER * self.options.newton.tolerance * report.reference;
+            let left = if prescribed > 0.0 {
+                0.0
+            } else {
+                report.residual
+            };
             for again in 0..=AGAIN {
                 if again > 0 {
                     // The prediction is the motion that crossed.
@@ -300,14 +313,17 @@ impl ContactEquilibrium {
                         own.u.copy_from_slice(start);
                     }
                 }
-                self.solve_linear(bodies, &shifts, goal);
+                self.solve_linear(bodies, &shifts, (least, left));
+                // Rows that are missing do not make a motion longer.
+                if self.moved() > longest {
+                    break;
+                }
                 let displacements: Vec<&[Vec3]> = self.vectors.iter().map(|own| &*own.u).collect();
                 if self.contacts.shorten_still(&displacements) == 0 {
                     break;
                 }
             }
-            let motions = self.vectors.iter().flat_map(|own| &own.u);
-            let moved = motions.map(Vec3::norm).fold(0.0, f64::max);
+            let moved = self.moved();
             if !moved.is_finite() {
                 return Err(StepError::Diverged {
                     iterations: report.iterations,
@@ -329,21 +345,32 @@ impl ContactEquilibrium {
         })
     }
 
-    /// Factorizes the matrices of the bodies. Returns the part of the mass in each (1/s^2).
+    /// The longest displacement of a node (m).
+    fn moved(&self) -> f64 {
+        let each = self.vectors.iter().flat_map(|own| &own.u);
+        each.map(Vec3::norm)
+            .fold(0.0, |most, own| if own <= most { most } else { own })
+    }
+
+    /// Factorizes the matrices of the bodies, each with its contacts with obstacles, and with all contacts if nothing else holds
+    /// it. Returns the part of the mass in each (1/s^2).
     fn factorize(
         &mut self,
         bodies: &mut [&mut Body],
         report: &mut NewtonReport,
     ) -> Result<Vec<f64>, StepError> {
         let mut shifts = Vec::with_capacity(bodies.len());
-        for (body, own) in bodies.iter_mut().zip(&mut self.each) {
-            let least = if is_held(body) { STATIC_SHIFT } else { LEAST };
+        let contacts = &self.contacts;
+        for (number, (body, own)) in bodies.iter_mut().zip(&mut self.each).enumerate() {
+            let held = is_held(body);
+            let least = if held { STATIC_SHIFT } else { LEAST };
             let mut shift = self.shift.max(least) * stiffness_per_mass(body);
             let mut factorize = |body: &Body, shift: f64| {
                 let assembly = &body.assembly;
-                let (matrix, mass) = (&assembly.stiffness, &assembly.mass);
-                let cholesky = &mut own.newton.cholesky;
-                cholesky.factorize(matrix, mass, shift, 1.0, assembly.mask())
+                let mut matrix = assembly.stiffness.clone();
+                contacts.stiffen(number, !held, assembly.places.of_nodes(), &mut matrix);
+                let (cholesky, mass) = (&mut own.newton.cholesky, &assembly.mass);
+                cholesky.factorize(&matrix, mass, shift, 1.0, assembly.mask())
             };
             let mut found = factorize(body, shift);
             if matches!(found, Err(CondenseError::NotPositiveDefinite { .. })) {
@@ -364,8 +391,9 @@ impl ContactEquilibrium {
         Ok(shifts)
     }
 
-    /// Solves the linear equations of the bodies with the rows.
-    fn solve_linear(&mut self, bodies: &[&mut Body], shifts: &[f64], goal: f64) {
+    /// Solves the linear equations of the bodies with the rows, to a residual of at least `least` or a part of `left` (N); if
+    /// nothing is left, of that of the prescribed motion.
+    fn solve_linear(&mut self, bodies: &[&mut Body], shifts: &[f64], (least, left): (f64, f64)) {
         let each = bodies.iter().zip(&mut self.each).zip(&mut self.vectors);
         let mut lent: Vec<Option<Lent<'_>>> = each
             .zip(shifts)
@@ -375,12 +403,21 @@ impl ContactEquilibrium {
                     newton: &mut own.newton,
                     vectors,
                     shift: *shift,
-                    goal,
+                    goal: 0.0,
                 };
                 lent.begin();
                 Some(lent)
             })
             .collect();
+        let moved: f64 = lent
+            .iter_mut()
+            .flatten()
+            .map(|lent| lent.residual().powi(2))
+            .sum();
+        let left = if left > 0.0 { left } else { moved.sqrt() };
+        for lent in lent.iter_mut().flatten() {
+            lent.goal = least.max(REDUCED * left);
+        }
         self.contacts.solve_still(&mut lent, UPDATES);
     }
 

@@ -76,7 +76,7 @@ impl Lent<'_> {
 }
 
 /// The most iterations of a pass.
-const MOST: usize = 2000;
+const MOST: usize = 300;
 
 impl JointEquation for Lent<'_> {
     fn displacement(&self, node: u32) -> Vec3 {
