@@ -174,7 +174,7 @@ fn a_folded_banknote_touches_itself_and_tears_through() -> Outcome {
     let summary = run(&World::new(&loaded)?, &options, &mut |_| ())?;
     assert_eq!(summary.failures, Vec::<String>::new());
     let contact = summary.contact.ok_or("a scene with contact")?;
-    assert_eq!((contact.squeezed, contact.dropped), (0, 0));
+    assert_eq!((contact.sums.squeezed, contact.sums.dropped), (0, 0));
     // A contact deeper than the thickness of the paper would have crossed it.
     assert!(
         contact.pairs[0].depth < 0.0003,
