@@ -5,7 +5,7 @@
 //! systems", algorithm 9.1, with a block diagonal preconditioner). The stages of each body before and after the solution
 //! are those of a body alone: `predict`, `constrain`, then [`solve`] for all, `finish`.
 
-use super::stepper::Equation;
+use super::stepper::{Equation, Limits};
 use crate::Vec3;
 use crate::body::{Body, BodyMap};
 use crate::contact::row::Response;
@@ -73,8 +73,35 @@ impl Workspace {
     }
 }
 
+/// Solves a shape of a local model over bodies that touch, from the residuals of their equations. `product` is that of the
+/// springs between them. Returns the number of iterations and the residual over all bodies (N).
+pub(crate) fn solve_shape<T: Precision>(
+    bodies: &mut [Option<Equation<'_, T>>],
+    room: &mut Workspace,
+    product: &Product<'_>,
+    limits: Limits,
+) -> (usize, f64) {
+    let whole = |left: &[f64]| left.iter().map(|left| left * left).sum::<f64>().sqrt();
+    room.left.clear();
+    let residuals = bodies.iter_mut();
+    room.left
+        .extend(residuals.map(|body| body.as_mut().map_or(0.0, Equation::residual)));
+    if whole(&room.left) <= limits.start {
+        return (0, whole(&room.left));
+    }
+    let goal = limits.goal;
+    let iterations = iterate(
+        bodies,
+        room,
+        product,
+        |_, room| whole(&room.left) <= goal,
+        &mut || false,
+    );
+    (iterations, whole(&room.left))
+}
+
 /// The value at a node of the bodies; zero for a body that takes no part.
-pub(super) fn at<'a, T>(
+pub(crate) fn at<'a, T>(
     bodies: &[Option<Equation<'a, T>>],
     at: At,
     of: impl Fn(&Equation<'a, T>, u32) -> Vec3,
@@ -130,7 +157,7 @@ pub fn solve<T: Precision>(
 }
 
 /// A product of forces between bodies with displacements, as [`Joints::product`].
-type Product<'a> = dyn Fn(&dyn Fn(At) -> Vec3, &mut dyn FnMut(At, Vec3)) + 'a;
+pub(crate) type Product<'a> = dyn Fn(&dyn Fn(At) -> Vec3, &mut dyn FnMut(At, Vec3)) + 'a;
 
 /// Conjugate gradients over the equations of bodies and a symmetric positive semidefinite `product` between them, from the
 /// residuals in `room.left`, until `is_done`. Returns the number of iterations.

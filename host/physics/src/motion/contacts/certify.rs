@@ -89,7 +89,7 @@ impl Contacts {
             // A step that has not been solved has an error of its own.
             let _ = stepper.certify(&|node| fractions.get(node as usize).copied().unwrap_or(1.0));
         }
-        self.end(members);
+        self.end();
     }
 }
 

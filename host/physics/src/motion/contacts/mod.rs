@@ -9,7 +9,8 @@
 //! certify      after solve        nothing crosses, whatever the solver left
 //! ```
 //!
-//! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step.
+//! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step. `springs` are for the
+//! local models.
 //!
 //! Bodies without a row are solved alone between `solve` and `certify`. Nothing is allocated in a step, once the vectors have
 //! served as many rows.
@@ -18,8 +19,10 @@ mod certify;
 mod islands;
 mod parts;
 mod report;
+mod springs;
 
 pub use report::{ContactReport, Side, Touching};
+pub use springs::{Resultant, Spring};
 
 use super::joined::{At, Workspace};
 use super::stepper::{Equation, Stepper};
@@ -85,6 +88,8 @@ pub struct Contacts {
     /// Bodies with a listed pair or a shape nearby, which have to be certified.
     is_near: Vec<bool>,
     room: Workspace,
+    /// The contacts as the local models take them, by island.
+    springs: Vec<Spring>,
     /// By pair of sides that touch.
     touching: Vec<Touching>,
     report: ContactReport,
@@ -117,6 +122,7 @@ impl Contacts {
             islands: Islands::default(),
             is_near: Vec::new(),
             room: Workspace::default(),
+            springs: Vec::new(),
             touching: Vec::new(),
             report: ContactReport::default(),
             began: RowsReport::default(),

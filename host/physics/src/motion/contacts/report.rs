@@ -1,13 +1,10 @@
-//! What the contacts of a step did, what they keep for the next one, and what they are for the local models.
+//! What the contacts of a step did, and what they keep for the next one.
 
-use super::{Contacts, Member, RIGID};
+use super::Contacts;
+use crate::Vec3;
 use crate::contact::certificate::Truncation;
 use crate::contact::{Counts, RowsReport};
-use crate::element::precision::Precision;
-use crate::motion::constraint::spring::Spring;
-use crate::motion::joined::At;
 use crate::motion::touching::{Touch, TouchReport};
-use crate::{Mat3, Vec3};
 
 /// A side of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -85,7 +82,7 @@ impl Contacts {
     }
 
     /// Sums up the contacts, and keeps them.
-    pub(super) fn end<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
+    pub(super) fn end(&mut self) {
         self.touching.clear();
         let mut responses = core::mem::take(&mut self.room.responses);
         responses.clear();
@@ -134,32 +131,5 @@ impl Contacts {
         self.report.parted = self.rows.end(responses.iter().flatten());
         self.room.responses = responses;
         self.report.stored = self.rows.stored();
-        for (body, member) in members.iter_mut().enumerate() {
-            if let Some(stepper) = member.stepper.as_deref_mut().filter(|s| !s.sleeps()) {
-                let acting = self
-                    .touches
-                    .iter()
-                    .filter(|touch| touch.response.normal > 0.0);
-                stepper.touch(acting.filter_map(|touch| spring(touch, body)));
-            }
-        }
     }
-}
-
-/// What a contact is for the local model of a body: its normal is rigid, because the multiplier is carried; across it acts the
-/// friction spring of the step. `None` if the body has no node of it.
-fn spring(touch: &Touch, body: usize) -> Option<Spring> {
-    let is_own = |(at, weight): &(At, f64)| at.body == body && *weight != 0.0;
-    touch.nodes.iter().any(is_own).then(|| {
-        let row = &touch.row;
-        let along: Mat3 = row.normal * row.normal.transpose();
-        Spring {
-            nodes: touch.nodes.map(|node| {
-                let weight = if is_own(&node) { node.1 } else { 0.0 };
-                (node.0.node, weight)
-            }),
-            stiffness: row.tangent(&touch.response)
-                + along * (row.normal_stiffness * (RIGID - 1.0)),
-        }
-    })
 }
