@@ -9,7 +9,7 @@ use super::publisher::{Publisher, reference_of};
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::stepping::Stepping;
 use super::tears::BodyTears;
-use physics::{Body, BodyError};
+use physics::{Around, Beside, Body, BodyError};
 use rt_core::{LocalModel, Pose, TickRecord};
 
 /// A body with its hands, its solver and its publisher.
@@ -21,6 +21,8 @@ pub struct HostBody {
     publisher: Publisher,
     /// The fault of the present stage.
     pub(super) fault: Option<StepFault>,
+    /// Whether the present step has been taken.
+    has_stepped: bool,
     /// Whether the present step publishes.
     publishes: bool,
     /// Makes the solvers of changes; `None` before the first change.
@@ -44,6 +46,7 @@ impl HostBody {
             stepping,
             publisher,
             fault: None,
+            has_stepped: false,
             publishes: false,
             background: None,
             joining: None,
@@ -124,19 +127,53 @@ impl HostBody {
         publishes: bool,
         watch: &dyn Stopwatch,
     ) -> Result<(), StepFault> {
-        if !self.stepping.finish(&mut self.publisher, watch)? {
-            return Ok(());
+        self.end(watch)?;
+        if publishes {
+            self.publish(None, watch)?;
         }
+        Ok(())
+    }
+
+    /// Takes the step. Does nothing if an earlier stage of the step failed.
+    pub(super) fn end(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
+        self.has_stepped = false;
+        self.has_stepped = self.stepping.finish(&mut self.publisher, watch)?;
+        Ok(())
+    }
+
+    /// Takes from the step what the model needs, before the models of other bodies are made.
+    pub(super) fn see(&mut self) -> Result<(), StepFault> {
+        if self.has_stepped && self.publisher.devices().next().is_some() {
+            self.stepping.see()?;
+        }
+        Ok(())
+    }
+
+    /// Makes the model of a body that has taken its step, with what it touches, if a hand holds it.
+    pub(super) fn publish(
+        &mut self,
+        around: Option<&mut Around<'_, f64>>,
+        watch: &dyn Stopwatch,
+    ) -> Result<(), StepFault> {
         let solved = watch.now_ns();
         if let Some(time_ns) = self.hands.reached_ns()
-            && publishes
+            && self.has_stepped
             && self.publisher.is_due(time_ns)
         {
-            self.stepping.publish(&mut self.publisher, time_ns)?;
+            self.stepping
+                .publish(&mut self.publisher, time_ns, around)?;
             self.publishes = true;
             self.stepping.tally.condense = Some(watch.now_ns().saturating_sub(solved));
         }
         Ok(())
+    }
+
+    /// The body with its stepper, for the model of a body that it touches; `None` if its step failed.
+    pub(super) fn beside(&mut self) -> Option<Beside<'_, f64>> {
+        self.has_stepped.then(|| Beside {
+            body: &self.stepping.body,
+            stepper: self.stepping.solver.stepper(),
+        })
     }
 
     /// What it publishes.

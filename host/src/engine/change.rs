@@ -237,7 +237,7 @@ fn make(
     let mut solver = recipe.make(&body)?;
     // The first shapes take as long as many steps. If they fail here, they fail again and are reported after the
     // change has landed.
-    let _ = solver.condense(&body, response);
+    let _ = solver.condense(&body, response, None);
     Ok(Made {
         body,
         map,

@@ -3,11 +3,12 @@
 //! The physics does the work (`physics::motion::contacts`). This file gives it the bodies between their stages, and the time.
 
 use super::body::HostBody;
-use super::stats::Stopwatch;
+use super::stats::{StepFault, Stopwatch};
 use crate::scene::SceneError;
 use crate::world::World;
 use physics::Body;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
+use physics::{Around, Beside};
 use rt_core::MAX_BODIES;
 use serde::Serialize;
 
@@ -25,6 +26,9 @@ pub struct Contact {
     /// Where the obstacles are (s).
     time: f64,
     totals: ContactTotals,
+    /// The pairs that touched in the last step, by bit, and whether others touch now.
+    pairs: u64,
+    has_changed: bool,
 }
 
 /// The contacts of all steps so far.
@@ -93,6 +97,8 @@ impl Contact {
             contacts,
             time: 0.0,
             totals: ContactTotals::default(),
+            pairs: 0,
+            has_changed: false,
         }))
     }
 
@@ -140,6 +146,12 @@ impl Contact {
             }
             pair.last = *found;
         }
+        // The pairs are numbered in the order of their first contact. Those beyond the bits change unseen.
+        let touching = totals.pairs.iter().take(64).enumerate();
+        let pairs = touching.map(|(bit, pair)| u64::from(pair.last.count > 0) << bit);
+        let pairs = pairs.fold(0, |all, pair| all | pair);
+        self.has_changed = pairs != self.pairs;
+        self.pairs = pairs;
     }
 
     /// Where the obstacles are (s): the time of the last step.
@@ -150,6 +162,42 @@ impl Contact {
     /// The contacts of the physics.
     pub fn contacts(&self) -> &Contacts {
         &self.contacts
+    }
+
+    /// Whether two sides began or ceased to touch in the last step.
+    pub(super) fn has_changed(&self) -> bool {
+        self.has_changed
+    }
+
+    /// Prepares the contacts of the last step for local models.
+    pub(super) fn hold(&mut self) {
+        self.contacts.hold();
+    }
+
+    /// Makes the model of the body of this number among `bodies`, with those that share contacts with it.
+    pub(super) fn publish(
+        &mut self,
+        bodies: &mut [HostBody],
+        number: usize,
+        watch: &dyn Stopwatch,
+    ) -> Result<(), StepFault> {
+        let mut others: [Option<Beside<'_, f64>>; MOST_BODIES] = [const { None }; MOST_BODIES];
+        let mut own = None;
+        for (other, (body, room)) in bodies.iter_mut().zip(&mut others).enumerate() {
+            if other == number {
+                own = Some(body);
+            } else if self.contacts.share(number, other) {
+                *room = body.beside();
+            }
+        }
+        let (springs, room) = self.contacts.held(number);
+        let mut around = Around {
+            number,
+            springs,
+            others,
+            room,
+        };
+        own.map_or(Ok(()), |body| body.publish(Some(&mut around), watch))
     }
 
     /// Follows bodies that have torn or have been changed. Returns the bodies whose new surface cannot touch: they touch with

@@ -201,35 +201,69 @@ impl Engine {
         for group in &mut self.groups {
             group.solve(&mut self.bodies, watch);
         }
-        self.stage(team, all, &|body| body.solve(watch));
+        self.stage(team, all.clone(), &|body| body.solve(watch));
         if let Some(contact) = &mut self.contact {
             contact.certify(&mut self.bodies, watch);
         }
-        // One thread publishes the model of a body before it finishes the next body.
-        let together = if team.is_alone() {
-            1
+        if self.contact.is_some() {
+            self.stage(team, all.clone(), &|body| body.end(watch));
+            self.publish_touching(due.publishes, watch);
+            all.for_each(|index| self.tell(index, publish));
         } else {
-            self.bodies.len().max(1)
-        };
-        for first in (0..self.bodies.len()).step_by(together) {
-            let range = first..self.bodies.len().min(first + together);
-            self.stage(team, range.clone(), &|body| {
-                body.finish(due.publishes, watch)
-            });
-            for index in range {
-                let body = &self.bodies[index];
-                self.stats.add(body.tally());
-                if let Some(tears) = body.tears() {
-                    self.stats.tears[index] = *tears.tearing.report();
-                }
-                if let Some(model) = body.published() {
-                    publish(index, model);
-                }
+            // One thread publishes the model of a body before it finishes the next body.
+            let together = if team.is_alone() {
+                1
+            } else {
+                self.bodies.len().max(1)
+            };
+            for first in all.step_by(together) {
+                let range = first..self.bodies.len().min(first + together);
+                self.stage(team, range.clone(), &|body| {
+                    body.finish(due.publishes, watch)
+                });
+                range.for_each(|index| self.tell(index, publish));
             }
         }
         // No hand waits for this.
         for body in &mut self.bodies {
             body.read_ahead();
+        }
+    }
+
+    /// Makes the models of bodies that may touch: each with the others. A model is also made when bodies begin or cease to touch.
+    fn publish_touching(&mut self, publishes: bool, watch: &dyn Stopwatch) {
+        let Some(contact) = self.contact.as_mut() else {
+            return;
+        };
+        if !(contact.has_changed() || publishes) {
+            return;
+        }
+        contact.hold();
+        for body in &mut self.bodies {
+            body.fault = body.see().err();
+        }
+        for index in 0..self.bodies.len() {
+            if self.bodies[index].fault.is_none() {
+                let made = contact.publish(&mut self.bodies, index, watch);
+                self.bodies[index].fault = made.err();
+            }
+        }
+        for (index, body) in self.bodies.iter_mut().enumerate() {
+            if let Some(fault) = body.fault.take() {
+                self.stats.fault(index, &fault);
+            }
+        }
+    }
+
+    /// Counts the step of a body, and gives away its model.
+    fn tell(&mut self, index: usize, publish: &mut dyn FnMut(usize, &LocalModel)) {
+        let body = &self.bodies[index];
+        self.stats.add(body.tally());
+        if let Some(tears) = body.tears() {
+            self.stats.tears[index] = *tears.tearing.report();
+        }
+        if let Some(model) = body.published() {
+            publish(index, model);
         }
     }
 

@@ -124,7 +124,12 @@ impl Publisher {
         }
     }
 
-    /// States in the next models how far the handles can move before a tear grows. `find` gives the limit, and calls
+    /// Whether the models have a limit.
+    pub(super) fn has_limit(&self) -> bool {
+        self.model.head.tear_limit.is_some()
+    }
+
+    /// States in the next models how far the handles can move before a tear grows, or before contacts slip or part. `find` gives the limit, and calls
     /// its argument with the handle, the motion and the slope of each motion.
     pub fn limit(
         &mut self,

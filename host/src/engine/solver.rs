@@ -5,7 +5,7 @@ use super::renewal::Renewals;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::MOST_PAIRS;
 use physics::{
-    Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, Team,
+    Around, Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, Team,
     TearLimit, Tearing,
 };
 use rt_core::MAX_HANDLES;
@@ -356,7 +356,34 @@ impl Solver {
         self.stepper.elastic_energy()
     }
 
-    /// The matrices of a local model that is published every `period` seconds; `None` if the scheme does not use them.
+    /// Takes from the last step what a local model needs, before the models of other bodies are made.
+    ///
+    /// # Errors
+    /// [`StepFault`].
+    pub(super) fn see(&mut self, body: &Body, period: f64) -> Result<(), StepFault> {
+        if self.options.is_some() {
+            self.shapes.see(&mut self.stepper, body, period)?;
+        }
+        Ok(())
+    }
+
+    /// The limit of the contacts of the body with what it touches, after a condensation. `slope` is called with the handle, the
+    /// motion and the slope of each motion.
+    pub(super) fn contact_limit(
+        &self,
+        around: &Around<'_, f64>,
+        slope: &mut dyn FnMut(usize, usize, f64),
+    ) -> Option<TearLimit> {
+        let mut slopes = [0.0; 6 * MAX_HANDLES];
+        let limit = self.shapes.limit(around, &mut slopes)?;
+        for ((handle, motion), found) in self.shapes.motions().zip(slopes) {
+            slope(handle, motion, found);
+        }
+        Some(limit)
+    }
+
+    /// The matrices of a local model that is published every `period` seconds, with what the body touches; `None` if the scheme
+    /// does not use them.
     ///
     /// # Errors
     /// [`StepFault`].
@@ -364,6 +391,7 @@ impl Solver {
         &mut self,
         body: &Body,
         period: f64,
+        around: Option<&mut Around<'_, f64>>,
     ) -> Result<Option<&Condensed>, StepFault> {
         let Some(mut options) = self.options else {
             return Ok(None);
@@ -374,7 +402,9 @@ impl Solver {
             options.at_a_time = 0;
         }
         let stepper = &mut self.stepper;
-        let (condensed, _) = self.shapes.condense(stepper, body, period, &options)?;
+        let (condensed, _) = self
+            .shapes
+            .condense_among(stepper, body, period, &options, around)?;
         Ok(Some(condensed))
     }
 }

@@ -6,7 +6,7 @@ use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::BodyTears;
-use physics::{Body, BodyError, BodyMap, Condensed, Equation, HandlePose};
+use physics::{Around, Body, BodyError, BodyMap, Condensed, Equation, HandlePose};
 
 /// A body with what steps it.
 pub(super) struct Stepping {
@@ -126,13 +126,20 @@ impl Stepping {
         Ok(true)
     }
 
-    /// Has `publisher` publish a model of the present state, which is that of `time_ns`.
+    /// Takes from the step what a model needs.
+    pub(super) fn see(&mut self) -> Result<(), StepFault> {
+        self.solver.see(&self.body, self.response)
+    }
+
+    /// Has `publisher` publish a model of the present state, which is that of `time_ns`, with what the body touches.
     pub(super) fn publish(
         &mut self,
         publisher: &mut Publisher,
         time_ns: u64,
+        mut around: Option<&mut Around<'_, f64>>,
     ) -> Result<(), StepFault> {
-        if let Some(condensed) = self.solver.condense(&self.body, self.response)? {
+        let lent = around.as_deref_mut();
+        if let Some(condensed) = self.solver.condense(&self.body, self.response, lent)? {
             publisher.take(condensed);
             self.tally.clip = clip(condensed);
         }
@@ -140,6 +147,14 @@ impl Stepping {
         if let Some(tears) = &mut self.tears {
             let (solver, body) = (&mut self.solver, &self.body);
             publisher.limit(|slope| solver.tear_limit(body, &mut tears.tearing, slope));
+        }
+        // A model has one limit, and a tear goes before the contacts.
+        if let Some(around) = around
+            && !(self.tears.is_some() && publisher.has_limit())
+        {
+            publisher.limit(|slope| self.solver.contact_limit(around, slope));
+        }
+        if let Some(tears) = &mut self.tears {
             if publisher.has_energy() && tears.parting.groups() > 1 {
                 elastic = Elastic::Pieces(tears.parting.sum(&self.body));
             }

@@ -1,4 +1,4 @@
-//! The tear limit of a model: the extrapolation beyond which a tear grows.
+//! The tear limit of a model: the extrapolation beyond which a tear grows, or beyond which a contact slips or parts.
 //!
 //! A tear grows if the energy release rate `G` of its tip reaches the toughness `G_c` (A. A. Griffith, "The phenomena
 //! of rupture and flow in solids", 1921). Beyond this point, the force no longer grows with the stiffness of the model,
@@ -22,6 +22,12 @@
 //! This matrix is symmetric and, for this `a`, positive semidefinite: it is the stiffness of a body that yields along
 //! `q` alone. The wrench is continuous, and has the potential `V`. Hands that turn back find the whole stiffness below
 //! the limit.
+//!
+//! **Contacts** have limits of the same form, and a model without the limit of a tear may have one of them. Two sides part
+//! where the resultant of their normal forces `N + n . d` is zero: `s = 0`, `q = -n`, `s_c = N` (N, N/m). They slip where the
+//! resultant of their friction forces `T + t . d` reaches the cone: `s = T`, `q = t - mu n`, `s_c = mu N`. The stiffness of the
+//! model is that of contacts that stick. A body that slides is at its limit: further in its direction it yields, and back it
+//! sticks. The area has then the unit m/N.
 //!
 //! The certificate of the cap does not rely on these numbers. A model with a wrong limit gives a wrong force, and no
 //! energy that hands have not supplied.

@@ -2,12 +2,15 @@
 //!
 //! - `condenser`: computes the shapes by a factorization of its own.
 //! - `shapes`: computes the shapes by iterations on a stepper's frozen factor, from the previous shapes.
+//! - `around`: what a body touches, in its shapes.
 //! - `reduction`: computes the matrices between handles from either kind of shapes.
 
+mod around;
 mod condenser;
 mod reduction;
 mod shapes;
 
+pub use around::{Around, Beside};
 pub use condenser::Condenser;
 pub use reduction::Condensed;
 pub use shapes::{ShapeOptions, ShapeReport, Shapes};

@@ -49,7 +49,7 @@ pub(crate) struct Column {
 }
 
 impl Column {
-    fn slot(self) -> usize {
+    pub(crate) fn slot(self) -> usize {
         6 * self.handle + self.motion
     }
 
@@ -106,12 +106,14 @@ pub(crate) struct Reduction {
     /// `Psi_f^T R / (1 + beta / t)` over columns, where `R` are the residuals `-A Psi` of the shapes on the free nodes; zero
     /// for shapes that were computed by a factorization.
     pub(crate) left: Square,
+    /// What the bodies that the body touches add to the damping, over columns.
+    pub(crate) damped: Square,
     /// The order in which the columns were computed last.
     pub(crate) turn: Vec<u64>,
     clipper: Clipper,
     scale: Vec<f64>,
     /// Velocities of the handles, by columns.
-    speeds: Vec<f64>,
+    pub(crate) speeds: Vec<f64>,
     /// The drift by inertia in the previous model, by columns.
     inertia: Vec<f64>,
     /// The addition to the drift in the previous model, by columns.
@@ -148,6 +150,7 @@ impl Reduction {
             inner: Square::zeros(columns.len()),
             rest: Vec::new(),
             left: Square::zeros(columns.len()),
+            damped: Square::zeros(columns.len()),
             turn: vec![0; columns.len()],
             clipper: Clipper::new(size),
             scale: (0..size)
@@ -439,6 +442,11 @@ impl Reduction {
         for j in 0..mass.size() {
             for i in 0..mass.size() {
                 raw_damping[(i, j)] = alpha * mass[(i, j)] + beta * raw_stiffness[(i, j)];
+            }
+        }
+        for (c, column) in self.columns.iter().enumerate() {
+            for (r, row) in self.columns.iter().enumerate() {
+                raw_damping[(row.slot(), column.slot())] += self.damped[(r, c)];
             }
         }
         let grips = body.constraints.grips();

@@ -5,6 +5,7 @@
 //! little from one model to the next. The columns may be updated in turn, a few with each model. The others are then
 //! slightly older.
 
+use super::around::{Around, Parts};
 use super::reduction::{Condensed, Reduction, dot};
 use crate::Vec3;
 use crate::body::Body;
@@ -12,6 +13,7 @@ use crate::element::precision::Precision;
 use crate::error::CondenseError;
 use crate::lanes::{to_node, to_vec};
 use crate::motion::stepper::{Limits, Solved, Stepper};
+use crate::motion::tearing::TearLimit;
 
 /// The options of the updates of shapes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +33,10 @@ pub struct ShapeOptions {
 
 /// The least number of iterations that the first computation of a shape may take, and an update down to the bound.
 const FIRST_ITERATIONS: usize = 50;
+
+/// The least number of iterations that a shape of a body with contacts may take: contacts that close or open change it much,
+/// and the factor knows none of them.
+const CONTACT_ITERATIONS: usize = 400;
 
 impl Default for ShapeOptions {
     fn default() -> Self {
@@ -77,6 +83,8 @@ struct Kept {
     current: usize,
     /// For each node, the rate of force that the tangent misses (N/s).
     missed: Vec<Vec3>,
+    /// The shapes of the bodies that the body touches.
+    parts: Parts,
     /// Number of edits that tears had made when the shapes were computed.
     edits: u64,
 }
@@ -112,7 +120,6 @@ impl Shapes {
     /// # Errors
     ///
     /// [`CondenseError`].
-    #[inline(never)]
     pub fn condense<T: Precision>(
         &mut self,
         stepper: &mut Stepper<T>,
@@ -120,6 +127,89 @@ impl Shapes {
         period: f64,
         options: &ShapeOptions,
     ) -> Result<(&Condensed, ShapeReport), CondenseError> {
+        self.condense_among(stepper, body, period, options, None)
+    }
+
+    /// [`condense`](Self::condense) for a body with what it touches. Every body of `around` that has shapes of its own must have
+    /// [seen](Self::see) its last step.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`].
+    #[inline(never)]
+    pub fn condense_among<T: Precision>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        body: &Body,
+        period: f64,
+        options: &ShapeOptions,
+        around: Option<&mut Around<'_, T>>,
+    ) -> Result<(&Condensed, ShapeReport), CondenseError> {
+        let mut shapes = self.take(stepper, body, period)?;
+        stepper.see_missed(body, &mut shapes.missed);
+        let mut around = around.filter(|around| !around.springs.is_empty());
+        let Kept {
+            parts, reduction, ..
+        } = &mut *shapes;
+        match &mut around {
+            Some(around) => parts.begin(around, reduction.columns.len(), period),
+            None => parts.clear(reduction),
+        }
+        let report = stepper.renew(body, &mut shapes, options, around.as_deref_mut());
+        let shapes = self.kept.insert(shapes);
+        let Kept {
+            parts,
+            reduction,
+            factors,
+            missed,
+            ..
+        } = &mut **shapes;
+        reduction.reduce(body, factors.0 / factors.1, period, missed);
+        if let Some(around) = around {
+            for column in 0..reduction.columns.len() {
+                let slot = reduction.columns[column].slot();
+                let drift = parts.drift(around, reduction, column);
+                reduction.condensed.drift[slot] += drift;
+            }
+        }
+        Ok((&reduction.condensed, report))
+    }
+
+    /// Takes from the last step what a model needs, before the vectors of the stepper serve the models of other bodies.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`].
+    pub fn see<T: Precision>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        body: &Body,
+        period: f64,
+    ) -> Result<(), CondenseError> {
+        let mut shapes = self.take(stepper, body, period)?;
+        stepper.see_missed(body, &mut shapes.missed);
+        self.kept = Some(shapes);
+        Ok(())
+    }
+
+    /// The limit of the contacts of the body with what it touches, after a condensation. `slopes` receives a number for each
+    /// [motion](Self::motions).
+    pub fn limit<T: Precision>(
+        &self,
+        around: &Around<'_, T>,
+        slopes: &mut [f64],
+    ) -> Option<TearLimit> {
+        let kept = self.kept.as_ref()?;
+        kept.parts.limit(around, &kept.reduction, slopes)
+    }
+
+    /// Takes the shapes, or makes those of a body that has none.
+    fn take<T: Precision>(
+        &mut self,
+        stepper: &Stepper<T>,
+        body: &Body,
+        period: f64,
+    ) -> Result<Box<Kept>, CondenseError> {
         if !(period > 0.0 && period.is_finite()) {
             return Err(CondenseError::Period { found: period });
         }
@@ -130,7 +220,7 @@ impl Shapes {
             1.0 / (period * period) + body.model.config.mass_damping / period,
             1.0 + body.model.config.stiffness_damping / period,
         );
-        let mut shapes = match self.kept.take() {
+        Ok(match self.kept.take() {
             Some(shapes) if shapes.factors == factors && shapes.epoch == body.epoch() => shapes,
             Some(mut shapes) if shapes.factors == factors && shapes.has_torn(body) => {
                 shapes.reduction.grow(body);
@@ -156,20 +246,11 @@ impl Shapes {
                     state: 0,
                     current: 0,
                     missed,
+                    parts: Parts::default(),
                     edits: body.edit_count(),
                 })
             }
-        };
-        stepper.see_missed(body, &mut shapes.missed);
-        stepper.swap_contacts();
-        let report = stepper.renew(body, &mut shapes, options);
-        stepper.swap_contacts();
-        let shapes = self.kept.insert(shapes);
-        let condensed =
-            shapes
-                .reduction
-                .reduce(body, factors.0 / factors.1, period, &shapes.missed);
-        Ok((condensed, report))
+        })
     }
 }
 
@@ -219,7 +300,13 @@ impl<T: Precision> Stepper<T> {
         }
     }
 
-    fn renew(&mut self, body: &Body, shapes: &mut Kept, options: &ShapeOptions) -> ShapeReport {
+    fn renew(
+        &mut self,
+        body: &Body,
+        shapes: &mut Kept,
+        options: &ShapeOptions,
+        mut around: Option<&mut Around<'_, T>>,
+    ) -> ShapeReport {
         let count = shapes.reduction.columns.len();
         shapes.reduction.take_arms(body);
         let cold = shapes.references.contains(&0.0);
@@ -235,7 +322,9 @@ impl<T: Precision> Stepper<T> {
             options.at_a_time.min(left)
         };
         // The shapes begin at zero: few iterations would leave them far from their goal for many models.
-        let max_iterations = if cold {
+        let max_iterations = if around.is_some() {
+            options.max_iterations.max(CONTACT_ITERATIONS)
+        } else if cold {
             options.max_iterations.max(FIRST_ITERATIONS)
         } else {
             options.max_iterations
@@ -258,6 +347,24 @@ impl<T: Precision> Stepper<T> {
                 start: options.tolerance * reference,
                 max_iterations,
             };
+            if let Some(around) = &mut around {
+                shapes.parts.lay(self, around, column, shapes.factors.1);
+                let parts = &shapes.parts;
+                let (iterations, residual) = parts.solve(self, around, shapes.factors, limits);
+                self.keep(shapes, column);
+                let Kept {
+                    parts,
+                    reduction,
+                    factors,
+                    ..
+                } = &mut *shapes;
+                let own = (factors.1, body.model.config.stiffness_damping);
+                parts.keep(self, around, column, reduction, own);
+                report.iterations += iterations;
+                report.renewed += 1;
+                report.residual = report.residual.max(residual / reference);
+                continue;
+            }
             let mut found = self.iterate(shapes.factors, limits, &mut || false);
             report.iterations += found.iterations;
             if found.residual > options.bound * reference {
@@ -307,10 +414,14 @@ impl<T: Precision> Stepper<T> {
             self.cg.u[place] = to_node(&u);
             self.cg.residual[place] = to_node(&(u * (-mass_factor * body.model.mass[node])));
         }
-        let factor = T::of(-stiffness_factor);
+        self.subtract_elements(*stiffness_factor);
+    }
+
+    /// Subtracts `factor` times the product of the elements with the displacement from the residual.
+    pub(super) fn subtract_elements(&mut self, factor: f64) {
+        let factor = T::of(-factor);
         self.elements
             .product(&*self.team, factor, &self.cg.u, &mut self.cg.residual);
-        self.subtract_springs(*stiffness_factor);
     }
 
     /// Stores a column, its product with the stiffness on the handle nodes, and its products with the residual on the free

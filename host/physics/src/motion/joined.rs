@@ -6,6 +6,7 @@
 //! are those of a body alone: `predict`, `constrain`, then [`solve`] for all, `finish`.
 
 use super::joint_equation::JointEquation;
+use super::stepper::Limits;
 use crate::Vec3;
 use crate::body::{Body, BodyMap};
 use crate::contact::row::Response;
@@ -72,8 +73,35 @@ impl Workspace {
     }
 }
 
+/// Solves a shape of a local model over bodies that touch, from the residuals of their equations. `product` is that of the
+/// springs between them. Returns the number of iterations and the residual over all bodies (N).
+pub(crate) fn solve_shape<E: JointEquation>(
+    bodies: &mut [Option<E>],
+    room: &mut Workspace,
+    product: &Product<'_>,
+    limits: Limits,
+) -> (usize, f64) {
+    let whole = |left: &[f64]| left.iter().map(|left| left * left).sum::<f64>().sqrt();
+    room.left.clear();
+    let residuals = bodies.iter_mut();
+    room.left
+        .extend(residuals.map(|body| body.as_mut().map_or(0.0, JointEquation::residual)));
+    if whole(&room.left) <= limits.start {
+        return (0, whole(&room.left));
+    }
+    let goal = limits.goal;
+    let iterations = iterate(
+        bodies,
+        room,
+        product,
+        |_, room| whole(&room.left) <= goal,
+        &mut || false,
+    );
+    (iterations, whole(&room.left))
+}
+
 /// The value at a node of the bodies; zero for a body that takes no part.
-pub(super) fn at<E>(bodies: &[Option<E>], at: At, of: impl Fn(&E, u32) -> Vec3) -> Vec3 {
+pub(crate) fn at<E>(bodies: &[Option<E>], at: At, of: impl Fn(&E, u32) -> Vec3) -> Vec3 {
     let body = bodies.get(at.body).and_then(Option::as_ref);
     body.map_or_else(Vec3::zeros, |body| of(body, at.node))
 }
@@ -125,7 +153,7 @@ pub fn solve<E: JointEquation>(
 }
 
 /// A product of forces between bodies with displacements, as [`Joints::product`].
-type Product<'a> = dyn Fn(&dyn Fn(At) -> Vec3, &mut dyn FnMut(At, Vec3)) + 'a;
+pub(crate) type Product<'a> = dyn Fn(&dyn Fn(At) -> Vec3, &mut dyn FnMut(At, Vec3)) + 'a;
 
 /// Conjugate gradients over the equations of bodies and a symmetric positive semidefinite `product` between them, from the
 /// residuals in `room.left`, until `is_done`. Returns the number of iterations.

@@ -15,7 +15,7 @@ use crate::linear::precondition::{Factorization, Preconditioner, Solves, Step};
 use crate::linear::read_ahead::Share;
 use crate::linear::sparse_cholesky::FactorCode;
 use crate::linear::step_matrix::StepMatrix;
-use crate::motion::constraint::spring::{self, Spring};
+use crate::motion::constraint::tangent::{self, Tangent};
 
 /// Time over which a new factor is read ahead (s): a fraction of the time that makes the factor, so that the factor is
 /// hardly older when a step takes it. Between longer steps, caches lose what was read ahead, and a factor that is a step
@@ -41,7 +41,7 @@ pub struct Refresher<T> {
     mass: Vec<f64>,
     guided: Vec<Vec3>,
     /// The contacts in the next factor, over places.
-    contacts: Vec<Spring>,
+    contacts: Vec<Tangent>,
 }
 
 impl<T: Precision> Refresher<T> {
@@ -115,7 +115,7 @@ impl<T: Precision> Refresher<T> {
     }
 
     /// Sets the contacts in the next factor. `place` gives the place of each node.
-    pub(crate) fn load_contacts(&mut self, contacts: &[Spring], place: &[u32]) {
+    pub(crate) fn load_contacts(&mut self, contacts: &[Tangent], place: &[u32]) {
         self.contacts.clear();
         self.contacts
             .extend(contacts.iter().map(|contact| contact.renumbered(place)));
@@ -140,7 +140,7 @@ impl<T: Precision> Refresher<T> {
             kernel.add_to(&mut self.matrix);
         }
         // The matrix of the step has the elements times this factor, and the contacts as they are.
-        spring::assemble(&self.contacts, self.factors.1.recip(), &mut self.matrix);
+        tangent::assemble(&self.contacts, self.factors.1.recip(), &mut self.matrix);
         let d = &self.d;
         let step = Step {
             matrix: &self.matrix,

@@ -5,3 +5,4 @@ mod common;
 
 mod drift;
 mod perturbation;
+mod touching;

@@ -16,7 +16,7 @@ mod agree;
 pub mod cohesion;
 mod compliance;
 pub(crate) mod law;
-pub mod spring;
+pub mod tangent;
 
 use crate::Vec3;
 use crate::lanes::{Node, Real, to_node, to_vec};

@@ -10,7 +10,8 @@
 //! ```
 //!
 //! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step. A scene with nothing
-//! near leaves the stages out (`clearance`). `still` are the contacts of bodies in equilibrium.
+//! near leaves the stages out (`clearance`). `springs` are for the local models, and `still` are the contacts of bodies in
+//! equilibrium.
 //!
 //! Bodies without a row are solved alone between `solve` and `certify`. Nothing is allocated in a step, once the vectors have
 //! served as many rows.
@@ -20,9 +21,11 @@ mod clearance;
 mod islands;
 mod parts;
 mod report;
+mod springs;
 mod still;
 
 pub use report::{ContactReport, Side, Touching};
+pub use springs::{Resultant, Spring};
 pub use still::Pressed;
 pub(crate) use still::Still;
 
@@ -102,6 +105,8 @@ pub struct Contacts {
     /// Bodies with a listed pair or a shape nearby, which have to be certified.
     is_near: Vec<bool>,
     room: Workspace,
+    /// The contacts as the local models take them, by island.
+    springs: Vec<Spring>,
     /// By pair of sides that touch.
     touching: Vec<Touching>,
     report: ContactReport,
@@ -138,6 +143,7 @@ impl Contacts {
             islands: Islands::default(),
             is_near: Vec::new(),
             room: Workspace::default(),
+            springs: Vec::new(),
             touching: Vec::new(),
             report: ContactReport::default(),
             began: RowsReport::default(),

@@ -208,6 +208,7 @@ impl Contacts {
         self.rows = Rows::new(&self.surfaces, most);
         self.touches.reserve(most);
         self.of_row.reserve(most);
+        self.springs.reserve(most);
         let sides = self.meetings.count;
         self.touching.reserve(sides * (sides + 1) / 2);
         self.is_near = vec![false; MOST_BODIES];

@@ -1,13 +1,13 @@
-//! What the contacts of a step did, what they keep for the next one, and what they are for the local models.
+//! What the contacts of a step did, and what they keep for the next one.
 
-use super::{Contacts, Member, RIGID};
+use super::{Contacts, Member};
+use crate::Vec3;
 use crate::contact::certificate::Truncation;
 use crate::contact::{Counts, RowsReport};
 use crate::element::precision::Precision;
-use crate::motion::constraint::spring::Spring;
+use crate::motion::constraint::tangent::Tangent;
 use crate::motion::joined::At;
 use crate::motion::touching::{Touch, TouchReport};
-use crate::{Mat3, Vec3};
 
 /// A side of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -48,8 +48,8 @@ pub struct ContactReport {
     pub solved: TouchReport,
     /// The truncation.
     pub truncated: Truncation,
-    /// The energy that the contacts took from both sides, beside the work of obstacles and of parting (J): stored in friction springs, dissipated
-    /// by friction, and by normal forces that depart from the law of a rigid contact.
+    /// The energy that the contacts took from both sides, beside the work of obstacles and of parting (J): stored in friction
+    /// springs, dissipated by friction, and by normal forces that depart from the law of a rigid contact.
     pub taken: f64,
     /// The work of moving obstacles (J).
     pub by_obstacles: f64,
@@ -139,7 +139,7 @@ impl Contacts {
         self.report.stored = self.rows.stored();
     }
 
-    /// Ends a step: sums up the contacts, keeps them, and gives them to the bodies for their local models.
+    /// Ends a step: sums up the contacts, keeps them, and gives them to the bodies for their factors.
     pub(super) fn end<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
         self.sum_up();
         for (body, member) in members.iter_mut().enumerate() {
@@ -148,27 +148,24 @@ impl Contacts {
                     .touches
                     .iter()
                     .filter(|touch| touch.response.normal > 0.0);
-                stepper.touch(acting.filter_map(|touch| spring(touch, body)));
+                stepper.touch(acting.filter_map(|touch| tangent(touch, body)));
             }
         }
     }
 }
 
-/// What a contact is for the local model of a body: its normal is rigid, because the multiplier is carried; across it acts the
-/// friction spring of the step. `None` if the body has no node of it.
-fn spring(touch: &Touch, body: usize) -> Option<Spring> {
+/// What a contact is for the factor of a body; `None` if the body has no node of it.
+fn tangent(touch: &Touch, body: usize) -> Option<Tangent> {
     let is_own = |(at, weight): &(At, f64)| at.body == body && *weight != 0.0;
-    touch.nodes.iter().any(is_own).then(|| {
-        let row = &touch.row;
-        let along: Mat3 = row.normal * row.normal.transpose();
-        let tangent = row.tangent(&touch.response);
-        Spring {
-            nodes: touch.nodes.map(|node| {
-                let weight = if is_own(&node) { node.1 } else { 0.0 };
-                (node.0.node, weight)
-            }),
-            stiffness: tangent + along * (row.normal_stiffness * (RIGID - 1.0)),
-            tangent,
-        }
+    touch.nodes.iter().any(is_own).then(|| Tangent {
+        // A node without a weight may be one of another body.
+        nodes: touch.nodes.map(|node| {
+            if is_own(&node) {
+                (node.0.node, node.1)
+            } else {
+                (0, 0.0)
+            }
+        }),
+        stiffness: touch.row.tangent(&touch.response),
     })
 }

@@ -34,6 +34,19 @@ pub(super) struct Underway {
     pub(super) report: StepperReport,
 }
 
+impl Underway {
+    /// The equation of a shape, which belongs to no step.
+    pub(super) fn of_shape(factors: (f64, f64), limits: Limits) -> Self {
+        Self {
+            last: Call::Constrain,
+            h: 0.0,
+            factors,
+            limits,
+            report: StepperReport::default(),
+        }
+    }
+}
+
 /// The present step, with what it is given from outside.
 #[derive(Debug, Default)]
 pub(super) struct Present {

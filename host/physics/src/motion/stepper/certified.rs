@@ -1,6 +1,4 @@
-//! Contacts of a body in its step: the displacement, and the springs that the contacts are for the local model.
-//!
-//! The displacement is shortened between `solve` and `finish` so that nothing passes through anything
+//! Contacts of a body in its step: the displacement is shortened between `solve` and `finish` so that nothing passes through anything
 //! ([`contact::certificate`](crate::contact::certificate)).
 
 use super::Stepper;
@@ -9,7 +7,7 @@ use crate::Vec3;
 use crate::element::precision::Precision;
 use crate::error::StepError;
 use crate::motion::constraint::by_node;
-use crate::motion::constraint::spring::{self, Spring};
+use crate::motion::constraint::tangent::Tangent;
 
 impl<T: Precision> Stepper<T> {
     /// The displacement of a node over the step (m): the predicted one after `constrain`, the solution after `solve`, zero for a
@@ -61,21 +59,10 @@ impl<T: Precision> Stepper<T> {
         Ok(())
     }
 
-    /// Gives the body the springs of its contacts in the last step. The next model has them.
-    pub fn touch(&mut self, springs: impl Iterator<Item = Spring>) {
+    /// Gives the body the tangents of its contacts in the last step. The next factor has them.
+    pub fn touch(&mut self, contacts: impl Iterator<Item = Tangent>) {
         self.contacts.clear();
-        self.contacts.extend(springs);
-    }
-
-    /// Takes the springs of the contacts into the matrix, or out of it.
-    pub(crate) fn swap_contacts(&mut self) {
-        core::mem::swap(&mut self.contacts, &mut self.springs);
-    }
-
-    /// Subtracts `factor` times the product of the springs with the displacement from the residual.
-    pub(crate) fn subtract_springs(&mut self, factor: f64) {
-        let (places, cg) = (&self.places.of, &mut self.cg);
-        spring::add(&self.springs, -factor, places, &cg.u, &mut cg.residual);
+        self.contacts.extend(contacts);
     }
 
     /// Scales the displacement of the free nodes. Returns the norm of the residual on free axes (N), which was `residual`.

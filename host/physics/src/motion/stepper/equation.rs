@@ -5,7 +5,7 @@
 //! counted as that of hands is.
 
 use super::calls::{Call, Underway};
-use super::{Solved, Stepper, StepperReport};
+use super::{Limits, Solved, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
@@ -45,6 +45,20 @@ impl<T: Precision> Stepper<T> {
         }))
     }
 
+    /// Lends the equation of a shape of a local model, between two steps. `u` and the residual are those that have been laid.
+    pub(crate) fn shape_equation(
+        &mut self,
+        factors: (f64, f64),
+        limits: Limits,
+    ) -> Equation<'_, T> {
+        self.weigh(factors.0);
+        self.cg.learned[limits.of as usize].begin(limits.uses_learned);
+        Equation {
+            step: Underway::of_shape(factors, limits),
+            stepper: self,
+        }
+    }
+
     /// Whether the present step has been solved.
     pub fn is_solved(&self) -> bool {
         self.present
@@ -74,6 +88,11 @@ impl<T: Precision> Stepper<T> {
         let work = self.present.joints.iter();
         work.map(|(node, force)| force.dot(&body.state.displacement[*node as usize]))
             .sum()
+    }
+
+    /// Adds a force (N) on a node to the residual.
+    pub(crate) fn load(&mut self, node: u32, force: &Vec3) {
+        add(&self.places.of, node, force, &mut self.cg.residual);
     }
 
     /// The forces of joints with other bodies on nodes at the end of the last step (N).
@@ -119,8 +138,7 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
     }
 
     fn load(&mut self, node: u32, force: &Vec3) {
-        let Stepper { places, cg, .. } = &mut *self.stepper;
-        add(&places.of, node, force, &mut cg.residual);
+        self.stepper.load(node, force);
     }
 
     fn residual(&mut self) -> f64 {
@@ -128,7 +146,7 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
     }
 
     fn precondition(&mut self) -> f64 {
-        self.stepper.precondition(Solved::Step)
+        self.stepper.precondition(self.step.limits.of)
     }
 
     fn direct(&mut self, beta: f64) {

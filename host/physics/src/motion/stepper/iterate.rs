@@ -7,7 +7,6 @@ use super::{RUN, Stepper, StepperReport, total};
 use crate::element::precision::Precision;
 use crate::lanes::{Node, to_vec};
 use crate::linear::vectors;
-use crate::motion::constraint::spring;
 use crate::team;
 
 /// What conjugate gradients solve for.
@@ -144,7 +143,6 @@ impl<T: Precision> Stepper<T> {
         q[free..].fill([T::ZERO; 4]);
         self.elements.product(team, T::of(stiffness_factor), p, q);
         self.pairs.add_springs(&self.places.of, p, q);
-        spring::add(&self.springs, stiffness_factor, &self.places.of, p, q);
     }
 
     /// The product of the direction `p` with `q`.

@@ -46,7 +46,7 @@ pub use options::{Guess, StepperOptions, StepperReport};
 
 use super::constraint::Constraints;
 use super::constraint::cohesion::Cohesion;
-use super::constraint::spring::Spring;
+use super::constraint::tangent::Tangent;
 use super::refresh::Refresher;
 use super::sleep::Sleep;
 use crate::body::Body;
@@ -88,10 +88,8 @@ pub struct Stepper<T> {
     /// Pairs of vertices that let each other go, and the energy of those that have.
     pairs: Constraints<Cohesion>,
     released: release::Released,
-    /// The springs of the contacts of the last step, which the shapes of a local model feel.
-    contacts: Vec<Spring>,
-    /// The springs in the matrix that is being solved.
-    springs: Vec<Spring>,
+    /// The tangents of the contacts of the last step, for the next factor.
+    contacts: Vec<Tangent>,
     factor: Factor<T>,
     pub(crate) cg: Vectors<T>,
     /// The last velocities, by place.
@@ -177,7 +175,6 @@ impl<T: Precision> Stepper<T> {
             pairs: Constraints::default(),
             released: release::Released::default(),
             contacts: Vec::new(),
-            springs: Vec::new(),
             factor: Factor::of(refresher),
             elements: Linearized::new(body, elements, &places),
             cg: Vectors::new(&places),

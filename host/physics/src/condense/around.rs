@@ -1,0 +1,398 @@
+//! What a body touches, in its shapes.
+//!
+//! The contacts of the last step join the equations of the shapes of a body with those of the bodies that it touches, whose
+//! hands stand still. With `A` the matrices of all these bodies, each for itself, and the springs `D` of the contacts,
+//! conjugate gradients solve `(A + sum J^T D J) Psi = 0` on all free nodes, preconditioned by the factor of each body. The
+//! stiffness of the body is then `Psi^T K Psi` over all of them: a block on another block is as stiff as both in series.
+//!
+//! A hand that moves another body changes the force on the hands of this one. The reaction of a shape on the nodes which the
+//! other hand holds tells by how much (reciprocity), and the drift of the model contains it.
+
+use super::reduction::Reduction;
+use crate::Vec3;
+use crate::body::Body;
+use crate::element::precision::Precision;
+use crate::lanes::{to_node, to_vec};
+use crate::motion::constraint::by_node;
+use crate::motion::contacts::{MOST_BODIES, Resultant, Spring};
+use crate::motion::joined::{At, Workspace, solve_shape};
+use crate::motion::stepper::{Equation, Limits, Stepper};
+use crate::motion::tearing::TearLimit;
+
+/// The most columns of a body: six for each of eight handles.
+const MOST_COLUMNS: usize = 48;
+/// A smaller fraction of the largest friction force has no direction.
+const LEAST: f64 = 1e-2;
+
+/// A body that is touched.
+#[derive(Debug)]
+pub struct Beside<'a, T> {
+    /// The body.
+    pub body: &'a Body,
+    /// Its stepper.
+    pub stepper: &'a mut Stepper<T>,
+}
+
+/// What a body touches.
+#[derive(Debug)]
+pub struct Around<'a, T> {
+    /// The number of the body.
+    pub number: usize,
+    /// The contacts of the body and of those that share contacts with it.
+    pub springs: &'a [Spring],
+    /// The other bodies, by number. A body that is left out stands still.
+    pub others: [Option<Beside<'a, T>>; MOST_BODIES],
+    /// Room for the solver.
+    pub room: &'a mut Workspace,
+}
+
+/// The shapes of a body that is touched, by column, then by node: the displacement of a free node, and the force of the body
+/// on a held one.
+#[derive(Clone, Debug, Default)]
+struct Part {
+    factors: (f64, f64),
+    fields: Vec<Vec3>,
+}
+
+impl Part {
+    fn of(&self, column: usize, nodes: usize) -> &[Vec3] {
+        self.fields
+            .get(nodes * column..nodes * (column + 1))
+            .unwrap_or(&[])
+    }
+}
+
+/// The shapes of the bodies that a body touches.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Parts {
+    parts: [Part; MOST_BODIES],
+    /// Whether a shape may be there.
+    is_used: bool,
+}
+
+impl Parts {
+    /// Forgets the shapes of the bodies, which no longer touch.
+    pub(super) fn clear(&mut self, reduction: &mut Reduction) {
+        if core::mem::take(&mut self.is_used) {
+            for part in &mut self.parts {
+                part.fields.fill(Vec3::zeros());
+            }
+            reduction.damped.fill(0.0);
+        }
+    }
+
+    /// Makes room for the shapes of the others, for models published every `period` seconds.
+    pub(super) fn begin<T: Precision>(
+        &mut self,
+        around: &mut Around<'_, T>,
+        columns: usize,
+        period: f64,
+    ) {
+        self.is_used = true;
+        for (part, other) in self.parts.iter_mut().zip(&mut around.others) {
+            let is_sound = |other: &Beside<'_, T>| {
+                other.stepper.is_ready() && other.stepper.epoch == other.body.epoch()
+            };
+            if !other.as_ref().is_some_and(is_sound) {
+                *other = None;
+                part.fields.fill(Vec3::zeros());
+            } else if let Some(other) = other {
+                let config = &other.body.model.config;
+                part.factors = (
+                    1.0 / (period * period) + config.mass_damping / period,
+                    1.0 + config.stiffness_damping / period,
+                );
+                let size = columns * other.body.state.x.len();
+                if part.fields.len() != size {
+                    part.fields.clear();
+                    part.fields.resize(size, Vec3::zeros());
+                }
+            }
+        }
+    }
+
+    /// Loads the shapes of the others and the forces of the springs into the vectors of the conjugate gradients, after the
+    /// column of the body was laid with the factor `stiffness_factor`.
+    pub(super) fn lay<T: Precision>(
+        &self,
+        own: &mut Stepper<T>,
+        around: &mut Around<'_, T>,
+        column: usize,
+        stiffness_factor: f64,
+    ) {
+        for (part, other) in self.parts.iter().zip(&mut around.others) {
+            let Some(Beside { body, stepper }) = other else {
+                continue;
+            };
+            let (mass_factor, stiffness_factor) = part.factors;
+            let field = part.of(column, body.state.x.len());
+            for place in stepper.places.taken() {
+                let node = stepper.places.node[place] as usize;
+                let is_free = place < stepper.places.free;
+                let u = field.get(node).filter(|_| is_free);
+                let u = u.copied().unwrap_or_default();
+                let inertia = -mass_factor * stepper.places.mass[place];
+                stepper.cg.u[place] = to_node(&u);
+                stepper.cg.residual[place] = to_node(&(u * inertia));
+            }
+            stepper.subtract_elements(stiffness_factor);
+        }
+        for spring in around.springs {
+            let moved = spring.difference(&|at| around.displacement(own, at));
+            let force = spring.stiffness * moved * -stiffness_factor;
+            spring.add(&force, &mut |at, force| {
+                if at.body == around.number {
+                    own.load(at.node, &force);
+                } else if let Some(other) = &mut around.others[at.body] {
+                    other.stepper.load(at.node, &force);
+                }
+            });
+        }
+    }
+
+    /// Solves the column that was laid. Returns the number of iterations and the residual (N).
+    pub(super) fn solve<T: Precision>(
+        &self,
+        own: &mut Stepper<T>,
+        around: &mut Around<'_, T>,
+        factors: (f64, f64),
+        limits: Limits,
+    ) -> (usize, f64) {
+        let mut bodies: [Option<Equation<'_, T>>; MOST_BODIES] = [const { None }; MOST_BODIES];
+        let others = around.others.iter_mut().zip(&self.parts);
+        for (body, (other, part)) in bodies.iter_mut().zip(others) {
+            if let Some(other) = other {
+                *body = Some(other.stepper.shape_equation(part.factors, limits));
+            }
+        }
+        bodies[around.number] = Some(own.shape_equation(factors, limits));
+        let springs = around.springs;
+        solve_shape(
+            &mut bodies,
+            around.room,
+            &|of, add| {
+                for spring in springs {
+                    let moved = spring.difference(of);
+                    spring.add(&(spring.stiffness * moved * factors.1), add);
+                }
+            },
+            limits,
+        )
+    }
+
+    /// Stores the shapes of the others by a column, and adds their part of the products of the columns to the reduction of the
+    /// body. The body has the factor `stiffness_factor` and the damping `beta` (s).
+    ///
+    /// On the free nodes of another body with the factors `a` of mass and `b` of stiffness the residual is
+    /// `R = -(a M + b K) u - b' D u`, with the factor `b'` of the body and the product `D u` with the springs. Thus
+    /// `K u = -(R + a M u) / b - (b' / b) D u`.
+    pub(super) fn keep<T: Precision>(
+        &mut self,
+        own: &Stepper<T>,
+        around: &Around<'_, T>,
+        column: usize,
+        reduction: &mut Reduction,
+        (stiffness_factor, beta): (f64, f64),
+    ) {
+        let count = reduction.columns.len();
+        for row in 0..count {
+            reduction.damped[(row, column)] = 0.0;
+        }
+        for (part, other) in self.parts.iter_mut().zip(&around.others) {
+            let Some(Beside { body, stepper }) = other else {
+                continue;
+            };
+            let config = &body.model.config;
+            let nodes = body.state.x.len();
+            let (mass_factor, own_factor) = part.factors;
+            for place in stepper.places.taken() {
+                let node = stepper.places.node[place] as usize;
+                let (u, mass) = (to_vec(&stepper.cg.u[place]), stepper.places.mass[place]);
+                let residual = to_vec(&stepper.cg.residual[place]);
+                if place >= stepper.places.free {
+                    part.fields[nodes * column + node] = -residual / own_factor;
+                    continue;
+                }
+                part.fields[nodes * column + node] = u;
+                let product = -(residual + u * (mass_factor * mass)) / own_factor;
+                for row in 0..count {
+                    let shape = part.fields[nodes * row + node];
+                    reduction.left[(row, column)] -= shape.dot(&product);
+                    reduction.damped[(row, column)] += config.mass_damping * mass * shape.dot(&u)
+                        + (config.stiffness_damping - beta) * shape.dot(&product);
+                }
+            }
+        }
+        for spring in around.springs {
+            let moved = spring.difference(&|at| around.displacement(own, at));
+            spring.add(&(spring.stiffness * moved), &mut |at, force| {
+                let Some(Beside { body, stepper }) = &around.others[at.body] else {
+                    return;
+                };
+                if !stepper.is_free(at.node) {
+                    return;
+                }
+                let part = &self.parts[at.body];
+                let ratio = stiffness_factor / part.factors.1;
+                let more = body.model.config.stiffness_damping - beta;
+                let nodes = body.state.x.len();
+                for row in 0..count {
+                    let along = part.of(row, nodes)[at.node as usize].dot(&force);
+                    reduction.left[(row, column)] -= (1.0 - ratio) * along;
+                    reduction.damped[(row, column)] -= ratio * more * along;
+                }
+            });
+        }
+    }
+
+    /// The rate of the force on the hands by a column that the motion of the other bodies adds to the drift (N/s): their own
+    /// motion, as far as they do not follow the hands, and that of the hands that hold them.
+    pub(super) fn drift<T: Precision>(
+        &self,
+        around: &Around<'_, T>,
+        reduction: &Reduction,
+        column: usize,
+    ) -> f64 {
+        let mut rate = 0.0;
+        for (part, other) in self.parts.iter().zip(&around.others) {
+            let Some(Beside { body, stepper }) = other else {
+                continue;
+            };
+            let nodes = body.state.x.len();
+            let ratio = part.factors.0 / part.factors.1;
+            let field = part.of(column, nodes);
+            for place in stepper.places.taken() {
+                let node = stepper.places.node[place] as usize;
+                let v = body.state.v[node];
+                if place >= stepper.places.free {
+                    rate -= field[node].dot(&v);
+                    continue;
+                }
+                let mut moves = v;
+                for (row, speed) in reduction.speeds.iter().enumerate() {
+                    moves -= part.of(row, nodes)[node] * *speed;
+                }
+                rate += ratio * stepper.places.mass[place] * field[node].dot(&moves);
+            }
+        }
+        rate
+    }
+
+    /// The nearer of two limits of the contacts between the body and the side on which it presses most; `None` if it presses on
+    /// no other. `slopes` receives a number for each column.
+    ///
+    /// With the resultant `N` of the normal forces and its slope `n` by the columns, the sides part where `N + n . d = 0`. With
+    /// the resultant `T` of the friction forces along itself and its slope `t`, they slip where `T + t . d = mu (N + n . d)`.
+    /// Both have the form of the limit of a tear: `s + q . d` reaches `s_c`. Beyond it the body yields along `q`, and it holds
+    /// again when the hand turns back.
+    pub(super) fn limit<T: Precision>(
+        &self,
+        around: &Around<'_, T>,
+        reduction: &Reduction,
+        slopes: &mut [f64],
+    ) -> Option<TearLimit> {
+        let (springs, own) = (around.springs, around.number);
+        let mut found: Option<([usize; 2], usize, Resultant)> = None;
+        for (at, spring) in springs.iter().enumerate() {
+            let pair = spring.sorted();
+            let Some(side) = spring.side_of(own) else {
+                continue;
+            };
+            if springs[..at].iter().any(|other| other.sorted() == pair) {
+                continue;
+            }
+            let sum = Resultant::of(springs.iter().filter(|s| s.sorted() == pair), side);
+            if found.is_none_or(|(_, _, best)| sum.pressed > best.pressed) {
+                found = Some((pair, side, sum));
+            }
+        }
+        let (pair, side, sum) = found?;
+        let count = reduction.columns.len().min(MOST_COLUMNS);
+        let mut normal = [0.0; MOST_COLUMNS];
+        let mut across = [Vec3::zeros(); MOST_COLUMNS];
+        for spring in springs.iter().filter(|spring| spring.sorted() == pair) {
+            for column in 0..count {
+                let moved = spring.difference(&|at| self.shape(around, reduction, column, at));
+                let force = spring.stiffness * -moved;
+                let along = force.dot(&spring.normal);
+                normal[column] += along;
+                across[column] += (force - spring.normal * along) * spring.sign(side);
+            }
+        }
+        let speeds = &reduction.speeds[..count];
+        let rate: Vec3 = across.iter().zip(speeds).map(|(t, v)| t * *v).sum();
+        let has_friction = sum.friction.norm() > LEAST * sum.most;
+        let along = if has_friction { sum.friction } else { rate };
+        let along = along.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
+        let friction = sum.most / sum.pressed;
+        let parts = |column: usize| -normal[column];
+        let slips = |column: usize| along.dot(&across[column]) - friction * normal[column];
+        let rate = |slope: &dyn Fn(usize) -> f64| -> f64 {
+            speeds.iter().enumerate().map(|(c, v)| slope(c) * v).sum()
+        };
+        let left = (sum.most - along.dot(&sum.friction)).max(0.0);
+        // The one that the hands reach first; hands that stand are nearer to slip if more than half the cone is taken.
+        let [to_part, to_slip] =
+            [(sum.pressed, rate(&parts)), (left, rate(&slips))].map(|(left, rate)| {
+                if rate > 0.0 {
+                    left / rate
+                } else {
+                    f64::INFINITY
+                }
+            });
+        let is_slip = sum.most > 0.0
+            && if to_part == to_slip {
+                left < 0.5 * sum.most
+            } else {
+                to_slip < to_part
+            };
+        for (column, slope) in slopes.iter_mut().enumerate().take(count) {
+            *slope = if is_slip {
+                slips(column)
+            } else {
+                parts(column)
+            };
+        }
+        Some(if is_slip {
+            TearLimit {
+                root: along.dot(&sum.friction),
+                critical: sum.most,
+            }
+        } else {
+            TearLimit {
+                root: 0.0,
+                critical: sum.pressed,
+            }
+        })
+    }
+
+    /// The displacement of a node by a column.
+    fn shape<T: Precision>(
+        &self,
+        around: &Around<'_, T>,
+        reduction: &Reduction,
+        column: usize,
+        at: At,
+    ) -> Vec3 {
+        if at.body == around.number {
+            return reduction.displacement(column, at.node);
+        }
+        let other = around.others[at.body].as_ref();
+        let other = other.filter(|other| other.stepper.is_free(at.node));
+        other.map_or_else(Vec3::zeros, |other| {
+            self.parts[at.body].of(column, other.body.state.x.len())[at.node as usize]
+        })
+    }
+}
+
+impl<T: Precision> Around<'_, T> {
+    /// The displacement of a node in the vectors of the conjugate gradients.
+    fn displacement(&self, own: &Stepper<T>, at: At) -> Vec3 {
+        let of = |stepper: &Stepper<T>| by_node(&stepper.places.of, &stepper.cg.u)(at.node);
+        if at.body == self.number {
+            return of(own);
+        }
+        let other = self.others[at.body].as_ref();
+        other.map_or_else(Vec3::zeros, |other| of(other.stepper))
+    }
+}

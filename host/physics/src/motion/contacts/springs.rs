@@ -1,0 +1,178 @@
+//! What the contacts of a step are for the local models that follow it.
+//!
+//! Between two publications the contacts of the last step hold a body: along the normal by a stiff spring, because the
+//! multiplier is carried, across it by the friction spring of the step. The bodies that touch it respond by themselves, so that
+//! a spring joins the nodes of all of them.
+
+use super::{Contacts, MOST_BODIES, RIGID};
+use crate::contact::row::Response;
+use crate::motion::joined::{At, Workspace};
+use crate::motion::touching::Touch;
+use crate::{Mat3, Vec3};
+
+/// The fraction of the cone up to which the contacts of two sides stick together.
+const STICKS: f64 = 0.9;
+
+/// A contact as a spring on the sum of the displacements of nodes, by weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spring {
+    /// The sides of the first and of the second foot, as numbers of [`Contacts::sides`].
+    pub sides: [usize; 2],
+    /// The nodes and their weights. A weight of zero has no node.
+    pub nodes: [(At, f64); 4],
+    /// From the second foot to the first one; of length one.
+    pub normal: Vec3,
+    /// The normal force (N).
+    pub pressed: f64,
+    /// The friction force on the first foot (N).
+    pub friction: Vec3,
+    /// The coefficient of friction.
+    pub coefficient: f64,
+    /// Stiffness (N/m), symmetric and positive semidefinite.
+    pub stiffness: Mat3,
+    /// The stiffness if the contact sticks.
+    stuck: Mat3,
+    /// The island.
+    root: usize,
+}
+
+impl Spring {
+    /// The weighted sum of vectors `of` nodes.
+    pub fn difference(&self, of: &dyn Fn(At) -> Vec3) -> Vec3 {
+        self.taken().map(|(at, weight)| of(at) * weight).sum()
+    }
+
+    /// Calls `add` with the part of a `force` on the first foot that each node takes (N).
+    pub fn add(&self, force: &Vec3, add: &mut dyn FnMut(At, Vec3)) {
+        for (at, weight) in self.taken() {
+            add(at, force * weight);
+        }
+    }
+
+    /// The sides in ascending order.
+    pub fn sorted(&self) -> [usize; 2] {
+        let [one, other] = self.sides;
+        [one.min(other), one.max(other)]
+    }
+
+    /// One if the first foot is on the `side`, minus one if the second is.
+    pub fn sign(&self, side: usize) -> f64 {
+        if self.sides[0] == side { 1.0 } else { -1.0 }
+    }
+
+    /// The side of a body; `None` if it has no foot or both.
+    pub fn side_of(&self, body: usize) -> Option<usize> {
+        let own = || self.taken().filter(|(at, _)| at.body == body);
+        let [first, second] = [1.0, -1.0].map(|sign| own().any(|(_, weight)| weight * sign > 0.0));
+        match (first, second) {
+            (true, false) => Some(self.sides[0]),
+            (false, true) => Some(self.sides[1]),
+            _ => None,
+        }
+    }
+
+    fn taken(&self) -> impl Iterator<Item = (At, f64)> {
+        self.nodes.into_iter().filter(|(_, weight)| *weight != 0.0)
+    }
+}
+
+impl Contacts {
+    /// Makes the springs of the contacts of the last step. Called before the models are made.
+    pub fn hold(&mut self) {
+        let mut springs = core::mem::take(&mut self.springs);
+        springs.clear();
+        for root in 0..MOST_BODIES {
+            let touches = self.touches.iter().zip(&self.of_row);
+            for (touch, row) in touches.filter(|(touch, _)| touch.response.normal > 0.0) {
+                let mut nodes = touch.nodes.iter().filter(|(_, weight)| *weight != 0.0);
+                let body = nodes.next().map(|(at, _)| at.body);
+                if body.is_some_and(|body| self.islands.root(body) == root) {
+                    let sides = self.rows.contacts()[*row].parts;
+                    springs.push(spring(touch, sides, root));
+                }
+            }
+        }
+        stick(&mut springs);
+        self.springs = springs;
+    }
+
+    /// The springs of the bodies that share contacts with the body of this number, and room for their solver.
+    pub fn held(&mut self, body: usize) -> (&[Spring], &mut Workspace) {
+        let root = self.islands.root(body);
+        let from = self.springs.partition_point(|spring| spring.root < root);
+        let to = self.springs.partition_point(|spring| spring.root <= root);
+        (&self.springs[from..to], &mut self.room)
+    }
+
+    /// Whether two bodies are of one island.
+    pub fn share(&self, one: usize, other: usize) -> bool {
+        self.islands.root(one) == self.islands.root(other)
+    }
+}
+
+fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
+    let row = &touch.row;
+    let along: Mat3 = row.normal * row.normal.transpose();
+    let rigid = along * (row.normal_stiffness * (RIGID - 1.0));
+    let stuck = Response {
+        slips: false,
+        ..touch.response
+    };
+    Spring {
+        sides,
+        nodes: touch.nodes,
+        normal: row.normal,
+        pressed: touch.response.normal,
+        friction: touch.response.friction,
+        coefficient: row.friction,
+        stiffness: row.tangent(&touch.response) + rigid,
+        stuck: row.tangent(&stuck) + rigid,
+        root,
+    }
+}
+
+/// Contacts of sides whose resultant is at the cone are springs as if they stuck: the limit of the model says how far they
+/// hold. Below, those that slip are as soft as in the step.
+fn stick(springs: &mut [Spring]) {
+    for first in 0..springs.len() {
+        let sides = springs[first].sorted();
+        if springs[..first].iter().any(|other| other.sorted() == sides) {
+            continue;
+        }
+        let pair = springs.iter().filter(|spring| spring.sorted() == sides);
+        if Resultant::of(pair, sides[0]).is_slipping() {
+            for spring in springs.iter_mut().filter(|spring| spring.sorted() == sides) {
+                spring.stiffness = spring.stuck;
+            }
+        }
+    }
+}
+
+/// The forces between two sides.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Resultant {
+    /// Sum of the normal forces (N).
+    pub pressed: f64,
+    /// Sum of the friction forces on the side (N).
+    pub friction: Vec3,
+    /// The largest friction force (N).
+    pub most: f64,
+}
+
+impl Resultant {
+    /// The resultant on one `side` of springs between two sides.
+    pub fn of<'a>(springs: impl Iterator<Item = &'a Spring>, side: usize) -> Self {
+        let mut sum = Self::default();
+        for spring in springs {
+            sum.pressed += spring.pressed;
+            sum.friction += spring.friction * spring.sign(side);
+            sum.most += spring.coefficient * spring.pressed;
+        }
+        sum
+    }
+
+    /// Whether the sides slip as a whole, or nearly so.
+    fn is_slipping(&self) -> bool {
+        self.friction.norm() > STICKS * self.most
+    }
+}
