@@ -52,10 +52,10 @@ fn a_stack_bears_its_weight() {
             panic!("{forces:?}");
         };
         assert_eq!([&***a, b, c, d], ["lower", "upper", "lower", "floor"]);
-        // The solve ends at 1e-9 of all forces.
-        assert!((on_lower[2] / -WEIGHT - 1.0).abs() < 1e-7, "{on_lower:?}");
+        // The solve ends at 1e-6 of all forces at least.
+        assert!((on_lower[2] / -WEIGHT - 1.0).abs() < 1e-6, "{on_lower:?}");
         assert!(
-            (by_floor[2] / (2.0 * WEIGHT) - 1.0).abs() < 1e-7,
+            (by_floor[2] / (2.0 * WEIGHT) - 1.0).abs() < 1e-6,
             "{by_floor:?}"
         );
         let deepest = found.contacts.iter().map(|pair| last(pair).depth);
@@ -82,7 +82,7 @@ fn a_block_sticks_to_an_incline() {
     let row = last(&found.contacts[0]);
     let expected = [-WEIGHT * angle.sin(), 0.0, WEIGHT * angle.cos()];
     for (found, expected) in row.force.iter().zip(expected) {
-        assert!((found - expected).abs() < 1e-7 * WEIGHT, "{row:?}");
+        assert!((found - expected).abs() < 1e-6 * WEIGHT, "{row:?}");
     }
     assert!(row.friction < 0.5 * row.normal, "{row:?}");
 }

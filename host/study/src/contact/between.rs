@@ -122,15 +122,15 @@ material = {{ law = "linear", young = {YOUNG}, poisson = {POISSON}, density = 10
 [[body.support]]
 name = "x"
 group = "left"
-axes = [true, false, false]
+axes = ["x"]
 [[body.support]]
 name = "y"
 group = "front"
-axes = [false, true, false]
+axes = ["y"]
 [[body.support]]
 name = "z"
 group = "{held}"
-axes = [false, false, true]
+axes = ["z"]
 displacement = [0.0, 0.0, {displacement}]
 "#
         )
@@ -227,11 +227,11 @@ contact_thickness = {}
 [[body.support]]
 name = "x"
 group = "left"
-axes = [true, false, false]
+axes = ["x"]
 [[body.support]]
 name = "y"
 group = "front"
-axes = [false, true, false]
+axes = ["y"]
 [[body.support]]
 name = "ground"
 group = "bottom"

@@ -348,8 +348,13 @@ impl ContactEquilibrium {
     /// The longest displacement of a node (m).
     fn moved(&self) -> f64 {
         let each = self.vectors.iter().flat_map(|own| &own.u);
-        each.map(Vec3::norm)
-            .fold(0.0, |most, own| if own <= most { most } else { own })
+        each.map(Vec3::norm).fold(0.0, |most: f64, own| {
+            if most.is_nan() || most >= own {
+                most
+            } else {
+                own
+            }
+        })
     }
 
     /// Factorizes the matrices of the bodies, each with its contacts with obstacles, and with all contacts if nothing else holds
