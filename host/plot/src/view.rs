@@ -662,8 +662,7 @@ mod tests {
                     dy / camera.scale + camera.center[1],
                 ];
                 let start = flat[0] * Vector3::from(RIGHT) + flat[1] * Vector3::from(UP);
-                let along = (z - start.z) / TOWARDS[2];
-                along
+                (z - start.z) / TOWARDS[2]
             };
             assert!(on(0.0) > facet.depth && on(-3.0 * side) < facet.depth);
         }
