@@ -129,6 +129,7 @@ fn hello(edge: u32) -> Hello {
             vertices: edge * edge,
             elements: 2 * (edge - 1) * (edge - 1),
             handles: vec![handle(0, -SIDE / 2.0), handle(1, SIDE / 2.0)],
+            ..BodyInfo::default()
         }],
         ..Hello::default()
     }

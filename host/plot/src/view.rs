@@ -217,7 +217,7 @@ struct Facet {
 /// Draws the planes that face the viewer, cut at the border of a rectangle (pixels).
 fn draw_planes(area: &Area, camera: &Camera, obstacles: &[Obstacle], inner: [i32; 4]) -> Drawn {
     let planes = obstacles.iter().filter(|obstacle| obstacle.plane);
-    for corners in planes.flat_map(|plane| facing(plane)) {
+    for corners in planes.flat_map(facing) {
         let places: Option<Vec<_>> = corners.iter().map(|p| camera.place((*p).into())).collect();
         let within = cut(places.unwrap_or_default(), inner);
         if within.len() > 2 {
@@ -277,8 +277,8 @@ fn divide(corners: [Vector3<f64>; 3], longest: f64, take: &mut impl FnMut([Vecto
         }
     };
     let [a, b, c] = turns.into_iter().reduce(longer).unwrap_or(corners);
-    // A size that is not a number ends here, too.
-    if !(side(&[a, b, c]) > longest) {
+    let length = side(&[a, b, c]);
+    if length <= longest || !length.is_finite() {
         return take([a, b, c]);
     }
     let middle = (a + b) / 2.0;
@@ -291,7 +291,7 @@ fn pieces(camera: &Camera, obstacles: &[Obstacle]) -> Vec<Facet> {
     let longest = PIECE * camera.across;
     let mut facets = Vec::new();
     let solids = obstacles.iter().filter(|obstacle| !obstacle.plane);
-    for corners in solids.flat_map(|solid| facing(solid)) {
+    for corners in solids.flat_map(facing) {
         let color = mixed(OBSTACLE, BLACK, shadow(&corners));
         divide(corners, longest, &mut |corners| {
             let places = corners.map(|point| camera.place(point.into()));
@@ -662,8 +662,7 @@ mod tests {
                     dy / camera.scale + camera.center[1],
                 ];
                 let start = flat[0] * Vector3::from(RIGHT) + flat[1] * Vector3::from(UP);
-                let along = (z - start.z) / TOWARDS[2];
-                along
+                (z - start.z) / TOWARDS[2]
             };
             assert!(on(0.0) > facet.depth && on(-3.0 * side) < facet.depth);
         }

@@ -94,6 +94,9 @@ pub struct BodyInfo {
     pub elements: u32,
     /// The handles of devices.
     pub handles: Vec<HandleInfo>,
+    /// By vertex: its cluster in the hierarchy of contact at the start. Empty in a scene without contact.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub clusters: Vec<u32>,
 }
 
 /// A handle of a body.

@@ -1,7 +1,7 @@
 //! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
 
 use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
-use super::obstacle;
+use super::{clusters, obstacle};
 use crate::scene::spec::ModelName;
 use crate::world::{Kind, World, grasps, scheme};
 use std::collections::BTreeMap;
@@ -26,7 +26,8 @@ impl Hello {
             age_limit,
         });
         let bodies = scene.bodies.iter().zip(&world.bodies);
-        let bodies = bodies.map(|(spec, built)| {
+        let bodies = bodies.zip(clusters::clusters(world));
+        let bodies = bodies.map(|((spec, built), clusters)| {
             // The handles of the devices come first, in the order of the grasps.
             let grasps = grasps(scene, spec);
             let handles = grasps.iter().zip(&built.handles);
@@ -41,6 +42,7 @@ impl Hello {
                         origin: handle.origin.into(),
                     })
                     .collect(),
+                clusters,
             }
         });
         Self {
@@ -89,9 +91,15 @@ mod tests {
             let path = format!("{}/{file}", env!("CARGO_MANIFEST_DIR"));
             let loaded = Scene::load(path.as_ref())?;
             let hello = Hello::new(Source::Run, &World::new(&loaded)?, BTreeMap::new());
-            Ok::<_, Box<dyn std::error::Error>>((serde_json::to_string(&hello)?, hello.obstacles))
+            let text = serde_json::to_string(&hello)?;
+            let clusters = hello.bodies[0].clusters.iter().copied();
+            let sizes = clusters.fold(BTreeMap::new(), |mut sizes, cluster| {
+                *sizes.entry(cluster).or_insert(0) += 1;
+                sizes
+            });
+            Ok::<_, Box<dyn std::error::Error>>((text, hello.obstacles, sizes))
         };
-        let (text, obstacles) = told("scenes/sheet_on_sphere.toml")?;
+        let (text, obstacles, sizes) = told("scenes/sheet_on_sphere.toml")?;
         assert!(text.contains("\"obstacles\"") && text.contains("\"touches\":true"));
         let [ball] = &obstacles[..] else {
             return Err("one obstacle".into());
@@ -100,9 +108,14 @@ mod tests {
         let radius = |p: &[f32; 3]| p.iter().map(|x| x * x).sum::<f32>().sqrt();
         let (points, _) = ball.positions.as_chunks();
         assert!(points.iter().all(|p| (radius(p) - 0.05).abs() < 1e-7));
-        let (text, obstacles) = told("scenes/press.toml")?;
+        // 1,152 triangles are halved five times until no part has more than 64; a part of 36 triangles has some 28 vertices.
+        assert!(
+            sizes.len() == 32 && sizes.values().all(|size| *size < 40),
+            "{sizes:?}"
+        );
+        let (text, obstacles, sizes) = told("scenes/press.toml")?;
         assert!(obstacles.is_empty() && !text.contains("obstacles\":"));
-        assert!(!text.contains("touches"));
+        assert!(!text.contains("touches") && sizes.is_empty());
         Ok(())
     }
 

@@ -5,6 +5,7 @@
 //! is lost. The same type describes a moment of a log that is played back. [`message`] is the encoding, which is the
 //! same from the run to the viewer, over a Unix socket, and from the viewer to a page in a browser, over a WebSocket.
 
+mod clusters;
 pub mod frame;
 pub mod gather;
 pub mod hello;

@@ -59,6 +59,18 @@ const ARGUMENTS = [
     const lines = await changed("forces");
     assert(lines > 50, `the forces cover ${lines} pixels`);
     assert.strictEqual((await forces()).shown, false);
+    // The clusters in colour: as many colours as clusters, and pixels of many of them.
+    await page.locator('input[value="clusters"]').check();
+    const clusters = await page.evaluate(() => {
+      const { view, pixels } = window.__palpate;
+      pixels();
+      const [values, { clusters }] = [view.bodies[0].values, view.hello.bodies[0]];
+      return { colours: new Set(values).size, clusters: new Set(clusters).size, each: values.length === view.bodies[0].surface.vertices, bar: view.bar() };
+    });
+    assert(clusters.each && clusters.clusters > 10 && clusters.colours === clusters.clusters && clusters.bar === null, JSON.stringify(clusters));
+    await page.locator("#canvas").focus();
+    await page.keyboard.press("c");
+    assert(await page.locator('input[value="none"]').isChecked());
     assert.deepStrictEqual(errors, []);
     console.log(`CONTACTS ${seen.contacts}`);
   } finally {

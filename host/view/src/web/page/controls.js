@@ -35,7 +35,10 @@ export function control({ view, charts, state, rescale }) {
       choose(input.value);
     };
     for (const input of inputs) input.addEventListener("change", () => choose(input.value));
-    return () => set(inputs[(inputs.findIndex((input) => input.checked) + 1) % inputs.length]);
+    return () => {
+      const shown = inputs.filter((input) => !input.parentElement.hidden);
+      set(shown[(shown.findIndex((input) => input.checked) + 1) % shown.length]);
+    };
   };
   const nextMode = radios("mode", (mode) => view.setMode(mode));
   const nextColour = radios("colour", (colour) => {

@@ -502,6 +502,10 @@ export class View {
   /** The quantity that is shown in colour, by vertex. */
   values(body) {
     if (this.colour === "stress") return body.stress;
+    // The golden ratio takes clusters that follow each other to colours far apart.
+    if (this.colour === "clusters") {
+      return Float32Array.from(this.hello.bodies[body.surface.body].clusters ?? [], (cluster) => (0.618034 * (cluster + 1)) % 1);
+    }
     const { rest, vertices } = body.surface;
     const { array } = body.position;
     const values = new Float32Array(vertices);
@@ -605,7 +609,7 @@ export class View {
 
   /** Facts of the colour bar; `null` without colours. */
   bar() {
-    if (this.colour === "none") return null;
+    if (this.colour === "none" || this.colour === "clusters") return null;
     const [low, high] = this.range;
     return {
       name: NAME[this.colour],
