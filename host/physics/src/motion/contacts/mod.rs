@@ -88,6 +88,8 @@ pub struct Contacts {
     /// By pair of sides that touch.
     touching: Vec<Touching>,
     report: ContactReport,
+    /// By body, see [`Contacts::work_on`].
+    works: [f64; MOST_BODIES],
     began: RowsReport,
     /// Whether nothing can move in the present step.
     is_idle: bool,
@@ -119,6 +121,7 @@ impl Contacts {
             room: Workspace::default(),
             touching: Vec::new(),
             report: ContactReport::default(),
+            works: [0.0; MOST_BODIES],
             began: RowsReport::default(),
             is_idle: false,
         }
@@ -299,6 +302,7 @@ impl Contacts {
             ..ContactReport::default()
         };
         self.report.solved.converged = true;
+        self.works = [0.0; MOST_BODIES];
         if self.is_idle {
             return;
         }
