@@ -1,7 +1,7 @@
 //! The balance of energy of a body that tears: a state that diverges is a fault.
 //!
-//! Only hands and loads give a body energy. The sum of its kinetic, elastic and potential energy therefore never exceeds
-//! the sum at the start by more than the work of the hands. The time steps lose energy. A body whose energy exceeds this
+//! Only hands, contacts and loads give a body energy. The sum of its kinetic, elastic and potential energy therefore never
+//! exceeds the sum at the start by more than the work of hands and contacts. The time steps lose energy. A body whose energy exceeds this
 //! bound several times has left the solution of its equations: its state grows without bound, and no force that it
 //! exerts means anything.
 
@@ -20,7 +20,7 @@ const SLACK: f64 = 0.01;
 pub(super) struct Balance {
     /// The energy before the first step (J); `None` before it.
     start: Option<f64>,
-    /// The sum of the magnitudes of the work of all hands in all steps (J).
+    /// The sum of the magnitudes of the work of all hands and of contacts in all steps (J).
     moved: f64,
     /// The fault, once the body has diverged.
     diverged: Option<StepFault>,
@@ -33,6 +33,11 @@ impl Balance {
     /// The fault with which it has.
     pub(super) fn check(&self) -> Result<(), StepFault> {
         self.diverged.clone().map_or(Ok(()), Err)
+    }
+
+    /// Notes the work (J) of contacts on the body in the present step, before [`take`](Self::take).
+    pub(super) fn push(&mut self, work: f64) {
+        self.moved += work.abs();
     }
 
     /// Takes the step of `h` seconds that `body` has just made, and the elastic energy `elastic` (J) at its end.
@@ -82,6 +87,15 @@ mod tests {
             assert_eq!(balance.follow(energy, 0.01), Ok(()));
             energy += 0.01;
         }
+    }
+
+    #[test]
+    fn the_work_of_contacts_counts_as_that_of_hands() {
+        let mut balance = Balance::default();
+        assert_eq!(balance.follow(0.0, 0.0), Ok(()));
+        balance.push(-1.0);
+        assert_eq!(balance.follow(1.0, 0.0), Ok(()));
+        assert!(balance.follow(MOST + 2.0 * SLACK, 0.0).is_err());
     }
 
     #[test]

@@ -261,6 +261,11 @@ impl Contact {
         let start = watch.now_ns();
         self.contacts.certify(&mut members(bodies));
         self.sum_up();
+        for (number, body) in bodies.iter_mut().enumerate() {
+            if let Some(tears) = &mut body.stepping.tears {
+                tears.balance.push(self.contacts.work_on(number));
+            }
+        }
         let time = watch.now_ns().saturating_sub(start);
         for body in bodies {
             body.stepping.solver.spend(time);

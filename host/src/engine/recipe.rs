@@ -41,6 +41,7 @@ impl Recipe {
                 },
                 code: how.code,
                 refresh: false,
+                may_touch: scene.has_contact(),
                 ..StepperOptions::default()
             },
             step: plan.step,

@@ -110,6 +110,8 @@ pub struct Contacts {
     /// By pair of sides that touch.
     touching: Vec<Touching>,
     report: ContactReport,
+    /// By body, see [`Contacts::work_on`].
+    works: [f64; MOST_BODIES],
     began: RowsReport,
     clearance: Clearance,
     /// The times (s) between which the obstacles move in the present step, and its length (s).
@@ -146,6 +148,7 @@ impl Contacts {
             springs: Vec::new(),
             touching: Vec::new(),
             report: ContactReport::default(),
+            works: [0.0; MOST_BODIES],
             began: RowsReport::default(),
             clearance: Clearance::default(),
             times: [0.0; 2],
@@ -354,6 +357,7 @@ impl Contacts {
             ..ContactReport::default()
         };
         self.report.solved.converged = true;
+        self.works = [0.0; MOST_BODIES];
         if self.need == Need::Nothing {
             return;
         }

@@ -67,6 +67,11 @@ impl Contacts {
         self.report
     }
 
+    /// The work of the contacts of the last step on a body (J), one of at most [`MOST_BODIES`](super::MOST_BODIES).
+    pub fn work_on(&self, body: usize) -> f64 {
+        self.works[body]
+    }
+
     /// The sums of the contacts of the last step, by pair of sides that touch.
     pub fn touching(&self) -> &[Touching] {
         &self.touching
@@ -109,6 +114,13 @@ impl Contacts {
                 .sum();
             self.report.taken -= force.dot(&(moved - contact.row.motion));
             self.report.by_obstacles += force.dot(&contact.row.motion);
+            for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
+                if let Some(at) = self.at(*vertex).filter(|_| weight != 0.0) {
+                    let vertex = *vertex as usize;
+                    let moved = self.u[vertex] * self.fractions[vertex];
+                    self.works[at.body] += weight * force.dot(&moved);
+                }
+            }
             // Vertices of either side may touch the other.
             let [one, other] = contact.parts;
             let (sides, sign) = if one <= other {

@@ -290,7 +290,8 @@ impl<T: Precision> Stepper<T> {
             Guess::Fitted if self.last.unfinished => sums.weights(AFTER_UNFINISHED),
             Guess::Fitted => sums.weights(KEPT),
         };
-        let weights = limited(weights, self.growth.is_some() || self.last.was_certified);
+        let is_rough = self.growth.is_some() || self.options.may_touch || self.last.was_certified;
+        let weights = limited(weights, is_rough);
         let guided = self.places.mask.len();
         self.cg.q[..guided].copy_from_slice(&self.cg.u[..guided]);
         let (h, weights) = (T::of(h), weights.map(T::of));

@@ -40,6 +40,9 @@ pub struct StepperOptions {
     /// A body sleeps after some steps in which no vertex was faster than this speed (m/s); 0 turns sleep off. See
     /// `sleep` for the error that sleep causes.
     pub sleep_speed: f64,
+    /// Whether the body may touch something. Its guess then follows no trend by more than its size, because the contacts of a
+    /// step are found where the guess leads.
+    pub may_touch: bool,
 }
 
 impl Default for StepperOptions {
@@ -53,6 +56,7 @@ impl Default for StepperOptions {
             refresh: true,
             code: FactorCode::default(),
             sleep_speed: 1e-7,
+            may_touch: false,
         }
     }
 }
