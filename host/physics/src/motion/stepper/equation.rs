@@ -180,10 +180,10 @@ impl<T: Precision> Equation<'_, T> {
 
     /// Marks the displacement and the residual, for [`along`](Self::along) and [`back`](Self::back).
     pub(crate) fn mark(&mut self) {
-        let Stepper { places, cg, .. } = &mut *self.stepper;
+        let cg = &mut self.stepper.cg;
         for (marked, of) in cg.marked.iter_mut().zip([&cg.u, &cg.residual]) {
             marked.clear();
-            marked.extend_from_slice(&of[..places.free]);
+            marked.extend_from_slice(of);
         }
     }
 
@@ -201,7 +201,7 @@ impl<T: Precision> Equation<'_, T> {
     }
 
     /// Takes the fraction `a` of the displacement since the mark. The residual changes as much as the displacement, as that
-    /// of linear forces does.
+    /// of linear forces does; also on held nodes, where the residual is the force of the hand.
     pub(crate) fn back(&mut self, a: f64) {
         let cg = &mut self.stepper.cg;
         let a = T::of(a);
