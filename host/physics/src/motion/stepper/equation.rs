@@ -174,10 +174,10 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
     }
 
     fn mark(&mut self) {
-        let Stepper { places, cg, .. } = &mut *self.stepper;
+        let cg = &mut self.stepper.cg;
         for (marked, of) in cg.marked.iter_mut().zip([&cg.u, &cg.residual]) {
             marked.clear();
-            marked.extend_from_slice(&of[..places.free]);
+            marked.extend_from_slice(of);
         }
     }
 

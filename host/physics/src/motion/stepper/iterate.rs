@@ -43,7 +43,7 @@ pub(crate) struct Vectors<T> {
     pub(super) z: Vec<Node<f32>>,
     pub(super) p: Vec<Node<T>>,
     pub(super) q: Vec<Node<T>>,
-    /// Displacement and residual on free places where a pass of contact began; empty for a body that touches nothing.
+    /// Displacement and residual where a pass of contact began; empty for a body that touches nothing.
     pub(super) marked: [Vec<Node<T>>; 2],
     /// Room for the partial sums of runs, and for those of the guess.
     pub(super) sums: Vec<f64>,
