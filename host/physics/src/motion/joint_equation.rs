@@ -51,7 +51,7 @@ pub trait JointEquation {
     fn along(&self) -> [f64; 2];
 
     /// Takes the fraction `a` of the displacement since the mark. The residual changes as much as the displacement, as that
-    /// of linear forces does.
+    /// of linear forces does; also on held nodes, where the residual is the force of the hand.
     fn back(&mut self, a: f64);
 
     /// Lets the pairs of a tear take their forces for the present displacement. Returns whether the forces have changed by

@@ -6,7 +6,6 @@ mod contact_between;
 mod extrapolation;
 mod stability;
 mod stress_connections;
-mod stress_contact;
 mod stress_hold;
 mod stress_mounting;
 mod stress_scene;
