@@ -34,6 +34,8 @@ const PARTED: f64 = 0.02;
 const PARTING_TIME: f64 = 0.1;
 /// See [`PARTING_TIME`].
 const SLOWEST: f64 = 5e-3;
+/// The depth, in thicknesses, beyond which the multiplier of a contact is carried on within the step.
+const DEEP: f64 = 0.25;
 /// A contact that held a force goes before others that are deeper by less than this fraction of its thickness.
 const HELD: f64 = 0.05;
 /// A vertex goes before edges that are deeper by less than this fraction.
@@ -618,7 +620,7 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
         report.restrung += 0.5 * row.anchored.norm_squared() * softer;
     }
     row.normal_stiffness = stiffness.normal();
-    row.depth = stiffness.depth();
+    row.depth = DEEP * stiffness.thickness;
     row.carried = carried(contact.forces, opening, step.h, stiffness.depth());
     if contact.is_parting {
         let speed = (-row.gap / PARTING_TIME).clamp(SLOWEST, step.parting.max(SLOWEST));

@@ -53,7 +53,7 @@ impl Law {
         let across = last.friction - near.normal * near.normal.dot(&last.friction);
         let turned = across * (last.friction.norm() / across.norm().max(f64::MIN_POSITIVE));
         let row = Row {
-            depth: stiffness.depth(),
+            depth: 0.25 * THETA,
             normal: near.normal,
             gap: near.distance - THETA - near.normal.dot(u),
             motion: Vec3::zeros(),
