@@ -20,6 +20,8 @@ const PASSES: usize = 12;
 const ACCURACY: f64 = 1e-1;
 /// A pass is searched if its end overshoots by this fraction of its start.
 const OVERSHOT: f64 = 0.1;
+/// The multipliers are carried on within a step if they have changed by this fraction.
+const CHANGED: f64 = 0.1;
 /// Most evaluations of the rows in a line search.
 const EVALUATIONS: usize = 12;
 
@@ -118,7 +120,7 @@ fn load<T: Precision>(bodies: &mut [Option<Equation<'_, T>>], touch: &Touch, for
 }
 
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
-/// step. `out_of_time` is called after each iteration; if it returns true, the step continues with the solution so far.
+/// step, if they have changed much. `out_of_time` is called after each iteration; if it returns true, the step continues with the solution so far.
 pub fn solve<T: Precision>(
     bodies: &mut [Option<Equation<'_, T>>],
     touches: &mut [Touch],
@@ -135,6 +137,9 @@ pub fn solve<T: Precision>(
     }
     for update in 0..=updates {
         if update > 0 {
+            if !moves_on(touches) {
+                break;
+            }
             for touch in &mut *touches {
                 let before = touch.force();
                 touch.row.carried = touch.response.normal;
@@ -168,6 +173,17 @@ pub fn solve<T: Precision>(
         }
     }
     report
+}
+
+/// Whether the multipliers have changed so much in the step that they are carried on once more within it.
+fn moves_on(touches: &[Touch]) -> bool {
+    let (mut change, mut all) = (0.0, 0.0);
+    for Touch { row, response, .. } in touches {
+        let by = response.normal - row.carried;
+        change += by * by;
+        all += response.normal * response.normal;
+    }
+    change > CHANGED * CHANGED * all
 }
 
 /// Lets the pairs of tears take their forces. Returns whether this has changed a residual.
