@@ -6,6 +6,8 @@
 //! distance for each vertex (Li et al., "Incremental potential contact", 2020, limit the step by continuous collision
 //! detection instead). An edge that slides over another one turns the direction of the shortest connection. So if `n` fails,
 //! the normal of the triangle or of both edges is tried, and then the direction at the end: the proof holds for any direction.
+//! An edge that passes over one parallel to it turns the direction to the other side, and both have no normal: the last
+//! direction is across the edge and its motion.
 //!
 //! **Truncation.** If the certificate fails, a plane between the two things divides the space. The displacement of each
 //! vertex is scaled by the largest fraction with which the vertex stays on its side. The start satisfies all planes, so
@@ -83,7 +85,7 @@ impl Start {
 }
 
 /// Whether a pair moves from the positions `x` to the positions `ends` (m) without a crossing, and keeps a gap of `least` (m):
-/// one of three directions separates it at both. `start` is its connection at the start.
+/// one of four directions separates it at both. `start` is its connection at the start.
 pub(super) fn is_certain(
     pair: Pair,
     surfaces: &Surfaces,
@@ -105,8 +107,14 @@ pub(super) fn is_certain(
             Pair::VertexTriangle(..) => (c - b).cross(&(d - b)),
             Pair::EdgeEdge(..) => (b - a).cross(&(d - c)),
         };
-        separates(&(plane * plane.dot(&start.apart).signum()))
+        let separates_signed =
+            |direction: Vec3| separates(&(direction * direction.dot(&start.apart).signum()));
+        separates_signed(plane)
             || separates(&pair.foot_at(surfaces, ends).apart)
+            || matches!(pair, Pair::EdgeEdge(..)) && {
+                let [p, q, r, s] = start.vertices.map(|vertex| ends(vertex) - at(vertex));
+                separates_signed((b - a).cross(&(p + q - r - s)))
+            }
     }
 }
 
@@ -209,5 +217,48 @@ fn follow(
                 is_changed = true;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::Skin;
+    use crate::mesh::{LineMesh, Mesh};
+
+    #[test]
+    fn an_edge_may_pass_over_one_that_is_parallel() {
+        let mut surfaces = Surfaces::default();
+        let skin = Skin {
+            radius: 1e-4,
+            touches_itself: true,
+            is_obstacle: false,
+        };
+        // The second edge is parallel but for rounding, and 0.3 mm higher.
+        let x = [
+            Vec3::new(0.0, 0.0, 0.0),
+            Vec3::new(0.0, 0.01, 0.0),
+            Vec3::new(-1e-3, 0.002, 3e-4),
+            Vec3::new(-1e-3 + 1e-18, 0.012, 3e-4),
+        ];
+        for ends in [[0, 1], [2, 3]] {
+            let ends = ends.map(|vertex: usize| x[vertex]);
+            let mesh = LineMesh {
+                positions: ends.to_vec(),
+                lines: vec![[0, 1]],
+                ..LineMesh::default()
+            };
+            surfaces.add(&Mesh::Thread(mesh), skin).expect("a thread");
+        }
+        let pair = Pair::EdgeEdge(0, 1);
+        let start = pair.foot(&surfaces, &x);
+        let is_safe = |by: Vec3| {
+            let ends =
+                |vertex: u32| x[vertex as usize] + if vertex < 2 { by } else { Vec3::zeros() };
+            is_certain(pair, &surfaces, &start, &x, ends, 1e-5)
+        };
+        assert!(is_safe(Vec3::new(-2e-3, 0.0, 0.0)));
+        assert!(is_safe(Vec3::new(-2e-3, 0.0, 1e-4)));
+        assert!(!is_safe(Vec3::new(-2e-3, 0.0, 6e-4)));
     }
 }

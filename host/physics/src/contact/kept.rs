@@ -25,6 +25,8 @@ pub(crate) struct Kept {
     pub normal: Vec3,
     /// The normal forces of the last two steps (N), the latest first.
     pub forces: [f64; 2],
+    /// The speed at which the contact opened (m/s).
+    pub opening: f64,
     /// The friction force (N).
     pub friction: Vec3,
     /// The stiffness of its spring (N/m).
@@ -78,6 +80,7 @@ mod tests {
             key,
             normal,
             forces: [1.0, 1.0],
+            opening: 0.0,
             friction: Vec3::new(3.0, 0.0, 4.0),
             stiffness: 2.0,
             age: 1,

@@ -78,8 +78,6 @@ pub struct Step<'a> {
     pub v: &'a [Vec3],
     /// Masses (kg), infinite for vertices that are held or prescribed.
     pub masses: &'a [f64],
-    /// The largest diagonal entry of the matrix of the step at each vertex (N/m): no friction spring is stiffer.
-    pub stiffest: &'a [f64],
     /// Length of the step (s).
     pub h: f64,
     /// The speed at which an overlap parts (m/s).
@@ -125,6 +123,8 @@ pub struct Contact {
     pub is_parting: bool,
     /// The normal forces of the last two steps (N), the latest first.
     forces: [f64; 2],
+    /// The speed (m/s) at which it opened in the last step, if it had a force.
+    opened: Option<f64>,
 }
 
 impl Contact {
@@ -186,6 +186,8 @@ pub struct Rows {
     kept: Vec<Kept>,
     thinning: Thinning,
     most: usize,
+    /// Length of the step (s).
+    h: f64,
     report: RowsReport,
 }
 
@@ -209,6 +211,7 @@ impl Rows {
             contacts: Vec::with_capacity(most),
             kept: Vec::with_capacity(most),
             most,
+            h: 1.0,
             report: RowsReport::default(),
         }
     }
@@ -216,6 +219,7 @@ impl Rows {
     /// Makes the rows of a step.
     pub fn begin(&mut self, step: &Step<'_>) -> RowsReport {
         self.report = RowsReport::default();
+        self.h = step.h;
         self.candidates.clear();
         self.found.clear();
         // The rows of a step may be made again for another prediction.
@@ -254,6 +258,7 @@ impl Rows {
                 key: contact.key,
                 normal: contact.row.normal,
                 forces: [response.normal, contact.forces[0]],
+                opening: (response.gap - contact.row.gap) / self.h,
                 friction: response.friction,
                 stiffness: contact.row.friction_stiffness,
                 age: contact.age + 1,
@@ -492,6 +497,7 @@ impl Rows {
             age: 0,
             is_parting: false,
             forces: [0.0; 2],
+            opened: None,
         }
     }
 
@@ -534,6 +540,7 @@ impl Rows {
                 continue;
             }
             contact.forces = state.forces;
+            contact.opened = (state.forces[0] > 0.0).then_some(state.opening);
             row.anchored = state.friction_across(&row.normal);
             // Kept for the change of the stiffness.
             row.friction_stiffness = state.stiffness;
@@ -602,6 +609,8 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
         Vec3::zeros()
     };
     let opening = row.normal.dot(&(velocity - of_shape));
+    // Between two chords of an obstacle that turns, the normal velocity jumps, although nothing opens.
+    let opening = contact.opened.unwrap_or(opening);
     let stiffness = Stiffness {
         mass: contact.mass,
         step: step.h,
@@ -610,11 +619,7 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
         force: contact.forces[0].max(contact.forces[1]),
         friction: row.friction,
     };
-    let free = each().filter(|(v, _)| step.masses[*v as usize].is_finite());
-    let most = free
-        .map(|(v, _)| step.stiffest[v as usize])
-        .fold(0.0, f64::max);
-    let before = core::mem::replace(&mut row.friction_stiffness, stiffness.friction(most));
+    let before = core::mem::replace(&mut row.friction_stiffness, stiffness.friction());
     if before > 0.0 {
         let softer = row.friction_stiffness.recip() - before.recip();
         report.restrung += 0.5 * row.anchored.norm_squared() * softer;

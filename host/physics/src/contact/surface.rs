@@ -207,3 +207,48 @@ impl Surfaces {
         self.apart.insert([one.min(other), one.max(other)]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::TriMesh;
+
+    /// A roof over two squares, `height` (m) high at its ridge, and its flags.
+    fn roof(height: f64) -> Surfaces {
+        let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
+        let positions = vec![
+            at(0.0, 0.0, 0.0),
+            at(0.01, 0.0, height),
+            at(0.02, 0.0, 0.0),
+            at(0.0, 0.01, 0.0),
+            at(0.01, 0.01, height),
+            at(0.02, 0.01, 0.0),
+        ];
+        let triangles = vec![[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]];
+        let mut surfaces = Surfaces::default();
+        let skin = Skin {
+            radius: 0.0,
+            touches_itself: false,
+            is_obstacle: true,
+        };
+        let mesh = TriMesh::new(positions.clone(), triangles).expect("a surface");
+        let part = surfaces.add(&Mesh::Sheet(mesh), skin).expect("a surface");
+        surfaces.is_rigid(part, &positions).expect("a surface");
+        surfaces
+    }
+
+    #[test]
+    fn a_ridge_holds_edges_and_a_plane_or_a_valley_does_not() {
+        let flat = |height: f64| {
+            let surfaces = roof(height);
+            let edges = surfaces.edges.iter().zip(&surfaces.flat_edges);
+            let flat = edges.filter(|(_, is_flat)| **is_flat);
+            flat.map(|(edge, _)| *edge).collect::<Vec<_>>()
+        };
+        // The diagonals are flat, the border is not.
+        assert_eq!(flat(1e-3), [[0, 4], [1, 5]]);
+        assert_eq!(flat(0.0), [[0, 4], [1, 4], [1, 5]]);
+        assert_eq!(flat(-1e-3), [[0, 4], [1, 4], [1, 5]]);
+        assert_eq!(roof(0.0).flat_vertices, [false; 6]);
+    }
+}

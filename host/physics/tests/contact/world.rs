@@ -48,7 +48,6 @@ pub(crate) struct World {
     pub u: Vec<Vec3>,
     pub v: Vec<Vec3>,
     masses: Vec<f64>,
-    stiffest: Vec<f64>,
     fractions: Vec<f64>,
 }
 
@@ -128,7 +127,6 @@ impl World {
             room: Workspace::default(),
             u: vec![Vec3::zeros(); x.len()],
             v: vec![Vec3::zeros(); x.len()],
-            stiffest: vec![f64::INFINITY; x.len()],
             fractions: vec![1.0; x.len()],
             firsts,
             masses,
@@ -157,7 +155,6 @@ impl World {
             u,
             v: &self.v,
             masses: &self.masses,
-            stiffest: &self.stiffest,
             h: H,
             parting: 0.2,
             meeting: &Meeting::by_radii(surfaces, friction),

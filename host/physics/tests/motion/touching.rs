@@ -59,7 +59,7 @@ impl Law {
             motion: Vec3::zeros(),
             friction: self.friction,
             normal_stiffness: stiffness.normal(),
-            friction_stiffness: stiffness.friction(f64::INFINITY),
+            friction_stiffness: stiffness.friction(),
             carried: carried(last.forces, opening, H, stiffness.depth()),
             anchored: turned,
         };

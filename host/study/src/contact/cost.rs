@@ -115,7 +115,6 @@ fn prescribed(scene: &motions::Scene, steps: u32) -> [Cost; 2] {
     let mut lists = Lists::new(surfaces, &x);
     let mut rows = Rows::new(surfaces, 8 * surfaces.vertices);
     let masses = vec![1e-6; surfaces.vertices];
-    let stiffest = vec![f64::INFINITY; surfaces.vertices];
     let (mut of_lists, mut of_rows, mut counts) = (Vec::new(), Vec::new(), Vec::new());
     for step in 0..steps {
         let next = at(step + 1);
@@ -133,7 +132,6 @@ fn prescribed(scene: &motions::Scene, steps: u32) -> [Cost; 2] {
             u: &u,
             v: &v,
             masses: &masses,
-            stiffest: &stiffest,
             h: motions::STEP,
             parting: 0.2,
             meeting: &Meeting::by_radii(surfaces, 0.3),

@@ -96,7 +96,6 @@ pub struct Contacts {
     u: Vec<Vec3>,
     v: Vec<Vec3>,
     mass: Vec<f64>,
-    stiffest: Vec<f64>,
     fractions: Vec<f64>,
     /// The contacts in the order of their islands; of each the number of its row.
     touches: Vec<Touch>,
@@ -138,7 +137,6 @@ impl Contacts {
             u: Vec::new(),
             v: Vec::new(),
             mass: Vec::new(),
-            stiffest: Vec::new(),
             fractions: Vec::new(),
             touches: Vec::new(),
             of_row: Vec::new(),
@@ -215,7 +213,6 @@ impl Contacts {
             u,
             v: &self.v,
             masses: &self.mass,
-            stiffest: &self.stiffest,
             parting: PARTING,
             hierarchy: lists.hierarchy(),
             pairs: &|found| lists.each(surfaces, x, found),

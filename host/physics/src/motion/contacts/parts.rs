@@ -202,7 +202,6 @@ impl Contacts {
             *vectors = vec![Vec3::zeros(); vertices];
         }
         self.mass = vec![f64::INFINITY; vertices];
-        self.stiffest = vec![f64::INFINITY; vertices];
         self.fractions = vec![1.0; vertices];
         let most = ROWS_PER_VERTEX * vertices;
         self.rows = Rows::new(&self.surfaces, most);
