@@ -7,13 +7,12 @@ use host::engine::change::Edit;
 use host::engine::contact::Contact;
 use host::engine::faults::{FaultKind, HostFault};
 use host::engine::pacer::Due;
-use host::run::prepare::{Options, Prepared};
+use host::run::prepare::Options;
 use host::run::session::Session;
 use host::scene::{LoadedScene, Scene};
 use host::world::World;
 use physics::{Body, BodyMap, Vec3};
 use rt_core::{Pose, TickRecord};
-use sim::{Fault, Faulty};
 use std::collections::BTreeMap;
 
 fn load(text: &str) -> LoadedScene {

@@ -1,7 +1,8 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
-//! Each aim is a line with the most that is asked for and what was measured (`rest`, `lists`, `measures`, `throws`). A line that
-//! is not reached is printed as it is. `hand` has the force at the hand, `between` has the aims of bodies in equilibrium. Times are no aims (`cost`).
+//! Each aim is a line with the most that is asked for and what was measured (`rest`, `worn`, `lists`, `measures`, `throws`). A
+//! line that is not reached is printed as it is. `hand` has the force at the hand, and `between` the aims of bodies in
+//! equilibrium. Times are no aims (`cost`).
 
 mod aim;
 mod between;
@@ -15,6 +16,7 @@ mod rest;
 mod tables;
 mod throws;
 mod world;
+mod worn;
 
 pub use aim::{Aim, Side};
 pub use cost::{Cost, Share};
@@ -83,6 +85,7 @@ pub fn run(
     if runs(Section::Aims) {
         let aims = &mut found.aims;
         rest::run(level, &mut |done| progress(0.1 * done), aims)?;
+        worn::run(level, aims)?;
         lists::run(level, aims)?;
         found.measures = measures::run(level, aims)?;
         progress(0.2);

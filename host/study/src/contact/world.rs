@@ -4,7 +4,7 @@ use super::crossings::crossings;
 use crate::StudyError;
 use crate::speed::clock::cpu_time;
 use nalgebra::Isometry3;
-use physics::contact::obstacle::{Geometry, Motion, Obstacle};
+use physics::contact::obstacle::{ClosedMesh, Geometry, Motion, Obstacle};
 use physics::contact::shape::Shape;
 use physics::contact::{Meeting, Skin};
 use physics::mesh::generate::{self, Pattern};
@@ -88,6 +88,37 @@ impl World {
         config: BodyConfig,
         handles: &[HandleSpec],
     ) -> Result<(), StudyError> {
+        let options = StepperOptions {
+            tolerance: 1e-7,
+            // What is measured is the rest of a body that is awake.
+            sleep_speed: 0.0,
+            ..StepperOptions::default()
+        };
+        self.add(mesh, config, handles, options)
+    }
+
+    /// Adds a sheet as the host steps one: to a thousandth of a per mille of the loads, with a factor that is some steps old.
+    pub(super) fn add_as_host(
+        &mut self,
+        mesh: TriMesh,
+        config: BodyConfig,
+    ) -> Result<(), StudyError> {
+        let options = StepperOptions {
+            sleep_speed: 0.0,
+            refresh: false,
+            max_iterations: 1000,
+            ..StepperOptions::default()
+        };
+        self.add(mesh, config, &[], options)
+    }
+
+    fn add(
+        &mut self,
+        mesh: TriMesh,
+        config: BodyConfig,
+        handles: &[HandleSpec],
+        options: StepperOptions,
+    ) -> Result<(), StudyError> {
         let material = Material {
             young: 1e6,
             poisson: 0.3,
@@ -95,12 +126,6 @@ impl World {
             density: 1000.0,
         };
         let body = Body::sheet(&mesh, &[material], config, handles)?;
-        let options = StepperOptions {
-            tolerance: 1e-7,
-            // What is measured is the rest of a body that is awake.
-            sleep_speed: 0.0,
-            ..StepperOptions::default()
-        };
         self.steppers.push(Stepper::new(&body, options)?);
         let skin = Skin {
             radius: RADIUS,
@@ -119,6 +144,13 @@ impl World {
     /// Adds an obstacle.
     pub(super) fn add_obstacle(&mut self, shape: Shape, motion: Motion) -> Result<(), StudyError> {
         let obstacle = Obstacle::new(Geometry::Shape(shape), motion)?;
+        Ok(self.contacts.add_obstacle(obstacle)?)
+    }
+
+    /// Adds an obstacle of triangles that stands still.
+    pub(super) fn add_mesh(&mut self, mesh: ClosedMesh) -> Result<(), StudyError> {
+        let still = Motion::Still(Isometry3::identity());
+        let obstacle = Obstacle::new(Geometry::Mesh(mesh), still)?;
         Ok(self.contacts.add_obstacle(obstacle)?)
     }
 
