@@ -143,10 +143,11 @@ fn the_hands_feel_the_ratio_of_a_belt_over_a_cylinder() -> Outcome {
         return Err("two columns of numbers".into());
     };
     assert!(slack > 0.3, "{slack} N: the belt is taut");
-    // The aim of the capstan: half a percent, for chords of 3.3 mm instead of an arc of 40 mm.
+    // At rest the ratio is that of Euler at most, but for chords of 3.3 mm instead of an arc of 40 mm. The springs of friction take
+    // a hundredth of it, because the belt settles back by a part of their stretch.
     let euler = (0.3 * std::f64::consts::PI).exp();
     let ratio = tight / slack;
-    assert!((ratio / euler - 1.0).abs() < 0.005, "{ratio}, {euler}");
+    assert!((0.99..1.005).contains(&(ratio / euler)), "{ratio}, {euler}");
     // While the hands move, each contact slips.
     let moving = log
         .contacts

@@ -84,22 +84,24 @@ impl Start {
     }
 }
 
-/// Whether a pair moves from the positions `x` to the positions `ends` (m) without a crossing, and keeps a gap of `least` (m):
-/// one of four directions separates it at both. `start` is its connection at the start.
+/// Whether a pair moves from the positions `x` to the positions `ends` (m) without a crossing: one of four directions separates
+/// it at both, and the fraction `left` of the gap in this direction is left. `start` is its connection at the start.
 pub(super) fn is_certain(
     pair: Pair,
     surfaces: &Surfaces,
     start: &Foot,
     x: &[Vec3],
     ends: impl Fn(u32) -> Vec3 + Copy,
-    least: f64,
+    left: f64,
 ) -> bool {
     let split = pair.split();
     let at = |vertex: u32| x[vertex as usize];
     // A degenerate direction separates nothing, because comparisons with it fail.
     let separates = |direction: &Vec3| {
         let direction = direction.normalize();
-        start.gap(split, &direction, ends) >= least && start.gap(split, &direction, at) >= least
+        // Things that pass over each other are further apart at the start than in the direction that separates them.
+        let gap = start.gap(split, &direction, at);
+        gap >= 0.0 && start.gap(split, &direction, ends) >= left * gap
     };
     separates(&start.apart) || {
         let [a, b, c, d] = start.vertices.map(at);
@@ -153,8 +155,7 @@ pub fn truncate(
                 return;
             }
             let ends = |v: u32| x[v as usize] + u[v as usize] * fractions[v as usize];
-            let least = 0.9 * LEFT * start.distance;
-            if is_certain(pair, surfaces, &start.foot, x, ends, least) {
+            if is_certain(pair, surfaces, &start.foot, x, ends, 0.9 * LEFT) {
                 return;
             }
             let mut has_room = true;
@@ -255,7 +256,7 @@ mod tests {
         let is_safe = |by: Vec3| {
             let ends =
                 |vertex: u32| x[vertex as usize] + if vertex < 2 { by } else { Vec3::zeros() };
-            is_certain(pair, &surfaces, &start, &x, ends, 1e-5)
+            is_certain(pair, &surfaces, &start, &x, ends, 0.05)
         };
         assert!(is_safe(Vec3::new(-2e-3, 0.0, 0.0)));
         assert!(is_safe(Vec3::new(-2e-3, 0.0, 1e-4)));

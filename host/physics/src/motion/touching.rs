@@ -22,7 +22,7 @@ const ACCURACY: f64 = 1e-1;
 /// A pass is searched if its end overshoots by this fraction of its start.
 const OVERSHOT: f64 = 0.1;
 /// The multipliers are carried on within a step if they have changed by this fraction.
-const CHANGED: f64 = 0.1;
+const CHANGED: f64 = 1e-4;
 /// Most evaluations of the rows in a line search.
 const EVALUATIONS: usize = 12;
 

@@ -125,6 +125,10 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         Arguments("it takes ten seconds; host/study/tests/studies/contact.rs runs it"),
     ),
     (
+        "palpate bench contact --part cost",
+        Arguments("it takes ten minutes; host/study/tests/studies/contact.rs runs a part"),
+    ),
+    (
         "palpate bench velocity",
         Arguments("it takes half a minute; host/study/tests/studies/velocity.rs runs a part"),
     ),
@@ -178,6 +182,7 @@ pub(super) const WAYS: &[(&str, Way)] = &[
     ),
     ("palpate stress hold", With(CELLS)),
     ("palpate stress tearing", With(CELLS)),
+    ("palpate stress contact", With("--quick --runs 1")),
     ("palpate stress scene", With("--runs 1 --schemes capped")),
     (
         "palpate stress scene my_scene.toml --plot scene.svg",
