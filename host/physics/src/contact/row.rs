@@ -15,8 +15,8 @@
 //!
 //! **Stability of carrying.** A mass `m` on a carried multiplier has modes with `(1 - 1/z)^3 = -kappa`, with
 //! `kappa = k h^2 / m`: the multiplier decays if `kappa > 1`. With `j` updates in a step `(1 + kappa)^j - 1` takes the
-//! place of `kappa`. [`Stiffness`] keeps `kappa` at eight or above for the vertices themselves. A step carries the
-//! multipliers on once more if they have changed by a tenth, by which a dropped sheet comes to rest in a third of the steps.
+//! place of `kappa`. [`Stiffness`] keeps `kappa` at eight or above for the vertices themselves. One update a step beyond the
+//! first costs nothing at rest, and a dropped sheet comes to rest in a third of the steps.
 
 use crate::{Mat3, Vec3};
 

@@ -21,8 +21,6 @@ const PASSES: usize = 12;
 const ACCURACY: f64 = 1e-1;
 /// A pass is searched if its end overshoots by this fraction of its start.
 const OVERSHOT: f64 = 0.1;
-/// The multipliers are carried on within a step if they have changed by this fraction.
-const CHANGED: f64 = 1e-4;
 /// Most evaluations of the rows in a line search.
 const EVALUATIONS: usize = 12;
 
@@ -121,7 +119,7 @@ fn load<E: JointEquation>(bodies: &mut [Option<E>], touch: &Touch, force: &Vec3)
 }
 
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
-/// step if they have changed much, and further ones do while a contact is too deep. `out_of_time` is called after each iteration;
+/// step, and further ones do while a contact is too deep. `out_of_time` is called after each iteration;
 /// if it returns true, the step continues with the solution so far.
 pub fn solve<E: JointEquation>(
     bodies: &mut [Option<E>],
@@ -140,8 +138,7 @@ pub fn solve<E: JointEquation>(
     let is_deep = |touch: &Touch| touch.response.gap < -touch.row.depth;
     for update in 0..=MOST_UPDATES {
         if update > 0 {
-            let goes_on = update <= updates && moves_on(touches);
-            if !(goes_on || touches.iter().any(is_deep)) {
+            if update > updates && !touches.iter().any(is_deep) {
                 break;
             }
             for touch in &mut *touches {
@@ -177,17 +174,6 @@ pub fn solve<E: JointEquation>(
         }
     }
     report
-}
-
-/// Whether the multipliers have changed so much in the step that they are carried on once more within it.
-fn moves_on(touches: &[Touch]) -> bool {
-    let (mut change, mut all) = (0.0, 0.0);
-    for Touch { row, response, .. } in touches {
-        let by = response.normal - row.carried;
-        change += by * by;
-        all += response.normal * response.normal;
-    }
-    change > CHANGED * CHANGED * all
 }
 
 /// Lets the pairs of tears take their forces. Returns whether this has changed a residual.

@@ -172,7 +172,10 @@ impl Blocks {
             others,
             room,
         };
-        let options = ShapeOptions::default();
+        let options = ShapeOptions {
+            max_iterations: 2000,
+            ..ShapeOptions::default()
+        };
         let body = &self.bodies[1];
         let condensed = shapes.condense_among(above, body, PERIOD, &options, Some(&mut around));
         let (condensed, report) = condensed.unwrap();
@@ -188,11 +191,11 @@ impl Blocks {
 
 #[test]
 fn a_block_on_a_block_is_as_stiff_as_both_in_series() {
-    // Under little friction feet at the rim slip outwards while the blocks are pressed, and the model has those that slip in
-    // the last step. Under much friction all feet stick.
-    for (friction, most) in [(0.5, 0.12), (3.0, 0.01)] {
+    // The tangent of a corotational element leaves out the turn of a strained element: a tenth of the shear at a strain of 4 %.
+    const PRESSED: f64 = 0.5e-3;
+    for friction in [0.5, 3.0] {
         let mut blocks = Blocks::new(friction);
-        blocks.move_by(Vec3::new(0.0, 0.0, -3e-3));
+        blocks.move_by(Vec3::new(0.0, 0.0, -PRESSED));
         let (held, _) = blocks.model(false, Vec3::z());
         let (model, release) = blocks.model(true, Vec3::z());
         let before = blocks.force();
@@ -208,9 +211,9 @@ fn a_block_on_a_block_is_as_stiff_as_both_in_series() {
         println!("parts after {:.3} mm", 1e3 * release);
         // The aim of the design.
         assert!(errors[0].abs() < 0.01, "{errors:?}");
-        assert!(errors[1].abs() < most, "{errors:?}");
+        assert!(errors[1].abs() < 0.025, "{errors:?}");
         assert!(held[1] > 2.0 * pressed, "the other body responds");
         // The way by which the blocks were pressed. Their force grows a little faster than the way.
-        assert!((release / 3e-3 - 1.0).abs() < 0.05, "{release}");
+        assert!((release / PRESSED - 1.0).abs() < 0.05, "{release}");
     }
 }

@@ -295,10 +295,18 @@ fn the_forces_of_a_belt_over_a_cylinder_are_those_of_eytelwein() {
                     .norm()
             };
             ratios.push(force(1) / force(0));
+            // The hands bear what the contacts press, also after a pass that was shortened.
+            let pressed: Vec3 = scene.touches.iter().map(Touch::force).sum();
+            let pulled = force(0) + force(1);
+            assert!(
+                (pulled / pressed.z - 1.0).abs() < 1e-4,
+                "{pulled} {pressed}"
+            );
         }
     }
     // A vertex follows the one before it after 18 steps: the mean over ten of them.
     let mean = ratios[..180].iter().sum::<f64>() / 180.0;
     let exact = (0.3 * PI).exp();
-    assert!((mean / exact - 1.0).abs() < 5e-3, "{mean} {exact}");
+    // These rows find their feet once, at the guess. The rows of `contact::rows` hold half a percent in the study of contact.
+    assert!((mean / exact - 1.0).abs() < 2e-2, "{mean} {exact}");
 }
