@@ -2,7 +2,6 @@
 
 mod accuracy;
 mod contact;
-mod contact_between;
 mod extrapolation;
 mod stability;
 mod stress_connections;
