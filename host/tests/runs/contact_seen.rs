@@ -168,7 +168,7 @@ fn a_folded_banknote_touches_itself_and_tears_through() -> Outcome {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("run.mcap");
     let options = RunOptions {
-        duration: Some(4.3),
+        duration: Some(4.5),
         log: Some(path.clone()),
         ..RunOptions::new(Clock::Virtual)
     };

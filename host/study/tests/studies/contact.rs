@@ -25,7 +25,7 @@ fn contact_holds_its_aims() {
     let missed: Vec<&Aim> = missed.filter(known).collect();
     assert!(missed.is_empty(), "{missed:#?}");
     // Times are shown, and are no aims.
-    assert_eq!(found.costs.len(), 13);
+    assert_eq!(found.costs.len(), 15);
     assert!(text.contains("| two sheets land |") && found.picture().is_some());
 }
 
