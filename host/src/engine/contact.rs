@@ -43,23 +43,23 @@ pub struct ContactTotals {
 /// Sums over all steps and pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ContactSums {
-    /// Displacements of vertices that were shortened so that nothing crosses.
+    /// Displacements that were shortened.
     pub truncated: u64,
-    /// Pairs of elements to which an obstacle or a hand left no room. They may cross.
+    /// Pairs of elements without room. They may cross.
     pub squeezed: u64,
-    /// Contacts without a row, because all rows were taken. They were held apart by shortened displacements.
+    /// Contacts without a row.
     pub dropped: u64,
     /// Most rows of a step.
     pub most_rows: usize,
-    /// Energy that contacts took from the bodies and the obstacles (J): dissipated by friction, and stored in its springs.
+    /// Energy that contacts took (J).
     pub taken: f64,
-    /// The part of it that is in the springs of friction at the end (J).
+    /// Its part in springs of friction at the end (J).
     pub stored: f64,
     /// Work of moving obstacles (J).
     pub by_obstacles: f64,
     /// Work with which overlapping starts parted (J).
     pub parted: f64,
-    /// Kinetic energy that the shortened displacements lost (J).
+    /// Kinetic energy lost by shortening (J).
     pub stopped: f64,
 }
 

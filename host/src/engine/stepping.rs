@@ -154,10 +154,11 @@ impl Stepping {
         {
             publisher.limit(|slope| self.solver.contact_limit(around, slope));
         }
-        if let Some(tears) = &mut self.tears {
-            if publisher.has_energy() && tears.parting.groups() > 1 {
-                elastic = Elastic::Pieces(tears.parting.sum(&self.body));
-            }
+        if let Some(tears) = &mut self.tears
+            && publisher.has_energy()
+            && tears.parting.groups() > 1
+        {
+            elastic = Elastic::Pieces(tears.parting.sum(&self.body));
         }
         publisher.publish(&self.body, elastic, time_ns);
         Ok(())

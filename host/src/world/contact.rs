@@ -423,7 +423,12 @@ pub(super) fn keep_apart(
             match (one == thing, other) {
                 (true, Thing::Obstacle(number)) => {
                     let ends = [rest(body).to_vec(), settled.positions().collect()];
-                    meets(&obstacles[number], &ways[body], &ends, pair.distance)
+                    meets(
+                        &obstacles[number],
+                        ways[body].as_ref(),
+                        &ends,
+                        pair.distance,
+                    )
                 }
                 (true, other) if other == thing => {
                     folds(&bodies[body].mesh, settled, pair.distance)
@@ -432,7 +437,7 @@ pub(super) fn keep_apart(
                     let [Thing::Body(one), Thing::Body(other)] = pair.between else {
                         return false;
                     };
-                    overlap(&ways[one], &ways[other], pair.distance)
+                    overlap(ways[one].as_ref(), ways[other].as_ref(), pair.distance)
                 }
                 _ => false,
             }
@@ -444,7 +449,7 @@ pub(super) fn keep_apart(
 }
 
 /// Whether two boxes are nearer to each other than a distance (m).
-fn overlap(one: &Option<Bounds>, other: &Option<Bounds>, distance: f64) -> bool {
+fn overlap(one: Option<&Bounds>, other: Option<&Bounds>, distance: f64) -> bool {
     let (Some(one), Some(other)) = (one, other) else {
         return false;
     };
@@ -453,13 +458,13 @@ fn overlap(one: &Option<Bounds>, other: &Option<Bounds>, distance: f64) -> bool 
 }
 
 /// Whether an obstacle lies on a way: in its box, or on the wrong side of a plane.
-fn meets(obstacle: &Obstacle, way: &Option<Bounds>, ends: &[Vec<Vec3>; 2], distance: f64) -> bool {
+fn meets(obstacle: &Obstacle, way: Option<&Bounds>, ends: &[Vec<Vec3>; 2], distance: f64) -> bool {
     let Some(bounds) = way else { return false };
     match obstacle.geometry() {
         Geometry::Mesh(_) => {
             let mut x = vec![Vec3::zeros(); obstacle.vertices()];
             obstacle.write_positions(0.0, &mut x);
-            overlap(way, &Bounds::of(&x), distance)
+            overlap(way, Bounds::of(&x).as_ref(), distance)
         }
         Geometry::Shape(Shape::Plane) => ends.iter().flatten().any(|x| {
             let near = obstacle.nearest(x, 0.0);

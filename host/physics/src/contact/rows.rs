@@ -332,7 +332,7 @@ impl Rows {
                 if found.may_touch(is_end, thickness) {
                     let predicted = found.predicted(is_end);
                     let contact = self.contact(step, Key::Edges(vertices), parts, at, predicted);
-                    self.push(contact);
+                    self.push(&contact);
                 }
                 return;
             }
@@ -381,7 +381,7 @@ impl Rows {
                 let parts = [self.part_of[one.vertex as usize], one.part].map(|part| part as usize);
                 let (at, predicted) = (one.feet.at(is_end), one.feet.predicted(is_end));
                 let contact = self.contact(step, key, parts, at, predicted);
-                self.push(contact);
+                self.push(&contact);
             });
         }
         (self.candidates, self.order) = (candidates, order);
@@ -452,7 +452,7 @@ impl Rows {
         let key = Key::Vertex(vertex, other as u32);
         let mut contact = self.contact(step, key, [part, other], &connection, predicted);
         contact.row.motion = motion;
-        self.push(contact);
+        self.push(&contact);
     }
 
     /// A contact, without what it keeps.
@@ -501,7 +501,7 @@ impl Rows {
         }
     }
 
-    fn push(&mut self, contact: Contact) {
+    fn push(&mut self, contact: &Contact) {
         // Nothing moves between vertices that are all held.
         if !contact.mass.is_finite() {
             return;
@@ -509,7 +509,7 @@ impl Rows {
         if self.found.len() == FOUND * self.most {
             self.report.dropped += half(&mut self.found, |contact| contact.predicted);
         }
-        self.found.push(contact);
+        self.found.push(*contact);
     }
 
     /// Brings the contacts in the order of their keys. Clusters share vertices, so that an obstacle may meet one twice.

@@ -176,7 +176,7 @@ pub(super) fn iterate<E: JointEquation>(
         room.forces.clear();
         let products = &mut room.forces;
         product(&|node| at(bodies, node, E::direction), &mut |at, force| {
-            products.push((at, force))
+            products.push((at, force));
         });
         for (at, product) in &room.forces {
             if let Some(body) = &mut bodies[at.body] {

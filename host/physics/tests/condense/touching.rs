@@ -207,7 +207,7 @@ fn a_block_on_a_block_is_as_stiff_as_both_in_series() {
         let sheared = -(blocks.force() - before).x / small;
         let errors = [model[1] / pressed - 1.0, model[0] / sheared - 1.0];
         println!("friction {friction}: press {pressed:.1} N/m, shear {sheared:.1} N/m");
-        println!("model {:?}, errors {errors:?}, other held {held:?}", model);
+        println!("model {model:?}, errors {errors:?}, other held {held:?}");
         println!("parts after {:.3} mm", 1e3 * release);
         // The aim of the design.
         assert!(errors[0].abs() < 0.01, "{errors:?}");

@@ -159,9 +159,7 @@ pub(super) fn run(
                 0.01,
             ));
             aims.push(Aim::at_most(
-                format!(
-                    "jump of that force at a message, by the largest change in a tick of the reference"
-                ),
+                "jump of that force at a message, by the largest change in a tick of the reference",
                 "",
                 cell.jump / cell.tick,
                 1.0,
@@ -198,14 +196,14 @@ fn press(
         }
     }
     let exact = reference.forces(0);
-    let norms = exact.iter().flatten().map(|force| force.norm());
+    let norms = exact.iter().flatten().map(physics::Vec3::norm);
     let peak = norms.fold(0.0, f64::max);
     let tick = (1..exact.len()).map(|at| change(exact, at));
     let tick = tick.fold(0.0, f64::max);
     let hold = HOLD.map(|time| (time / TICK) as usize);
     let hold = hold[0]..hold[1];
     let held = &exact[hold.clone()];
-    let most = |forces: &Forces| forces.iter().map(|force| force.norm()).fold(0.0, f64::max);
+    let most = |forces: &Forces| forces.iter().map(physics::Vec3::norm).fold(0.0, f64::max);
     let mean = held.iter().map(most).sum::<f64>() / held.len() as f64;
     let mut cells = Vec::new();
     for (host, (rate, steps)) in hosts.iter().zip(slow) {

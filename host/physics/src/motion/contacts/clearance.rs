@@ -77,7 +77,7 @@ impl Contacts {
             meetings: &self.meetings,
             x: &self.x,
         };
-        let left = all.apart().min(all.from_shapes(&self.shapes));
+        let left = all.apart().min(all.before_shapes(&self.shapes));
         (self.clearance.centre, self.clearance.radius) = all.ball();
         // Bodies leave the ball by what is left at most.
         self.clearance.radius += left;
@@ -115,7 +115,7 @@ impl All<'_> {
     }
 
     /// The least distance between a vertex and a shape that may touch, less the distance at which they touch (m).
-    fn from_shapes(&self, shapes: &[Placed]) -> f64 {
+    fn before_shapes(&self, shapes: &[Placed]) -> f64 {
         let parts = self.surfaces.parts.len();
         let mut least = f64::INFINITY;
         for (number, placed) in shapes.iter().enumerate() {

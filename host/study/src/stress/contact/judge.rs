@@ -81,7 +81,12 @@ pub(super) struct Judge<'a> {
 
 impl<'a> Judge<'a> {
     pub(super) fn new(world: &'a World<'a>, engine: &Engine, every: u64) -> Self {
-        let bodies = || engine.bodies().iter().map(|host| host.body());
+        let bodies = || {
+            engine
+                .bodies()
+                .iter()
+                .map(host::engine::body::HostBody::body)
+        };
         Self {
             world,
             every,
@@ -158,7 +163,10 @@ impl<'a> Judge<'a> {
                 self.take(value.to_bits());
             }
         }
-        let bodies = engine.bodies().iter().map(|host| host.body());
+        let bodies = engine
+            .bodies()
+            .iter()
+            .map(host::engine::body::HostBody::body);
         self.lowest = self.lowest.min(bodies.map(Body::load_potential).sum());
         let Some(contact) = engine.contact() else {
             return is_finite;
