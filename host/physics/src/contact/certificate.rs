@@ -15,7 +15,7 @@
 //! pairs are tested until none fails. Fractions only fall, and zero is safe, so this ends.
 //!
 //! **Stretch.** A vertex that stops beside one that goes on would stretch the edge between them, and the surface would gain
-//! energy. So the fractions of two neighbours differ such that truncation stretches no edge by more than [`STRETCH`].
+//! energy. So the fractions of two neighbours differ such that truncation stretches no edge by more than a bound (`STRETCH`).
 //!
 //! The pairs must include all that are nearer than their vertices move, both in sum.
 

@@ -188,7 +188,7 @@ impl Lists {
     }
 
     /// Begins a step at the positions `x` (m), in which clusters are predicted to move as `moves` says. Afterwards
-    /// [`each`](Self::each) gives every pair that may touch ([`feet`](super::feet)) or cross in the step.
+    /// [`each`](Self::each) gives every pair that may touch (`feet`) or cross in the step.
     pub fn follow(
         &mut self,
         surfaces: &Surfaces,

@@ -1,6 +1,6 @@
 //! How the vertices of a cluster move in a step, and how near two clusters must be for their pairs to matter.
 //!
-//! A pair gets a row if it is near at the predicted end ([`feet`](super::feet)), so its distance at the start is bounded by
+//! A pair gets a row if it is near at the predicted end (`feet`), so its distance at the start is bounded by
 //! the motion of one cluster *against* the other. The certificate needs more and less: pairs as near as both vertices move
 //! together, because truncation stops one of the two, but no thickness.
 
