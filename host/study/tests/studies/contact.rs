@@ -16,7 +16,7 @@ fn contact_holds_its_aims() {
     let mut found = run(Level::Quick, Some(Section::Aims), 1, &mut |_| {}).unwrap();
     let costs = run(Level::Quick, Some(Section::Cost), 1, &mut |_| {}).unwrap();
     assert!(costs.aims.is_empty());
-    found.costs = costs.costs;
+    (found.machine, found.costs) = (costs.machine, costs.costs);
     let text = found.tables();
     println!("{text}");
     assert!(found.aims.len() > 20 && found.aims.iter().all(|aim| aim.ours.is_finite()));
