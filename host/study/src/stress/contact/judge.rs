@@ -16,8 +16,9 @@ use runner::TickLoop;
 
 /// The largest net energy of the hands (J).
 pub const NET_ENERGY: f64 = 1e-3;
-/// The most that contacts may give to what they touch, as a fraction of the energy that moves, and in any case (J). The aim of
-/// the study of contact for the sum of all steps that give is 0.2 %.
+/// The most that contacts may give to what they touch, and that bodies which nobody holds may gain beyond the work of obstacles,
+/// as a fraction of the energy that moves, and in any case (J). The aim of the study of contact for the sum of all steps that
+/// give is 0.2 %.
 const GIVEN: [f64; 2] = [2e-3, 1e-6];
 
 /// The contacts of a run.
@@ -36,10 +37,6 @@ pub(super) struct Counts {
     /// Edges that tore.
     pub(super) opened: u64,
 }
-
-/// The most that bodies which nobody holds may gain beyond the work of obstacles, as a fraction of the energy that moves, and in
-/// any case (J): the steps of a stiff sheet are solved by one linearization, which errs by some microjoules.
-const GAINED: [f64; 2] = [1e-2, 1e-5];
 
 /// Follows a run.
 pub(super) struct Judge<'a> {
@@ -334,7 +331,7 @@ impl<'a> Judge<'a> {
                 1e3 * moved
             ));
         }
-        if self.gained > GAINED[0] * moved + GAINED[1] {
+        if self.gained > GIVEN[0] * moved + GIVEN[1] {
             found.push(format!(
                 "the bodies gained {:.3} mJ beyond the work of obstacles, while {:.3} mJ moved",
                 1e3 * self.gained,
