@@ -135,6 +135,16 @@ pub fn solve<E: JointEquation>(
         touch.pass.start = ju;
         load(bodies, touch, &touch.force());
     }
+    let mut has_settled = false;
+    for body in bodies.iter_mut().flatten() {
+        has_settled |= body.settle(out_of_time);
+    }
+    for touch in touches.iter_mut().filter(|_| has_settled) {
+        let before = touch.force();
+        touch.pass.start = touch.difference(&|node| at(bodies, node, E::displacement));
+        touch.response = touch.row.response(&touch.pass.start);
+        load(bodies, touch, &(touch.force() - before));
+    }
     let is_deep = |touch: &Touch| touch.response.gap < -touch.row.depth;
     for update in 0..=MOST_UPDATES {
         if update > 0 {
@@ -148,11 +158,15 @@ pub fn solve<E: JointEquation>(
                 load(bodies, touch, &(touch.force() - before));
             }
         }
+        let mut is_first = true;
         for _ in 0..PASSES {
             weigh(bodies, touches, room);
             report.converged = room.is_solved(bodies);
-            if report.converged && !let_go(bodies, room) {
-                break;
+            if report.converged {
+                if !let_go(bodies, room, core::mem::take(&mut is_first)) {
+                    break;
+                }
+                continue;
             }
             pass(bodies, touches, room, &mut report, out_of_time);
         }
@@ -177,11 +191,11 @@ pub fn solve<E: JointEquation>(
 }
 
 /// Lets the pairs of tears take their forces. Returns whether this has changed a residual.
-fn let_go<E: JointEquation>(bodies: &mut [Option<E>], room: &Workspace) -> bool {
+fn let_go<E: JointEquation>(bodies: &mut [Option<E>], room: &Workspace, is_first: bool) -> bool {
     let mut changes = false;
     for (body, load) in bodies.iter_mut().zip(&room.loads) {
         if let Some(body) = body {
-            changes |= body.let_go(body.goal(*load));
+            changes |= body.let_go(body.goal(*load), is_first);
         }
     }
     changes

@@ -104,23 +104,20 @@ impl Contacts {
                 continue;
             }
             let force = touch.force();
-            let corners = contact.vertices.iter().zip(contact.weights);
-            let moved: Vec3 = corners
-                .filter(|(_, weight)| *weight != 0.0)
-                .map(|(vertex, weight)| {
-                    let at = *vertex as usize;
-                    self.u[at] * (weight * self.fractions[at])
-                })
-                .sum();
-            self.report.taken -= force.dot(&(moved - contact.row.motion));
-            self.report.by_obstacles += force.dot(&contact.row.motion);
+            let mut on_bodies = 0.0;
             for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
+                // The motion of a vertex of an obstacle is in the row.
                 if let Some(at) = self.at(*vertex).filter(|_| weight != 0.0) {
                     let vertex = *vertex as usize;
                     let moved = self.u[vertex] * self.fractions[vertex];
-                    self.works[at.body] += weight * force.dot(&moved);
+                    let work = weight * force.dot(&moved);
+                    self.works[at.body] += work;
+                    on_bodies += work;
                 }
             }
+            let by_obstacles = force.dot(&contact.row.motion);
+            self.report.taken -= on_bodies - by_obstacles;
+            self.report.by_obstacles += by_obstacles;
             // Vertices of either side may touch the other.
             let [one, other] = contact.parts;
             let (sides, sign) = if one <= other {

@@ -203,7 +203,11 @@ impl JointEquation for Lent<'_> {
         }
     }
 
-    fn let_go(&mut self, _goal: f64) -> bool {
+    fn settle(&mut self, _out_of_time: &mut dyn FnMut() -> bool) -> bool {
+        false
+    }
+
+    fn let_go(&mut self, _goal: f64, _is_first: bool) -> bool {
         false
     }
 

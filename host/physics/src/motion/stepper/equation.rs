@@ -5,6 +5,7 @@
 //! counted as that of hands is.
 
 use super::calls::{Call, Underway};
+use super::release::MOST_ROUNDS;
 use super::{Limits, Solved, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
@@ -21,6 +22,11 @@ use crate::motion::joint_equation::JointEquation;
 pub struct Equation<'a, T> {
     stepper: &'a mut Stepper<T>,
     step: Underway,
+    /// How often the pairs of tears took their forces, and by how much the forces changed the last time (N).
+    rounds: usize,
+    change: f64,
+    /// Iterations of [`settle`](JointEquation::settle).
+    settled: usize,
 }
 
 impl<T: Precision> Stepper<T> {
@@ -42,6 +48,9 @@ impl<T: Precision> Stepper<T> {
         Ok(Some(Equation {
             stepper: self,
             step,
+            rounds: 0,
+            change: f64::INFINITY,
+            settled: 0,
         }))
     }
 
@@ -56,6 +65,9 @@ impl<T: Precision> Stepper<T> {
         Equation {
             step: Underway::of_shape(factors, limits),
             stepper: self,
+            rounds: 0,
+            change: f64::INFINITY,
+            settled: 0,
         }
     }
 
@@ -206,15 +218,39 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
         }
     }
 
-    fn let_go(&mut self, goal: f64) -> bool {
+    fn settle(&mut self, out_of_time: &mut dyn FnMut() -> bool) -> bool {
+        let has_pairs = !self.stepper.pairs.is_empty();
+        if has_pairs {
+            let Underway {
+                factors, limits, ..
+            } = self.step;
+            self.settled = self.stepper.let_go(factors, limits, out_of_time).iterations;
+        }
+        has_pairs
+    }
+
+    fn let_go(&mut self, goal: f64, is_first: bool) -> bool {
         let Stepper {
             pairs, places, cg, ..
         } = &mut *self.stepper;
-        let changes = !pairs.is_empty() && pairs.agree(by_node(&places.of, &cg.u)) > goal;
-        if changes {
-            pairs.take_forces(&places.of, &mut cg.residual);
+        if pairs.is_empty() || self.rounds > MOST_ROUNDS {
+            return false;
         }
-        changes
+        let change = pairs.agree(by_node(&places.of, &cg.u));
+        if change <= goal {
+            return false;
+        }
+        self.rounds += 1;
+        // A light piece that has come off responds otherwise than the factor says, and the forces may diverge. The comparison
+        // is false for a change that is not a number.
+        if self.rounds <= MOST_ROUNDS && (is_first || change < self.change) {
+            pairs.take_forces(&places.of, &mut cg.residual);
+        } else {
+            pairs.drop_strays(&places.of, &cg.u, &mut cg.residual);
+            self.rounds = MOST_ROUNDS + 1;
+        }
+        self.change = change;
+        true
     }
 
     fn solved(
@@ -225,9 +261,14 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
         residual: f64,
     ) {
         let converged = residual <= self.goal(load);
-        let Self { stepper, step } = self;
+        let Self {
+            stepper,
+            step,
+            settled,
+            ..
+        } = self;
         step.report = StepperReport {
-            iterations,
+            iterations: iterations + *settled,
             residual,
             converged,
             reference: step.report.reference.max(load),

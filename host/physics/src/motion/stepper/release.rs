@@ -12,7 +12,7 @@ use crate::motion::constraint::cohesion::Cohesion;
 use crate::motion::constraint::{Constraints, by_node};
 
 /// Most iterations that are followed by other forces.
-const MOST_ROUNDS: usize = 16;
+pub(super) const MOST_ROUNDS: usize = 16;
 /// Forces converge slowly if they change by more than this fraction of the change before, or of the residual before,
 /// and by more than `CLOSE` times the goal.
 const SLOW_ROUND: f64 = 0.5;
@@ -121,10 +121,13 @@ impl<T: Precision> Stepper<T> {
         (acting[0] + acting[1]) * (mass[0] / (mass[0] + mass[1])) - acting[0]
     }
 
-    /// Elastic force and loads on a vertex (N) at the end of the last step: what inertia, damping and the pairs balance.
+    /// Elastic force, loads and forces of joints on a vertex (N) at the end of the last step: what inertia, damping and the
+    /// pairs balance.
     fn acting(&self, body: &Body, node: u32) -> Vec3 {
         let elastic = to_vec(&self.elements.force[self.places.of[node as usize] as usize]);
-        elastic + body.model.external[node as usize] * body.model.load_factor
+        let joints = self.joint_forces().iter().filter(|(at, _)| *at == node);
+        let joined: Vec3 = joints.map(|(_, force)| force).sum();
+        elastic + body.model.external[node as usize] * body.model.load_factor + joined
     }
 
     /// As [`acting`](Self::acting), along the axes of the vertex that no support guides (N).
