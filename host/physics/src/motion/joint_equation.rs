@@ -54,15 +54,11 @@ pub trait JointEquation {
     /// of linear forces does; also on held nodes, where the residual is the force of the hand.
     fn back(&mut self, a: f64);
 
-    /// Solves the equation with the forces of the pairs of a tear, while the forces of the joints stay as they are. What this
-    /// finds about the responses of the pairs holds for [`let_go`](Self::let_go). Returns whether there are pairs; without
-    /// pairs, nothing is done.
-    fn settle(&mut self, out_of_time: &mut dyn FnMut() -> bool) -> bool;
+    /// Takes the pairs of a tear into the equation as springs, until it is [solved](Self::solved).
+    fn hold_pairs(&mut self);
 
-    /// Lets the pairs of a tear take their forces for the present displacement. Returns whether the forces have changed by
-    /// more than the [goal](Self::goal): then the residual has, too. `is_first` tells that the forces of the contacts have
-    /// changed since the last call, so the forces of the pairs may change by more than they did then.
-    fn let_go(&mut self, goal: f64, is_first: bool) -> bool;
+    /// Gives the pairs of a tear the forces of their laws at the present displacement, by which the residual changes.
+    fn let_go(&mut self);
 
     /// Ends the solve. `forces` are those of the joints on nodes (N), which the residual includes, and `load` is their norm
     /// (N); `residual` is the norm of the residual on free axes (N).

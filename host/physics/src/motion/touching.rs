@@ -68,6 +68,11 @@ impl Touch {
         self.row.normal * self.response.normal + self.response.friction
     }
 
+    /// The displacement of the first foot against the second one (m) at the end of the solve.
+    pub fn moved(&self) -> &Vec3 {
+        &self.pass.start
+    }
+
     /// The displacement of the first foot against the second one (m), for displacements `of` nodes.
     pub fn difference(&self, of: &dyn Fn(At) -> Vec3) -> Vec3 {
         let nodes = self.nodes.iter().filter(|(_, weight)| *weight != 0.0);
@@ -135,16 +140,7 @@ pub fn solve<E: JointEquation>(
         touch.pass.start = ju;
         load(bodies, touch, &touch.force());
     }
-    let mut has_settled = false;
-    for body in bodies.iter_mut().flatten() {
-        has_settled |= body.settle(out_of_time);
-    }
-    for touch in touches.iter_mut().filter(|_| has_settled) {
-        let before = touch.force();
-        touch.pass.start = touch.difference(&|node| at(bodies, node, E::displacement));
-        touch.response = touch.row.response(&touch.pass.start);
-        load(bodies, touch, &(touch.force() - before));
-    }
+    bodies.iter_mut().flatten().for_each(E::hold_pairs);
     let is_deep = |touch: &Touch| touch.response.gap < -touch.row.depth;
     for update in 0..=MOST_UPDATES {
         if update > 0 {
@@ -158,15 +154,11 @@ pub fn solve<E: JointEquation>(
                 load(bodies, touch, &(touch.force() - before));
             }
         }
-        let mut is_first = true;
         for _ in 0..PASSES {
+            bodies.iter_mut().flatten().for_each(E::let_go);
             weigh(bodies, touches, room);
-            report.converged = room.is_solved(bodies);
-            if report.converged {
-                if !let_go(bodies, room, core::mem::take(&mut is_first)) {
-                    break;
-                }
-                continue;
+            if room.is_solved(bodies) {
+                break;
             }
             pass(bodies, touches, room, &mut report, out_of_time);
         }
@@ -188,17 +180,6 @@ pub fn solve<E: JointEquation>(
         }
     }
     report
-}
-
-/// Lets the pairs of tears take their forces. Returns whether this has changed a residual.
-fn let_go<E: JointEquation>(bodies: &mut [Option<E>], room: &Workspace, is_first: bool) -> bool {
-    let mut changes = false;
-    for (body, load) in bodies.iter_mut().zip(&room.loads) {
-        if let Some(body) = body {
-            changes |= body.let_go(body.goal(*load), is_first);
-        }
-    }
-    changes
 }
 
 /// Computes the norms of the residuals and of the forces of the contacts.

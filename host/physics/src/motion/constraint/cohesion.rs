@@ -325,6 +325,10 @@ impl Law for Cohesion {
         (self.force_beyond(s) - self.step_force(s)) / (s - opening)
     }
 
+    fn stiffness(&self) -> f64 {
+        self.slope()
+    }
+
     fn across(&self) -> f64 {
         self.across
     }

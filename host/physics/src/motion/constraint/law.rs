@@ -28,6 +28,9 @@ pub(crate) trait Law {
     /// The slope of [`value`](Self::value) (N/m).
     fn tangent(&self, opening: f64) -> f64;
 
+    /// The slope of [`value`](Self::value) (N/m) as the law closes: the largest one.
+    fn stiffness(&self) -> f64;
+
     /// The stiffness across the gradient (N/m).
     fn across(&self) -> f64;
 

@@ -210,6 +210,45 @@ impl<L: Law> Constraints<L> {
         }
     }
 
+    /// Adds the product of the laws, as springs along their gradients, with `p` to `q`.
+    pub(crate) fn add_stiffness<T: Real>(&self, place: &[u32], p: &[Node<T>], q: &mut [Node<T>]) {
+        for law in &self.laws {
+            let along = law.gradient();
+            let opens = along.dot(&difference(law.nodes(), by_node(place, p)));
+            load(law.nodes(), &(along * (-law.stiffness() * opens)), place, q);
+        }
+    }
+
+    /// Gives the laws the forces that their springs have at the displacements `u`, from the openings that were found last.
+    pub(crate) fn stretch(&mut self, u: impl Fn(u32) -> Vec3) {
+        for (law, from) in self.laws.iter_mut().zip(&self.agreement.openings) {
+            law.set_force(law.force() + law.stiffness() * (opening(law, &u) - from));
+        }
+    }
+
+    /// Gives the laws their forces at the displacements `u`, and changes the `residual` by the difference to their
+    /// springs.
+    ///
+    /// This is Newton's method with the stiffness of a law that closes for its tangent. A law that falls faster than the body
+    /// unloads opens in each round, until it has no force left.
+    pub(crate) fn relinearize<T: Real>(
+        &mut self,
+        place: &[u32],
+        u: &[Node<T>],
+        residual: &mut [Node<T>],
+    ) {
+        self.stretch(by_node(place, u));
+        self.find_openings(by_node(place, u));
+        for (law, opening) in self.laws.iter_mut().zip(&self.agreement.openings) {
+            let force = law.value(*opening);
+            if force.is_finite() {
+                let change = law.gradient() * (force - law.force());
+                load(law.nodes(), &change, place, residual);
+                law.set_force(force);
+            }
+        }
+    }
+
     /// Changes the force of a law by its own size, to measure the responses to it.
     pub(crate) fn push_law<T: Real>(
         &mut self,

@@ -57,7 +57,7 @@ pub struct ContactReport {
     pub parted: f64,
     /// The energy in the springs of friction (J).
     pub stored: f64,
-    /// The kinetic energy that truncation took (J).
+    /// The energy that truncation took (J): kinetic energy, and work that contacts would have done.
     pub stopped: f64,
 }
 
@@ -115,9 +115,11 @@ impl Contacts {
                     on_bodies += work;
                 }
             }
+            let solved = force.dot(touch.moved());
             let by_obstacles = force.dot(&contact.row.motion);
-            self.report.taken -= on_bodies - by_obstacles;
+            self.report.taken -= solved - by_obstacles;
             self.report.by_obstacles += by_obstacles;
+            self.report.stopped += solved - on_bodies;
             // Vertices of either side may touch the other.
             let [one, other] = contact.parts;
             let (sides, sign) = if one <= other {

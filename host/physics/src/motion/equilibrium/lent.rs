@@ -203,13 +203,9 @@ impl JointEquation for Lent<'_> {
         }
     }
 
-    fn settle(&mut self, _out_of_time: &mut dyn FnMut() -> bool) -> bool {
-        false
-    }
+    fn hold_pairs(&mut self) {}
 
-    fn let_go(&mut self, _goal: f64, _is_first: bool) -> bool {
-        false
-    }
+    fn let_go(&mut self) {}
 
     fn solved(
         &mut self,

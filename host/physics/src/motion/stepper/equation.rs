@@ -5,7 +5,6 @@
 //! counted as that of hands is.
 
 use super::calls::{Call, Underway};
-use super::release::MOST_ROUNDS;
 use super::{Limits, Solved, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
@@ -22,11 +21,8 @@ use crate::motion::joint_equation::JointEquation;
 pub struct Equation<'a, T> {
     stepper: &'a mut Stepper<T>,
     step: Underway,
-    /// How often the pairs of tears took their forces, and by how much the forces changed the last time (N).
-    rounds: usize,
-    change: f64,
-    /// Iterations of [`settle`](JointEquation::settle).
-    settled: usize,
+    /// Whether the pairs of a tear are springs of the equation.
+    holds_pairs: bool,
 }
 
 impl<T: Precision> Stepper<T> {
@@ -48,9 +44,7 @@ impl<T: Precision> Stepper<T> {
         Ok(Some(Equation {
             stepper: self,
             step,
-            rounds: 0,
-            change: f64::INFINITY,
-            settled: 0,
+            holds_pairs: false,
         }))
     }
 
@@ -65,9 +59,7 @@ impl<T: Precision> Stepper<T> {
         Equation {
             step: Underway::of_shape(factors, limits),
             stepper: self,
-            rounds: 0,
-            change: f64::INFINITY,
-            settled: 0,
+            holds_pairs: false,
         }
     }
 
@@ -163,6 +155,12 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
 
     fn direct(&mut self, beta: f64) {
         self.stepper.direct(beta, self.step.factors.1);
+        if self.holds_pairs {
+            let Stepper {
+                pairs, places, cg, ..
+            } = &mut *self.stepper;
+            pairs.add_stiffness(&places.of, &cg.p, &mut cg.q);
+        }
     }
 
     fn direction(&self, node: u32) -> Vec3 {
@@ -218,39 +216,21 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
         }
     }
 
-    fn settle(&mut self, out_of_time: &mut dyn FnMut() -> bool) -> bool {
-        let has_pairs = !self.stepper.pairs.is_empty();
-        if has_pairs {
-            let Underway {
-                factors, limits, ..
-            } = self.step;
-            self.settled = self.stepper.let_go(factors, limits, out_of_time).iterations;
-        }
-        has_pairs
-    }
-
-    fn let_go(&mut self, goal: f64, is_first: bool) -> bool {
+    fn hold_pairs(&mut self) {
         let Stepper {
             pairs, places, cg, ..
         } = &mut *self.stepper;
-        if pairs.is_empty() || self.rounds > MOST_ROUNDS {
-            return false;
+        self.holds_pairs = !pairs.is_empty();
+        pairs.find_openings(by_node(&places.of, &cg.u));
+    }
+
+    fn let_go(&mut self) {
+        if self.holds_pairs {
+            let Stepper {
+                pairs, places, cg, ..
+            } = &mut *self.stepper;
+            pairs.relinearize(&places.of, &cg.u, &mut cg.residual);
         }
-        let change = pairs.agree(by_node(&places.of, &cg.u));
-        if change <= goal {
-            return false;
-        }
-        self.rounds += 1;
-        // A light piece that has come off responds otherwise than the factor says, and the forces may diverge. The comparison
-        // is false for a change that is not a number.
-        if self.rounds <= MOST_ROUNDS && (is_first || change < self.change) {
-            pairs.take_forces(&places.of, &mut cg.residual);
-        } else {
-            pairs.drop_strays(&places.of, &cg.u, &mut cg.residual);
-            self.rounds = MOST_ROUNDS + 1;
-        }
-        self.change = change;
-        true
     }
 
     fn solved(
@@ -264,11 +244,10 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
         let Self {
             stepper,
             step,
-            settled,
-            ..
+            holds_pairs,
         } = self;
         step.report = StepperReport {
-            iterations: iterations + *settled,
+            iterations,
             residual,
             converged,
             reference: step.report.reference.max(load),
@@ -276,6 +255,9 @@ impl<T: Precision> JointEquation for Equation<'_, T> {
         };
         stepper.present.joints.extend(forces);
         let (places, cg) = (&stepper.places, &stepper.cg);
+        if *holds_pairs {
+            stepper.pairs.stretch(by_node(&places.of, &cg.u));
+        }
         stepper.pairs.shear(by_node(&places.of, &cg.u));
         stepper.last.unfinished = !converged;
         stepper.observe(&step.report);

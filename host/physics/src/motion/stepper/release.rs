@@ -12,7 +12,7 @@ use crate::motion::constraint::cohesion::Cohesion;
 use crate::motion::constraint::{Constraints, by_node};
 
 /// Most iterations that are followed by other forces.
-pub(super) const MOST_ROUNDS: usize = 16;
+const MOST_ROUNDS: usize = 16;
 /// Forces converge slowly if they change by more than this fraction of the change before, or of the residual before,
 /// and by more than `CLOSE` times the goal.
 const SLOW_ROUND: f64 = 0.5;

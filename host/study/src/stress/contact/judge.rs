@@ -2,6 +2,7 @@
 
 use crate::contact::crossings::crossings;
 use host::engine::Engine;
+use host::engine::body::HostBody;
 use host::engine::contact::Contact;
 use host::engine::stats::EngineStats;
 use host::world::World;
@@ -16,8 +17,7 @@ use runner::TickLoop;
 
 /// The largest net energy of the hands (J).
 pub const NET_ENERGY: f64 = 1e-3;
-/// The most that contacts may give to what they touch, and that bodies which nobody holds may gain beyond the work of obstacles,
-/// as a fraction of the energy that moves, and in any case (J). The aim of the study of contact for the sum of all steps that
+/// The most that contacts may give to what they touch, and that bodies may gain beyond the work of hands and obstacles, as a fraction of the energy that moves, and in any case (J). The aim of the study of contact for the sum of all steps that
 /// give is 0.2 %.
 const GIVEN: [f64; 2] = [2e-3, 1e-6];
 
@@ -45,8 +45,11 @@ pub(super) struct Judge<'a> {
     every: u64,
     /// Whether a hand holds a body.
     is_held: bool,
-    /// The most energy of bodies that nobody holds, beyond that at the start and the work of obstacles (J).
+    /// The energy of the bodies beyond that at the start and the work of hands and obstacles (J): the most, and the last one.
     gained: f64,
+    last: f64,
+    /// The work of hands on bodies in the steps that were seen, and the change of energy in those that were not (J).
+    by_hands: f64,
     /// A checksum over all ticks (FNV-1a).
     pub(super) checksum: u64,
     pub(super) counts: Counts,
@@ -78,17 +81,14 @@ pub(super) struct Judge<'a> {
 
 impl<'a> Judge<'a> {
     pub(super) fn new(world: &'a World<'a>, engine: &Engine, every: u64) -> Self {
-        let bodies = || {
-            engine
-                .bodies()
-                .iter()
-                .map(host::engine::body::HostBody::body)
-        };
+        let bodies = || engine.bodies().iter().map(HostBody::body);
         Self {
             world,
             every,
             is_held: bodies().any(|body| body.handle_count() > 0),
             gained: 0.0,
+            last: 0.0,
+            by_hands: 0.0,
             checksum: 0xcbf2_9ce4_8422_2325,
             counts: Counts::default(),
             peak: 0.0,
@@ -152,6 +152,7 @@ impl<'a> Judge<'a> {
 
     /// Takes a step of the host. Returns whether its state is finite.
     fn step(&mut self, engine: &Engine, tick: u64) -> bool {
+        let missed = engine.stats().steps - self.counts.steps - 1;
         self.counts.steps = engine.stats().steps;
         let mut is_finite = true;
         for host in engine.bodies() {
@@ -160,11 +161,8 @@ impl<'a> Judge<'a> {
                 self.take(value.to_bits());
             }
         }
-        let bodies = engine
-            .bodies()
-            .iter()
-            .map(host::engine::body::HostBody::body);
-        self.lowest = self.lowest.min(bodies.map(Body::load_potential).sum());
+        let bodies = || engine.bodies().iter().map(HostBody::body);
+        self.lowest = self.lowest.min(bodies().map(Body::load_potential).sum());
         let Some(contact) = engine.contact() else {
             return is_finite;
         };
@@ -176,14 +174,18 @@ impl<'a> Judge<'a> {
         self.moved += (by_obstacles - self.before[1]).abs();
         self.before[1] = by_obstacles;
         self.given = self.given.max(-totals.taken);
-        if !self.is_held {
-            let energies = engine
-                .bodies()
-                .iter()
-                .map(|host| host.body().total_energy());
-            let gained = energies.sum::<f64>() - self.start - by_obstacles;
-            self.gained = self.gained.max(gained);
+        let energy: f64 = bodies().map(Body::total_energy).sum();
+        let step = 1.0 / self.world.loaded.scene.host.step_rate;
+        self.by_hands += bodies()
+            .map(|body| power_of_hands(body) * step)
+            .sum::<f64>();
+        let gained = energy - self.start - by_obstacles - self.by_hands;
+        if self.is_held && missed > 0 {
+            // Nobody has seen the work of the hands in the steps before.
+            self.by_hands += gained - self.last;
         }
+        self.last = energy - self.start - by_obstacles - self.by_hands;
+        self.gained = self.gained.max(self.last);
         let squeezed = core::mem::replace(&mut self.squeezed, totals.squeezed) < totals.squeezed;
         self.leaves |= squeezed;
         // The surfaces follow a tear in the next step.
@@ -333,7 +335,7 @@ impl<'a> Judge<'a> {
         }
         if self.gained > GIVEN[0] * moved + GIVEN[1] {
             found.push(format!(
-                "the bodies gained {:.3} mJ beyond the work of obstacles, while {:.3} mJ moved",
+                "the bodies gained {:.3} mJ beyond the work of hands and obstacles, while {:.3} mJ moved",
                 1e3 * self.gained,
                 1e3 * moved
             ));
@@ -350,6 +352,16 @@ impl<'a> Judge<'a> {
         }
         found
     }
+}
+
+/// The power of the hands on a body in the last step (W).
+fn power_of_hands(body: &Body) -> f64 {
+    let reports = (0..).map_while(|handle| body.handle_report(handle));
+    let powers = reports.map(|report| {
+        report.reaction.force.dot(&report.linear_velocity)
+            + report.reaction.moment.dot(&report.angular_velocity)
+    });
+    powers.sum()
 }
 
 fn thing(side: Side) -> Thing {

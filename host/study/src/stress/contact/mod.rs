@@ -10,6 +10,8 @@
 //!   sides of a tear may cross each other.
 //! - The hands get no more net energy than [`NET_ENERGY`] beyond what weight and obstacles put in.
 //! - Contacts give no more energy to what they touch than rounding does, as a fraction of the energy that moves.
+//! - Bodies gain no more energy than hands and obstacles put in, beside the same fraction. The work of a hand is seen in steps
+//!   that a tick sees: what a late host makes up for in one tick is left out.
 //! - Both runs are equal to the byte.
 //!
 //! Instead of random worlds, the study may run two worlds for 100,000 steps (`long`).
