@@ -17,7 +17,8 @@ use runner::TickLoop;
 
 /// The largest net energy of the hands (J).
 pub const NET_ENERGY: f64 = 1e-3;
-/// The most that contacts may give to what they touch, and that bodies may gain beyond the work of hands and obstacles, as a fraction of the energy that moves, and in any case (J). The aim of the study of contact for the sum of all steps that
+/// The most that contacts may give to what they touch, and that bodies may gain beyond the work of hands and obstacles, as
+/// a fraction of the energy that moves, and in any case (J). The aim of the study of contact for the sum of all steps that
 /// give is 0.2 %.
 const GIVEN: [f64; 2] = [2e-3, 1e-6];
 
