@@ -24,8 +24,10 @@ use crate::Vec3;
 
 /// Room for rows before they are thinned, as a multiple of the rows.
 const FOUND: usize = 4;
-/// The least product of the directions to a shape at the start and at the end of a step.
-const TURNED: f64 = 0.5;
+/// The least product of the directions to a shape at the start and at the end of a step, for which the row has the direction
+/// at the end. A vertex that slides by an angle `a` around a radius `R` moves by `R a^2 / 2` along the direction at the end,
+/// where the force gives energy: more than friction takes, if `a` is large.
+const TURNED: f64 = 0.95;
 /// The fraction of a thickness by which a contact overlaps while it parts.
 const PARTED: f64 = 0.02;
 /// The time (s) in which an overlap falls to 1/e, within the bounds of its speed, the lower one of which is [`SLOWEST`] (m/s).
