@@ -5,6 +5,7 @@ mod contact;
 mod extrapolation;
 mod stability;
 mod stress_connections;
+mod stress_contact;
 mod stress_hold;
 mod stress_mounting;
 mod stress_scene;
