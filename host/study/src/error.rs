@@ -78,6 +78,9 @@ pub enum StudyError {
     /// A step or an equilibrium failed.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// `palpate solve` did not find an equilibrium.
+    #[error("an equilibrium was not found: {0}")]
+    Unsolved(String),
     /// A condensation or a factorization failed.
     #[error(transparent)]
     Condense(#[from] CondenseError),

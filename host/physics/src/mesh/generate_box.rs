@@ -68,23 +68,54 @@ pub fn solid_box(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, BoxError> {
             return Err(BoxError::NoCells { axis: AXES[axis] });
         }
     }
+    check_count(cells)?;
+    // Exactly antisymmetric, so that a symmetric load stays symmetric.
+    let across = |i: u32, n: u32| (2.0 * f64::from(i) - f64::from(n)) / (2.0 * f64::from(n));
+    Ok(grid_box(cells, |axis, i| {
+        size[axis] * across(i, cells[axis])
+    }))
+}
+
+/// A box as [`solid_box`] makes it, with a grid plane at each of the `planes` (m) across each axis.
+///
+/// # Errors
+/// [`BoxError`] for planes that do not ascend, fewer than two, or too many vertices.
+pub fn graded_box(planes: [&[f64]; 3]) -> Result<TetMesh, BoxError> {
+    for (axis, planes) in AXES.into_iter().zip(planes) {
+        if planes.len() < 2 {
+            return Err(BoxError::NoCells { axis });
+        }
+        let mut sizes = planes.windows(2).map(|pair| pair[1] - pair[0]);
+        if let Some(found) = sizes.find(|size| !(*size > 0.0 && size.is_finite())) {
+            return Err(BoxError::Size { axis, found });
+        }
+    }
+    let cells = planes.map(|planes| u32::try_from(planes.len() - 1).unwrap_or(u32::MAX));
+    check_count(cells)?;
+    Ok(grid_box(cells, |axis, i| planes[axis][i as usize]))
+}
+
+fn check_count(cells: [u32; 3]) -> Result<(), BoxError> {
     let vertices = cells.iter().fold(1_u64, |product, &n| {
         product.saturating_mul(u64::from(n) + 1)
     });
     if vertices > MAX_VERTICES {
         return Err(BoxError::TooMany { cells, vertices });
     }
+    Ok(())
+}
+
+/// A box of `cells`, with the grid planes `at_plane` (m) of an axis and a number.
+fn grid_box(cells: [u32; 3], at_plane: impl Fn(usize, u32) -> f64) -> TetMesh {
     let [nx, ny, nz] = cells;
     let vertex = |at: [u32; 3]| (at[2] * (ny + 1) + at[1]) * (nx + 1) + at[0];
-    // Exactly antisymmetric, so that a symmetric load stays symmetric.
-    let across = |i: u32, n: u32| (2.0 * f64::from(i) - f64::from(n)) / (2.0 * f64::from(n));
     let grid = |counts: [u32; 3]| {
         (0..counts[2]).flat_map(move |k| {
             (0..counts[1]).flat_map(move |j| (0..counts[0]).map(move |i| [i, j, k]))
         })
     };
     let positions: Vec<Vec3> = grid(cells.map(|n| n + 1))
-        .map(|at| Vec3::from_fn(|axis, _| size[axis] * across(at[axis], cells[axis])))
+        .map(|at| Vec3::from_fn(|axis, _| at_plane(axis, at[axis])))
         .collect();
     let tetrahedra = grid(cells)
         .flat_map(|at| kuhn(at).map(|cell| cell.map(vertex)))
@@ -106,13 +137,13 @@ pub fn solid_box(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, BoxError> {
                 .collect(),
         })
         .to_vec();
-    Ok(TetMesh {
+    TetMesh {
         positions,
         cells: Cells::Linear(tetrahedra),
         vertex_groups,
         cell_groups: Vec::new(),
         cell_fields: Vec::new(),
-    })
+    }
 }
 
 /// The six tetrahedra of a grid cell. Each has the vertices of a path along three edges of the grid cell, from one

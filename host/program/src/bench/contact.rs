@@ -31,6 +31,8 @@ pub(super) struct ContactArguments {
 enum SectionName {
     /// Rest, sliding, belts, energy, lists and throws, each with what is asked for
     Aims,
+    /// A body in equilibrium: the law of Hertz
+    Between,
     /// The force at the hand under slow hosts: pressed on a floor, on another body, on itself
     Hand,
     /// The processor time of detection, rows, solve and certificate
@@ -45,6 +47,7 @@ pub(super) fn run(arguments: &ContactArguments) -> Result<(), CommandError> {
         .check()?;
     let section = arguments.part.map(|part| match part {
         SectionName::Aims => Section::Aims,
+        SectionName::Between => Section::Between,
         SectionName::Hand => Section::Hand,
         SectionName::Cost => Section::Cost,
     });

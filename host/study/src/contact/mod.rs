@@ -1,9 +1,11 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
 //! Each aim is a line with the most that is asked for and what was measured (`rest`, `worn`, `lists`, `measures`, `throws`). A
-//! line that is not reached is printed as it is. `hand` has the force at the hand. Times are no aims (`cost`).
+//! line that is not reached is printed as it is. `hand` has the force at the hand, and `between` that of a body
+//! in equilibrium. Times are no aims (`cost`).
 
 mod aim;
+mod between;
 mod cost;
 pub(crate) mod crossings;
 mod hand;
@@ -30,6 +32,8 @@ use serde::Serialize;
 pub enum Section {
     /// Rest, sliding, belts, energy, lists and throws.
     Aims,
+    /// Equilibria: the law of Hertz.
+    Between,
     /// The force at the hand under slow hosts.
     Hand,
     /// The processor time of the stages.
@@ -87,9 +91,12 @@ pub fn run(
         progress(0.2);
         throws::run(level, seed, &mut |done| progress(0.2 + 0.4 * done), aims)?;
     }
+    if runs(Section::Between) {
+        between::run(level, &mut found.aims)?;
+    }
     if runs(Section::Hand) {
         let aims = &mut found.aims;
-        found.hands = hand::run(level, &mut |done| progress(0.6 + 0.2 * done), aims)?;
+        found.hands = hand::run(level, &mut |done| progress(0.7 + 0.1 * done), aims)?;
     }
     if runs(Section::Cost) {
         found.machine = Some(Machine::here());

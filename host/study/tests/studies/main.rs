@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod contact;
+mod contact_between;
 mod extrapolation;
 mod stability;
 mod stress_connections;
