@@ -127,7 +127,7 @@ impl Contacts {
 
     /// Makes the vectors of a step for other numbers of vertices than those of the `former` surfaces, and lets the contacts follow.
     fn renumber(&mut self, former: &Surfaces, part: usize, continues: Option<&[u32]>) {
-        let rows = core::mem::replace(&mut self.rows, Rows::new(&former, 0));
+        let rows = core::mem::replace(&mut self.rows, Rows::new(former, 0));
         self.reserve();
         let mut now = vec![None; former.parts[part].vertices.len()];
         match continues {
