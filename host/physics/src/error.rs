@@ -201,6 +201,17 @@ pub enum BodyError {
         /// How many the old body has.
         count: usize,
     },
+    /// A vertex of a new body continues one that has left the scene.
+    #[error(
+        "vertex {vertex} continues vertex {from}, which has left the scene with its piece; let it continue a vertex that \
+         is still there"
+    )]
+    Left {
+        /// The vertex of the new body.
+        vertex: u32,
+        /// The vertex of the old body.
+        from: u32,
+    },
     /// The origin of a handle is not a finite number.
     #[error("handle {handle} has an origin that is not finite")]
     HandleOrigin {

@@ -86,7 +86,7 @@ fn body(
         loaded.source.error(&field, format!("{e}"), allowed)
     })?;
     if let Some(tears) = &tears {
-        solver.begin_tears(&body, &tears.tearing);
+        solver.begin_tears(&body, tears.tearing.journal().len());
     }
     let grasps = grasps(scene, spec);
     let devices: Vec<u8> = grasps.iter().map(|grasp| grasp.device as u8).collect();

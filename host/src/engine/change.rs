@@ -5,13 +5,21 @@
 //! change in the background, on a copy of the body, while the body and its solver continue. When the new solver is ready,
 //! the new body continues the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with
 //! the first step after the work; in virtual time it lands at a fixed step.
+//!
+//! **A body that tears** may tear on meanwhile: the changed copy then makes the same edits when the change lands. If its mesh
+//! is replaced, no edit would fit, so tears rest until the change lands. The new mesh then takes over as a whole, intact or
+//! with edits of its own: tears go on where a vertex of its border continues a tip
+//! ([`Tearing::continued`](physics::Tearing::continued)).
 
 use super::background::{Lost, Work};
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::StepFault;
 use super::virtual_coupling::Spring;
-use physics::{Body, BodyError, BodyMap, HandleSpec};
+use physics::contact::{Skin, Surfaces};
+use physics::mesh::MeshError;
+use physics::topology::{Origin, Reserve, Surface};
+use physics::{Body, BodyError, BodyMap, HandleSpec, TearingError};
 use rt_core::{MAX_DEVICES, MAX_HANDLES};
 
 /// A new handle for a hand.
@@ -77,9 +85,20 @@ pub enum ChangeError {
         "an earlier change of the body has not landed yet; request this change again after that"
     )]
     UnderWay,
-    /// The body tears.
-    #[error("a body that tears keeps its handles, its supports and its mesh")]
-    Tears,
+    /// A border of a sheet that tears is to be clamped.
+    #[error(
+        "the body tears, so its border cannot be clamped; hold it hinged, or guide its vertices along all axes"
+    )]
+    Clamped,
+    /// A body that tears is to be replaced by one that cannot.
+    #[error("the body tears, and its replacement cannot: {0}; replace it by such a sheet")]
+    Replacement(TearingError),
+    /// The tear has grown where the change holds the sheet.
+    #[error("the body has torn on since the change was requested: {0}; request the change again")]
+    Overtaken(TearingError),
+    /// The triangles of a replaced body that may touch are no surface.
+    #[error("the replaced body may touch, and its triangles are no surface: {0}")]
+    Surface(#[from] MeshError),
     /// A device that does not exist is to hold a handle.
     #[error("device {device} cannot hold a handle: devices are 0 to {}", MAX_DEVICES - 1)]
     NoDevice {
@@ -129,12 +148,23 @@ pub(super) enum Held {
     Joined(usize),
 }
 
+/// What a changed body does beside its steps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Course {
+    /// The number of edits so far of a body that tears.
+    pub(super) edits: Option<usize>,
+    /// Whether it may touch.
+    pub(super) may_touch: bool,
+}
+
 /// The result of a change.
 pub(super) struct Made {
     pub(super) body: Body,
     pub(super) map: BodyMap,
     /// Whether an edit replaced the body, so that `body` is no copy with other handles and supports.
     pub(super) replaced: bool,
+    /// The number of edits that the body has made, if it tears.
+    pub(super) edits: Option<usize>,
     /// For each handle of `body`, its hand.
     pub(super) hands: Vec<Held>,
     pub(super) solver: Solver,
@@ -145,6 +175,7 @@ pub(super) struct Rebuild {
     recipe: Recipe,
     /// The time over which models predict the response of the body (s).
     response: f64,
+    course: Course,
     /// The copy and the edits, until the work begins.
     asked: Option<(Body, Vec<Edit>)>,
     /// The result; `None` before the work has ended.
@@ -153,10 +184,16 @@ pub(super) struct Rebuild {
 
 impl Rebuild {
     /// The work of `edits` on `body`, a copy.
-    pub(super) fn new(recipe: Recipe, response: f64, body: Body, edits: Vec<Edit>) -> Self {
+    pub(super) fn new(
+        recipe: Recipe,
+        (response, course): (f64, Course),
+        body: Body,
+        edits: Vec<Edit>,
+    ) -> Self {
         Self {
             recipe,
             response,
+            course,
             asked: Some((body, edits)),
             made: None,
         }
@@ -179,14 +216,15 @@ impl Work for Box<Rebuild> {
 
     fn work(&mut self) {
         if let Some((body, edits)) = self.asked.take() {
-            self.made = Some(make(&self.recipe, self.response, body, edits));
+            let how = (self.response, self.course);
+            self.made = Some(make(&self.recipe, how, body, edits));
         }
     }
 }
 
 fn make(
     recipe: &Recipe,
-    response: f64,
+    (response, course): (f64, Course),
     mut body: Body,
     edits: Vec<Edit>,
 ) -> Result<Made, StepFault> {
@@ -221,8 +259,15 @@ fn make(
             }
             Edit::Replace(replace) => {
                 let before = body.clone();
-                let (after, step) = replace(body).map_err(ChangeError::from)?;
+                let (mut after, step) = replace(body).map_err(ChangeError::from)?;
                 step.check(&before, &after).map_err(ChangeError::from)?;
+                after.follow_epochs(&before);
+                if course.edits.is_some() {
+                    make_tearable(&before, &mut after).map_err(ChangeError::Replacement)?;
+                }
+                if course.may_touch {
+                    check_surface(&after)?;
+                }
                 hands = continued(&hands, &step)?;
                 map = map.then(&step);
                 body = after;
@@ -234,7 +279,14 @@ fn make(
         let found = hands.len();
         return Err(ChangeError::TooManyHandles { found }.into());
     }
+    if course.edits.is_some() {
+        body = body.copy_with_room();
+        body.reassemble();
+    }
     let mut solver = recipe.make(&body)?;
+    if let Some(edits) = course.edits {
+        solver.begin_tears(&body, edits);
+    }
     // The first shapes take as long as many steps. If they fail here, they fail again and are reported after the
     // change has landed.
     let _ = solver.condense(&body, response, None);
@@ -242,9 +294,44 @@ fn make(
         body,
         map,
         replaced,
+        edits: course.edits,
         hands,
         solver,
     })
+}
+
+/// Gives a body that replaces a sheet that tears as much room for edits as the sheet had at first, unless it has room of its own.
+fn make_tearable(before: &Body, after: &mut Body) -> Result<(), TearingError> {
+    if after.node_positions().len() != after.vertex_count() {
+        let found = "clamped borders";
+        return Err(TearingError::Kind { found });
+    }
+    let room = |surface: &Surface| {
+        let first = surface.origins().iter();
+        let first = first.filter(|origin| **origin == Origin::Original);
+        surface.limits().vertices - first.count()
+    };
+    if after.surface().is_some() {
+        return Ok(());
+    }
+    let vertices = before.surface().map_or(0, room);
+    // Every vertex that a cut adds comes with two triangles at most.
+    after.make_tearable(Reserve {
+        vertices,
+        triangles: 2 * vertices,
+    })
+}
+
+/// Refuses a body that contacts could not follow.
+fn check_surface(body: &Body) -> Result<(), ChangeError> {
+    let skin = Skin {
+        radius: 0.0,
+        touches_itself: false,
+        is_obstacle: false,
+    };
+    let surface = body.mesh().map(|mesh| Surfaces::default().add(&mesh, skin));
+    surface.transpose()?;
+    Ok(())
 }
 
 /// The hands of a replaced body's handles.

@@ -6,9 +6,9 @@ use super::body::HostBody;
 use super::stats::{StepFault, Stopwatch};
 use crate::scene::SceneError;
 use crate::world::World;
-use physics::Body;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
 use physics::{Around, Beside};
+use physics::{Body, BodyMap};
 use rt_core::MAX_BODIES;
 use serde::Serialize;
 
@@ -23,6 +23,8 @@ pub struct Contact {
     sides: Vec<Side>,
     /// The topology epoch of each body whose surface there is.
     epochs: Vec<u64>,
+    /// The bodies that have been replaced since the last step, and the vertices that theirs continue.
+    replaced: Vec<(usize, Vec<u32>)>,
     /// Where the obstacles are (s).
     time: f64,
     totals: ContactTotals,
@@ -95,6 +97,7 @@ impl Contact {
             sides: contacts.sides(),
             epochs: bodies.iter().map(|body| body.body().epoch()).collect(),
             contacts,
+            replaced: Vec::new(),
             time: 0.0,
             totals: ContactTotals::default(),
             pairs: 0,
@@ -200,6 +203,11 @@ impl Contact {
         own.map_or(Ok(()), |body| body.publish(Some(&mut around), watch))
     }
 
+    /// Notes that the mesh of a body has been replaced. `map` leads from the new body to the old one.
+    pub(super) fn replace(&mut self, body: usize, map: &BodyMap) {
+        self.replaced.push((body, map.vertices.clone()));
+    }
+
     /// Follows bodies that have torn or have been changed. Returns the bodies whose new surface cannot touch: they touch with
     /// the surface that they had.
     pub(super) fn follow(&mut self, bodies: &[HostBody]) -> impl Iterator<Item = usize> {
@@ -209,12 +217,16 @@ impl Contact {
             let body = body.body();
             if *epoch != body.epoch() {
                 *epoch = body.epoch();
+                let replaced = self.replaced.iter();
+                let continues = replaced.rev().find(|(body, _)| *body == number);
+                let continues = continues.map(|(_, vertices)| vertices.as_slice());
                 let followed = body
                     .mesh()
-                    .map(|mesh| self.contacts.follow(number, body, mesh));
+                    .map(|mesh| self.contacts.follow(number, body, mesh, continues));
                 *failed = !matches!(followed, Some(Ok(())));
             }
         }
+        self.replaced.clear();
         let failed = failed.into_iter().enumerate();
         failed.filter_map(|(number, failed)| failed.then_some(number))
     }

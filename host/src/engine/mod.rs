@@ -170,7 +170,11 @@ impl Engine {
         let stats = &mut self.stats;
         for (index, body) in self.bodies.iter_mut().enumerate() {
             let (groups, mut is_parted) = (&mut self.groups, false);
+            let contact = &mut self.contact;
             let landed = body.land(&mut |map| {
+                if let Some(contact) = contact {
+                    contact.replace(index, map);
+                }
                 let before = groups.len();
                 groups.retain_mut(|group| group.follow(index, map));
                 is_parted = groups.len() < before;

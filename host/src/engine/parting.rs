@@ -37,11 +37,11 @@ pub(super) struct Parting {
 }
 
 impl Parting {
-    /// The pieces of `body`; `None` for a body that cannot tear.
-    pub(super) fn new(body: &Body) -> Option<Self> {
+    /// The pieces of `body` after `parted` edits that may have parted it; `None` for a body that cannot tear.
+    pub(super) fn new(body: &Body, parted: u64) -> Option<Self> {
         let mut parting = Self {
             pieces: Pieces::new(body.surface()?),
-            parted: 0,
+            parted,
             group_of_handle: [0; MAX_HANDLES],
             group_of_piece: Vec::with_capacity(MOST_PIECES),
             groups: 1,
@@ -159,14 +159,19 @@ impl Parting {
         (&self.by_group, &mut self.before)
     }
 
-    /// Gives the handles of `model` their groups and, if no support bears a part of the body, the weights of their
-    /// groups: those of before, scaled so that they add up to the weight of the group.
-    pub(super) fn name(&self, body: &Body, model: &mut LocalModel) {
-        let count = usize::from(model.head.handle_count);
-        let handles = &mut model.handles[..count];
+    /// Gives the handles of `model` their groups.
+    pub(super) fn number(&self, model: &mut LocalModel) {
+        let handles = &mut model.handles[..usize::from(model.head.handle_count)];
         for (handle, &group) in handles.iter_mut().zip(&self.group_of_handle) {
             handle.piece = group;
         }
+    }
+
+    /// Gives the handles of `model` their groups and, if no support bears a part of the body, the weights of their
+    /// groups: those of before, scaled so that they add up to the weight of the group.
+    pub(super) fn name(&self, body: &Body, model: &mut LocalModel) {
+        self.number(model);
+        let handles = &mut model.handles[..usize::from(model.head.handle_count)];
         if body.support_count() > 0 {
             return;
         }

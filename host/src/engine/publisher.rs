@@ -265,7 +265,9 @@ impl Publisher {
         parting.name(body, model);
         let (sums, before) = parting.latest();
         if let Some(stored) = &mut self.stored {
-            stored.part(before, &from[..sums.len()], body, sums, model);
+            let leads =
+                |old: usize, new: usize| from.get(new).is_some_and(|of| usize::from(*of) == old);
+            stored.part(before, &leads, body, sums, model);
         }
         for reference in &mut model.handles[..usize::from(model.head.handle_count)] {
             self.projected.weight(reference);
@@ -274,8 +276,15 @@ impl Publisher {
 
     /// Continues with other handles, in a new epoch. `before` and `after` are the body with its elastic energy (J) on either
     /// side of the change. The next publication fills in the rest. A handle that joins carries no weight: the hand took hold of
-    /// the handle at its present position.
-    pub(super) fn regrip(&mut self, regrip: Regrip<'_>, before: (&Body, f64), after: (&Body, f64)) {
+    /// the handle at its present position. A body that tears has `partings` before and after the change, by which its account goes
+    /// to the new groups of its handles.
+    pub(super) fn regrip(
+        &mut self,
+        regrip: Regrip<'_>,
+        before: (&Body, f64),
+        after: (&Body, f64),
+        partings: Option<(&mut Parting, &mut Parting)>,
+    ) {
         let mut model = self.model;
         model.head.epoch = model.head.epoch.saturating_add(1);
         let handles = regrip.each(&self.model.handles, |join| HandleReference {
@@ -286,6 +295,10 @@ impl Publisher {
         for (mine, handle) in model.handles.iter_mut().zip(handles) {
             *mine = handle;
         }
+        let sums = partings.and_then(|(old, new)| {
+            new.number(&mut model);
+            (old.groups().max(new.groups()) > 1).then(|| [old.sum(before.0), new.sum(after.0)])
+        });
         if let Some(stored) = &mut self.stored {
             let held = |handle| {
                 let report = after.0.handle_report(handle);
@@ -296,11 +309,22 @@ impl Publisher {
                 kept.or_else(|| held(handle)).unwrap_or_default()
             });
             let origins = origins.collect();
-            let (old, new) = (
-                (before.0, before.1, &self.model),
-                (after.0, after.1, &model),
-            );
-            *stored = stored.rebuilt(old, new, origins);
+            let (old, new) = (&self.model, &model);
+            *stored = if let Some([sums, next]) = sums {
+                let leads = |from: usize, to: usize| {
+                    let of = |of: &LocalModel, handle: usize| usize::from(of.handles[handle].piece);
+                    let mut kept = regrip.numbered();
+                    kept.any(|(new_one, kept)| {
+                        kept.is_some_and(|kept| of(old, kept) == from) && of(new, new_one) == to
+                    })
+                };
+                let states = [(before, old, sums), (after, new, next)];
+                let [old, new] =
+                    states.map(|((body, elastic), model, sums)| (body, elastic, model, sums));
+                stored.regrouped(old, new, &leads, origins)
+            } else {
+                stored.rebuilt((before.0, before.1, old), (after.0, after.1, new), origins)
+            };
         }
         self.model = model;
         let devices: Vec<u8> = self.devices().collect();

@@ -51,6 +51,11 @@ impl Recipe {
         }
     }
 
+    /// Whether something of the scene touches.
+    pub(super) fn may_touch(&self) -> bool {
+        self.options.may_touch
+    }
+
     /// Whether solvers do their background work on threads.
     pub(super) fn is_real(&self) -> bool {
         self.real

@@ -14,7 +14,7 @@
 use super::background::{Background, Lost, Work};
 use super::stats::StepFault;
 use physics::topology::Edit;
-use physics::{Body, Stepper, StepperOptions, Vec3};
+use physics::{Body, Stepper, StepperOptions, TearingError, Vec3};
 use std::sync::Arc;
 
 /// The work of one renewal, with the mirror.
@@ -64,16 +64,30 @@ impl Renewal {
 
     /// Lets the new stepper follow the edits after those that the mirror knows.
     fn catch_up(&mut self, stepper: &mut Stepper<f64>, journal: &[Edit]) -> Result<(), StepFault> {
-        for edit in journal.iter().skip(self.known) {
-            let done = self.mirror.edit(edit)?;
-            self.known += 1;
-            stepper.grow(&self.mirror, &done.surface)?;
-        }
-        if stepper.has_grown() {
-            stepper.settle(&mut self.mirror);
-        }
+        let newer = journal.get(self.known..).unwrap_or_default();
+        catch_up(stepper, &mut self.mirror, newer)?;
+        self.known += newer.len();
         Ok(())
     }
+}
+
+/// Makes `edits` on `body`, a copy of a body that has made them, and lets the stepper of the copy follow.
+///
+/// # Errors
+/// [`TearingError`] for an edit that the copy cannot make. A stepper that cannot follow makes itself again in its next step.
+pub(super) fn catch_up(
+    stepper: &mut Stepper<f64>,
+    body: &mut Body,
+    edits: &[Edit],
+) -> Result<(), TearingError> {
+    for edit in edits {
+        let done = body.edit(edit)?;
+        let _ = stepper.grow(body, &done.surface);
+    }
+    if stepper.has_grown() {
+        stepper.settle(body);
+    }
+    Ok(())
 }
 
 /// Renews the stepper of a body that tears.
@@ -84,13 +98,14 @@ pub(super) struct Renewals {
 }
 
 impl Renewals {
-    /// Renewals of the stepper of `body`, whose edits count from now on. Steps take `h` seconds.
+    /// Renewals of the stepper of `body`, which has made the first of these numbers of edits, and has room for the second. Steps
+    /// take `h` seconds.
     pub(super) fn new(
         body: &Body,
         stepper: &Stepper<f64>,
         real: bool,
         h: f64,
-        edits: usize,
+        (known, room_for): (usize, usize),
     ) -> Self {
         let room = body
             .surface()
@@ -99,8 +114,8 @@ impl Renewals {
             background: Background::new(real, h),
             idle: Some(Box::new(Renewal {
                 mirror: body.copy_with_room(),
-                known: 0,
-                edits: Vec::with_capacity(edits),
+                known,
+                edits: Vec::with_capacity(room_for),
                 leaving: Vec::with_capacity(room),
                 x: Vec::with_capacity(room),
                 options: stepper.options,

@@ -1,12 +1,13 @@
 //! How a body is stepped and condensed: on a frozen factor, without an assembled matrix.
 
 use super::background::{Background, Work};
-use super::renewal::Renewals;
+use super::renewal::{Renewals, catch_up};
 use super::stats::{StepFault, Stopwatch, Tally};
-use super::tears::MOST_PAIRS;
+use super::tears::{MOST_PAIRS, UnderWay};
+use physics::topology::Edit;
 use physics::{
     Around, Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, Team,
-    TearLimit, Tearing,
+    TearLimit, Tearing, TearingError,
 };
 use rt_core::MAX_HANDLES;
 use std::sync::Arc;
@@ -281,8 +282,8 @@ impl Solver {
         Ok(())
     }
 
-    /// Prepares the solver for the tears of `body`.
-    pub(super) fn begin_tears(&mut self, body: &Body, tearing: &Tearing) {
+    /// Prepares the solver for the tears of `body`, which has made this number of edits.
+    pub(super) fn begin_tears(&mut self, body: &Body, edits: usize) {
         let room = body
             .surface()
             .map_or(0, |s| s.limits().vertices - s.vertex_count());
@@ -292,20 +293,41 @@ impl Solver {
             &self.stepper,
             self.real,
             self.h,
-            room + tearing.journal().len(),
+            (edits, room),
         ));
     }
 
-    /// Lets the tears of `body` grow after a step. Returns whether the topology has changed.
+    /// Makes `edits` on `body`, the copy for which the solver was made.
+    ///
+    /// # Errors
+    /// [`TearingError`] for an edit that the copy cannot make.
+    pub(super) fn catch_up(&mut self, body: &mut Body, edits: &[Edit]) -> Result<(), TearingError> {
+        catch_up(&mut self.stepper, body, edits)
+    }
+
+    /// Takes the pairs that let go from a solver that this one replaces.
+    pub(super) fn take_pairs(&mut self, running: &mut Self, body: &Body) {
+        self.stepper.take_pairs(&mut running.stepper, body);
+    }
+
+    /// Lets the tears of `body` grow after a step, as far as the change allows that is `under_way`. Returns whether the topology
+    /// has changed.
     pub(super) fn tear(
         &mut self,
         body: &mut Body,
         tearing: &mut Tearing,
+        under_way: UnderWay,
         tally: &mut Tally,
     ) -> bool {
         let before = tearing.journal().len();
-        tearing.advance(body, &mut self.stepper);
-        if let Some(renewals) = &mut self.renewals {
+        if under_way == UnderWay::Mesh {
+            tearing.rest(body, &mut self.stepper);
+        } else {
+            tearing.advance(body, &mut self.stepper);
+        }
+        if let Some(renewals) = &mut self.renewals
+            && under_way == UnderWay::Nothing
+        {
             // If the thread has ended, the stepper in use stays in use.
             let landed = renewals.land(body, &mut self.stepper, tearing.journal(), self.passed);
             if landed.unwrap_or(false) {

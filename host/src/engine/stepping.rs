@@ -106,9 +106,12 @@ impl Stepping {
         self.solver.finish(&mut self.body, watch, &mut self.tally)?;
         if let Some(tears) = &mut self.tears {
             let start = watch.now_ns();
-            let torn = self
-                .solver
-                .tear(&mut self.body, &mut tears.tearing, &mut self.tally);
+            let torn = self.solver.tear(
+                &mut self.body,
+                &mut tears.tearing,
+                tears.under_way,
+                &mut self.tally,
+            );
             if torn {
                 publisher.begin_epoch();
                 let parted = tears.tearing.report().parted;

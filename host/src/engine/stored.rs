@@ -79,35 +79,49 @@ impl Stored {
     }
 
     /// Parts the account into pieces. `before` are the energies that the account had of the pieces until now (J), by the
-    /// number of the old piece; `from` is the old number of each new piece. Each new piece takes a part of the energy of
-    /// its old piece, in proportion to the elastic energy that it stores.
+    /// number of the old piece; `leads` says whether an old piece leads to a new one. Each new piece takes a part of the energy of
+    /// its old piece, in proportion to the elastic energy that it stores. The energies of old pieces that grow together add up.
     pub(super) fn part(
         &mut self,
         before: &[f64],
-        from: &[u8],
+        leads: &dyn Fn(usize, usize) -> bool,
         body: &Body,
         sums: &[PieceSums],
         model: &LocalModel,
     ) {
+        let mut released_by = [0.0; MAX_HANDLES];
+        for (to, totals) in released_by.iter_mut().zip(&self.pieces) {
+            *to = totals.released;
+        }
         self.pieces.clear();
         for (piece, own) in sums.iter().enumerate() {
-            let old = from.get(piece).map_or(0, |&old| usize::from(old));
-            let siblings = || {
-                let all = sums.iter().zip(from);
-                all.filter(|(_, from)| usize::from(**from) == old)
-                    .map(|(sums, _)| sums.elastic)
-            };
-            let whole: f64 = siblings().sum();
-            let share = if whole > 0.0 {
-                own.elastic / whole
-            } else {
-                1.0 / siblings().count().max(1) as f64
-            };
-            let energy = before.get(old).copied().unwrap_or(0.0) * share;
+            let mut energy = 0.0;
+            let mut released = 0.0;
+            for (old, before) in before
+                .iter()
+                .enumerate()
+                .filter(|(old, _)| leads(*old, piece))
+            {
+                let siblings = || {
+                    let all = sums.iter().enumerate();
+                    all.filter(|(new, _)| leads(old, *new))
+                        .map(|(_, sums)| sums.elastic)
+                };
+                let whole: f64 = siblings().sum();
+                let share = if whole > 0.0 {
+                    own.elastic / whole
+                } else {
+                    1.0 / siblings().count().max(1) as f64
+                };
+                energy += before * share;
+                if siblings().count() == 1 {
+                    released += released_by.get(old).copied().unwrap_or(0.0);
+                }
+            }
             let now = own.elastic + own.potential + self.lifted(body, model, Some(piece));
             self.pieces.push(PieceTotals {
                 constant: energy - now,
-                released: 0.0,
+                released,
             });
         }
     }
@@ -233,6 +247,34 @@ impl Stored {
             let own = elastic + self.potential(body, model) + constant;
             own - next_elastic - next.potential(next_body, next_model)
         });
+        next
+    }
+
+    /// The same account for a body whose handles have other groups after a change. Both states are the body with its elastic energy
+    /// (J), its model and the sums over its groups. `leads` says whether hands of a former group are in a new one. A group whose
+    /// hands have all joined begins without energy.
+    pub(super) fn regrouped(
+        &self,
+        (body, elastic, model, sums): (&Body, f64, &LocalModel, &[PieceSums]),
+        (next_body, next_elastic, next_model, next_sums): (&Body, f64, &LocalModel, &[PieceSums]),
+        leads: &dyn Fn(usize, usize) -> bool,
+        origins: Vec<Vec3>,
+    ) -> Self {
+        let mut before = Vec::with_capacity(MAX_HANDLES);
+        self.energies(body, elastic, sums, model, &mut before);
+        let mut next = Self::new(origins);
+        let total = |pieces: &[PieceTotals]| pieces.iter().map(|one| one.released).sum::<f64>();
+        next.released = self.released + total(&self.pieces);
+        if next_sums.len() > 1 {
+            next.pieces.extend_from_slice(&self.pieces);
+            next.part(&before, leads, next_body, next_sums, next_model);
+            next.released -= total(&next.pieces);
+        } else {
+            let kept = before.iter().enumerate();
+            let kept: f64 = kept.filter(|(old, _)| leads(*old, 0)).map(|(_, e)| e).sum();
+            let now = next_elastic + next.potential(next_body, next_model);
+            next.constant = Some(kept - now);
+        }
         next
     }
 

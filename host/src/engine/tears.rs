@@ -28,6 +28,18 @@ pub(super) const SHAPES: ShapeOptions = ShapeOptions {
 /// [`Stepper::reserve_pairs`]: physics::Stepper::reserve_pairs
 pub const MOST_PAIRS: usize = 64;
 
+/// The change of a body that is under way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum UnderWay {
+    /// None.
+    #[default]
+    Nothing,
+    /// Its handles and supports change: it tears on, and no stepper for a new topology is made.
+    Handles,
+    /// Its mesh is replaced: no tear grows.
+    Mesh,
+}
+
 /// The tears of a body.
 pub struct BodyTears {
     /// Tips and edits.
@@ -36,6 +48,7 @@ pub struct BodyTears {
     pub(super) parting: Parting,
     /// The balance of energy.
     pub(super) balance: Balance,
+    pub(super) under_way: UnderWay,
 }
 
 impl BodyTears {
@@ -51,12 +64,41 @@ impl BodyTears {
         let Some(tearing) = tearing(world, index, body)? else {
             return Ok(None);
         };
-        let parting = Parting::new(body);
+        let parting = Parting::new(body, 0);
         Ok(parting.map(|parting| Self {
             tearing,
             parting,
             balance: Balance::default(),
+            under_way: UnderWay::Nothing,
         }))
+    }
+
+    /// What continues the tears on `body` after a change: the pieces, and new tears if `replaced` names the vertices that those
+    /// of a new mesh continue.
+    ///
+    /// # Errors
+    /// [`TearingError`] for a new mesh that cannot tear.
+    pub(super) fn continued(
+        &self,
+        body: &Body,
+        replaced: Option<&[u32]>,
+    ) -> Result<(Option<Tearing>, Parting), TearingError> {
+        let tearing = replaced.map(|vertices| self.tearing.continued(body, vertices));
+        let parting = Parting::new(body, self.tearing.report().parted);
+        let parting = parting.ok_or(TearingError::Kind {
+            found: "no surface that can tear",
+        })?;
+        Ok((tearing.transpose()?, parting))
+    }
+
+    /// Goes on with what [continues](Self::continued) the tears.
+    pub(super) fn go_on(&mut self, (tearing, parting): (Option<Tearing>, Parting)) {
+        if let Some(tearing) = tearing {
+            self.tearing = tearing;
+            // The same shape stores another energy.
+            self.balance = Balance::default();
+        }
+        self.parting = parting;
     }
 
     /// The pieces of the body.

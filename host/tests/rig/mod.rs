@@ -2,6 +2,7 @@
 
 use host::engine::Engine;
 use host::engine::build::{BuildOptions, bodies};
+use host::engine::contact::Contact;
 use host::engine::pacer::Due;
 use host::engine::stats::Stopwatch;
 use host::scene::LoadedScene;
@@ -34,7 +35,9 @@ pub(crate) struct Rig {
 impl Rig {
     /// The rig of a scene with one body, at rest. It has published nothing.
     pub(crate) fn new(loaded: &LoadedScene, how: BuildOptions) -> Self {
-        let bodies = bodies(&World::new(loaded).unwrap(), how).expect("it can be built");
+        let world = World::new(loaded).unwrap();
+        let bodies = bodies(&world, how).expect("it can be built");
+        let contact = Contact::new(&world, &bodies).expect("contacts");
         let body = bodies[0].body();
         let handles = (0..).map_while(|index| body.handle_report(index));
         let rest: Vec<_> = handles
@@ -44,7 +47,7 @@ impl Rig {
             })
             .collect();
         Self {
-            engine: Engine::new(bodies),
+            engine: Engine::new(bodies).touching(contact),
             rest,
             tick: 0,
             published: Vec::new(),

@@ -37,4 +37,5 @@ mod stiff;
 mod summary;
 mod threads;
 mod tool;
+mod torn_changes;
 mod torn_shapes;

@@ -55,7 +55,7 @@ impl BodyMap {
     ///
     /// # Errors
     ///
-    /// [`BodyError::Length`] and [`BodyError::Map`].
+    /// [`BodyError::Length`], [`BodyError::Map`] and [`BodyError::Left`].
     pub fn check(&self, old: &Body, new: &Body) -> Result<(), BodyError> {
         let lengths = [
             ("map of vertices", self.vertices.len(), new.vertex_count()),
@@ -90,7 +90,13 @@ impl BodyMap {
                 return Err(BodyError::Map { part, found, count });
             }
         }
-        Ok(())
+        let gone = old.constraints.gone();
+        let stays = |vertex: u32| !new.constraints.gone().contains(&vertex);
+        let mut left = (0_u32..).zip(&self.vertices);
+        match left.find(|(vertex, from)| gone.contains(from) && stays(*vertex)) {
+            Some((vertex, &from)) => Err(BodyError::Left { vertex, from }),
+            None => Ok(()),
+        }
     }
 }
 
@@ -104,8 +110,8 @@ impl Body {
     ///
     /// # Errors
     ///
-    /// [`BodyError::Length`] and [`BodyError::Map`] for a map that does not lead from `old` to this body; nothing has
-    /// changed then.
+    /// [`BodyError::Length`] and [`BodyError::Map`] for a map that does not lead from `old` to this body, and
+    /// [`BodyError::Left`] for a vertex that is no longer in the scene; nothing has changed then.
     pub fn continue_from(&mut self, old: &Self, map: &BodyMap) -> Result<(), BodyError> {
         map.check(old, self)?;
         for (node, &from) in map.vertices.iter().enumerate() {
@@ -133,6 +139,12 @@ impl Body {
         }
         self.note_moved();
         Ok(())
+    }
+
+    /// Counts the epochs of this body on from those of `old`, which it replaces: what was made for an epoch of `old` is for none
+    /// of this body. Solvers are made afterwards.
+    pub fn follow_epochs(&mut self, old: &Self) {
+        self.topology.epoch = self.topology.epoch.max(old.topology.epoch + 1);
     }
 
     /// Places the ghosts. The ghost of an edge that `old` clamps, too, keeps its position; any other ghost continues the sheet.

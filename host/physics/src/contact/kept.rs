@@ -18,6 +18,24 @@ pub enum Key {
     Edges([u32; 4]),
 }
 
+impl Key {
+    /// The key after vertices have got the numbers that `number` gives; `None` if one is no longer there.
+    pub(super) fn renumbered(self, number: &dyn Fn(u32) -> Option<u32>) -> Option<Self> {
+        Some(match self {
+            Self::Vertex(vertex, part) => Self::Vertex(number(vertex)?, part),
+            Self::Edges([a, b, c, d]) => {
+                let edge = |a, b| {
+                    let [a, b] = [number(a)?, number(b)?];
+                    Some([a.min(b), a.max(b)])
+                };
+                let [one, other] = [edge(a, b)?, edge(c, d)?];
+                let [[a, b], [c, d]] = [one.min(other), one.max(other)];
+                Self::Edges([a, b, c, d])
+            }
+        })
+    }
+}
+
 /// The state of a contact after a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Kept {
@@ -110,6 +128,17 @@ mod tests {
         assert_eq!(taken(Key::Vertex(2, 0), Vec3::z()), None);
         assert_eq!(taken(second, -Vec3::z()), None);
         assert_eq!(taken(second, Vec3::z()), Some(Vec3::z()));
+    }
+
+    #[test]
+    fn a_key_follows_its_vertices() {
+        let number = |vertex| (vertex != 4).then(|| 10 - vertex);
+        let renumbered = |key: Key| key.renumbered(&number);
+        assert_eq!(renumbered(Key::Vertex(3, 1)), Some(Key::Vertex(7, 1)));
+        assert_eq!(renumbered(Key::Vertex(4, 1)), None);
+        let edges = renumbered(Key::Edges([0, 2, 1, 3]));
+        assert_eq!(edges, Some(Key::Edges([7, 9, 8, 10])));
+        assert_eq!(renumbered(Key::Edges([0, 4, 1, 3])), None);
     }
 
     #[test]

@@ -282,6 +282,18 @@ impl Rows {
         self.kept.extend_from_slice(kept);
     }
 
+    /// The states of `former` rows whose vertices have got the numbers that `number` gives. Those of vertices that are no longer
+    /// there fall away.
+    pub(crate) fn take_from(&mut self, former: &Self, number: &dyn Fn(u32) -> Option<u32>) {
+        self.kept.clear();
+        let renumbered = former.kept.iter().filter_map(|state| {
+            let key = state.key.renumbered(number)?;
+            Some(Kept { key, ..*state })
+        });
+        self.kept.extend(renumbered.take(self.most));
+        self.kept.sort_by_key(|state| state.key);
+    }
+
     /// The energy (J) in the springs of friction after the last step.
     pub fn stored(&self) -> f64 {
         self.kept.iter().map(Kept::stored).sum()

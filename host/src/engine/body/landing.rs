@@ -2,14 +2,16 @@
 //!
 //! A landing gives the body another mesh, handles or supports and another solver between two steps. Positions,
 //! velocities, the paths of the hands that stay, the sequence of models and the energy that hands can recover continue
-//! without a jump. Models name the new handles from the next publication on, in a new epoch.
+//! without a jump. Models name the new handles from the next publication on, in a new epoch. The energy account of a torn
+//! body goes with its hands to the pieces that they hold then.
 
 use super::HostBody;
 use crate::engine::background::Background;
-use crate::engine::change::{ChangeError, Edit, Made, Rebuild};
+use crate::engine::change::{ChangeError, Course, Edit, Made, Rebuild};
 use crate::engine::hands::{Joining, Regrip};
 use crate::engine::stats::StepFault;
-use physics::{BodyMap, HandlePose};
+use crate::engine::tears::UnderWay;
+use physics::{BodyMap, Border, HandlePose};
 use rt_core::{MAX_DEVICES, Pose};
 
 impl HostBody {
@@ -26,9 +28,18 @@ impl HostBody {
         if self.joining.is_some() {
             return Err(ChangeError::UnderWay);
         }
-        // The copy on which the change is made would miss the edits of the tears.
-        if self.stepping.tears.is_some() {
-            return Err(ChangeError::Tears);
+        let tears = self.stepping.tears.as_ref();
+        let course = Course {
+            edits: tears.map(|tears| tears.tearing.journal().len()),
+            may_touch: self.stepping.recipe.may_touch(),
+        };
+        let clamps = |edit: &Edit| match edit {
+            Edit::Clamp { .. } => true,
+            Edit::Grab(grip) => grip.spec.border == Border::Clamped,
+            _ => false,
+        };
+        if tears.is_some() && edits.iter().any(clamps) {
+            return Err(ChangeError::Clamped);
         }
         let mut joining = Vec::new();
         for edit in &edits {
@@ -48,8 +59,16 @@ impl HostBody {
         let background = self
             .background
             .get_or_insert_with(|| Background::new(recipe.is_real(), step));
-        let (response, copy) = (self.stepping.response, self.stepping.body.clone());
-        background.begin(Box::new(Rebuild::new(recipe, response, copy, edits)));
+        if let Some(tears) = &mut self.stepping.tears {
+            let replaces = |edit: &Edit| matches!(edit, Edit::Replace(_));
+            tears.under_way = if edits.iter().any(replaces) {
+                UnderWay::Mesh
+            } else {
+                UnderWay::Handles
+            };
+        }
+        let (how, copy) = ((self.stepping.response, course), self.stepping.body.clone());
+        background.begin(Box::new(Rebuild::new(recipe, how, copy, edits)));
         self.joining = Some(joining);
         Ok(())
     }
@@ -76,6 +95,9 @@ impl HostBody {
             Some(Err(_)) | None => None,
         };
         let joining = self.joining.take().unwrap_or_default();
+        if let Some(tears) = &mut self.stepping.tears {
+            tears.under_way = UnderWay::Nothing;
+        }
         let Some((mut rebuild, made)) = done.and_then(|mut rebuild| {
             let made = rebuild.take()?;
             Some((rebuild, made))
@@ -98,13 +120,27 @@ impl HostBody {
     fn continue_as(&mut self, made: Made, joining: &[Joining]) -> Result<Made, ChangeError> {
         let Made {
             mut body,
-            map,
+            mut map,
             replaced,
+            edits,
             hands: made_hands,
-            solver,
+            mut solver,
         } = made;
         let stepping = &mut self.stepping;
+        if let (Some(tears), Some(edits), false) = (&stepping.tears, edits, replaced) {
+            let journal = tears.tearing.journal();
+            let newer = journal.get(edits..).unwrap_or_default();
+            let overtaken = solver.catch_up(&mut body, newer);
+            overtaken.map_err(ChangeError::Overtaken)?;
+            map.vertices = (0..body.vertex_count() as u32).collect();
+        }
         body.continue_from(&stepping.body, &map)?;
+        let tears = stepping.tears.as_ref().map(|tears| {
+            let continues = replaced.then_some(map.vertices.as_slice());
+            let continued = tears.continued(&body, continues);
+            continued.map_err(ChangeError::Replacement)
+        });
+        let mut continued = tears.transpose()?;
         let hands = Regrip {
             hands: &made_hands,
             joining,
@@ -129,14 +165,23 @@ impl HostBody {
         } else {
             before
         };
+        let partings = stepping.tears.as_mut().zip(continued.as_mut());
+        let partings = partings.map(|(tears, (_, parting))| (&mut tears.parting, parting));
         let old = (&stepping.body, before);
-        self.publisher.regrip(hands, old, (&body, after));
+        self.publisher.regrip(hands, old, (&body, after), partings);
         self.hands.regrip(hands);
+        if let Some((tears, continued)) = stepping.tears.as_mut().zip(continued) {
+            tears.go_on(continued);
+            if !replaced {
+                solver.take_pairs(&mut stepping.solver, &body);
+            }
+        }
         Ok(Made {
             body: core::mem::replace(&mut stepping.body, body),
             solver: stepping.solver.replace(solver),
             map,
             replaced,
+            edits,
             hands: made_hands,
         })
     }

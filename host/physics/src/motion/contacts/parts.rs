@@ -91,13 +91,20 @@ impl Contacts {
         Ok(())
     }
 
-    /// Follows the body of this number, whose connectivity has changed, with its new mesh. Contacts keep their forces if the
-    /// body has as much room for vertices as before. This allocates.
+    /// Follows the body of this number, whose connectivity has changed, with its new mesh. `continues` names the vertex of the body
+    /// before that each vertex continues, if it is another body: contacts of vertices that nothing continues begin without
+    /// force. This allocates.
     ///
     /// # Errors
     ///
     /// [`MeshError`] if the triangles of the mesh are no surface; the contacts are unchanged then.
-    pub fn follow(&mut self, number: usize, body: &Body, mesh: Mesh) -> Result<(), MeshError> {
+    pub fn follow(
+        &mut self,
+        number: usize,
+        body: &Body,
+        mesh: Mesh,
+        continues: Option<&[u32]>,
+    ) -> Result<(), MeshError> {
         let Some(part) = self.owners.iter().position(|of| *of == Owner::Body(number)) else {
             return Ok(());
         };
@@ -108,15 +115,46 @@ impl Contacts {
             source.add_to(&mut surfaces)?;
         }
         self.sources[part] = source;
-        let has_room = surfaces.vertices == self.surfaces.vertices;
-        self.surfaces = surfaces;
+        let former = core::mem::replace(&mut self.surfaces, surfaces);
         self.keep_apart();
         self.lists = None;
         self.clearance = Clearance::default();
-        if !has_room {
-            self.reserve();
+        if former.vertices != self.surfaces.vertices || continues.is_some() {
+            self.renumber(&former, part, continues);
         }
         Ok(())
+    }
+
+    /// Makes the vectors of a step for other numbers of vertices than those of the `former` surfaces, and lets the contacts follow.
+    fn renumber(&mut self, former: &Surfaces, part: usize, continues: Option<&[u32]>) {
+        let rows = core::mem::replace(&mut self.rows, Rows::new(former, 0));
+        self.reserve();
+        let mut now = vec![None; former.parts[part].vertices.len()];
+        match continues {
+            Some(continues) => {
+                for (vertex, from) in (0_u32..).zip(continues) {
+                    if let Some(now) = now.get_mut(*from as usize) {
+                        now.get_or_insert(vertex);
+                    }
+                }
+            }
+            None => now
+                .iter_mut()
+                .zip(0..)
+                .for_each(|(now, own)| *now = Some(own)),
+        }
+        let count = self.surfaces.parts[part].vertices.len() as u32;
+        let number = |vertex: u32| {
+            let of = former.part_of(vertex);
+            let own = vertex - former.parts[of].vertices.start;
+            let own = if of == part {
+                now[own as usize].filter(|own| *own < count)
+            } else {
+                Some(own)
+            };
+            own.map(|own| self.surfaces.parts[of].vertices.start + own)
+        };
+        self.rows.take_from(&rows, &number);
     }
 
     /// Adds an obstacle. The sides of a box are triangles: its edges can hold a surface up between the vertices of the surface.

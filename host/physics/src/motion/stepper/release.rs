@@ -47,6 +47,20 @@ impl<T: Precision> Stepper<T> {
         self.pairs().iter().find(|pair| pair.nodes == nodes)
     }
 
+    /// Takes the pairs of `running`, a stepper of the same sheet that this one replaces. A pair of which a handle of `body` holds
+    /// a vertex lets go.
+    pub fn take_pairs(&mut self, running: &mut Self, body: &Body) {
+        self.released = core::mem::take(&mut running.released);
+        for pair in running.pairs() {
+            if pair.nodes.iter().any(|node| body.constraints.holds(*node)) {
+                self.released.lost += pair.left();
+            } else {
+                self.add_pair(*pair);
+            }
+        }
+        running.clear_pairs();
+    }
+
     /// Forgets all pairs: they let go at once.
     pub fn clear_pairs(&mut self) {
         self.pairs.clear();

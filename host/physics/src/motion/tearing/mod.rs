@@ -193,6 +193,55 @@ impl Tearing {
         })
     }
 
+    /// The tears of `body`, which has replaced the body of these tears. `vertices` names the vertex that each of its vertices
+    /// continues. A tear goes on at the vertex of the border that continues its tip, if there is one. The law and the sums
+    /// stay; of the energy that pairs had still to take, and of the change of the energy of the body, the report tells.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn continued(&self, body: &Body, vertices: &[u32]) -> Result<Self, TearingError> {
+        let tips = self.tips.iter().filter_map(|tip| {
+            let surface = body.surface()?;
+            let all = (0_u32..).zip(vertices);
+            let same =
+                all.filter(|(vertex, from)| **from == tip.vertex && surface.on_border(*vertex));
+            let angle = |vertex: u32| surface.total_angle(vertex);
+            let widest = same.max_by(|(a, _), (b, _)| angle(*a).total_cmp(&angle(*b)));
+            widest.map(|(vertex, _)| vertex)
+        });
+        let mut next = Self::new(body, self.options, &tips.collect::<Vec<_>>())?;
+        next.journal
+            .reserve(self.journal.len() + next.journal.capacity());
+        next.journal.extend_from_slice(&self.journal);
+        next.grown.reserve(self.grown.len() + next.grown.capacity());
+        next.grown.extend_from_slice(&self.grown);
+        next.energy = self.energy.map(|before| {
+            let now = body.elastic_energy() + body.kinetic_energy() + body.load_potential();
+            next.report.edits = now - before;
+            now
+        });
+        next.report = TearReport {
+            tips: next.report.tips,
+            edits: self.report.edits + next.report.edits,
+            slackened: self.report.slackened + self.report.pending,
+            pending: 0.0,
+            full: false,
+            ..self.report
+        };
+        Ok(next)
+    }
+
+    /// Follows a step of `stepper` after which no tear grows. Returns what tore so far.
+    pub fn rest<T: Precision>(&mut self, body: &Body, stepper: &mut Stepper<T>) -> &TearReport {
+        self.follow(body, stepper);
+        self.report.slackened += stepper.take_lost();
+        self.report.pending = stepper.pending();
+        (self.report.driving, self.report.stress) = (0.0, 0.0);
+        (self.report.held, self.report.blocked) = (0, 0);
+        &self.report
+    }
+
     /// Lets the tears grow after a step of `stepper`. Returns what tore so far.
     #[inline(never)]
     pub fn advance<T: Precision>(
@@ -200,10 +249,7 @@ impl Tearing {
         body: &mut Body,
         stepper: &mut Stepper<T>,
     ) -> &TearReport {
-        self.follow(body, stepper);
-        self.report.slackened += stepper.take_lost();
-        (self.report.driving, self.report.stress) = (0.0, 0.0);
-        (self.report.held, self.report.blocked) = (0, 0);
+        self.rest(body, stepper);
         match self.options.material.law {
             TearLaw::Toughness => self.advance_by_energy(body, stepper),
             TearLaw::Thesis => self.advance_by_stress(body, stepper),
