@@ -5,8 +5,8 @@
 //! for vertices; two edges are a contact if both feet are inside them, and otherwise a vertex is. A thread has no triangles:
 //! the ends of its segments meet other segments as vertices.
 //!
-//! **Overlap.** A contact that begins with an overlap parts in a tenth of a second, at a bounded speed (`Step::parting`). Its work is booked until
-//! the overlap is gone. Then it is like others, and carries nothing.
+//! **Overlap.** A contact that begins with an overlap, or a vertex inside a shape, parts in a tenth of a second, at a bounded
+//! speed (`Step::parting`). Its work is booked until the overlap is gone. Then it is like others, and carries nothing.
 //!
 //! The rows depend on the pairs, and not on their order. Nothing is allocated after [`Rows::new`].
 
@@ -117,6 +117,8 @@ pub struct Contact {
     pub thickness: f64,
     /// The gap at the predicted end of the step (m).
     pub predicted: f64,
+    /// The gap to a shape at the start of the step (m); zero between surfaces, which never cross.
+    pub start: f64,
     /// The mass (kg) that the row moves.
     pub mass: f64,
     /// Steps since the contact was found.
@@ -466,6 +468,7 @@ impl Rows {
         let key = Key::Vertex(vertex, other as u32);
         let mut contact = self.contact(step, key, [part, other], &connection, predicted);
         contact.row.motion = motion;
+        contact.start = start.distance - thickness;
         self.push(&contact);
     }
 
@@ -507,6 +510,7 @@ impl Rows {
             },
             thickness,
             predicted: predicted - thickness,
+            start: 0.0,
             mass: compliance.recip(),
             age: 0,
             is_parting: false,
@@ -546,7 +550,10 @@ impl Rows {
             let row = &mut contact.row;
             let state = take(&mut self.kept, &mut from, contact.key, &row.normal);
             let overlaps = row.gap < -PARTED * contact.thickness;
-            contact.is_parting = overlaps && state.is_none_or(|state| state.is_parting);
+            // A shape may have moved over a vertex that truncation stopped.
+            let is_inside = contact.start < -contact.thickness;
+            let parts = is_inside || state.is_none_or(|state| state.is_parting);
+            contact.is_parting = overlaps && parts;
             let Some(state) = state else { continue };
             contact.age = state.age;
             if state.is_parting && !overlaps {
