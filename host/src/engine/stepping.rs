@@ -5,7 +5,7 @@ use super::publisher::{Elastic, Publisher};
 use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{StepFault, Stopwatch, Tally};
-use super::tears::BodyTears;
+use super::tears::{BodyTears, UnderWay};
 use physics::{Around, Body, BodyError, BodyMap, Condensed, Equation, HandlePose};
 
 /// A body with what steps it.
@@ -42,6 +42,8 @@ impl Stepping {
             // The same shape stores another energy.
             tears.balance = Balance::default();
             tears.tearing.begin_balance();
+            // The change that was under way was made for the body before.
+            tears.under_way = UnderWay::Nothing;
         }
         Ok(core::mem::replace(&mut self.body, other.body))
     }
