@@ -50,7 +50,7 @@ fn hertz(level: Level, aims: &mut Vec<Aim>) -> Result<(), StudyError> {
     const SKIN: f64 = 1e-5;
     // Quadratic tetrahedra: linear ones of half the size are 9 % too stiff.
     let (fine, growth, steps) = match level {
-        Level::Quick => (0.2 * RADIUS, 2.0, 1),
+        Level::Quick => (0.2 * RADIUS, 2.0, 1_u32),
         Level::Full => (0.1 * RADIUS, 1.8, 4),
     };
     let across = planes(0.4 * RADIUS, fine, growth, DEPTH);
@@ -105,7 +105,7 @@ friction = 0.0
         .flat_map(|pair| &pair.steps)
         .enumerate()
     {
-        let d = most * (step + 1) as f64 / steps as f64;
+        let d = most * (step + 1) as f64 / f64::from(steps);
         // A quarter of the block.
         let exact = 0.25 * law_of_hertz(RADIUS, d) * stiffer(RADIUS, d, DEPTH);
         aims.push(Aim::at_most(
