@@ -61,7 +61,7 @@ pub struct ContactSums {
     pub by_obstacles: f64,
     /// Work with which overlapping starts parted (J).
     pub parted: f64,
-    /// Kinetic energy lost by shortening (J).
+    /// Energy lost by shortening (J): kinetic energy, and work of contacts.
     pub stopped: f64,
 }
 
