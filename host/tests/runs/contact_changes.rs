@@ -1,6 +1,7 @@
 //! Bodies that touch while they tear, are changed, lose their device, or wait for a host that pauses.
 
 use crate::rig::{MS, Still};
+use crate::touching_scenes::{BLOCKS, DEVICES, sheet};
 use host::engine::Engine;
 use host::engine::build::{BuildOptions, bodies};
 use host::engine::change::Edit;
@@ -93,56 +94,9 @@ impl Table {
     }
 }
 
-const DEVICES: &str = r#"
-[[device]]
-name = "left"
-model = "omega3"
-hand = {}
-
-[[device]]
-name = "right"
-model = "omega3"
-hand = {}
-"#;
-
-/// A notched sheet on a floor, between two hands.
-const SHEET: &str = r#"name = "torn"
-
-[[obstacle]]
-name = "floor"
-shape = "plane"
-friction = 0.5
-
-[[body]]
-name = "sheet"
-position = [0.0, 0.0, 0.0003]
-self_contact = true
-mesh.sheet = { length = 0.06, width = 0.04, cells = [8, 6], pattern = "alternating" }
-material = { young = 1e6, poisson = 0.3, thickness = 0.0005, density = 1000.0 }
-damping = { mass = 1.0, stiffness = 0.002 }
-
-[body.tear]
-strength = 2e5
-toughness = 200.0
-
-[[body.tear.notch]]
-from = [0.0, 0.02, 0.0]
-to = [0.0, 0.0066666666666666, 0.0]
-
-[[body.handle]]
-name = "one"
-group = "left"
-device = "left"
-
-[[body.handle]]
-name = "other"
-group = "right"
-device = "right"
-"#;
-
 #[test]
 fn a_sheet_that_tears_through_on_a_floor_lies_on_it_in_two_pieces() {
-    let mut table = Table::new(&format!("{SHEET}{DEVICES}"), &[[0, 0], [0, 1]]);
+    let mut table = Table::new(&sheet(true), &[[0, 0], [0, 1]]);
     let pieces = |table: &Table| {
         let tears = table.engine.bodies()[0].tears();
         tears.expect("a sheet that tears").pieces().count()
@@ -171,33 +125,6 @@ fn a_sheet_that_tears_through_on_a_floor_lies_on_it_in_two_pieces() {
         assert!((0.24e-3..0.31e-3).contains(&height), "{height}");
     }
 }
-
-/// A block on a block on a floor.
-const BLOCKS: &str = r#"name = "blocks"
-
-[[obstacle]]
-name = "floor"
-shape = "plane"
-friction = 0.5
-
-[[body]]
-name = "lower"
-position = [0.0, 0.0, 0.01502]
-mesh.box = { size = [0.05, 0.05, 0.03], cells = [3, 3, 2] }
-material = { young = 40e3, poisson = 0.3, density = 1000.0 }
-damping = { mass = 2.0, stiffness = 0.01 }
-
-[[body]]
-name = "upper"
-position = [0.002, 0.001, 0.04007]
-mesh.box = { size = [0.03, 0.03, 0.02], cells = [2, 2, 2] }
-material = { young = 40e3, poisson = 0.3, density = 1000.0 }
-damping = { mass = 2.0, stiffness = 0.01 }
-
-[[contact]]
-between = ["lower", "upper"]
-friction = 0.4
-"#;
 
 fn body_of(text: &str) -> Body {
     let loaded = load(text);

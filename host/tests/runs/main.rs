@@ -39,3 +39,4 @@ mod threads;
 mod tool;
 mod torn_changes;
 mod torn_shapes;
+mod touching_scenes;

@@ -2,6 +2,7 @@
 //! under another body, and after a pause of the host.
 
 use crate::rig::Rig;
+use crate::touching_scenes::{BLOCKS, DEVICES, sheet};
 use host::engine::build::BuildOptions;
 use host::engine::change::{ChangeError, Edit, Grip};
 use host::scene::Scene;
@@ -16,86 +17,6 @@ use std::collections::BTreeMap;
 const TICKS: u64 = 4;
 /// Steps until a change lands in virtual time: 50 ms of 4 ms each, rounded up.
 const LANDING: usize = 13;
-
-/// A notched sheet on a floor, between two hands.
-const SHEET: &str = r#"name = "torn"
-
-[[obstacle]]
-name = "floor"
-shape = "plane"
-friction = 0.5
-
-[[body]]
-name = "sheet"
-position = [0.0, 0.0, 0.0003]
-self_contact = true
-mesh.sheet = { length = 0.06, width = 0.04, cells = [8, 6], pattern = "alternating" }
-material = { young = 1e6, poisson = 0.3, thickness = 0.0005, density = 1000.0 }
-damping = { mass = 1.0, stiffness = 0.002 }
-TEAR
-[[body.handle]]
-name = "one"
-group = "left"
-device = "left"
-
-[[body.handle]]
-name = "other"
-group = "right"
-device = "right"
-"#;
-
-const TEAR: &str = r"
-[body.tear]
-strength = 2e5
-toughness = 200.0
-
-[[body.tear.notch]]
-from = [0.0, 0.02, 0.0]
-to = [0.0, 0.0066666666666666, 0.0]
-";
-
-const DEVICES: &str = r#"
-[[device]]
-name = "left"
-model = "omega3"
-hand = {}
-
-[[device]]
-name = "right"
-model = "omega3"
-hand = {}
-"#;
-
-/// A block on a block on a floor.
-const BLOCKS: &str = r#"name = "blocks"
-
-[[obstacle]]
-name = "floor"
-shape = "plane"
-friction = 0.5
-
-[[body]]
-name = "lower"
-position = [0.0, 0.0, 0.01502]
-mesh.box = { size = [0.05, 0.05, 0.03], cells = [4, 4, 2] }
-material = { young = 40e3, poisson = 0.3, density = 1000.0 }
-damping = { mass = 5.0, stiffness = 0.02 }
-
-[[body]]
-name = "upper"
-position = [0.002, 0.001, 0.04007]
-mesh.box = { size = [0.03, 0.03, 0.02], cells = [2, 2, 2] }
-material = { young = 40e3, poisson = 0.3, density = 1000.0 }
-damping = { mass = 5.0, stiffness = 0.02 }
-
-[[contact]]
-between = ["lower", "upper"]
-friction = 0.4
-"#;
-
-fn torn() -> String {
-    format!("{}{DEVICES}", SHEET.replacen("TEAR", TEAR, 1))
-}
 
 fn rig(text: &str) -> Rig {
     let loaded = Scene::load_texts("x.toml", text, &BTreeMap::new()).expect("a scene");
@@ -207,7 +128,7 @@ fn a_sheet_on_a_floor_weighs_the_same_with_another_mesh() {
         let end = text.find("[[body.handle]]").expect("handles");
         format!("{}{DEVICES}", &text[..end])
     };
-    let text = free(SHEET.replacen("TEAR", "", 1));
+    let text = free(sheet(false));
     let mut rig = rig(&text);
     steps(&mut rig, 150, 0.0);
     let weight = 9.81 * body(&rig, 0).total_mass();
@@ -247,7 +168,7 @@ fn a_block_goes_on_lying_on_one_whose_mesh_is_replaced() {
 
 #[test]
 fn a_hand_takes_hold_of_a_sheet_that_tears_on_and_lets_go() {
-    let mut rig = rig(&torn().replacen("0.0066666666666666", "0.0133333333333333", 1));
+    let mut rig = rig(&sheet(true).replacen("0.0066666666666666", "0.0133333333333333", 1));
     while edges(&rig) == 0 {
         steps(&mut rig, 1, 0.01);
     }
@@ -272,7 +193,7 @@ fn a_hand_takes_hold_of_a_sheet_that_tears_on_and_lets_go() {
 
 #[test]
 fn a_sheet_tears_after_a_hand_has_taken_hold_of_it() {
-    let mut rig = rig(&torn());
+    let mut rig = rig(&sheet(true));
     let edit = grab(&mut rig, Vec3::new(0.02, -0.01, 0.0003));
     rig.engine.change(0, vec![edit]).unwrap();
     steps(&mut rig, LANDING, 0.0);
@@ -286,7 +207,7 @@ fn a_sheet_tears_after_a_hand_has_taken_hold_of_it() {
 #[test]
 fn a_torn_sheet_is_replaced_by_itself_and_tears_on_from_its_tip() {
     let run = |replaces: bool| {
-        let mut rig = rig(&torn());
+        let mut rig = rig(&sheet(true));
         while edges(&rig) == 0 {
             steps(&mut rig, 1, 0.02);
         }
@@ -314,12 +235,12 @@ fn a_torn_sheet_is_replaced_by_itself_and_tears_on_from_its_tip() {
 
 #[test]
 fn an_intact_sheet_takes_over_from_a_torn_one() {
-    let mut rig = rig(&torn());
+    let mut rig = rig(&sheet(true));
     while edges(&rig) < 2 {
         steps(&mut rig, 1, 0.02);
     }
     let area = rig.engine.stats().tears[0].area;
-    let intact = first_body(&format!("{}{DEVICES}", SHEET.replacen("TEAR", "", 1)));
+    let intact = first_body(&sheet(false));
     let whole = intact.vertex_count();
     rig.engine.change(0, vec![replace(intact)]).unwrap();
     steps(&mut rig, LANDING + 60, 0.0);
@@ -337,7 +258,7 @@ fn an_intact_sheet_takes_over_from_a_torn_one() {
 
 #[test]
 fn a_whole_sheet_takes_over_from_two_pieces_and_its_hands_share_an_account_again() {
-    let mut rig = rig(&torn());
+    let mut rig = rig(&sheet(true));
     let pieces = |rig: &Rig| rig.engine.bodies()[0].tears().unwrap().pieces().count();
     while pieces(&rig) == 1 {
         steps(&mut rig, 1, 0.02);
@@ -345,7 +266,7 @@ fn a_whole_sheet_takes_over_from_two_pieces_and_its_hands_share_an_account_again
     steps(&mut rig, 2, 0.0);
     let parted = *rig.published.last().unwrap();
     assert_eq!(parted.piece_count(), 2);
-    let intact = first_body(&format!("{}{DEVICES}", SHEET.replacen("TEAR", "", 1)));
+    let intact = first_body(&sheet(false));
     rig.engine.change(0, vec![replace(intact)]).unwrap();
     steps(&mut rig, LANDING + 60, 0.0);
     assert_sound(&rig, 1);
@@ -359,7 +280,7 @@ fn a_whole_sheet_takes_over_from_two_pieces_and_its_hands_share_an_account_again
 
 #[test]
 fn a_change_lands_after_the_host_has_paused_and_a_device_was_lost() {
-    let mut rig = rig(&torn());
+    let mut rig = rig(&sheet(true));
     while edges(&rig) == 0 {
         steps(&mut rig, 1, 0.02);
     }
@@ -380,7 +301,7 @@ fn a_change_lands_after_the_host_has_paused_and_a_device_was_lost() {
 
 #[test]
 fn what_cannot_change_on_a_body_that_tears_is_refused_in_words() {
-    let mut rig = rig(&torn());
+    let mut rig = rig(&sheet(true));
     steps(&mut rig, 5, 0.0);
     let clamp = Edit::Clamp {
         vertices: vec![0, 1],
@@ -438,7 +359,7 @@ proptest! {
         changes in prop::collection::vec((change(), 0_usize..25), 1..4),
         speed in 0.0..0.04,
     ) {
-        let mut rig = rig(&torn());
+        let mut rig = rig(&sheet(true));
         steps(&mut rig, begin, speed);
         let mut has_third = false;
         for (change, wait) in changes {
@@ -450,7 +371,7 @@ proptest! {
                     Ok((body, map))
                 })),
                 Change::Intact if !has_third => {
-                    let text = format!("{}{DEVICES}", SHEET.replacen("TEAR", "", 1));
+                    let text = sheet(false);
                     replace(first_body(&text))
                 }
                 _ => continue,
