@@ -61,7 +61,7 @@ pub struct ContactSums {
     pub by_obstacles: f64,
     /// Work with which overlapping starts parted (J).
     pub parted: f64,
-    /// Energy lost by shortening (J): kinetic energy, and work of contacts.
+    /// Energy that shortening took (J).
     pub stopped: f64,
 }
 

@@ -106,6 +106,14 @@ impl Row {
         self.normal * normal + self.with_normal(&relative, gap, normal, most).friction
     }
 
+    /// The energy (J) whose gradient is the normal force and the `friction` force (N), for a displacement (m).
+    pub fn energy(&self, ju: &Vec3, friction: &Vec3) -> f64 {
+        let relative = ju - self.motion;
+        let gap = self.gap + self.normal.dot(&relative);
+        let normal = (self.carried - self.normal_stiffness * gap).max(0.0);
+        0.5 * normal * normal / self.normal_stiffness - friction.dot(&relative)
+    }
+
     /// The tangent (N/m) at a response: symmetric and positive semidefinite. The coupling of the friction force to the
     /// normal force is left out; the passes of the solver find it.
     pub fn tangent(&self, response: &Response) -> Mat3 {
@@ -265,6 +273,19 @@ mod tests {
                 by[axis] = 1e-7;
                 let change = (row.force_with(&(ju + by), most) - row.force_with(&(ju - by), most)) / 2e-7;
                 prop_assert!((change + tangent.column(axis)).norm() < 1e-4 * 150.0, "{change} {tangent}");
+            }
+        }
+
+        #[test]
+        fn the_force_is_the_gradient_of_the_energy(ju in [-0.02..0.02, -0.02..0.02, -0.02..0.02]) {
+            let (row, ju) = (row(), Vec3::from(ju));
+            let response = row.response(&ju);
+            let energy = |by: Vec3| row.energy(&(ju + by), &response.friction);
+            for axis in 0..3 {
+                let mut by = Vec3::zeros();
+                by[axis] = 1e-7;
+                let force = -(energy(by) - energy(-by)) / 2e-7;
+                prop_assert!((force - row.force(&ju)[axis]).abs() < 1e-4, "{force}");
             }
         }
 

@@ -250,18 +250,31 @@ impl Rows {
         &self.contacts
     }
 
-    /// Ends a step: takes the response of each contact, in their order. Returns the work (J) with which overlaps parted.
-    pub fn end<'a>(&mut self, responses: impl Iterator<Item = &'a Response>) -> f64 {
+    /// Ends a step: takes the response of each contact, in their order. A vertex `is_stopped` if it did not make the
+    /// displacement that was solved. Returns the work (J) with which overlaps parted.
+    pub fn end<'a>(
+        &mut self,
+        responses: impl Iterator<Item = &'a Response>,
+        is_stopped: &dyn Fn(u32) -> bool,
+    ) -> f64 {
         self.kept.clear();
         let mut work = 0.0;
         for (contact, response) in self.contacts.iter().zip(responses) {
             if contact.is_parting {
                 work += response.normal * (response.gap - contact.row.gap);
             }
+            // The multiplier grows with what is left of the gap. Where the solution did not come about, nothing tells
+            // whether a larger force would close it, and rows against each other would grow without bound.
+            let mut each = contact.vertices.iter().zip(contact.weights);
+            let most = if each.any(|(vertex, weight)| weight != 0.0 && is_stopped(*vertex)) {
+                contact.forces[0].max(contact.forces[1])
+            } else {
+                f64::INFINITY
+            };
             self.kept.push(Kept {
                 key: contact.key,
                 normal: contact.row.normal,
-                forces: [response.normal, contact.forces[0]],
+                forces: [response.normal.min(most), contact.forces[0]],
                 opening: (response.gap - contact.row.gap) / self.h,
                 friction: response.friction,
                 stiffness: contact.row.friction_stiffness,

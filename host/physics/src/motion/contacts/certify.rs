@@ -7,6 +7,9 @@ use crate::contact::certificate::truncate;
 use crate::contact::{Moves, Placed};
 use crate::element::precision::Precision;
 
+/// How often bodies are held back that would gain energy, and the displacements shortened again.
+const PULLS: usize = 3;
+
 impl Contacts {
     /// Shortens the solved displacements such that nothing crosses, and keeps the forces for the next step.
     pub fn certify<T: Precision>(&mut self, members: &mut [Member<'_, T>]) {
@@ -26,11 +29,12 @@ impl Contacts {
             return;
         }
         self.shorten();
-        let stopped = self.mass.iter().zip(&self.u).zip(&self.fractions);
-        let stopped = stopped.filter(|((mass, _), fraction)| mass.is_finite() && **fraction < 1.0);
-        let twice = stopped
-            .map(|((mass, u), fraction)| mass * u.norm_squared() * (1.0 - fraction * fraction));
-        self.report.stopped = 0.5 * twice.sum::<f64>() / (self.h * self.h);
+        for _ in 0..PULLS {
+            if !self.hold_back(members) {
+                break;
+            }
+            self.truncate();
+        }
         for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
             let Owner::Body(body) = owner else { continue };
             let Some(stepper) = members[*body]
@@ -43,7 +47,8 @@ impl Contacts {
             let range = part.vertices.start as usize..part.vertices.end as usize;
             let fractions = &self.fractions[range];
             // A step that has not been solved has an error of its own.
-            let _ = stepper.certify(&|node| fractions.get(node as usize).copied().unwrap_or(1.0));
+            let of = |node: u32| fractions.get(node as usize).copied().unwrap_or(1.0);
+            self.report.stopped -= stepper.certify(&of).unwrap_or_default();
         }
         self.end(members);
         self.clear(members);
@@ -73,7 +78,7 @@ impl Contacts {
                 mark(surfaces.part_of(vertex));
             }
         });
-        let mut squeezed = 0;
+        let mut overrun = 0;
         let hierarchy = lists.hierarchy();
         for (number, placed) in self.shapes.iter().enumerate() {
             for (index, cluster) in hierarchy.clusters().iter().enumerate() {
@@ -93,17 +98,74 @@ impl Contacts {
                         mark(part);
                     }
                     if most.max(0.0) < *fraction {
-                        squeezed += usize::from(self.mass[at].is_infinite() || most < 0.0);
+                        overrun += usize::from(self.mass[at].is_infinite() || most < 0.0);
                         *fraction = most.max(0.0);
                     }
                 }
             }
         }
+        self.overrun = overrun;
+        self.truncate();
+    }
+
+    /// Lowers the fractions of bodies that would gain energy by them. Returns whether there is such a body.
+    fn hold_back<T: Precision>(&mut self, members: &mut [Member<'_, T>]) -> bool {
+        let mut is_changed = false;
+        for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
+            let Owner::Body(number) = owner else { continue };
+            let Member { body, stepper } = &mut members[*number];
+            let Some(stepper) = stepper.as_deref_mut().filter(|_| self.is_near[*number]) else {
+                continue;
+            };
+            let range = part.vertices.start as usize..part.vertices.end as usize;
+            let fractions = &self.fractions[range.clone()];
+            let of = |node: u32| fractions.get(node as usize).copied().unwrap_or(1.0);
+            let is_shorter = fractions.iter().any(|fraction| *fraction < 1.0);
+            let mut by = 1.0;
+            if is_shorter {
+                by = stepper.fraction_without_gain(&of);
+            }
+            let rows = self.touches.iter().zip(&self.of_row);
+            let contacts = |s: f64| {
+                let energies = rows.clone().map(|(touch, row)| {
+                    let contact = &self.rows.contacts()[*row];
+                    let mut ju = Vec3::zeros();
+                    for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
+                        let (at, vertex) = (*vertex as usize, *vertex);
+                        let Owner::Body(body) = self.owners[self.surfaces.part_of(vertex)] else {
+                            continue;
+                        };
+                        let moves = body == *number && self.mass[at].is_finite();
+                        let scale = if moves { by * s } else { 1.0 };
+                        ju += self.u[at] * (weight * scale * self.fractions[at]);
+                    }
+                    touch.row.energy(&ju, &touch.response.friction)
+                });
+                energies.sum()
+            };
+            by *= stepper.fraction_of_least(body, &|node| by * of(node), &contacts);
+            if by < 1.0 {
+                is_changed = true;
+                let free = self.fractions[range.clone()]
+                    .iter_mut()
+                    .zip(&self.mass[range]);
+                for (fraction, _) in free.filter(|(_, mass)| mass.is_finite()) {
+                    *fraction *= by;
+                }
+            }
+        }
+        is_changed
+    }
+
+    /// Shortens the displacements such that no listed pair crosses.
+    fn truncate(&mut self) {
+        let Some(lists) = &self.lists else { return };
+        let (surfaces, x, u) = (&self.surfaces, &self.x, &self.u);
         let mass = &self.mass;
         let is_free = |vertex: u32| mass[vertex as usize].is_finite();
         let each = |found: &mut dyn FnMut(crate::contact::Pair)| lists.each(surfaces, x, found);
         self.report.truncated = truncate(surfaces, x, u, &each, &is_free, &mut self.fractions);
-        self.report.truncated.squeezed += squeezed;
+        self.report.truncated.squeezed += self.overrun;
     }
 
     /// Takes the solved displacements.

@@ -97,6 +97,8 @@ pub struct Contacts {
     v: Vec<Vec3>,
     mass: Vec<f64>,
     fractions: Vec<f64>,
+    /// Vertices over which a shape moves in the step.
+    overrun: usize,
     /// The contacts in the order of their islands; of each the number of its row.
     touches: Vec<Touch>,
     of_row: Vec<usize>,
@@ -138,6 +140,7 @@ impl Contacts {
             v: Vec::new(),
             mass: Vec::new(),
             fractions: Vec::new(),
+            overrun: 0,
             touches: Vec::new(),
             of_row: Vec::new(),
             islands: Islands::default(),

@@ -115,11 +115,9 @@ impl Contacts {
                     on_bodies += work;
                 }
             }
-            let solved = force.dot(touch.moved());
             let by_obstacles = force.dot(&contact.row.motion);
-            self.report.taken -= solved - by_obstacles;
+            self.report.taken += by_obstacles - on_bodies;
             self.report.by_obstacles += by_obstacles;
-            self.report.stopped += solved - on_bodies;
             // Vertices of either side may touch the other.
             let [one, other] = contact.parts;
             let (sides, sign) = if one <= other {
@@ -144,7 +142,9 @@ impl Contacts {
             sum.slipping += usize::from(touch.response.slips);
         }
         self.touching.sort_unstable_by_key(|sum| sum.sides);
-        self.report.parted = self.rows.end(responses.iter().flatten());
+        let fractions = &self.fractions;
+        let is_stopped = |vertex: u32| fractions[vertex as usize] < 1.0;
+        self.report.parted = self.rows.end(responses.iter().flatten(), &is_stopped);
         self.report.taken += self.report.parted;
         self.room.responses = responses;
         self.report.stored = self.rows.stored();

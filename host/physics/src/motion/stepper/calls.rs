@@ -27,7 +27,7 @@ pub(super) struct Underway {
     /// The last call that was made.
     pub(super) last: Call,
     /// Length of the step (s).
-    h: f64,
+    pub(super) h: f64,
     /// Factors of mass and stiffness in the matrix of the step.
     pub(super) factors: (f64, f64),
     pub(super) limits: Limits,

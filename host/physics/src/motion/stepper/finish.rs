@@ -18,6 +18,8 @@ pub(crate) struct Last<T> {
     pub(super) is_hard: bool,
     /// Whether its displacement was certified, because the body touches something or may do so.
     pub(super) was_certified: bool,
+    /// Room for the positions at its end (m).
+    pub(super) ahead: Vec<Vec3>,
     /// Whether it ended before it converged.
     pub(super) unfinished: bool,
     /// The step, as long as the residual belongs to its end.

@@ -182,6 +182,7 @@ impl<T: Precision> Stepper<T> {
             last: Last {
                 is_hard: false,
                 was_certified: false,
+                ahead: Vec::with_capacity(places.node.len()),
                 unfinished: false,
                 stepped: None,
                 began: vec![[T::ZERO; 4]; places.node.len()],

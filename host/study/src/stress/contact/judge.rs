@@ -66,7 +66,7 @@ pub(super) struct Judge<'a> {
     /// The sum of the magnitudes of all work (J).
     moved: f64,
     before: [f64; 2],
-    /// What contacts have given to both sides at most (J).
+    /// What contacts and shortening have given to both sides at most (J).
     given: f64,
     x: Vec<Vec3>,
     /// Pairs without room, and steps that tore, so far; whether something without room may have crossed.
@@ -174,7 +174,7 @@ impl<'a> Judge<'a> {
         self.driven = self.driven.max(by_obstacles);
         self.moved += (by_obstacles - self.before[1]).abs();
         self.before[1] = by_obstacles;
-        self.given = self.given.max(-totals.taken);
+        self.given = self.given.max(-totals.taken - totals.stopped);
         let energy: f64 = bodies().map(Body::total_energy).sum();
         let step = 1.0 / self.world.loaded.scene.host.step_rate;
         self.by_hands += bodies()
