@@ -147,7 +147,7 @@ impl Publisher {
         self.model.head.tear_limit = limit.map_or(TearLimit::none(), |limit| TearLimit {
             root: limit.root,
             critical: limit.critical,
-            area: 0.0,
+            area: if limit.is_touch { -1.0 } else { 0.0 },
         });
     }
 

@@ -40,6 +40,8 @@ pub struct Around<'a, T> {
     pub number: usize,
     /// The contacts of the body and of those that share contacts with it.
     pub springs: &'a [Spring],
+    /// These, and after them the contacts that close before the next model.
+    pub coming: &'a [Spring],
     /// The other bodies, by number. A body that is left out stands still.
     pub others: [Option<Beside<'a, T>>; MOST_BODIES],
     /// Room for the solver.
@@ -357,13 +359,36 @@ impl Parts {
             TearLimit {
                 root: along.dot(&sum.friction),
                 critical: sum.most,
+                is_touch: false,
             }
         } else {
             TearLimit {
                 root: 0.0,
                 critical: sum.pressed,
+                is_touch: false,
             }
         })
+    }
+
+    /// When the contacts that come close (s), from now: the mean by the forces that they then have per unit of time. The parts are
+    /// those of the body with these contacts.
+    pub(super) fn closing<T: Precision>(
+        &self,
+        around: &Around<'_, T>,
+        reduction: &Reduction,
+    ) -> Option<f64> {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for spring in around.springs.iter().filter(|spring| spring.closes > 0.0) {
+            let mut moved = Vec3::zeros();
+            for (column, speed) in reduction.speeds.iter().enumerate() {
+                let shape = |at| self.shape(around, reduction, column, at);
+                moved += spring.difference(&shape) * *speed;
+            }
+            let pressed = -spring.normal.dot(&(spring.stiffness * moved));
+            weights += pressed.max(0.0);
+            sum += pressed.max(0.0) * spring.closes;
+        }
+        (weights > 0.0).then(|| sum / weights)
     }
 
     /// The displacement of a node by a column.

@@ -1,8 +1,9 @@
 //! The force of contact at the hand under slow hosts, against the force of a host that steps and publishes in every tick.
 //!
-//! A hand presses a body on a floor, on another body and on itself, holds it, and lets it go. Some hosts make the same steps as
-//! the reference and publish rarely: their error is that of the extrapolation. The others also step rarely. The models are
-//! rendered as they are, and without the rows that limit their extrapolation.
+//! A hand presses a body on a floor, on a sphere, on another body and on itself, holds it, and lets it go. The first host makes the
+//! same steps as the reference and publishes rarely: its error is that of the extrapolation. The others step less often, from
+//! once for a model to eight times: their error contains that of the step. The models are rendered as they are, and without the
+//! rows that limit their extrapolation.
 
 use super::Aim;
 use crate::hands::Hands;
@@ -16,18 +17,37 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// Steps a second (Hz) of the hosts, and the steps for each publication. The last is the reference.
-const HOSTS: [(f64, u64); 5] = [(1000.0, 16), (60.0, 1), (125.0, 1), (250.0, 1), (1000.0, 1)];
-/// Number of the hosts that the quick part compares: those of 60 Hz.
+const HOSTS: [(f64, u64); 8] = [
+    (1000.0, 16),
+    (60.0, 1),
+    (120.0, 2),
+    (240.0, 4),
+    (480.0, 8),
+    (125.0, 1),
+    (250.0, 1),
+    (1000.0, 1),
+];
+/// Number of the hosts that the quick part compares.
 const QUICK: usize = 2;
 /// The time of the hold (s): the hand has stood for 0.2 s at its beginning.
 const HOLD: [f64; 2] = [0.7, 1.0];
 
 /// The scenes: what is pressed, the name and the text.
-const SCENES: [(&str, &str, &str); 3] = [
+const SCENES: [(&str, &str, &str); 5] = [
     (
         "on a floor",
         "press_floor.toml",
         include_str!("../../scenes/press_floor.toml"),
+    ),
+    (
+        "along a floor",
+        "press_oblique.toml",
+        include_str!("../../scenes/press_oblique.toml"),
+    ),
+    (
+        "on a sphere",
+        "press_sphere.toml",
+        include_str!("../../scenes/press_sphere.toml"),
     ),
     (
         "on another body",

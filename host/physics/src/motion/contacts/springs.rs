@@ -4,11 +4,16 @@
 //! multiplier is carried, across it by the friction spring of the step. The bodies that touch it respond by themselves, so that
 //! a spring joins the nodes of all of them.
 
-use super::{Contacts, MOST_BODIES, RIGID};
+use super::{Contacts, MOST_BODIES, Member, Need, RIGID};
 use crate::contact::row::Response;
+use crate::contact::{Contact, Rows};
+use crate::element::precision::Precision;
 use crate::motion::joined::{At, Workspace};
 use crate::motion::touching::Touch;
 use crate::{Mat3, Vec3};
+
+/// A look ahead goes this many times as far as a model lasts: it ends after the next model has come.
+const FURTHER: f64 = 1.25;
 
 /// The fraction of the cone up to which the contacts of two sides stick together.
 const STICKS: f64 = 0.9;
@@ -30,6 +35,8 @@ pub struct Spring {
     pub coefficient: f64,
     /// Stiffness (N/m), symmetric and positive semidefinite.
     pub stiffness: Mat3,
+    /// The time in which the contact closes (s); zero if it holds.
+    pub closes: f64,
     /// The stiffness if the contact sticks.
     stuck: Mat3,
     /// The island.
@@ -76,6 +83,15 @@ impl Spring {
     }
 }
 
+/// What a look ahead needs beside the contacts of a step.
+#[derive(Debug)]
+pub(super) struct Foreseen {
+    pub(super) rows: Rows,
+    pub(super) x: Vec<Vec3>,
+    pub(super) u: Vec<Vec3>,
+    pub(super) v: Vec<Vec3>,
+}
+
 impl Contacts {
     /// Makes the springs of the contacts of the last step. Called before the models are made.
     pub fn hold(&mut self) {
@@ -96,17 +112,101 @@ impl Contacts {
         self.springs = springs;
     }
 
-    /// The springs of the bodies that share contacts with the body of this number, and room for their solver.
-    pub fn held(&mut self, body: usize) -> (&[Spring], &mut Workspace) {
+    /// Adds the contacts of a body with an obstacle that close while a model lasts, `horizon` seconds, if all goes on at its
+    /// velocity. Called after [`hold`](Self::hold).
+    ///
+    /// A body that meets another body, or itself, meets a surface that gives way and turns as the body does. A prediction by the
+    /// velocities misses when and where these contacts close, so they are left to the next step.
+    pub fn foresee<T: Precision>(&mut self, members: &[Member<'_, T>], horizon: f64) {
+        let period = FURTHER * horizon;
+        let is_idle = self.need == Need::Nothing
+            || self.clearance.is_enough_for(period / self.h)
+            || !members.iter().any(Member::is_awake);
+        if is_idle {
+            return;
+        }
+        // The next step finds its own rows.
+        let (times, h, began) = (self.times, self.h, self.began);
+        self.swap_foreseen();
+        (self.times, self.h) = ([times[1], times[1] + period], period);
+        self.gather(members);
+        for (u, v) in self.u.iter_mut().zip(&self.v) {
+            *u = v * period;
+        }
+        self.find(period);
+        self.swap_foreseen();
+        (self.times, self.h, self.began) = (times, h, began);
+        let mut springs = core::mem::take(&mut self.springs);
+        let held = springs.len();
+        for contact in self.foreseen.rows.contacts() {
+            let (now, then) = (contact.row.gap, contact.predicted);
+            let nodes = self.nodes(contact);
+            // The weights of two bodies, and of two places of one body, cancel.
+            let free: f64 = nodes.iter().map(|(_, weight)| weight).sum();
+            let closes = now > 0.0 && then < 0.0 && !self.rows.holds(contact.key);
+            if closes && free.abs() > 0.5 {
+                springs.push(closing(contact, nodes, period * now / (now - then)));
+            }
+        }
+        if springs.len() > held {
+            for spring in &mut springs {
+                let first = spring.taken().next();
+                spring.root = first.map_or(0, |(at, _)| self.islands.root(at.body));
+            }
+            springs.sort_unstable_by(|a, b| {
+                let by_root = a.root.cmp(&b.root);
+                by_root.then(a.closes.total_cmp(&b.closes))
+            });
+        }
+        self.springs = springs;
+    }
+
+    fn swap_foreseen(&mut self) {
+        let Foreseen { rows, x, u, v } = &mut self.foreseen;
+        core::mem::swap(&mut self.rows, rows);
+        core::mem::swap(&mut self.x, x);
+        core::mem::swap(&mut self.u, u);
+        core::mem::swap(&mut self.v, v);
+    }
+
+    /// The springs of the bodies that share contacts with the body of this number; these and those of the contacts that come;
+    /// and room for their solver.
+    pub fn held(&mut self, body: usize) -> ([&[Spring]; 2], &mut Workspace) {
         let root = self.islands.root(body);
         let from = self.springs.partition_point(|spring| spring.root < root);
         let to = self.springs.partition_point(|spring| spring.root <= root);
-        (&self.springs[from..to], &mut self.room)
+        let springs = &self.springs[from..to];
+        let holds = springs.partition_point(|spring| spring.closes == 0.0);
+        ([&springs[..holds], springs], &mut self.room)
     }
 
     /// Whether two bodies are of one island.
     pub fn share(&self, one: usize, other: usize) -> bool {
         self.islands.root(one) == self.islands.root(other)
+    }
+}
+
+/// A contact that closes in some seconds, as if it held and stuck.
+fn closing(contact: &Contact, nodes: [(At, f64); 4], closes: f64) -> Spring {
+    let row = &contact.row;
+    let along: Mat3 = row.normal * row.normal.transpose();
+    let held = if row.friction > 0.0 {
+        Mat3::identity()
+    } else {
+        along
+    };
+    let stiffness = held * (row.normal_stiffness * RIGID);
+    Spring {
+        sides: contact.parts,
+        nodes,
+        normal: row.normal,
+        pressed: 0.0,
+        friction: Vec3::zeros(),
+        coefficient: row.friction,
+        stiffness,
+        closes,
+        stuck: stiffness,
+        root: 0,
     }
 }
 
@@ -126,6 +226,7 @@ fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
         friction: touch.response.friction,
         coefficient: row.friction,
         stiffness: row.tangent(&touch.response) + rigid,
+        closes: 0.0,
         stuck: row.tangent(&stuck) + rigid,
         root,
     }
