@@ -1,4 +1,4 @@
-//! The tear limit of a model: the extrapolation beyond which a tear grows, or beyond which a contact slips, parts or closes.
+//! The tear limit of a model: the extrapolation beyond which a tear grows, or beyond which a contact parts or closes.
 //!
 //! A tear grows if the energy release rate `G` of its tip reaches the toughness `G_c` (A. A. Griffith, "The phenomena
 //! of rupture and flow in solids", 1921). Beyond this point, the force no longer grows with the stiffness of the model,
@@ -24,10 +24,8 @@
 //! the limit.
 //!
 //! **Contacts** have limits of the same form, and a model without the limit of a tear may have one of them. Two sides part
-//! where the resultant of their normal forces `N + n . d` is zero: `s = 0`, `q = -n`, `s_c = N` (N, N/m). They slip where the
-//! resultant of their friction forces `T + t . d` reaches the cone: `s = T`, `q = t - mu n`, `s_c = mu N`. The stiffness of the
-//! model is that of contacts that stick. A body that slides is at its limit: further in its direction it yields, and back it
-//! sticks. The area has then the unit m/N.
+//! where the resultant of their normal forces `N + n . d` is zero: `s = 0`, `q = -n`, `s_c = N` (N, N/m). The area has then the
+//! unit m/N.
 //!
 //! **A touch** is a contact that closes before the next model comes. Its limit stiffens the model, `a < 0`: hands that move by
 //! `q . d = s_c` close the gap, and further on feel the spring `-a` and its damper `-a t` along `q`, with the time `t`. The

@@ -246,10 +246,9 @@ impl Shapes {
             }
             along += *slope * speed;
         }
-        if !(along > LEAST_TOUCH * whole) {
-            return None;
-        }
-        let time = closed.parts.closing(around, &closed.reduction)?;
+        let is_stiffer = along > LEAST_TOUCH * whole;
+        let time = closed.parts.closing(around, &closed.reduction);
+        let time = time.filter(|_| is_stiffer)?;
         let root = along.sqrt();
         for slope in slopes {
             *slope /= root;

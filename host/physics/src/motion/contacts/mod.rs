@@ -26,7 +26,7 @@ mod still;
 
 pub use report::{ContactReport, Side, Touching};
 use springs::Foreseen;
-pub use springs::{Resultant, Spring};
+pub use springs::Spring;
 pub use still::Pressed;
 pub(crate) use still::Still;
 

@@ -5,7 +5,6 @@
 //! a spring joins the nodes of all of them.
 
 use super::{Contacts, MOST_BODIES, Member, Need, RIGID};
-use crate::contact::row::Response;
 use crate::contact::{Contact, Rows};
 use crate::element::precision::Precision;
 use crate::motion::joined::{At, Workspace};
@@ -14,9 +13,6 @@ use crate::{Mat3, Vec3};
 
 /// A look ahead goes this many times as far as a model lasts: it ends after the next model has come.
 const FURTHER: f64 = 1.25;
-
-/// The fraction of the cone up to which the contacts of two sides stick together.
-const STICKS: f64 = 0.9;
 
 /// A contact as a spring on the sum of the displacements of nodes, by weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,16 +25,10 @@ pub struct Spring {
     pub normal: Vec3,
     /// The normal force (N).
     pub pressed: f64,
-    /// The friction force on the first foot (N).
-    pub friction: Vec3,
-    /// The coefficient of friction.
-    pub coefficient: f64,
     /// Stiffness (N/m), symmetric and positive semidefinite.
     pub stiffness: Mat3,
     /// The time in which the contact closes (s); zero if it holds.
     pub closes: f64,
-    /// The stiffness if the contact sticks.
-    stuck: Mat3,
     /// The island.
     root: usize,
 }
@@ -62,20 +52,11 @@ impl Spring {
         [one.min(other), one.max(other)]
     }
 
-    /// One if the first foot is on the `side`, minus one if the second is.
-    pub fn sign(&self, side: usize) -> f64 {
-        if self.sides[0] == side { 1.0 } else { -1.0 }
-    }
-
-    /// The side of a body; `None` if it has no foot or both.
-    pub fn side_of(&self, body: usize) -> Option<usize> {
+    /// Whether one foot is on the body and the other one is not.
+    pub fn leaves(&self, body: usize) -> bool {
         let own = || self.taken().filter(|(at, _)| at.body == body);
         let [first, second] = [1.0, -1.0].map(|sign| own().any(|(_, weight)| weight * sign > 0.0));
-        match (first, second) {
-            (true, false) => Some(self.sides[0]),
-            (false, true) => Some(self.sides[1]),
-            _ => None,
-        }
+        first != second
     }
 
     fn taken(&self) -> impl Iterator<Item = (At, f64)> {
@@ -108,15 +89,11 @@ impl Contacts {
                 }
             }
         }
-        stick(&mut springs);
         self.springs = springs;
     }
 
-    /// Adds the contacts of a body with an obstacle that close while a model lasts, `horizon` seconds, if all goes on at its
-    /// velocity. Called after [`hold`](Self::hold).
-    ///
-    /// A body that meets another body, or itself, meets a surface that gives way and turns as the body does. A prediction by the
-    /// velocities misses when and where these contacts close, so they are left to the next step.
+    /// Adds the contacts that close while a model lasts, `horizon` seconds, if all goes on at its velocity. Called after
+    /// [`hold`](Self::hold).
     pub fn foresee<T: Precision>(&mut self, members: &[Member<'_, T>], horizon: f64) {
         let period = FURTHER * horizon;
         let is_idle = self.need == Need::Nothing
@@ -141,10 +118,12 @@ impl Contacts {
         for contact in self.foreseen.rows.contacts() {
             let (now, then) = (contact.row.gap, contact.predicted);
             let nodes = self.nodes(contact);
-            // The weights of two bodies, and of two places of one body, cancel.
-            let free: f64 = nodes.iter().map(|(_, weight)| weight).sum();
+            let bodies = || nodes.iter().filter(|(_, weight)| *weight != 0.0);
             let closes = now > 0.0 && then < 0.0 && !self.rows.holds(contact.key);
-            if closes && free.abs() > 0.5 {
+            if let (true, Some((first, _))) = (closes, bodies().next()) {
+                for (at, _) in bodies() {
+                    self.islands.join(first.body, at.body);
+                }
                 springs.push(closing(contact, nodes, period * now / (now - then)));
             }
         }
@@ -201,11 +180,8 @@ fn closing(contact: &Contact, nodes: [(At, f64); 4], closes: f64) -> Spring {
         nodes,
         normal: row.normal,
         pressed: 0.0,
-        friction: Vec3::zeros(),
-        coefficient: row.friction,
         stiffness,
         closes,
-        stuck: stiffness,
         root: 0,
     }
 }
@@ -214,66 +190,13 @@ fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
     let row = &touch.row;
     let along: Mat3 = row.normal * row.normal.transpose();
     let rigid = along * (row.normal_stiffness * (RIGID - 1.0));
-    let stuck = Response {
-        slips: false,
-        ..touch.response
-    };
     Spring {
         sides,
         nodes: touch.nodes,
         normal: row.normal,
         pressed: touch.response.normal,
-        friction: touch.response.friction,
-        coefficient: row.friction,
         stiffness: row.tangent(&touch.response) + rigid,
         closes: 0.0,
-        stuck: row.tangent(&stuck) + rigid,
         root,
-    }
-}
-
-/// Contacts of sides whose resultant is at the cone are springs as if they stuck: the limit of the model says how far they
-/// hold. Below, those that slip are as soft as in the step.
-fn stick(springs: &mut [Spring]) {
-    for first in 0..springs.len() {
-        let sides = springs[first].sorted();
-        if springs[..first].iter().any(|other| other.sorted() == sides) {
-            continue;
-        }
-        let pair = springs.iter().filter(|spring| spring.sorted() == sides);
-        if Resultant::of(pair, sides[0]).is_slipping() {
-            for spring in springs.iter_mut().filter(|spring| spring.sorted() == sides) {
-                spring.stiffness = spring.stuck;
-            }
-        }
-    }
-}
-
-/// The forces between two sides.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Resultant {
-    /// Sum of the normal forces (N).
-    pub pressed: f64,
-    /// Sum of the friction forces on the side (N).
-    pub friction: Vec3,
-    /// The largest friction force (N).
-    pub most: f64,
-}
-
-impl Resultant {
-    /// The resultant on one `side` of springs between two sides.
-    pub fn of<'a>(springs: impl Iterator<Item = &'a Spring>, side: usize) -> Self {
-        let mut sum = Self::default();
-        for spring in springs {
-            sum.pressed += spring.pressed;
-            sum.friction += spring.friction * spring.sign(side);
-            sum.most += spring.coefficient * spring.pressed;
-        }
-        sum
-    }
-
-    /// Whether the sides slip as a whole, or nearly so.
-    fn is_slipping(&self) -> bool {
-        self.friction.norm() > STICKS * self.most
     }
 }
