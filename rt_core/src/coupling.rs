@@ -466,6 +466,7 @@ impl Coupling {
         } = self;
         if same_handles(to, pending) {
             from.mix(to, self.blend);
+            from.hand_on(to, self.blend, devices);
         } else {
             from.copy_used_from(pending);
         }

@@ -267,7 +267,7 @@ impl LocalModel {
         }
         if let Some(beyond) = self.beyond_limit(deviations, &[]) {
             for (handle, out) in self.handles().zip(&mut response) {
-                *out -= handle.tear_slope * beyond.spring;
+                *out -= handle.tear_slope * (beyond.spring + beyond.viscous);
             }
         }
         response
@@ -368,14 +368,21 @@ impl LocalModel {
         }
     }
 
-    /// The largest row sums of each handle's own stiffness (N/m, N m/rad). The stiffness against any motion of that
-    /// handle alone is no larger.
+    /// The largest row sums of each handle's own stiffness (N/m, N m/rad), with the spring of a touch. The stiffness against any
+    /// motion of that handle alone is no larger.
     pub(crate) fn own_stiffness(&self) -> [[f64; 2]; MAX_HANDLES] {
         let mut found = [[0.0; 2]; MAX_HANDLES];
         let n = usize::from(self.head.handle_count);
         for ((i, row), found) in self.stiffness.iter().enumerate().zip(&mut found).take(n) {
             if let Some(own) = row.get(i) {
                 *found = largest(own);
+            }
+        }
+        if self.head.tear_limit.is_touch() {
+            for (found, handle) in found.iter_mut().zip(self.handles()) {
+                let slope = handle.tear_slope * handle.tear_slope.transpose();
+                let more = largest(&slope).map(|slope| -self.head.tear_limit.area * slope);
+                *found = [found[0] + more[0], found[1] + more[1]];
             }
         }
         found

@@ -149,7 +149,10 @@ fn a_model_is_refused_for_any_number_in_use_that_is_not_finite() {
     let wrong: [Set; 3] = [
         |model, x| model.head.period = x,
         |model, x| model.head.horizon = x,
-        |model, x| model.head.tear_limit.area = x - 1e-300,
+        // The damper of a touch would push.
+        |model, x| {
+            (model.head.tear_limit.root, model.head.tear_limit.area) = (1.0, x - 1e-300);
+        },
     ];
     for (which, set) in wrong.iter().enumerate() {
         for x in [0.0, -1.0] {

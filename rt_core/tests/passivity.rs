@@ -13,7 +13,8 @@ use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, EnergyAccount, Freedom, HeldBack,
-    LocalModel, MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, Twist, Vec3, Withheld, Wrench,
+    LocalModel, MAX_DEVICES, PassivityConfig, Port, Pose, Scheme, TearLimit, Twist, Vec3, Withheld,
+    Wrench,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -172,6 +173,71 @@ fn a_wall_ten_times_too_stiff_gives_the_hand_no_more_than_the_allowance() {
             assert!(account.least > -1e-3, "{delay} {times}");
         }
     }
+}
+
+/// A wall that begins at zero, as a host publishes it that foresees the touch of a hand at `x`: no spring before the touch, and
+/// a touch with the rest of the gap and a damper of `time` (s); after the touch the spring.
+fn foreseen(k: f64, time: f64, x: f64, sequence: u64, time_ns: u64) -> LocalModel {
+    let mut model = wall(0.0, sequence, time_ns);
+    model.handles[0].contact = Vec3::zeros();
+    model.handles[0].pose = Pose::at(Vec3::new(x, 0.0, 0.0));
+    if x > 0.0 {
+        model.head.tear_limit = TearLimit {
+            root: -time,
+            critical: x,
+            area: -k,
+        };
+        model.handles[0].tear_slope[0] = -1.0;
+    } else {
+        model.stiffness[0][0][(0, 0)] = k;
+        model.handles[0].wrench.force.x = -k * x;
+        model.head.energy = 0.5 * k * x * x;
+    }
+    model
+}
+
+/// The hand bounces on the wall: its period is that of the messages times a ratio, and it turns at a phase of theirs. `is_there`
+/// tells whether the wall that a message foresees is in the next one.
+fn bounced(scheme: Scheme, times: f64, ratio: f64, phase: f64, is_there: bool) -> Rig {
+    const TICKS: u64 = 16;
+    let mut rig = rig(scheme, 0, 1e-3);
+    let k = times * BOUND;
+    for tick in 0..4000 {
+        if tick % TICKS == 0 {
+            // A wall that is gone moves away as fast as the hand comes.
+            let x = if is_there { rig.x } else { rig.x.abs() };
+            let sequence = tick / TICKS + 1;
+            rig.accept(&foreseen(k, 0.01, x, sequence, rig.now_ns));
+        }
+        let turn = core::f64::consts::TAU / (ratio * TICKS as f64 * PERIOD);
+        rig.tick(|t, x, v| -40.0 * x + 3.0 * (turn * t + phase).sin() - 0.5 * v);
+    }
+    rig
+}
+
+#[test]
+fn a_hand_that_bounces_on_a_foreseen_touch_gains_no_more_than_the_allowance() {
+    // The hand would gain: without the cap it does.
+    let mut gained = 0.0_f64;
+    for times in [0.5, 2.0, 10.0] {
+        for ratio in [0.5, 1.0, 1.37, 2.0, 3.0, 7.0] {
+            for phase in [0.0, 0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6] {
+                for is_there in [true, false] {
+                    let capped = bounced(Scheme::Capped, times, ratio, phase, is_there);
+                    let case = format!("{times} {ratio} {phase} {is_there} {:?}", capped.energy());
+                    // Twice the allowance and a margin, at the port of the hand, as at a wall.
+                    assert!(
+                        capped.least_hand_work > -1e-3,
+                        "{} {case}",
+                        capped.least_hand_work
+                    );
+                }
+                let plain = bounced(Scheme::Linear, times, ratio, phase, true);
+                gained = gained.max(-plain.least_hand_work);
+            }
+        }
+    }
+    assert!(gained > 2e-3, "{gained}");
 }
 
 #[test]

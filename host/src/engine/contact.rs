@@ -172,9 +172,14 @@ impl Contact {
         self.has_changed
     }
 
-    /// Prepares the contacts of the last step for local models.
-    pub(super) fn hold(&mut self) {
+    /// Prepares the contacts of the last step for local models, and those that close while the models last.
+    pub(super) fn hold(&mut self, bodies: &mut [HostBody]) {
         self.contacts.hold();
+        let horizons = bodies
+            .iter()
+            .map(|body| body.publisher().model().head.horizon);
+        let horizon = horizons.fold(0.0, f64::max);
+        self.contacts.foresee(&members(bodies), horizon);
     }
 
     /// Makes the model of the body of this number among `bodies`, with those that share contacts with it.
@@ -193,10 +198,11 @@ impl Contact {
                 *room = body.beside();
             }
         }
-        let (springs, room) = self.contacts.held(number);
+        let ([springs, coming], room) = self.contacts.held(number);
         let mut around = Around {
             number,
             springs,
+            coming,
             others,
             room,
         };

@@ -242,7 +242,7 @@ impl Engine {
         if !(contact.has_changed() || publishes) {
             return;
         }
-        contact.hold();
+        contact.hold(&mut self.bodies);
         for body in &mut self.bodies {
             body.fault = body.see().err();
         }

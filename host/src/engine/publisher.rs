@@ -129,7 +129,7 @@ impl Publisher {
         self.model.head.tear_limit.is_some()
     }
 
-    /// States in the next models how far the handles can move before a tear grows, or before contacts slip or part. `find` gives the limit, and calls
+    /// States in the next models how far the handles can move before a tear grows, or before contacts part or close. `find` gives the limit, and calls
     /// its argument with the handle, the motion and the slope of each motion.
     pub fn limit(
         &mut self,
@@ -147,7 +147,7 @@ impl Publisher {
         self.model.head.tear_limit = limit.map_or(TearLimit::none(), |limit| TearLimit {
             root: limit.root,
             critical: limit.critical,
-            area: 0.0,
+            area: if limit.is_touch { -1.0 } else { 0.0 },
         });
     }
 

@@ -74,6 +74,8 @@ pub(super) struct Solver {
     options: Option<ShapeOptions>,
     /// The latest shapes, from which the next condensation starts.
     shapes: Shapes,
+    /// The shapes with the contacts that close before the next model.
+    closed: Shapes,
     /// Time that a step may take under the real clock (ns).
     budget_ns: Option<u64>,
     /// Time spent on the present step.
@@ -111,6 +113,7 @@ impl Solver {
             parts: Refresher::<f64>::parts(h),
             options,
             shapes: Shapes::default(),
+            closed: Shapes::default(),
             budget_ns,
             elapsed: Elapsed::default(),
             renewals: None,
@@ -389,15 +392,38 @@ impl Solver {
         Ok(())
     }
 
-    /// The limit of the contacts of the body with what it touches, after a condensation. `slope` is called with the handle, the
-    /// motion and the slope of each motion.
+    /// The limit that the hands reach first: of the contacts of the body with what it touches, or of those that close before the
+    /// next model. Called after a condensation. `slope` is called with the handle, the motion and the slope of each motion.
     pub(super) fn contact_limit(
-        &self,
-        around: &Around<'_, f64>,
+        &mut self,
+        body: &Body,
+        period: f64,
+        around: &mut Around<'_, f64>,
         slope: &mut dyn FnMut(usize, usize, f64),
     ) -> Option<TearLimit> {
         let mut slopes = [0.0; 6 * MAX_HANDLES];
-        let limit = self.shapes.limit(around, &mut slopes)?;
+        let mut limit = self.shapes.limit(around, &mut slopes);
+        if let Some(options) = self
+            .options
+            .filter(|_| around.coming.len() > around.springs.len())
+        {
+            let mut touching = [0.0; 6 * MAX_HANDLES];
+            let count = self.shapes.motions().count();
+            around.springs = around.coming;
+            let (stepper, closed) = (&mut self.stepper, &mut self.closed);
+            let made = closed.condense_among(stepper, body, period, &options, Some(&mut *around));
+            let touch = made.is_ok().then_some(()).and_then(|()| {
+                let touching = touching.get_mut(..count)?;
+                self.closed.touch(&self.shapes, around, touching)
+            });
+            let until = |limit: &TearLimit, slopes: &[f64]| self.shapes.until(limit, slopes);
+            if let Some(touch) = touch
+                && limit.is_none_or(|limit| until(&touch, &touching) < until(&limit, &slopes))
+            {
+                (limit, slopes) = (Some(touch), touching);
+            }
+        }
+        let limit = limit?;
         for ((handle, motion), found) in self.shapes.motions().zip(slopes) {
             slope(handle, motion, found);
         }

@@ -157,7 +157,8 @@ impl Stepping {
         if let Some(around) = around
             && !(self.tears.is_some() && publisher.has_limit())
         {
-            publisher.limit(|slope| self.solver.contact_limit(around, slope));
+            let (solver, body, period) = (&mut self.solver, &self.body, self.response);
+            publisher.limit(|slope| solver.contact_limit(body, period, around, slope));
         }
         if let Some(tears) = &mut self.tears
             && publisher.has_energy()

@@ -552,7 +552,14 @@ impl SeriesSprings {
             place.copy_from_slice(handle.tear_slope.as_slice());
         }
         let limit = &mut self.model.head.tear_limit;
-        limit.root += springs.between(slope, elastic);
+        if limit.is_touch() {
+            // The springs give way before the contact does; a touch that they close already is at its gap.
+            limit.critical -= springs.between(slope, elastic);
+            limit.critical = limit.critical.max(f64::MIN_POSITIVE);
+            limit.area = 1.0 / (1.0 / limit.area - springs.between(slope, slope));
+        } else {
+            limit.root += springs.between(slope, elastic);
+        }
         if limit.area > 0.0 {
             let inverse = 1.0 / limit.area - springs.between(slope, slope);
             limit.area = if inverse > 0.0 { 1.0 / inverse } else { 0.0 };

@@ -208,7 +208,8 @@ impl Stored {
     /// Completes the tear limit of `model`, if it has one, by `a = 1 / (q . K^-1 q)` with the slopes `q` of its
     /// handles ([`rt_core::TearLimit`]).
     pub(super) fn publish_tear_area(&mut self, model: &mut LocalModel) {
-        if !model.head.tear_limit.is_some() {
+        let limit = &model.head.tear_limit;
+        if !limit.is_some() || limit.is_touch() {
             return;
         }
         for (load, handle) in self.load.chunks_exact_mut(6).zip(&model.handles) {

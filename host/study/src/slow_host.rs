@@ -28,10 +28,17 @@ pub(crate) fn whole(model: &LocalModel) -> LocalModel {
 
 /// The model without the limit to its extrapolation.
 pub(crate) fn unlimited(model: &LocalModel) -> LocalModel {
+    limited(model, |_| false)
+}
+
+/// The model with its limit if it `is_kept`.
+pub(crate) fn limited(model: &LocalModel, is_kept: fn(&TearLimit) -> bool) -> LocalModel {
     let mut model = *model;
-    model.head.tear_limit = TearLimit::none();
-    for handle in &mut model.handles {
-        handle.tear_slope = Vec6::zeros();
+    if !is_kept(&model.head.tear_limit) {
+        model.head.tear_limit = TearLimit::none();
+        for handle in &mut model.handles {
+            handle.tear_slope = Vec6::zeros();
+        }
     }
     model
 }

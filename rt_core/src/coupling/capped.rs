@@ -31,6 +31,7 @@ impl Coupling {
         let port = |device: u8| config.ports.get(usize::from(device));
         let most = |device| port(device).map_or([f64::INFINITY; 2], Port::most);
         self.pending.bound_damping(most);
+        self.pending.bound_touch(most);
         // A held force lags by half a tick, and by the delay of the device.
         let late = 0.5 + config.delay as f64;
         let found = self.pending.own_stiffness();

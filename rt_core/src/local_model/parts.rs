@@ -123,7 +123,7 @@ impl LocalModel {
             let moved = self.handles().zip(deviations);
             for (out, (handle, own)) in parts.rows().zip(moved) {
                 *out.elastic += handle.tear_slope * beyond.spring;
-                *out.viscous += handle.tear_slope * beyond.lead;
+                *out.viscous += handle.tear_slope * beyond.viscous;
                 work += handle.tear_slope.dot(&own.displacement) * beyond.work;
             }
         }

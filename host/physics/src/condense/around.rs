@@ -14,15 +14,10 @@ use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::lanes::{to_node, to_vec};
 use crate::motion::constraint::by_node;
-use crate::motion::contacts::{MOST_BODIES, Resultant, Spring};
+use crate::motion::contacts::{MOST_BODIES, Spring};
 use crate::motion::joined::{At, Workspace, solve_shape};
 use crate::motion::stepper::{Equation, Limits, Stepper};
 use crate::motion::tearing::TearLimit;
-
-/// The most columns of a body: six for each of eight handles.
-const MOST_COLUMNS: usize = 48;
-/// A smaller fraction of the largest friction force has no direction.
-const LEAST: f64 = 1e-2;
 
 /// A body that is touched.
 #[derive(Debug)]
@@ -40,6 +35,8 @@ pub struct Around<'a, T> {
     pub number: usize,
     /// The contacts of the body and of those that share contacts with it.
     pub springs: &'a [Spring],
+    /// These, and after them the contacts that close before the next model.
+    pub coming: &'a [Spring],
     /// The other bodies, by number. A body that is left out stands still.
     pub others: [Option<Beside<'a, T>>; MOST_BODIES],
     /// Room for the solver.
@@ -278,92 +275,66 @@ impl Parts {
         rate
     }
 
-    /// The nearer of two limits of the contacts between the body and the side on which it presses most; `None` if it presses on
-    /// no other. `slopes` receives a number for each column.
+    /// The limit of the contacts between the body and the side on which it presses most; `None` if it presses on no other. `slopes`
+    /// receives a number for each column.
     ///
-    /// With the resultant `N` of the normal forces and its slope `n` by the columns, the sides part where `N + n . d = 0`. With
-    /// the resultant `T` of the friction forces along itself and its slope `t`, they slip where `T + t . d = mu (N + n . d)`.
-    /// Both have the form of the limit of a tear: `s + q . d` reaches `s_c`. Beyond it the body yields along `q`, and it holds
-    /// again when the hand turns back.
+    /// With the resultant `N` of the normal forces and its slope `n` by the columns, the sides part where `N + n . d = 0`. This is
+    /// the limit of a tear: `s + q . d` reaches `s_c`. Beyond it the body yields along `q`, and it holds again when the hand turns
+    /// back. There is no limit to friction: the contacts of two sides slip one after the other, which one number does not describe.
     pub(super) fn limit<T: Precision>(
         &self,
         around: &Around<'_, T>,
         reduction: &Reduction,
         slopes: &mut [f64],
     ) -> Option<TearLimit> {
-        let (springs, own) = (around.springs, around.number);
-        let mut found: Option<([usize; 2], usize, Resultant)> = None;
+        let springs = around.springs;
+        let between = |pair: [usize; 2]| springs.iter().filter(move |s| s.sorted() == pair);
+        let mut found: Option<([usize; 2], f64)> = None;
         for (at, spring) in springs.iter().enumerate() {
             let pair = spring.sorted();
-            let Some(side) = spring.side_of(own) else {
-                continue;
-            };
-            if springs[..at].iter().any(|other| other.sorted() == pair) {
-                continue;
-            }
-            let sum = Resultant::of(springs.iter().filter(|s| s.sorted() == pair), side);
-            if found.is_none_or(|(_, _, best)| sum.pressed > best.pressed) {
-                found = Some((pair, side, sum));
-            }
-        }
-        let (pair, side, sum) = found?;
-        let count = reduction.columns.len().min(MOST_COLUMNS);
-        let mut normal = [0.0; MOST_COLUMNS];
-        let mut across = [Vec3::zeros(); MOST_COLUMNS];
-        for spring in springs.iter().filter(|spring| spring.sorted() == pair) {
-            for column in 0..count {
-                let moved = spring.difference(&|at| self.shape(around, reduction, column, at));
-                let force = spring.stiffness * -moved;
-                let along = force.dot(&spring.normal);
-                normal[column] += along;
-                across[column] += (force - spring.normal * along) * spring.sign(side);
-            }
-        }
-        let speeds = &reduction.speeds[..count];
-        let rate: Vec3 = across.iter().zip(speeds).map(|(t, v)| t * *v).sum();
-        let has_friction = sum.friction.norm() > LEAST * sum.most;
-        let along = if has_friction { sum.friction } else { rate };
-        let along = along.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
-        let friction = sum.most / sum.pressed;
-        let parts = |column: usize| -normal[column];
-        let slips = |column: usize| along.dot(&across[column]) - friction * normal[column];
-        let rate = |slope: &dyn Fn(usize) -> f64| -> f64 {
-            speeds.iter().enumerate().map(|(c, v)| slope(c) * v).sum()
-        };
-        let left = (sum.most - along.dot(&sum.friction)).max(0.0);
-        // The one that the hands reach first; hands that stand are nearer to slip if more than half the cone is taken.
-        let [to_part, to_slip] =
-            [(sum.pressed, rate(&parts)), (left, rate(&slips))].map(|(left, rate)| {
-                if rate > 0.0 {
-                    left / rate
-                } else {
-                    f64::INFINITY
+            let is_new = springs[..at].iter().all(|other| other.sorted() != pair);
+            if is_new && spring.leaves(around.number) {
+                let pressed = between(pair).map(|spring| spring.pressed).sum();
+                if found.is_none_or(|(_, most)| pressed > most) {
+                    found = Some((pair, pressed));
                 }
-            });
-        let is_slip = sum.most > 0.0
-            && if to_part == to_slip {
-                left < 0.5 * sum.most
-            } else {
-                to_slip < to_part
-            };
-        for (column, slope) in slopes.iter_mut().enumerate().take(count) {
-            *slope = if is_slip {
-                slips(column)
-            } else {
-                parts(column)
-            };
+            }
         }
-        Some(if is_slip {
-            TearLimit {
-                root: along.dot(&sum.friction),
-                critical: sum.most,
-            }
-        } else {
-            TearLimit {
-                root: 0.0,
-                critical: sum.pressed,
-            }
+        let (pair, pressed) = found?;
+        let count = reduction.columns.len().min(slopes.len());
+        for (column, slope) in slopes.iter_mut().enumerate().take(count) {
+            let normal = |spring: &Spring| {
+                let moved = spring.difference(&|at| self.shape(around, reduction, column, at));
+                spring.normal.dot(&(spring.stiffness * moved))
+            };
+            *slope = between(pair).map(normal).sum();
+        }
+        Some(TearLimit {
+            root: 0.0,
+            critical: pressed,
+            is_touch: false,
         })
+    }
+
+    /// When the contacts that come close (s), from now: the mean by the forces that they then have per unit of time. The parts are
+    /// those of the body with these contacts.
+    pub(super) fn closing<T: Precision>(
+        &self,
+        around: &Around<'_, T>,
+        reduction: &Reduction,
+    ) -> Option<f64> {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for spring in around.springs.iter().filter(|spring| spring.closes > 0.0) {
+            let mut moved = Vec3::zeros();
+            for (column, speed) in reduction.speeds.iter().enumerate() {
+                let shape = |at| self.shape(around, reduction, column, at);
+                moved += spring.difference(&shape) * *speed;
+            }
+            let pressed = -spring.normal.dot(&(spring.stiffness * moved));
+            weights += pressed.max(0.0);
+            sum += pressed.max(0.0) * spring.closes;
+        }
+        (weights > 0.0).then(|| sum / weights)
     }
 
     /// The displacement of a node by a column.

@@ -34,6 +34,9 @@ pub struct ShapeOptions {
 /// The least number of iterations that the first computation of a shape may take, and an update down to the bound.
 const FIRST_ITERATIONS: usize = 50;
 
+/// Contacts that close and add a smaller fraction of the stiffness along the motion of the hands than this are no limit.
+const LEAST_TOUCH: f64 = 0.01;
+
 /// The least number of iterations that a shape of a body with contacts may take: contacts that close or open change it much,
 /// and the factor knows none of them.
 const CONTACT_ITERATIONS: usize = 400;
@@ -201,6 +204,60 @@ impl Shapes {
     ) -> Option<TearLimit> {
         let kept = self.kept.as_ref()?;
         kept.parts.limit(around, &kept.reduction, slopes)
+    }
+
+    /// The time (s) in which the hands reach a limit with the `slopes` if they go on; infinite if they do not.
+    pub fn until(&self, limit: &TearLimit, slopes: &[f64]) -> f64 {
+        let speeds = self.kept.iter().flat_map(|kept| &kept.reduction.speeds);
+        let rate: f64 = slopes.iter().zip(speeds).map(|(q, v)| q * v).sum();
+        let left = limit.critical - limit.root.max(0.0);
+        if rate > 0.0 {
+            left.max(0.0) / rate
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// The limit of the contacts that close before the next model, after a condensation with them; `open` are the shapes without
+    /// them. `slopes` receives a number for each [motion](Self::motions).
+    ///
+    /// With the velocities `v` of the hands, and the stiffness `D` and the damping `E` that these contacts add, the model stiffens
+    /// along `q = D v / sqrt(v . D v)` once `q . d` is `sqrt(v . D v)` times the time to the touch: then the stiffness along `v` is
+    /// that of the closed contacts.
+    pub fn touch<T: Precision>(
+        &self,
+        open: &Self,
+        around: &Around<'_, T>,
+        slopes: &mut [f64],
+    ) -> Option<TearLimit> {
+        let (closed, open) = (self.kept.as_ref()?, open.kept.as_ref()?);
+        let Reduction {
+            columns, speeds, ..
+        } = &closed.reduction;
+        let [after, before] = [closed, open].map(|kept| &kept.reduction.condensed);
+        let (mut along, mut whole, mut damped) = (0.0, 0.0, 0.0);
+        for ((column, speed), slope) in columns.iter().zip(speeds).zip(&mut *slopes) {
+            *slope = 0.0;
+            for (other, moves) in columns.iter().zip(speeds) {
+                let at = (column.slot(), other.slot());
+                *slope += (after.stiffness[at] - before.stiffness[at]) * moves;
+                whole += after.stiffness[at] * speed * moves;
+                damped += (after.damping[at] - before.damping[at]) * speed * moves;
+            }
+            along += *slope * speed;
+        }
+        let is_stiffer = along > LEAST_TOUCH * whole;
+        let time = closed.parts.closing(around, &closed.reduction);
+        let time = time.filter(|_| is_stiffer)?;
+        let root = along.sqrt();
+        for slope in slopes {
+            *slope /= root;
+        }
+        Some(TearLimit {
+            root: -(damped / along).max(0.0),
+            critical: root * time,
+            is_touch: true,
+        })
     }
 
     /// Takes the shapes, or makes those of a body that has none.

@@ -286,6 +286,12 @@ impl Rows {
         work
     }
 
+    /// Whether a contact had a force in the last step.
+    pub(crate) fn holds(&self, key: Key) -> bool {
+        let found = self.kept.binary_search_by_key(&key, |kept| kept.key);
+        found.is_ok_and(|at| self.kept[at].forces[0] > 0.0)
+    }
+
     /// What the contacts keep from the last step, to be taken [back](Self::go_back_to).
     pub(crate) fn kept(&self) -> Vec<Kept> {
         self.kept.clone()

@@ -165,10 +165,11 @@ impl Blocks {
                 stepper: below,
             });
         }
-        let (springs, room) = self.contacts.held(1);
+        let ([springs, coming], room) = self.contacts.held(1);
         let mut around = Around {
             number: 1,
             springs,
+            coming,
             others,
             room,
         };
@@ -216,4 +217,79 @@ fn a_block_on_a_block_is_as_stiff_as_both_in_series() {
         // The way by which the blocks were pressed. Their force grows a little faster than the way.
         assert!((release / PRESSED - 1.0).abs() < 0.05, "{release}");
     }
+}
+
+#[test]
+fn a_contact_that_closes_before_the_next_model_is_foreseen() {
+    const GAP: f64 = 0.3e-3;
+    const STEP: f64 = 10e-6;
+    let mut blocks = Blocks::new(0.5);
+    blocks.move_by(Vec3::new(0.0, 0.0, GAP));
+    for _ in 0..10 {
+        blocks.hands[1].position.z -= STEP;
+        blocks.step();
+    }
+    blocks.contacts.hold();
+    let each = blocks.bodies.iter().zip(&mut *blocks.steppers);
+    let members = each.map(|(body, stepper)| Member {
+        body,
+        stepper: Some(stepper),
+    });
+    let members: Vec<Member<'_, f64>> = members.collect();
+    // The rest of the gap takes 20 steps.
+    blocks.contacts.foresee(&members, 10.0 * H);
+    drop(members);
+    let held = |contacts: &mut Contacts| contacts.held(1).0.map(<[_]>::len);
+    assert_eq!(
+        held(&mut blocks.contacts),
+        [0, 0],
+        "too late for this model"
+    );
+    let each = blocks.bodies.iter().zip(&mut *blocks.steppers);
+    let members = each.map(|(body, stepper)| Member {
+        body,
+        stepper: Some(stepper),
+    });
+    let members: Vec<Member<'_, f64>> = members.collect();
+    blocks.contacts.foresee(&members, 30.0 * H);
+    drop(members);
+    let [below, above] = &mut *blocks.steppers else {
+        panic!("two steppers");
+    };
+    let mut others: [Option<Beside<'_, f64>>; MOST_BODIES] = [const { None }; MOST_BODIES];
+    others[0] = Some(Beside {
+        body: &blocks.bodies[0],
+        stepper: below,
+    });
+    let ([springs, coming], room) = blocks.contacts.held(1);
+    assert!(springs.is_empty() && !coming.is_empty());
+    let mut around = Around {
+        number: 1,
+        springs,
+        coming,
+        others,
+        room,
+    };
+    let options = ShapeOptions {
+        max_iterations: 2000,
+        ..ShapeOptions::default()
+    };
+    let [mut open, mut closed] = [Shapes::default(), Shapes::default()];
+    let body = &blocks.bodies[1];
+    open.condense_among(above, body, PERIOD, &options, Some(&mut around))
+        .unwrap();
+    around.springs = coming;
+    let (condensed, _) = closed
+        .condense_among(above, body, PERIOD, &options, Some(&mut around))
+        .unwrap();
+    let stiffness = condensed.stiffness[(2, 2)];
+    let mut slopes = [0.0; 6];
+    let touch = closed.touch(&open, &around, &mut slopes).unwrap();
+    assert!(touch.is_touch && touch.root <= 0.0, "{touch:?}");
+    // The hand has gone 10 steps of the gap; the lower layer of the block lags behind it by less than a step.
+    let left = touch.critical / -slopes[2];
+    println!("{touch:?} {slopes:?} left {left}");
+    assert!((left - (GAP - 10.0 * STEP)).abs() < STEP, "{left}");
+    // A block that is free has no stiffness, so that the touch has all of it.
+    assert!((slopes[2] * slopes[2] / stiffness - 1.0).abs() < 0.01);
 }

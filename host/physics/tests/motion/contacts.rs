@@ -421,7 +421,8 @@ fn the_local_model_of_a_pressed_block_feels_the_floor() {
     let (springs, room) = world.contacts.held(0);
     let mut around = physics::Around {
         number: 0,
-        springs,
+        springs: springs[0],
+        coming: springs[1],
         others: [const { None }; MOST_BODIES],
         room,
     };

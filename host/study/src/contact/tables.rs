@@ -96,7 +96,7 @@ fn put_hands(text: &mut String, cells: &[HandCell]) {
     );
     put!(text, "|---|---|---|---|---|---|---|---|---|---|---|---|");
     for cell in cells {
-        let rows = if cell.limited { "yes" } else { "no" };
+        let rows = cell.rows;
         put!(
             text,
             "| {} | {:.0} | {:.1} | {rows} | {:.2} | {:.2} | {:.3} | {:.2} | {:.2} | {:.1} | {:.1} | {} |",

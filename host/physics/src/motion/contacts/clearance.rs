@@ -33,6 +33,11 @@ impl Clearance {
         self.left > FURTHER * self.last
     }
 
+    /// Whether nothing comes near in some steps like the last one.
+    pub(super) fn is_enough_for(&self, steps: f64) -> bool {
+        self.left > FURTHER * steps * self.last
+    }
+
     /// Takes the motion of a step (m). Returns whether it is certain that nothing has touched.
     pub(super) fn spend(&mut self, motion: f64) -> bool {
         self.last = motion;

@@ -25,7 +25,8 @@ mod springs;
 mod still;
 
 pub use report::{ContactReport, Side, Touching};
-pub use springs::{Resultant, Spring};
+use springs::Foreseen;
+pub use springs::Spring;
 pub use still::Pressed;
 pub(crate) use still::Still;
 
@@ -35,7 +36,7 @@ use super::touching::{self, Touch};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::row::Response;
-use crate::contact::{Lists, Moves, Obstacle, Placed, Rows, RowsReport, Step, Surfaces};
+use crate::contact::{Contact, Lists, Moves, Obstacle, Placed, Rows, RowsReport, Step, Surfaces};
 use crate::element::precision::Precision;
 use clearance::Clearance;
 use islands::Islands;
@@ -108,6 +109,7 @@ pub struct Contacts {
     room: Workspace,
     /// The contacts as the local models take them, by island.
     springs: Vec<Spring>,
+    foreseen: Foreseen,
     /// By pair of sides that touch.
     touching: Vec<Touching>,
     report: ContactReport,
@@ -147,6 +149,12 @@ impl Contacts {
             is_near: Vec::new(),
             room: Workspace::default(),
             springs: Vec::new(),
+            foreseen: Foreseen {
+                rows: Rows::new(&Surfaces::default(), 0),
+                x: Vec::new(),
+                u: Vec::new(),
+                v: Vec::new(),
+            },
             touching: Vec::new(),
             report: ContactReport::default(),
             works: [0.0; MOST_BODIES],
@@ -299,12 +307,7 @@ impl Contacts {
         touches.clear();
         for row in &order {
             let contact = &self.rows.contacts()[*row];
-            let node = |i: usize| {
-                let none = (At { body: 0, node: 0 }, 0.0);
-                let at = self.at(contact.vertices[i]);
-                at.map_or(none, |at| (at, contact.weights[i]))
-            };
-            let mut touch = Touch::new([0, 1, 2, 3].map(node), contact.row);
+            let mut touch = Touch::new(self.nodes(contact), contact.row);
             if self.island_of(*row, members).is_none() {
                 // Nothing moves here: the forces stay.
                 touch.response = Response {
@@ -329,6 +332,15 @@ impl Contacts {
             .map(|at| at.body);
         let awake = |body: &usize| members[*body].is_awake();
         bodies.find(awake).map(|body| self.islands.root(body))
+    }
+
+    /// The nodes of a contact and their weights.
+    fn nodes(&self, contact: &Contact) -> [(At, f64); 4] {
+        [0, 1, 2, 3].map(|i| {
+            let none = (At { body: 0, node: 0 }, 0.0);
+            let at = self.at(contact.vertices[i]);
+            at.map_or(none, |at| (at, contact.weights[i]))
+        })
     }
 
     /// The node of a vertex; `None` for a vertex of an obstacle.

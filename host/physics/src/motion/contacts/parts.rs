@@ -236,16 +236,22 @@ impl Contacts {
     /// Makes the vectors of a step.
     pub(super) fn reserve(&mut self) {
         let vertices = self.surfaces.vertices;
-        for vectors in [&mut self.x, &mut self.u, &mut self.v] {
+        let ahead = &mut self.foreseen;
+        let vectors = [&mut self.x, &mut self.u, &mut self.v];
+        for vectors in vectors
+            .into_iter()
+            .chain([&mut ahead.x, &mut ahead.u, &mut ahead.v])
+        {
             *vectors = vec![Vec3::zeros(); vertices];
         }
         self.mass = vec![f64::INFINITY; vertices];
         self.fractions = vec![1.0; vertices];
         let most = ROWS_PER_VERTEX * vertices;
         self.rows = Rows::new(&self.surfaces, most);
+        self.foreseen.rows = Rows::new(&self.surfaces, most);
         self.touches.reserve(most);
         self.of_row.reserve(most);
-        self.springs.reserve(most);
+        self.springs.reserve(2 * most);
         let sides = self.meetings.count;
         self.touching.reserve(sides * (sides + 1) / 2);
         self.is_near = vec![false; MOST_BODIES];

@@ -4,14 +4,15 @@
 //! multiplier is carried, across it by the friction spring of the step. The bodies that touch it respond by themselves, so that
 //! a spring joins the nodes of all of them.
 
-use super::{Contacts, MOST_BODIES, RIGID};
-use crate::contact::row::Response;
+use super::{Contacts, MOST_BODIES, Member, Need, RIGID};
+use crate::contact::{Contact, Rows};
+use crate::element::precision::Precision;
 use crate::motion::joined::{At, Workspace};
 use crate::motion::touching::Touch;
 use crate::{Mat3, Vec3};
 
-/// The fraction of the cone up to which the contacts of two sides stick together.
-const STICKS: f64 = 0.9;
+/// A look ahead goes this many times as far as a model lasts: it ends after the next model has come.
+const FURTHER: f64 = 1.25;
 
 /// A contact as a spring on the sum of the displacements of nodes, by weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,14 +25,10 @@ pub struct Spring {
     pub normal: Vec3,
     /// The normal force (N).
     pub pressed: f64,
-    /// The friction force on the first foot (N).
-    pub friction: Vec3,
-    /// The coefficient of friction.
-    pub coefficient: f64,
     /// Stiffness (N/m), symmetric and positive semidefinite.
     pub stiffness: Mat3,
-    /// The stiffness if the contact sticks.
-    stuck: Mat3,
+    /// The time in which the contact closes (s); zero if it holds.
+    pub closes: f64,
     /// The island.
     root: usize,
 }
@@ -55,25 +52,25 @@ impl Spring {
         [one.min(other), one.max(other)]
     }
 
-    /// One if the first foot is on the `side`, minus one if the second is.
-    pub fn sign(&self, side: usize) -> f64 {
-        if self.sides[0] == side { 1.0 } else { -1.0 }
-    }
-
-    /// The side of a body; `None` if it has no foot or both.
-    pub fn side_of(&self, body: usize) -> Option<usize> {
+    /// Whether one foot is on the body and the other one is not.
+    pub fn leaves(&self, body: usize) -> bool {
         let own = || self.taken().filter(|(at, _)| at.body == body);
         let [first, second] = [1.0, -1.0].map(|sign| own().any(|(_, weight)| weight * sign > 0.0));
-        match (first, second) {
-            (true, false) => Some(self.sides[0]),
-            (false, true) => Some(self.sides[1]),
-            _ => None,
-        }
+        first != second
     }
 
     fn taken(&self) -> impl Iterator<Item = (At, f64)> {
         self.nodes.into_iter().filter(|(_, weight)| *weight != 0.0)
     }
+}
+
+/// What a look ahead needs beside the contacts of a step.
+#[derive(Debug)]
+pub(super) struct Foreseen {
+    pub(super) rows: Rows,
+    pub(super) x: Vec<Vec3>,
+    pub(super) u: Vec<Vec3>,
+    pub(super) v: Vec<Vec3>,
 }
 
 impl Contacts {
@@ -92,16 +89,74 @@ impl Contacts {
                 }
             }
         }
-        stick(&mut springs);
         self.springs = springs;
     }
 
-    /// The springs of the bodies that share contacts with the body of this number, and room for their solver.
-    pub fn held(&mut self, body: usize) -> (&[Spring], &mut Workspace) {
+    /// Adds the contacts that close while a model lasts, `horizon` seconds, if all goes on at its velocity. Called after
+    /// [`hold`](Self::hold).
+    pub fn foresee<T: Precision>(&mut self, members: &[Member<'_, T>], horizon: f64) {
+        let period = FURTHER * horizon;
+        let is_idle = self.need == Need::Nothing
+            || self.clearance.is_enough_for(period / self.h)
+            || !members.iter().any(Member::is_awake);
+        if is_idle {
+            return;
+        }
+        // The next step finds its own rows.
+        let (times, h, began) = (self.times, self.h, self.began);
+        self.swap_foreseen();
+        (self.times, self.h) = ([times[1], times[1] + period], period);
+        self.gather(members);
+        for (u, v) in self.u.iter_mut().zip(&self.v) {
+            *u = v * period;
+        }
+        self.find(period);
+        self.swap_foreseen();
+        (self.times, self.h, self.began) = (times, h, began);
+        let mut springs = core::mem::take(&mut self.springs);
+        let held = springs.len();
+        for contact in self.foreseen.rows.contacts() {
+            let (now, then) = (contact.row.gap, contact.predicted);
+            let nodes = self.nodes(contact);
+            let bodies = || nodes.iter().filter(|(_, weight)| *weight != 0.0);
+            let closes = now > 0.0 && then < 0.0 && !self.rows.holds(contact.key);
+            if let (true, Some((first, _))) = (closes, bodies().next()) {
+                for (at, _) in bodies() {
+                    self.islands.join(first.body, at.body);
+                }
+                springs.push(closing(contact, nodes, period * now / (now - then)));
+            }
+        }
+        if springs.len() > held {
+            for spring in &mut springs {
+                let first = spring.taken().next();
+                spring.root = first.map_or(0, |(at, _)| self.islands.root(at.body));
+            }
+            springs.sort_unstable_by(|a, b| {
+                let by_root = a.root.cmp(&b.root);
+                by_root.then(a.closes.total_cmp(&b.closes))
+            });
+        }
+        self.springs = springs;
+    }
+
+    fn swap_foreseen(&mut self) {
+        let Foreseen { rows, x, u, v } = &mut self.foreseen;
+        core::mem::swap(&mut self.rows, rows);
+        core::mem::swap(&mut self.x, x);
+        core::mem::swap(&mut self.u, u);
+        core::mem::swap(&mut self.v, v);
+    }
+
+    /// The springs of the bodies that share contacts with the body of this number; these and those of the contacts that come;
+    /// and room for their solver.
+    pub fn held(&mut self, body: usize) -> ([&[Spring]; 2], &mut Workspace) {
         let root = self.islands.root(body);
         let from = self.springs.partition_point(|spring| spring.root < root);
         let to = self.springs.partition_point(|spring| spring.root <= root);
-        (&self.springs[from..to], &mut self.room)
+        let springs = &self.springs[from..to];
+        let holds = springs.partition_point(|spring| spring.closes == 0.0);
+        ([&springs[..holds], springs], &mut self.room)
     }
 
     /// Whether two bodies are of one island.
@@ -110,69 +165,38 @@ impl Contacts {
     }
 }
 
+/// A contact that closes in some seconds, as if it held and stuck.
+fn closing(contact: &Contact, nodes: [(At, f64); 4], closes: f64) -> Spring {
+    let row = &contact.row;
+    let along: Mat3 = row.normal * row.normal.transpose();
+    let held = if row.friction > 0.0 {
+        Mat3::identity()
+    } else {
+        along
+    };
+    let stiffness = held * (row.normal_stiffness * RIGID);
+    Spring {
+        sides: contact.parts,
+        nodes,
+        normal: row.normal,
+        pressed: 0.0,
+        stiffness,
+        closes,
+        root: 0,
+    }
+}
+
 fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
     let row = &touch.row;
     let along: Mat3 = row.normal * row.normal.transpose();
     let rigid = along * (row.normal_stiffness * (RIGID - 1.0));
-    let stuck = Response {
-        slips: false,
-        ..touch.response
-    };
     Spring {
         sides,
         nodes: touch.nodes,
         normal: row.normal,
         pressed: touch.response.normal,
-        friction: touch.response.friction,
-        coefficient: row.friction,
         stiffness: row.tangent(&touch.response) + rigid,
-        stuck: row.tangent(&stuck) + rigid,
+        closes: 0.0,
         root,
-    }
-}
-
-/// Contacts of sides whose resultant is at the cone are springs as if they stuck: the limit of the model says how far they
-/// hold. Below, those that slip are as soft as in the step.
-fn stick(springs: &mut [Spring]) {
-    for first in 0..springs.len() {
-        let sides = springs[first].sorted();
-        if springs[..first].iter().any(|other| other.sorted() == sides) {
-            continue;
-        }
-        let pair = springs.iter().filter(|spring| spring.sorted() == sides);
-        if Resultant::of(pair, sides[0]).is_slipping() {
-            for spring in springs.iter_mut().filter(|spring| spring.sorted() == sides) {
-                spring.stiffness = spring.stuck;
-            }
-        }
-    }
-}
-
-/// The forces between two sides.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Resultant {
-    /// Sum of the normal forces (N).
-    pub pressed: f64,
-    /// Sum of the friction forces on the side (N).
-    pub friction: Vec3,
-    /// The largest friction force (N).
-    pub most: f64,
-}
-
-impl Resultant {
-    /// The resultant on one `side` of springs between two sides.
-    pub fn of<'a>(springs: impl Iterator<Item = &'a Spring>, side: usize) -> Self {
-        let mut sum = Self::default();
-        for spring in springs {
-            sum.pressed += spring.pressed;
-            sum.friction += spring.friction * spring.sign(side);
-            sum.most += spring.coefficient * spring.pressed;
-        }
-        sum
-    }
-
-    /// Whether the sides slip as a whole, or nearly so.
-    fn is_slipping(&self) -> bool {
-        self.friction.norm() > STICKS * self.most
     }
 }

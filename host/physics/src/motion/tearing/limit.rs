@@ -25,6 +25,9 @@ pub struct TearLimit {
     pub root: f64,
     /// The root at which the tip advances (sqrt(J/m²)).
     pub critical: f64,
+    /// Whether the limit is that of a contact that closes: `critical` is then the gap (sqrt(J)), and `root` minus the time of its
+    /// damper (s).
+    pub is_touch: bool,
 }
 
 impl Tearing {
@@ -93,6 +96,10 @@ impl Tearing {
         let waits = tip.pair.and_then(|nodes| stepper.pair(nodes));
         let margin = if waits.is_some() { 1.0 + MARGIN } else { 1.0 };
         let critical = libm::sqrt(margin * material.toughness);
-        Some(TearLimit { root, critical })
+        Some(TearLimit {
+            root,
+            critical,
+            is_touch: false,
+        })
     }
 }
