@@ -368,7 +368,11 @@ fn clusters_have_a_colour_and_a_border_each_if_asked() {
 /// The display without colours.
 fn plain(model: &Model, view: &View) -> String {
     let buffer = cells(100, 40, model, view, Palette(Colours::None));
-    buffer.content.iter().map(|cell| cell.symbol()).collect()
+    buffer
+        .content
+        .iter()
+        .map(ratatui::buffer::Cell::symbol)
+        .collect()
 }
 
 #[test]
