@@ -197,7 +197,6 @@ impl Contacts {
         }
         self.gather(members);
         self.find(h);
-        self.make_touches(members);
     }
 
     /// Finds the rows of the positions and predicted displacements, for a step of `h` seconds.
@@ -275,6 +274,27 @@ impl Contacts {
         }
     }
 
+    /// Wakes pieces of torn sheets that share a row with something that moves.
+    fn stir<T: Precision>(&self, members: &mut [Member<'_, T>]) {
+        for contact in self.rows.contacts() {
+            let corners = contact.vertices.iter().zip(contact.weights);
+            let corners = corners.filter(|(_, weight)| *weight != 0.0);
+            let nodes = corners.filter_map(|(vertex, _)| self.at(*vertex));
+            let is_still = |at: At| {
+                let stepper = members[at.body].stepper.as_deref();
+                stepper.is_some_and(|stepper| stepper.is_still(at.node))
+            };
+            if contact.row.motion == Vec3::zeros() && nodes.clone().all(is_still) {
+                continue;
+            }
+            for at in nodes {
+                if let Some(stepper) = &mut members[at.body].stepper {
+                    stepper.stir(at.node);
+                }
+            }
+        }
+    }
+
     /// Makes the contacts of the solver, in the order of their islands.
     fn make_touches<T: Precision>(&mut self, members: &[Member<'_, T>]) {
         self.islands.begin(MOST_BODIES);
@@ -316,16 +336,18 @@ impl Contacts {
         (self.of_row, self.touches) = (order, touches);
     }
 
-    /// The island of a row; `None` if all its bodies rest.
+    /// The island of a row; `None` if all its bodies and pieces rest.
     fn island_of<T: Precision>(&self, row: usize, members: &[Member<'_, T>]) -> Option<usize> {
         let contact = &self.rows.contacts()[row];
         let vertices = contact.vertices.iter().zip(contact.weights);
-        let mut bodies = vertices
+        let mut nodes = vertices
             .filter(|(_, weight)| *weight != 0.0)
-            .filter_map(|(vertex, _)| self.at(*vertex))
-            .map(|at| at.body);
-        let awake = |body: &usize| members[*body].is_awake();
-        bodies.find(awake).map(|body| self.islands.root(body))
+            .filter_map(|(vertex, _)| self.at(*vertex));
+        let awake = |at: &At| {
+            let stepper = members[at.body].stepper.as_deref();
+            stepper.is_some_and(|stepper| !stepper.sleeps_at(at.node))
+        };
+        nodes.find(awake).map(|at| self.islands.root(at.body))
     }
 
     /// The node of a vertex; `None` for a vertex of an obstacle.
@@ -355,8 +377,13 @@ impl Contacts {
         };
         self.report.solved.converged = true;
         self.works = [0.0; MOST_BODIES];
-        if self.need == Need::Nothing {
-            return;
+        match self.need {
+            Need::Nothing => return,
+            Need::Clearance => {}
+            Need::All => {
+                self.stir(members);
+                self.make_touches(members);
+            }
         }
         let mut from = 0;
         while from < self.touches.len() {
