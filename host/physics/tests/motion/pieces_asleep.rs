@@ -146,3 +146,24 @@ fn a_piece_wakes_when_its_floor_sinks_and_when_an_obstacle_pushes_it() {
     assert!((middle.z - (RADIUS - 1e-3)).abs() < 1e-4, "{middle}");
     assert!(middle.x < -2e-3, "{middle}");
 }
+
+#[test]
+fn a_whole_body_wakes_when_its_floor_sinks() {
+    let mut world = World::new();
+    world.sheet([0.03, 0.02], [4, 3], DOWN, |x| x + LOW);
+    let sinks = [(1.0, Vec3::zeros()), (1.2, Vec3::z() * -1e-3)];
+    world.obstacle(Shape::Plane, poses(&sinks));
+    world.complete(0.5);
+    for number in 0..500 {
+        world.step();
+        if number == 245 {
+            assert_eq!(world.asleep, [true]);
+        }
+    }
+    assert_eq!(world.asleep, [true]);
+    assert!(
+        (world.mean(0).z - (RADIUS - 1e-3)).abs() < 1e-5,
+        "{}",
+        world.mean(0)
+    );
+}

@@ -160,18 +160,35 @@ impl Contacts {
         &self.surfaces
     }
 
-    /// Keeps each of the `bodies` awake unless all bodies of its island rest. Called before the bodies are constrained.
+    /// Keeps each of the `bodies` awake unless all bodies of its island rest on obstacles that stand. Called before the bodies are
+    /// constrained.
     pub fn keep_awake(
         &self,
         bodies: usize,
         rests: &dyn Fn(usize) -> bool,
         keep: &mut dyn FnMut(usize, bool),
     ) {
+        let mut is_carried = [false; MOST_BODIES];
+        for contact in self.rows.contacts() {
+            let [one, other] = contact.parts.map(|part| self.side(part));
+            if let (Side::Body(body), Side::Obstacle(obstacle))
+            | (Side::Obstacle(obstacle), Side::Body(body)) = (one, other)
+            {
+                is_carried[body] |= !self.stands_on(obstacle);
+            }
+        }
+        let rests = |body: &usize| rests(*body) && !is_carried[*body];
         for body in 0..bodies {
             let root = self.islands.root(body);
             let mut island = (0..bodies).filter(|other| self.islands.root(*other) == root);
-            keep(body, !island.all(rests));
+            keep(body, !island.all(|body| rests(&body)));
         }
+    }
+
+    /// Whether an obstacle stood in the last step and stands in the next one, which may be twice as long.
+    fn stands_on(&self, obstacle: usize) -> bool {
+        let [from, to] = self.times;
+        self.obstacles[obstacle].stands(from, to - from + 2.0 * self.h)
     }
 
     /// Begins the step of `h` seconds, after the bodies have been constrained: finds the rows. The obstacles move from one
