@@ -67,7 +67,7 @@ impl Table {
         self.engine.bodies()[body].body()
     }
 
-    fn contact(&self) -> &Contact {
+    pub(crate) fn contact(&self) -> &Contact {
         self.engine.contact().expect("contacts")
     }
 
