@@ -1,12 +1,13 @@
 //! Pieces of a torn sheet that lie still sleep while the rest of the sheet moves.
 
+use crate::common::Random;
 use crate::contacts::{DOWN, H, RADIUS, World};
 use nalgebra::Isometry3;
 use physics::contact::obstacle::{Motion, TimedPose};
 use physics::contact::shape::Shape;
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{Mesh, TriMesh};
-use physics::topology::Reserve;
+use physics::topology::{Edit, Growth, Reserve};
 use physics::{Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Vec3};
 
 /// A sheet in pieces: one that a hand holds at a height of 5 cm, and one or more whose middles are at `places` (m).
@@ -166,4 +167,69 @@ fn a_whole_body_wakes_when_its_floor_sinks() {
         "{}",
         world.mean(0)
     );
+}
+
+/// Random pieces fall on each other and a box passes through them, while the hand moves.
+#[test]
+fn nothing_crosses_in_random_scenes_and_pieces_come_to_rest() {
+    let mut random = Random(7);
+    let mut slept = 0;
+    for scene in 0..6 {
+        let places = [0, 1].map(|layer| {
+            let aside = random.vector() * 6e-3;
+            Vec3::new(aside.x, aside.y - 0.01, 1e-3 + 3e-3 * f64::from(layer))
+        });
+        let mut world = torn(&places, true);
+        world.still(Shape::Plane, Vec3::zeros());
+        let half = Vec3::new(4e-3, 6e-3, 4e-3);
+        let from = Vec3::new(30e-3, 10e-3 * random.signed(), 4e-3);
+        let to = from - Vec3::new(20e-3, 3e-3 * random.signed(), 0.0);
+        world.obstacle(Shape::Box { half }, poses(&[(0.6, from), (0.9, to)]));
+        world.complete(0.3 + 0.2 * random.signed());
+        let mut most = 0;
+        for number in 0..400 {
+            step(&mut world);
+            let body = &world.bodies[0];
+            assert!(
+                body.node_positions().iter().all(|x| x.amax() < 1.0),
+                "{scene} {number}"
+            );
+            assert_eq!(world.crossings(), 0, "{scene} {number}");
+            // Contacts of a new kind take room.
+            assert!(world.calls == 0 || number < 380, "{scene} {number}");
+            most = most.max(world.steppers[0].pieces_asleep());
+        }
+        slept += most;
+    }
+    assert!(slept > 6, "{slept}");
+}
+
+/// A slit into a piece that sleeps wakes it, and no other piece.
+#[test]
+fn an_edit_wakes_its_piece() {
+    let aside = Vec3::new(0.0, -0.03, 0.0);
+    let mut world = torn(&[LOW, LOW + aside], true);
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.5);
+    for _ in 0..150 {
+        step(&mut world);
+    }
+    assert_eq!(world.steppers[0].pieces_asleep(), 2);
+    // The middle of the left border of the first loose piece, and the way to the right.
+    let (body, stepper) = (&mut world.bodies[0], &mut world.steppers[0]);
+    let tip = 20 + 5;
+    let to = tip + 1;
+    let done = body.edit(&Edit::grow(tip, Growth::Open { to })).unwrap();
+    stepper.grow(body, &done.surface).unwrap();
+    stepper.settle(body);
+    let mesh = body.mesh().unwrap();
+    world.contacts.follow(0, body, mesh, None).unwrap();
+    step(&mut world);
+    assert_eq!(world.steppers[0].pieces_asleep(), 1);
+    let asleep = |world: &World, node| world.steppers[0].sleeps_at(node);
+    assert!(!asleep(&world, tip) && asleep(&world, 45));
+    for _ in 0..150 {
+        step(&mut world);
+    }
+    assert_eq!(world.steppers[0].pieces_asleep(), 2);
 }
