@@ -22,7 +22,7 @@ pub(crate) struct World {
     pub(crate) meshes: Vec<Mesh>,
     pub(crate) hands: Vec<Vec<HandlePose>>,
     pub(crate) steps: u32,
-    /// Calls of the allocator by the contacts in the last step.
+    /// Calls of the allocator by `constrain` and by the contacts in the last step.
     pub(crate) calls: u64,
     pub(crate) radius: f64,
     pub(crate) asleep: Vec<bool>,
@@ -127,9 +127,11 @@ impl World {
             }
             stepper.predict(body, H).unwrap();
         }
-        for ((body, stepper), hands) in bodies.iter_mut().zip(&mut *steppers).zip(&self.hands) {
-            stepper.constrain(body, hands).unwrap();
-        }
+        let constrained = count(|| {
+            for ((body, stepper), hands) in bodies.iter_mut().zip(&mut *steppers).zip(&self.hands) {
+                stepper.constrain(body, hands).unwrap();
+            }
+        });
         let mut members: Vec<Member<'_, f64>> = bodies
             .iter()
             .zip(&mut *steppers)
@@ -149,7 +151,7 @@ impl World {
                 stepper.solve(|| false).unwrap();
             }
         }
-        self.calls += count(|| self.contacts.certify(&mut members));
+        self.calls += constrained + count(|| self.contacts.certify(&mut members));
         drop(members);
         self.asleep.clear();
         for (body, stepper) in bodies.iter_mut().zip(steppers) {

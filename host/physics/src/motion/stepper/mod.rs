@@ -167,6 +167,10 @@ impl<T: Precision> Stepper<T> {
                 set.reserve(spare.triangles);
             }
         }
+        let by_pieces = options.may_touch && options.sleep_speed > 0.0;
+        if by_pieces && spare.vertices > 0 {
+            places.mask.reserve(places.held);
+        }
         Ok(Self {
             options,
             team: Arc::new(Alone),
@@ -190,7 +194,7 @@ impl<T: Precision> Stepper<T> {
                 targets: Vec::with_capacity(body.handle_count()),
                 ..Present::default()
             },
-            sleep: Sleep::new(body, options.may_touch && options.sleep_speed > 0.0),
+            sleep: Sleep::new(body, by_pieces),
             ledger: None,
             places,
         })
