@@ -196,6 +196,11 @@ impl HostBody {
         self.publishes.then(|| self.publisher.model())
     }
 
+    /// Number of pieces of a torn body that sleep while the body is awake.
+    pub fn pieces_asleep(&self) -> usize {
+        self.stepping.solver.pieces_asleep()
+    }
+
     /// The tears of the body; `None` for a body that does not tear.
     pub fn tears(&self) -> Option<&BodyTears> {
         self.stepping.tears.as_ref()

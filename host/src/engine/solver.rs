@@ -219,6 +219,11 @@ impl Solver {
         self.stepper.rests(body, self.h, targets)
     }
 
+    /// Number of pieces that sleep while the body is awake.
+    pub(super) fn pieces_asleep(&self) -> usize {
+        self.stepper.pieces_asleep()
+    }
+
     /// Keeps the body awake, or lets it sleep again.
     pub(super) fn keep_awake(&mut self, is_kept: bool) {
         self.stepper.keep_awake(is_kept);

@@ -153,6 +153,8 @@ pub struct ContactArrow {
     pub at: [f32; 3],
     /// The force on the body, of two bodies on the first one (N).
     pub force: [f32; 3],
+    /// The depth by which the sides overlap (m).
+    pub depth: f32,
 }
 
 impl From<&ContactPoint> for ContactArrow {
@@ -166,6 +168,7 @@ impl From<&ContactPoint> for ContactArrow {
         Self {
             at: point.at.map(|x| x as f32).into(),
             force: force.map(|x| x as f32).into(),
+            depth: point.depth as f32,
         }
     }
 }

@@ -52,6 +52,8 @@ pub struct ContactPoint {
     pub at: Vec3,
     /// The force on the first side (N).
     pub force: Vec3,
+    /// The depth by which the sides overlap (m); not negative.
+    pub depth: f64,
 }
 
 impl ContactStep {
@@ -104,6 +106,7 @@ record! { ContactPoint: Self::default();
     "uint32[2] sides" sides;
     "float64[3] at     # place on the first side at the start of the step (m)" at;
     "float64[3] force  # force on the first side (N)" force;
+    "float64 depth     # by which the sides overlap (m); not negative" depth;
 }
 
 /// The columns of a pair of sides.
@@ -146,6 +149,7 @@ mod tests {
                 sides: [2, 0],
                 at: Vec3::new(0.01, 0.02, 0.05),
                 force: Vec3::new(0.0, 0.0, -0.2),
+                depth: 2e-7,
             }],
         };
         assert_eq!(step.sum([0, 2]).count, 7);

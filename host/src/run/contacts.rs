@@ -112,8 +112,13 @@ impl ContactSender {
         let points = contacts.points().enumerate();
         self.all.extend(points.map(|(number, (sides, at, touch))| {
             let force = touch.force();
-            let sides = sides.map(|side| numbers[side]);
-            (force.norm(), number, ContactPoint { sides, at, force })
+            let point = ContactPoint {
+                sides: sides.map(|side| numbers[side]),
+                at,
+                force,
+                depth: (-touch.response.gap).max(0.0),
+            };
+            (force.norm(), number, point)
         }));
         if self.all.len() > MOST_POINTS {
             let stronger = |a: &(f64, usize, _), b: &(f64, usize, _)| {

@@ -233,13 +233,11 @@ fn tears(ended: &Ended) -> Vec<TearSummary> {
         let tears = body.tears()?;
         let time = stats.tear.summary().into();
         let force = forces.get(index).cloned().flatten();
-        Some(TearSummary::new(
-            body.name(),
-            tears,
-            force,
-            time,
-            stats.renewed,
-        ))
+        let summary = TearSummary::new(body.name(), tears, force, time, stats.renewed);
+        Some(TearSummary {
+            asleep: body.pieces_asleep(),
+            ..summary
+        })
     });
     torn.collect()
 }

@@ -21,14 +21,14 @@ fn load(text: &str) -> LoadedScene {
 }
 
 /// An engine with contacts whose hands a test moves.
-struct Table {
-    engine: Engine,
+pub(crate) struct Table {
+    pub(crate) engine: Engine,
     rest: Vec<Vec3>,
-    steps: u64,
+    pub(crate) steps: u64,
 }
 
 impl Table {
-    fn new(text: &str, devices: &[[usize; 2]]) -> Self {
+    pub(crate) fn new(text: &str, devices: &[[usize; 2]]) -> Self {
         let loaded = load(text);
         let world = World::new(&loaded).expect("a world");
         let built = bodies(&world, BuildOptions::default()).expect("bodies");
@@ -46,7 +46,7 @@ impl Table {
     }
 
     /// Makes a step of 4 ms with the hands displaced by `by` (m).
-    fn step(&mut self, by: &[Vec3]) {
+    pub(crate) fn step(&mut self, by: &[Vec3]) {
         self.steps += 1;
         let mut record = TickRecord::empty();
         record.tick = 4 * self.steps;
@@ -63,16 +63,16 @@ impl Table {
         self.engine.step(due, &Still, &mut |_, _| {});
     }
 
-    fn body(&self, body: usize) -> &Body {
+    pub(crate) fn body(&self, body: usize) -> &Body {
         self.engine.bodies()[body].body()
     }
 
-    fn contact(&self) -> &Contact {
+    pub(crate) fn contact(&self) -> &Contact {
         self.engine.contact().expect("contacts")
     }
 
     /// The force between two sides, on the first of them (N).
-    fn force(&self, sides: [usize; 2]) -> Vec3 {
+    pub(crate) fn force(&self, sides: [usize; 2]) -> Vec3 {
         let touching = self.contact().contacts().touching().iter();
         let found = touching.filter(|sum| sum.sides == sides);
         found.map(|sum| sum.force).sum()
@@ -86,7 +86,7 @@ impl Table {
         before == places(self)
     }
 
-    fn assert_sound(&self) {
+    pub(crate) fn assert_sound(&self) {
         let stats = self.engine.stats();
         assert_eq!((stats.faults, &stats.first_fault), (0, &None));
         let totals = self.contact().totals().sums;

@@ -22,6 +22,7 @@ mod log_frames;
 mod log_on_disk;
 mod mounting;
 mod observers;
+mod pieces_asleep;
 mod publisher;
 mod replay;
 mod replay_devices;

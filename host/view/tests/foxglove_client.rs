@@ -338,6 +338,7 @@ fn contacts_and_obstacles_have_channels_in_a_scene_with_contact_alone() {
             sides: [0, 1],
             at: Vec3::new(0.01, 0.02, 0.05),
             force: Vec3::new(0.0, 0.0, 0.2),
+            depth: 1e-7,
         }],
         ..ContactStep::default()
     };

@@ -4,10 +4,16 @@
 //! acceleration over those steps then stays below that speed divided by their duration, so the unbalanced forces are
 //! below the mass times that acceleration. A creep with time constant `tau` has less than `speed tau` to go. The body
 //! stays exactly where it is until a hand moves further than the speed allows, or anything is set from outside.
+//! The [`pieces`] of a torn sheet sleep alone.
 
+mod pieces;
+
+use super::stepper::Places;
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
+use crate::element::precision::Precision;
+use pieces::SleepingPieces;
 
 /// Number of steps in a row without motion after which a body sleeps.
 pub(crate) const STEPS: u32 = 20;
@@ -23,10 +29,13 @@ pub(crate) struct Sleep {
     poses: Vec<HandlePose>,
     revision: u64,
     h: f64,
+    /// `None` for a body whose pieces do not sleep alone.
+    pieces: Option<Box<SleepingPieces>>,
 }
 
 impl Sleep {
-    pub(crate) fn new(body: &Body) -> Self {
+    /// `by_pieces`: the pieces of a sheet that tears sleep alone.
+    pub(crate) fn new(body: &Body, by_pieces: bool) -> Self {
         Self {
             still: 0,
             is_kept_awake: false,
@@ -39,6 +48,9 @@ impl Sleep {
                 .collect(),
             revision: 0,
             h: 0.0,
+            pieces: by_pieces
+                .then(|| SleepingPieces::new(body).map(Box::new))
+                .flatten(),
         }
     }
 
@@ -105,6 +117,79 @@ impl Sleep {
     /// Wakes the body, because something has moved it.
     pub(crate) fn wake(&mut self) {
         self.still = 0;
+    }
+
+    /// Wakes all pieces.
+    pub(crate) fn wake_pieces(&mut self) {
+        if let Some(pieces) = &mut self.pieces {
+            pieces.wake();
+        }
+    }
+
+    /// Notes an edit of the body, which may have `parted` it.
+    pub(crate) fn note_edit(&mut self, body: &Body, parted: bool) {
+        self.wake();
+        if let Some(pieces) = &mut self.pieces {
+            pieces.note_edit(body, parted);
+        }
+    }
+
+    /// Guides the vertices of the pieces that sleep in a step of `h` seconds; of none if `is_awake`.
+    pub(crate) fn lay<T: Precision>(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        is_awake: bool,
+        places: &mut Places<T>,
+    ) {
+        if let Some(pieces) = &mut self.pieces {
+            pieces.lay(body, h, is_awake, places);
+        }
+    }
+
+    /// Lets the vertices of pieces go.
+    pub(crate) fn lift<T: Precision>(&self, body: &Body, places: &mut Places<T>) {
+        if self
+            .pieces
+            .as_ref()
+            .is_some_and(|pieces| pieces.are_several())
+        {
+            places.guide(body);
+        }
+    }
+
+    /// Records a step for the pieces.
+    pub(crate) fn observe_pieces(&mut self, body: &Body, speed: f64) {
+        if let Some(pieces) = &mut self.pieces {
+            pieces.observe(body, speed);
+        }
+    }
+
+    /// Whether a node lies still, with its piece or the body.
+    pub(crate) fn is_still(&self, node: u32) -> bool {
+        let of_piece = self
+            .pieces
+            .as_ref()
+            .and_then(|pieces| pieces.is_still(node));
+        of_piece.unwrap_or(self.still >= STEPS)
+    }
+
+    /// Whether a node belongs to a piece that sleeps.
+    pub(crate) fn has_asleep(&self, node: u32) -> bool {
+        let pieces = self.pieces.as_ref();
+        pieces.is_some_and(|pieces| pieces.has_asleep(node))
+    }
+
+    /// Number of pieces that sleep.
+    pub(crate) fn pieces_asleep(&self) -> usize {
+        self.pieces.as_ref().map_or(0, |pieces| pieces.asleep())
+    }
+
+    /// Wakes the piece of a node in the present step.
+    pub(crate) fn stir<T: Precision>(&mut self, node: u32, places: &mut Places<T>) {
+        if let Some(pieces) = &mut self.pieces {
+            pieces.stir(node, places);
+        }
     }
 }
 

@@ -10,26 +10,26 @@ use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side};
 use physics::{Body, BodyConfig, HandlePose, Material, Stepper, StepperOptions, Vec3};
 
 /// Length of a step (s).
-const H: f64 = 4e-3;
+pub(crate) const H: f64 = 4e-3;
 /// Half the thickness of a sheet (m).
-const RADIUS: f64 = 0.15e-3;
+pub(crate) const RADIUS: f64 = 0.15e-3;
 
 /// Bodies with their contacts.
-struct World {
-    bodies: Vec<Body>,
-    steppers: Vec<Stepper<f64>>,
-    contacts: Contacts,
-    meshes: Vec<Mesh>,
-    hands: Vec<Vec<HandlePose>>,
-    steps: u32,
-    /// Calls of the allocator by the contacts in the last step.
-    calls: u64,
-    radius: f64,
-    asleep: Vec<bool>,
+pub(crate) struct World {
+    pub(crate) bodies: Vec<Body>,
+    pub(crate) steppers: Vec<Stepper<f64>>,
+    pub(crate) contacts: Contacts,
+    pub(crate) meshes: Vec<Mesh>,
+    pub(crate) hands: Vec<Vec<HandlePose>>,
+    pub(crate) steps: u32,
+    /// Calls of the allocator by `constrain` and by the contacts in the last step.
+    pub(crate) calls: u64,
+    pub(crate) radius: f64,
+    pub(crate) asleep: Vec<bool>,
 }
 
 impl World {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             bodies: Vec::new(),
             steppers: Vec::new(),
@@ -43,10 +43,11 @@ impl World {
         }
     }
 
-    fn add(&mut self, body: Body, mesh: Mesh, radius: f64, sleeps: bool) {
+    pub(crate) fn add(&mut self, body: Body, mesh: Mesh, radius: f64, sleeps: bool) {
         let options = StepperOptions {
             tolerance: 1e-7,
             sleep_speed: if sleeps { 1e-7 } else { 0.0 },
+            may_touch: true,
             ..StepperOptions::default()
         };
         let mut stepper = Stepper::new(&body, options).unwrap();
@@ -67,7 +68,7 @@ impl World {
     }
 
     /// A sheet of `cells` cells at the place of `put`.
-    fn sheet(
+    pub(crate) fn sheet(
         &mut self,
         size: [f64; 2],
         cells: [u32; 2],
@@ -81,12 +82,12 @@ impl World {
         self.add(body, Mesh::Sheet(mesh), RADIUS, true);
     }
 
-    fn obstacle(&mut self, shape: Shape, motion: Motion) {
+    pub(crate) fn obstacle(&mut self, shape: Shape, motion: Motion) {
         let obstacle = Obstacle::new(Geometry::Shape(shape), motion).unwrap();
         self.contacts.add_obstacle(obstacle).unwrap();
     }
 
-    fn still(&mut self, shape: Shape, at: Vec3) {
+    pub(crate) fn still(&mut self, shape: Shape, at: Vec3) {
         self.obstacle(
             shape,
             Motion::Still(nalgebra::Isometry3::from_parts(
@@ -96,7 +97,7 @@ impl World {
         );
     }
 
-    fn complete(&mut self, friction: f64) {
+    pub(crate) fn complete(&mut self, friction: f64) {
         let radius = self.radius;
         self.contacts.complete(&|one, other| match (one, other) {
             (Side::Obstacle(_), Side::Obstacle(_)) => None,
@@ -111,7 +112,7 @@ impl World {
         });
     }
 
-    fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         let (bodies, steppers) = (&mut self.bodies, &mut self.steppers);
         let mut kept = vec![false; bodies.len()];
         self.contacts.keep_awake(
@@ -126,9 +127,11 @@ impl World {
             }
             stepper.predict(body, H).unwrap();
         }
-        for ((body, stepper), hands) in bodies.iter_mut().zip(&mut *steppers).zip(&self.hands) {
-            stepper.constrain(body, hands).unwrap();
-        }
+        let constrained = count(|| {
+            for ((body, stepper), hands) in bodies.iter_mut().zip(&mut *steppers).zip(&self.hands) {
+                stepper.constrain(body, hands).unwrap();
+            }
+        });
         let mut members: Vec<Member<'_, f64>> = bodies
             .iter()
             .zip(&mut *steppers)
@@ -148,7 +151,7 @@ impl World {
                 stepper.solve(|| false).unwrap();
             }
         }
-        self.calls += count(|| self.contacts.certify(&mut members));
+        self.calls += constrained + count(|| self.contacts.certify(&mut members));
         drop(members);
         self.asleep.clear();
         for (body, stepper) in bodies.iter_mut().zip(steppers) {
@@ -158,17 +161,17 @@ impl World {
         self.steps += 1;
     }
 
-    fn weight(&self, body: usize) -> f64 {
+    pub(crate) fn weight(&self, body: usize) -> f64 {
         self.bodies[body].node_masses().iter().sum::<f64>() * 9.81
     }
 
-    fn mean(&self, body: usize) -> Vec3 {
+    pub(crate) fn mean(&self, body: usize) -> Vec3 {
         let x = self.bodies[body].node_positions();
         x.iter().sum::<Vec3>() / x.len() as f64
     }
 
     /// The force (N) between two sides, on the first of them.
-    fn force(&self, sides: [usize; 2]) -> Vec3 {
+    pub(crate) fn force(&self, sides: [usize; 2]) -> Vec3 {
         let mut found = self.contacts.touching().iter();
         found
             .find(|sum| sum.sides == sides)
@@ -176,7 +179,7 @@ impl World {
     }
 
     /// Number of edges that pass through a triangle.
-    fn crossings(&self) -> usize {
+    pub(crate) fn crossings(&self) -> usize {
         let surfaces = self.contacts.surfaces();
         let mut x = Vec::new();
         for body in &self.bodies {
@@ -218,7 +221,7 @@ fn sheet(mesh: &TriMesh, gravity: Vec3) -> Body {
     Body::sheet(mesh, &[material], config, &[]).unwrap()
 }
 
-const DOWN: Vec3 = Vec3::new(0.0, 0.0, -9.81);
+pub(crate) const DOWN: Vec3 = Vec3::new(0.0, 0.0, -9.81);
 
 #[test]
 fn a_dropped_sheet_rests_on_a_plane_and_sleeps() {

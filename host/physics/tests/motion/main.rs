@@ -17,6 +17,7 @@ mod incomplete;
 mod integrator;
 mod inverted;
 mod joined;
+mod pieces_asleep;
 mod rounding;
 mod stability;
 mod step;

@@ -41,6 +41,8 @@ pub struct TearSummary {
     pub blocked: usize,
     /// The change of the body's energy by edits (J).
     pub edits: f64,
+    /// Number of pieces that sleep at the end.
+    pub asleep: usize,
     /// The force of the device that pulled hardest while the body tore; `None` if no edge opened or no device holds the
     /// body.
     pub force: Option<TearForce>,
@@ -79,6 +81,7 @@ impl TearSummary {
             held: report.held,
             blocked: report.blocked,
             edits: report.edits,
+            asleep: 0,
             force,
             full: report.full,
             time,
@@ -141,6 +144,14 @@ impl TearSummary {
         }
         if self.tips > 0 && self.energy > 0.0 && !self.full {
             writeln!(f, "             {}", self.rest())?;
+        }
+        if self.asleep > 0 {
+            let s = if self.asleep == 1 { "" } else { "s" };
+            writeln!(
+                f,
+                "             {} piece{s} without a hand asleep at the end",
+                self.asleep
+            )?;
         }
         if self.full {
             writeln!(

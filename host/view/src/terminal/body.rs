@@ -2,7 +2,7 @@
 //!
 //! A surface is shaded by ordered dithering (Bayer, 1973) of Lambert's cosine, and its outline is drawn in full; or it
 //! is drawn as the edges of its triangles. Obstacles are drawn as bodies are, fainter. Contacts are short lines along their
-//! forces. Hands are crosses with a number, and their forces are arrows.
+//! forces. Clusters of contact have a colour and a border each. Hands are crosses with a number, and their forces are arrows.
 
 use super::dots::{Dots, line};
 use super::format::digits;
@@ -116,35 +116,55 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The nearest surface at each dot: depth, shade from zero to one, and body.
+/// The nearest surface at each dot.
 struct Raster {
     width: usize,
     height: usize,
-    near: Vec<(f64, f32, u8)>,
+    near: Vec<Near>,
+}
+
+/// The surface at a dot.
+#[derive(Clone, Copy)]
+struct Near {
+    depth: f64,
+    /// From zero to one.
+    shade: f32,
+    body: u8,
+    /// Zero if clusters are not drawn.
+    cluster: u32,
 }
 
 /// The mark of a dot without a body.
 const NOTHING: u8 = u8::MAX;
+
+impl Near {
+    const NOTHING: Self = Self {
+        depth: f64::INFINITY,
+        shade: 0.0,
+        body: NOTHING,
+        cluster: 0,
+    };
+}
 
 impl Raster {
     fn new(width: usize, height: usize) -> Self {
         Self {
             width,
             height,
-            near: vec![(f64::INFINITY, 0.0, NOTHING); width * height],
+            near: vec![Near::NOTHING; width * height],
         }
     }
 
-    fn put(&mut self, x: usize, y: usize, depth: f64, shade: f32, body: u8) {
+    fn put(&mut self, x: usize, y: usize, new: Near) {
         if let Some(near) = self.near.get_mut(y * self.width + x)
-            && depth < near.0
+            && new.depth < near.depth
         {
-            *near = (depth, shade, body);
+            *near = new;
         }
     }
 
-    /// Fills a triangle of projected corners.
-    fn triangle(&mut self, corners: [[f64; 3]; 3], shade: f32, body: u8) {
+    /// Fills a triangle of projected corners. The depth of `of` is not used.
+    fn triangle(&mut self, corners: [[f64; 3]; 3], of: Near) {
         let [a, b, c] = corners;
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
         if !area.is_normal() {
@@ -168,22 +188,24 @@ impl Raster {
                 let (u, v, w) = (part(b, c), part(c, a), part(a, b));
                 // A dot on a common edge belongs to both triangles.
                 if u >= -1e-9 && v >= -1e-9 && w >= -1e-9 {
-                    self.put(x, y, u * a[2] + v * b[2] + w * c[2], shade, body);
+                    let depth = u * a[2] + v * b[2] + w * c[2];
+                    self.put(x, y, Near { depth, ..of });
                 }
             }
         }
     }
 
-    /// Depth and body at a dot, which may lie outside.
-    fn at(&self, x: usize, y: usize) -> (f64, u8) {
+    /// The surface at a dot, which may lie outside.
+    fn at(&self, x: usize, y: usize) -> Near {
         let inside = x < self.width && y < self.height;
         let near = inside.then(|| self.near.get(y * self.width + x)).flatten();
-        near.map_or((f64::INFINITY, NOTHING), |near| (near.0, near.2))
+        near.copied().unwrap_or(Near::NOTHING)
     }
 
-    /// Whether a dot lies on the outline of a body or of a fold: something beside it is much farther away.
+    /// Whether a dot lies on the outline of a body or of a fold: something beside it is much farther away. Of two clusters
+    /// the one with the smaller number has the border.
     fn is_outline(&self, x: usize, y: usize, jump: f64) -> bool {
-        let (depth, body) = self.at(x, y);
+        let own = self.at(x, y);
         let beside = [
             (x.wrapping_sub(1), y),
             (x + 1, y),
@@ -191,8 +213,10 @@ impl Raster {
             (x, y + 1),
         ];
         beside.into_iter().any(|(x, y)| {
-            let (other, its) = self.at(x, y);
-            other > depth + jump || (its != body && other > depth)
+            let other = self.at(x, y);
+            let is_of_another = other.body != own.body && other.depth > own.depth;
+            let is_border = other.body == own.body && other.cluster > own.cluster;
+            other.depth > own.depth + jump || is_of_another || is_border
         })
     }
 }
@@ -204,6 +228,8 @@ pub(super) struct Layers {
     pub wire: bool,
     /// The forces of contacts.
     pub contacts: bool,
+    /// The clusters of contact.
+    pub clusters: bool,
 }
 
 /// A surface of the picture: the body or obstacle, triangles, lines and positions (m).
@@ -214,41 +240,54 @@ struct Drawn<'a> {
     triangles: &'a [u32],
     lines: &'a [u32],
     positions: &'a [[f32; 3]],
+    /// By vertex; empty if clusters are not drawn.
+    clusters: &'a [u32],
+}
+
+impl Drawn<'_> {
+    /// The cluster of a vertex. One that a tear made has none.
+    fn cluster(&self, vertex: u32) -> u32 {
+        self.clusters.get(vertex as usize).copied().unwrap_or(0)
+    }
+
+    /// The style of a cluster.
+    fn style(&self, cluster: u32, palette: Palette) -> Style {
+        if self.clusters.is_empty() {
+            self.style
+        } else {
+            palette.hand(cluster as usize)
+        }
+    }
 }
 
 /// The surfaces of the bodies and the obstacles.
-fn drawn(model: &Model, palette: Palette) -> Vec<Drawn<'_>> {
+fn drawn(model: &Model, layers: Layers, palette: Palette) -> Vec<Drawn<'_>> {
     let bodies = (0..model.hello.bodies.len()).filter_map(|body| {
         let (surface, positions) = model.body(body)?;
-        let lines = surface.lines.as_slice();
-        Some((
-            body,
-            palette.body(body),
-            &*surface.triangles,
-            lines,
+        let own = &model.hello.bodies[body].clusters;
+        Some(Drawn {
+            number: body.min(usize::from(NOTHING) - 1) as u8,
+            style: palette.body(body),
+            triangles: &surface.triangles,
+            lines: &surface.lines,
             positions,
-        ))
+            clusters: if layers.clusters { own } else { &[] },
+        })
     });
     let first = model.hello.bodies.len();
     let obstacles = (0..model.hello.obstacles.len()).filter_map(|obstacle| {
         let (triangles, positions) = model.obstacle(obstacle)?;
-        Some((
-            first + obstacle,
-            palette.faint(),
+        Some(Drawn {
+            number: (first + obstacle).min(usize::from(NOTHING) - 1) as u8,
+            style: palette.faint(),
             triangles,
-            &[][..],
+            lines: &[],
             positions,
-        ))
+            clusters: &[],
+        })
     });
     let all = bodies.chain(obstacles).take(usize::from(NOTHING));
-    let drawn = all.map(|(number, style, triangles, lines, positions)| Drawn {
-        number: number.min(usize::from(NOTHING) - 1) as u8,
-        style,
-        triangles,
-        lines,
-        positions,
-    });
-    drawn.collect()
+    all.collect()
 }
 
 /// Draws bodies, obstacles and hands.
@@ -266,12 +305,19 @@ pub(super) fn draw(
     let mut dots = Dots::new(area);
     let (width, height) = (dots.width(), dots.height());
     let projection = Projection::new(model, camera, width, height);
-    let surfaces = drawn(model, palette);
+    let surfaces = drawn(model, layers, palette);
     let raster = fill(&surfaces, &projection, width, height, layers.wire);
     if !layers.wire {
-        shade(&raster, &surfaces, &projection, &mut dots);
+        shade(&raster, &surfaces, &projection, palette, &mut dots);
     }
-    edges(&surfaces, &projection, &raster, &mut dots, layers.wire);
+    edges(
+        &surfaces,
+        &projection,
+        &raster,
+        palette,
+        &mut dots,
+        layers.wire,
+    );
     if layers.contacts {
         contacts(model, &projection, &mut dots, palette);
     }
@@ -334,7 +380,13 @@ fn fill(
                 continue;
             }
             let shade = if wire { 0.0 } else { lambert(&at, &light) };
-            raster.triangle(on, shade, surface.number);
+            let of = Near {
+                shade,
+                body: surface.number,
+                cluster: surface.cluster(triangle[0]),
+                ..Near::NOTHING
+            };
+            raster.triangle(on, of);
         }
     }
     raster
@@ -359,17 +411,24 @@ fn lambert(corners: &[[f64; 3]; 3], light: &[f64; 3]) -> f32 {
 }
 
 /// Dithers the shades and draws the outlines.
-fn shade(raster: &Raster, surfaces: &[Drawn<'_>], projection: &Projection, dots: &mut Dots) {
+fn shade(
+    raster: &Raster,
+    surfaces: &[Drawn<'_>],
+    projection: &Projection,
+    palette: Palette,
+    dots: &mut Dots,
+) {
     const BAYER: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
     // Six dots deep is a fold.
     let jump = 6.0 / projection.scale;
     for y in 0..raster.height {
         for x in 0..raster.width {
-            let (_, shade, body) = raster.near[y * raster.width + x];
+            let near = raster.near[y * raster.width + x];
             let threshold = (f32::from(BAYER[y % 4][x % 4]) + 0.5) / 16.0;
-            if body != NOTHING && (shade > threshold || raster.is_outline(x, y, jump)) {
-                let surface = surfaces.iter().find(|surface| surface.number == body);
-                dots.set(x, y, surface.map_or(Style::new(), |surface| surface.style));
+            if near.body != NOTHING && (near.shade > threshold || raster.is_outline(x, y, jump)) {
+                let surface = surfaces.iter().find(|surface| surface.number == near.body);
+                let style = surface.map(|surface| surface.style(near.cluster, palette));
+                dots.set(x, y, style.unwrap_or_default());
             }
         }
     }
@@ -380,12 +439,14 @@ fn edges(
     surfaces: &[Drawn<'_>],
     projection: &Projection,
     raster: &Raster,
+    palette: Palette,
     dots: &mut Dots,
     wire: bool,
 ) {
     for surface in surfaces {
-        let (positions, style) = (surface.positions, surface.style);
+        let positions = surface.positions;
         let mut edge = |a: u32, b: u32| {
+            let style = surface.style(surface.cluster(a), palette);
             let point = |v: u32| positions.get(v as usize).map(|p| p.map(f64::from));
             let (Some(a), Some(b)) = (point(a), point(b)) else {
                 return;
@@ -397,7 +458,7 @@ fn edges(
                 let along = (x as f64 + 0.5 - from[0]).hypot(y as f64 + 0.5 - from[1]) / length;
                 let depth = a[2] + along.min(1.0) * (b[2] - a[2]);
                 // The edge of a triangle lies on the triangle: two dots of tolerance.
-                if depth <= raster.at(x, y).0 + 2.0 / projection.scale {
+                if depth <= raster.at(x, y).depth + 2.0 / projection.scale {
                     dots.set(x, y, style);
                 }
             }

@@ -256,11 +256,13 @@ impl Screen<'_> {
             camera,
             wire,
             contacts,
+            clusters,
             ..
         } = self.view;
         let layers = Layers {
             wire: *wire,
             contacts: *contacts,
+            clusters: *clusters,
         };
         body::draw(buffer, inner, self.model, camera, layers, self.palette);
     }

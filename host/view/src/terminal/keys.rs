@@ -43,6 +43,8 @@ pub struct View {
     pub wire: bool,
     /// Whether the forces of contacts are drawn.
     pub contacts: bool,
+    /// Whether the clusters of contact are drawn in colour.
+    pub clusters: bool,
     /// Whether the list of keys is shown.
     pub help: bool,
     /// The first chart, and the first event, that is shown.
@@ -107,6 +109,7 @@ pub fn follow(key: &KeyEvent, view: &mut View, model: &Model) -> Wish {
         KeyCode::Char('s') => return Wish::Save,
         KeyCode::Char('w') => view.wire = !view.wire,
         KeyCode::Char('c') => view.contacts = !view.contacts,
+        KeyCode::Char('k') => view.clusters = !view.clusters,
         KeyCode::Char('r') => view.camera = Camera::default(),
         KeyCode::Char('+' | '=') => view.camera.magnify(1.25),
         KeyCode::Char('-' | '_') => view.camera.magnify(0.8),
@@ -184,6 +187,7 @@ pub(super) fn help(log: bool, operates: bool) -> Vec<(&'static str, &'static str
         ("+  -  r", "larger, smaller, reset the picture"),
         ("w", "surfaces shaded, or as wire"),
         ("c", "show or hide the forces of contacts"),
+        ("k", "show or hide the clusters of contact"),
         (
             "Tab, PgDn",
             "scroll charts or events; back: Shift-Tab, PgUp",

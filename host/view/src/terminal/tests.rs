@@ -304,6 +304,7 @@ fn obstacles_follow_their_poses_and_contacts_are_drawn_if_asked() {
             contacts: vec![host::live::ContactArrow {
                 at: [0.0, 0.0, 0.0],
                 force: [3.0, 0.0, 0.0],
+                depth: 0.0,
             }],
             ..Frame::default()
         }))
@@ -322,6 +323,56 @@ fn obstacles_follow_their_poses_and_contacts_are_drawn_if_asked() {
     assert!(dots_of(&model, &view, palette.contact()) > 3);
     model.take(frame(-0.5), now);
     assert_eq!(dots_of(&model, &view, palette.faint()), 0);
+}
+
+#[test]
+fn clusters_have_a_colour_and_a_border_each_if_asked() {
+    let mut model = Model::default();
+    let hello = Hello {
+        bodies: vec![host::live::BodyInfo {
+            clusters: vec![0, 1, 1, 1],
+            ..Default::default()
+        }],
+        ..Hello::default()
+    };
+    let sheet = Message::Surface(Surface {
+        body: 0,
+        vertices: 4,
+        triangle_count: 2,
+        // No square: its diagonal would be a line of the shade's pattern.
+        rest: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.6, 0.0, 1.0, 0.6, 0.0],
+        triangles: vec![0, 1, 2, 3, 2, 1],
+        ..Surface::default()
+    });
+    let now = Instant::now();
+    model.take(Message::Hello(Box::new(hello)), now);
+    model.take(sheet, now);
+    let palette = Palette(Colours::True);
+    for wire in [false, true] {
+        let mut view = on(Tab::Body);
+        (view.camera.yaw, view.camera.pitch) = (0.0, std::f64::consts::FRAC_PI_2);
+        view.wire = wire;
+        let dots = |view: &View| [0, 1].map(|cluster| dots_of(&model, view, palette.hand(cluster)));
+        // The axes in the corner have these colours, too.
+        let (without, axes) = (plain(&model, &view), dots(&view));
+        assert!(axes.iter().all(|dots| *dots < 5), "{wire}");
+        press(KeyCode::Char('k'), &mut view, &model);
+        assert!(dots(&view).iter().all(|dots| *dots > 25), "{wire}");
+        // Of a flat surface the border of the clusters is the only line inside, and an edge already has that line.
+        assert_eq!(plain(&model, &view) == without, wire);
+        press(KeyCode::Char('k'), &mut view, &model);
+        assert_eq!(dots(&view), axes, "{wire}");
+    }
+}
+
+/// The display without colours.
+fn plain(model: &Model, view: &View) -> String {
+    let buffer = cells(100, 40, model, view, Palette(Colours::None));
+    buffer
+        .content
+        .iter()
+        .map(ratatui::buffer::Cell::symbol)
+        .collect()
 }
 
 #[test]
@@ -777,6 +828,7 @@ fn any_message() -> impl Strategy<Value = Message> {
                 frame.contacts.push(host::live::ContactArrow {
                     at: hand.position.map(|x| x as f32),
                     force: hand.force.map(|x| x as f32),
+                    depth: 0.0,
                 });
             }
             frame.totals.ticks = count;

@@ -69,8 +69,30 @@ const ARGUMENTS = [
     });
     assert(clusters.each && clusters.clusters > 10 && clusters.colours === clusters.clusters && clusters.bar === null, JSON.stringify(clusters));
     await page.locator("#canvas").focus();
+    // The overlaps: a mark for each contact in the colour of its depth.
+    await page.keyboard.press("c");
+    assert(await page.locator('input[value="overlaps"]').isChecked());
+    const overlaps = await page.evaluate(() => {
+      const { view, pixels } = window.__palpate;
+      const { overlaps } = view;
+      const count = (a, b) => a.filter((x, i) => Math.abs(x - b[i]) > 12).length;
+      const shown = pixels().pixels;
+      overlaps.visible = false;
+      const hidden = pixels().pixels;
+      overlaps.visible = true;
+      const depths = view.contacts.map(({ depth }) => depth);
+      const red = overlaps.geometry.attributes.color.array.filter((_, i) => i % 3 === 0 && i < 3 * depths.length);
+      return {
+        depths, colours: new Set(red).size, marks: overlaps.geometry.drawRange.count, pixels: count(shown, hidden), range: view.range, bar: view.bar(), coloured: view.coloured,
+      };
+    });
+    const deepest = Math.max(...overlaps.depths);
+    assert(deepest > 0 && overlaps.range[1] >= deepest && overlaps.range[1] < 2 * deepest, JSON.stringify(overlaps));
+    assert(overlaps.marks === seen.contacts && overlaps.colours > 1 && overlaps.pixels > 1000 && !overlaps.coloured, JSON.stringify(overlaps));
+    assert(overlaps.bar.name === "Depth of contacts" && !overlaps.bar.empty && overlaps.bar.ticks.at(-1).endsWith("m"), JSON.stringify(overlaps.bar));
     await page.keyboard.press("c");
     assert(await page.locator('input[value="none"]').isChecked());
+    assert.strictEqual(await page.evaluate(() => window.__palpate.view.overlaps.visible), false);
     assert.deepStrictEqual(errors, []);
     console.log(`CONTACTS ${seen.contacts}`);
   } finally {

@@ -171,18 +171,35 @@ impl Contacts {
         &self.surfaces
     }
 
-    /// Keeps each of the `bodies` awake unless all bodies of its island rest. Called before the bodies are constrained.
+    /// Keeps each of the `bodies` awake unless all bodies of its island rest on obstacles that stand. Called before the bodies are
+    /// constrained.
     pub fn keep_awake(
         &self,
         bodies: usize,
         rests: &dyn Fn(usize) -> bool,
         keep: &mut dyn FnMut(usize, bool),
     ) {
+        let mut is_carried = [false; MOST_BODIES];
+        for contact in self.rows.contacts() {
+            let [one, other] = contact.parts.map(|part| self.side(part));
+            if let (Side::Body(body), Side::Obstacle(obstacle))
+            | (Side::Obstacle(obstacle), Side::Body(body)) = (one, other)
+            {
+                is_carried[body] |= !self.stands_on(obstacle);
+            }
+        }
+        let rests = |body: &usize| rests(*body) && !is_carried[*body];
         for body in 0..bodies {
             let root = self.islands.root(body);
             let mut island = (0..bodies).filter(|other| self.islands.root(*other) == root);
-            keep(body, !island.all(rests));
+            keep(body, !island.all(|body| rests(&body)));
         }
+    }
+
+    /// Whether an obstacle stood in the last step and stands in the next one, which may be twice as long.
+    fn stands_on(&self, obstacle: usize) -> bool {
+        let [from, to] = self.times;
+        self.obstacles[obstacle].stands(from, to - from + 2.0 * self.h)
     }
 
     /// Begins the step of `h` seconds, after the bodies have been constrained: finds the rows. The obstacles move from one
@@ -208,7 +225,6 @@ impl Contacts {
         }
         self.gather(members);
         self.find(h);
-        self.make_touches(members);
     }
 
     /// Finds the rows of the positions and predicted displacements, for a step of `h` seconds.
@@ -286,6 +302,27 @@ impl Contacts {
         }
     }
 
+    /// Wakes pieces of torn sheets that share a row with something that moves.
+    fn stir<T: Precision>(&self, members: &mut [Member<'_, T>]) {
+        for contact in self.rows.contacts() {
+            let corners = contact.vertices.iter().zip(contact.weights);
+            let corners = corners.filter(|(_, weight)| *weight != 0.0);
+            let nodes = corners.filter_map(|(vertex, _)| self.at(*vertex));
+            let is_still = |at: At| {
+                let stepper = members[at.body].stepper.as_deref();
+                stepper.is_some_and(|stepper| stepper.is_still(at.node))
+            };
+            if contact.row.motion == Vec3::zeros() && nodes.clone().all(is_still) {
+                continue;
+            }
+            for at in nodes {
+                if let Some(stepper) = &mut members[at.body].stepper {
+                    stepper.stir(at.node);
+                }
+            }
+        }
+    }
+
     /// Makes the contacts of the solver, in the order of their islands.
     fn make_touches<T: Precision>(&mut self, members: &[Member<'_, T>]) {
         self.islands.begin(MOST_BODIES);
@@ -322,16 +359,18 @@ impl Contacts {
         (self.of_row, self.touches) = (order, touches);
     }
 
-    /// The island of a row; `None` if all its bodies rest.
+    /// The island of a row; `None` if all its bodies and pieces rest.
     fn island_of<T: Precision>(&self, row: usize, members: &[Member<'_, T>]) -> Option<usize> {
         let contact = &self.rows.contacts()[row];
         let vertices = contact.vertices.iter().zip(contact.weights);
-        let mut bodies = vertices
+        let mut nodes = vertices
             .filter(|(_, weight)| *weight != 0.0)
-            .filter_map(|(vertex, _)| self.at(*vertex))
-            .map(|at| at.body);
-        let awake = |body: &usize| members[*body].is_awake();
-        bodies.find(awake).map(|body| self.islands.root(body))
+            .filter_map(|(vertex, _)| self.at(*vertex));
+        let awake = |at: &At| {
+            let stepper = members[at.body].stepper.as_deref();
+            stepper.is_some_and(|stepper| !stepper.sleeps_at(at.node))
+        };
+        nodes.find(awake).map(|at| self.islands.root(at.body))
     }
 
     /// The nodes of a contact and their weights.
@@ -370,8 +409,13 @@ impl Contacts {
         };
         self.report.solved.converged = true;
         self.works = [0.0; MOST_BODIES];
-        if self.need == Need::Nothing {
-            return;
+        match self.need {
+            Need::Nothing => return,
+            Need::Clearance => {}
+            Need::All => {
+                self.stir(members);
+                self.make_touches(members);
+            }
         }
         let mut from = 0;
         while from < self.touches.len() {

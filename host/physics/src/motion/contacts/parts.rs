@@ -260,15 +260,17 @@ impl Contacts {
 
     /// The sides: the parts, and after them the shapes.
     pub fn sides(&self) -> Vec<Side> {
-        let parts = self.owners.iter().map(|owner| match owner {
-            Owner::Body(body) => Side::Body(*body),
-            Owner::Obstacle(obstacle) => Side::Obstacle(*obstacle),
-        });
-        let shapes = self
-            .of_shapes
-            .iter()
-            .map(|obstacle| Side::Obstacle(*obstacle));
-        parts.chain(shapes).collect()
+        let count = self.owners.len() + self.of_shapes.len();
+        (0..count).map(|number| self.side(number)).collect()
+    }
+
+    /// The side of this number.
+    pub(super) fn side(&self, number: usize) -> Side {
+        match self.owners.get(number) {
+            Some(Owner::Body(body)) => Side::Body(*body),
+            Some(Owner::Obstacle(obstacle)) => Side::Obstacle(*obstacle),
+            None => Side::Obstacle(self.of_shapes[number - self.owners.len()]),
+        }
     }
 }
 

@@ -99,12 +99,15 @@ impl<T: Precision> Stepper<T> {
         self.present.slowed = None;
         Body::check_length(h)?;
         self.follow(body).map_err(StepError::Matrix)?;
+        // A step that has been discarded may have left pieces guided.
+        self.sleep.lift(body, &mut self.places);
         if self.is_due() {
             self.join(body);
             self.linearize();
         }
         if body.state.x != self.elements.at {
             self.sleep.wake();
+            self.sleep.wake_pieces();
             self.elements.at.copy_from_slice(&body.state.x);
             self.linearize();
             self.begin_history(body);
@@ -155,6 +158,8 @@ impl<T: Precision> Stepper<T> {
             self.refresh(factors).map_err(StepError::Matrix)?;
         }
         self.last.stepped = None;
+        let is_awake = !self.pairs.is_empty();
+        self.sleep.lay(body, h, is_awake, &mut self.places);
         self.prescribe(body, h, targets);
         self.turn(body);
         self.respond();
@@ -259,10 +264,15 @@ impl<T: Precision> Stepper<T> {
             let is_free = self.present.joints.is_empty() || self.present.is_certified;
             if speed > 0.0 && report.converged && is_free {
                 self.sleep.observe(body, h, &targets, speed);
+                self.sleep.observe_pieces(body, speed);
             } else {
                 self.sleep.wake();
+                if !is_free {
+                    self.sleep.wake_pieces();
+                }
             }
         }
+        self.sleep.lift(body, &mut self.places);
         self.present.targets = targets;
         ended.map(|()| report)
     }

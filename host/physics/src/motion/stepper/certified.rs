@@ -52,6 +52,26 @@ impl<T: Precision> Stepper<T> {
         self.present.underway.is_some_and(|step| step.report.asleep)
     }
 
+    /// Whether the body, or the piece of a torn sheet to which a node belongs, sleeps in the present step.
+    pub fn sleeps_at(&self, node: u32) -> bool {
+        self.sleeps() || self.sleep.has_asleep(node)
+    }
+
+    /// Number of pieces that sleep while the body is awake.
+    pub fn pieces_asleep(&self) -> usize {
+        self.sleep.pieces_asleep()
+    }
+
+    /// Whether the body, or the piece to which a node belongs, has lain still long enough to sleep.
+    pub(crate) fn is_still(&self, node: u32) -> bool {
+        self.sleep.is_still(node)
+    }
+
+    /// Wakes the piece of a node in the present step, after `constrain`.
+    pub(crate) fn stir(&mut self, node: u32) {
+        self.sleep.stir(node, &mut self.places);
+    }
+
     /// Certifies the displacement after the solve: each free node takes its `fraction` of the displacement, from zero to one.
     /// `finish` keeps the displacement: if the step would add energy, the body loses velocity. The residual follows.
     ///

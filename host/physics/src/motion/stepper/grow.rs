@@ -217,7 +217,7 @@ impl<T: Precision> Stepper<T> {
         }
         self.present.underway = None;
         self.epoch = body.epoch();
-        self.sleep.wake();
+        self.sleep.note_edit(body, done.parted);
         self.last.stepped = None;
         for moved in done.moved.iter().flatten() {
             let weight = |i: usize| {

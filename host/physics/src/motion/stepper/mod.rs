@@ -43,6 +43,7 @@ use iterate::Vectors;
 pub(crate) use iterate::{Limits, Solved};
 pub use ledger::Ledger;
 pub use options::{Guess, StepperOptions, StepperReport};
+pub(crate) use places::Places;
 
 use super::constraint::Constraints;
 use super::constraint::cohesion::Cohesion;
@@ -58,7 +59,6 @@ use crate::team::{self, Alone, Team};
 use calls::Present;
 use factor::{Factor, factors};
 use linearized::Linearized;
-use places::Places;
 use std::sync::Arc;
 
 /// The next step uses the learned directions only after a step of more iterations than this.
@@ -167,6 +167,10 @@ impl<T: Precision> Stepper<T> {
                 set.reserve(spare.triangles);
             }
         }
+        let by_pieces = options.may_touch && options.sleep_speed > 0.0;
+        if by_pieces && spare.vertices > 0 {
+            places.mask.reserve(places.held);
+        }
         Ok(Self {
             options,
             team: Arc::new(Alone),
@@ -191,7 +195,7 @@ impl<T: Precision> Stepper<T> {
                 targets: Vec::with_capacity(body.handle_count()),
                 ..Present::default()
             },
-            sleep: Sleep::new(body),
+            sleep: Sleep::new(body, by_pieces),
             ledger: None,
             places,
         })

@@ -73,6 +73,17 @@ impl<T: Precision> Places<T> {
         }
     }
 
+    /// Guides the axes that supports guide, and no others.
+    pub(crate) fn guide(&mut self, body: &Body) {
+        let Some(guided) = body.constraints.supports.mask() else {
+            self.mask.clear();
+            return;
+        };
+        for (mask, node) in self.mask.iter_mut().zip(&self.node[..self.free]) {
+            *mask = to_node(&guided[*node as usize]);
+        }
+    }
+
     /// The place of each row of the matrix of `body`.
     pub(super) fn of_rows(&self, body: &Body) -> Vec<u32> {
         by_place(&self.of, body.assembly.places.nodes())

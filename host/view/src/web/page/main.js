@@ -55,7 +55,7 @@ on(Kind.HELLO, (hello) => {
   setText(get("facts"), facts.join(" · "));
   document.title = `${hello.scene || "Palpate"} – Palpate`;
   get("labels").dataset.log = String(hello.source === "log");
-  for (const id of ["contacts-label", "clusters-label"]) get(id).hidden = !hello.touches;
+  for (const id of ["contacts-label", "clusters-label", "overlaps-label"]) get(id).hidden = !hello.touches;
   if (!same) view.begin(hello);
   charts.begin(hello);
   panel.begin(hello);

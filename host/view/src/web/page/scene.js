@@ -4,7 +4,7 @@
  */
 import * as THREE from "three";
 import { OrbitControls } from "./vendor/OrbitControls.js";
-import { handColour, onTheme, property, SHAPES, table } from "./colours.js";
+import { handColour, onTheme, property, SHAPES, table, viridis } from "./colours.js";
 import { quantity, round125 } from "./format.js";
 
 /** Ranges of colours end at such multiples of a power of ten. */
@@ -17,8 +17,10 @@ const COARSE = 0.75;
 const LABELS = 100;
 /** Most contacts of a frame. */
 const CONTACTS = 256;
-const UNIT = { displacement: "m", stress: "Pa" };
-const NAME = { displacement: "Displacement", stress: "Von Mises stress" };
+/** The size of the mark of an overlap (CSS pixels). */
+const MARK = 7;
+const UNIT = { displacement: "m", stress: "Pa", overlaps: "m" };
+const NAME = { displacement: "Displacement", stress: "Von Mises stress", overlaps: "Depth of contacts" };
 const up = new THREE.Vector3(0, 0, 1);
 const scratch = new THREE.Vector3();
 
@@ -102,6 +104,14 @@ export class View {
     this.pushes.frustumCulled = false;
     this.pushes.visible = false;
     this.scene.add(this.pushes);
+    this.overlaps = new THREE.Points(new THREE.BufferGeometry(), new THREE.PointsMaterial({ size: MARK, sizeAttenuation: false, vertexColors: true, depthTest: false }));
+    for (const name of ["position", "color"]) {
+      this.overlaps.geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(3 * CONTACTS), 3).setUsage(THREE.DynamicDrawUsage));
+    }
+    this.overlaps.frustumCulled = false;
+    // Contacts are drawn last, so that no body hides them.
+    this.pushes.renderOrder = this.overlaps.renderOrder = 1;
+    this.scene.add(this.overlaps);
     this.map = new THREE.DataTexture(new Uint8Array(table().buffer), 256, 1);
     this.map.colorSpace = THREE.SRGBColorSpace;
     this.map.minFilter = THREE.LinearFilter;
@@ -294,7 +304,7 @@ export class View {
   /** Whether the bodies are coloured: a quantity is chosen, and the frames have it. */
   get coloured() {
     if (this.colour === "stress") return this.bodies.some((body) => body?.stress);
-    return this.colour !== "none";
+    return this.colour !== "none" && this.colour !== "overlaps";
   }
 
   recolour() {
@@ -306,6 +316,7 @@ export class View {
     const background = new THREE.Color(property("--view"));
     this.renderer.setClearColor(background);
     const coloured = this.coloured;
+    this.overlaps.visible = this.colour === "overlaps";
     for (const body of this.bodies) {
       if (!body) continue;
       body.mesh.visible = this.mode !== "wire" && !body.isThread;
@@ -456,6 +467,7 @@ export class View {
     this.updateBodies();
     this.updateHands();
     if (this.pushes.visible) this.updateContacts();
+    if (this.overlaps.visible) this.updateOverlaps();
     this.renderer.render(this.scene, this.camera);
     this.draws += 1;
     const now = performance.now();
@@ -486,8 +498,7 @@ export class View {
     for (const { values } of this.bodies.filter(Boolean)) {
       for (const value of values ?? []) if (value > most) most = value;
     }
-    if (!this.held && (most > this.range[1] || most < 0.55 * this.range[1])) this.range = [0, end(most)];
-    const scale = this.range[1] > 0 ? 1 / this.range[1] : 0;
+    const scale = this.fit(most);
     for (const body of this.bodies.filter(Boolean)) {
       const uv = body.uv.array;
       for (let i = 0; i < body.surface.vertices; i += 1) {
@@ -497,6 +508,12 @@ export class View {
       }
       body.uv.needsUpdate = true;
     }
+  }
+
+  /** Fits the range of the colours to the largest value. Returns the factor from a value to a place in the range. */
+  fit(most) {
+    if (!this.held && (most > this.range[1] || most < 0.55 * this.range[1])) this.range = [0, end(most)];
+    return this.range[1] > 0 ? 1 / this.range[1] : 0;
   }
 
   /** The quantity that is shown in colour, by vertex. */
@@ -559,6 +576,20 @@ export class View {
     this.pushes.geometry.setDrawRange(0, 2 * shown.length);
   }
 
+  /** Marks at the contacts, in the colour of their depth. */
+  updateOverlaps() {
+    const shown = this.contacts.slice(0, CONTACTS);
+    const scale = this.fit(Math.max(0, ...shown.map(({ depth }) => depth)));
+    const { position, color } = this.overlaps.geometry.attributes;
+    shown.forEach(({ at, depth }, index) => {
+      const rgb = viridis(depth * scale).map((part) => part / 255);
+      position.array.set(at, 3 * index);
+      color.array.set(new THREE.Color().setRGB(...rgb, THREE.SRGBColorSpace).toArray(), 3 * index);
+    });
+    position.needsUpdate = color.needsUpdate = true;
+    this.overlaps.geometry.setDrawRange(0, shown.length);
+  }
+
   /** The position of a point (m) on the canvas, in CSS pixels from its left upper corner. */
   project(point) {
     scratch.set(point[0], point[1], point[2]).project(this.camera);
@@ -614,7 +645,7 @@ export class View {
     return {
       name: NAME[this.colour],
       ticks: scale([0, 0.25, 0.5, 0.75, 1].map((t) => low + t * (high - low)), UNIT[this.colour]),
-      empty: !this.coloured,
+      empty: !this.coloured && this.colour !== "overlaps",
     };
   }
 
