@@ -9,6 +9,7 @@ static ALLOCATOR: alloc_count::calls::Counting = alloc_count::calls::Counting;
 mod beam;
 mod calculix;
 mod calls;
+mod certified;
 mod contacts;
 mod equilibrium;
 mod guard;

@@ -33,7 +33,10 @@ impl Contacts {
             if !self.hold_back(members) {
                 break;
             }
+            // Vertices are counted that crossings stop, and not those of bodies that are held back.
+            let by_crossings = self.report.truncated.truncated;
             self.truncate();
+            self.report.truncated.truncated = by_crossings;
         }
         for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
             let Owner::Body(body) = owner else { continue };
