@@ -9,6 +9,9 @@ use crate::element::precision::Precision;
 
 /// How often bodies are held back that would gain energy, and the displacements shortened again.
 const PULLS: usize = 3;
+/// An edge that moves by this fraction of its length, less the motion that its ends share, is stretched by half of the
+/// square of this fraction, which the linearized equation does not know.
+const TURNED: f64 = 0.05;
 
 impl Contacts {
     /// Shortens the solved displacements such that nothing crosses, and keeps the forces for the next step.
@@ -146,7 +149,14 @@ impl Contacts {
                 });
                 energies.sum()
             };
-            by *= stepper.fraction_of_least(body, &|node| by * of(node), &contacts);
+            let turns = part.edges.clone().any(|edge| {
+                let [a, b] = self.surfaces.edges[edge as usize].map(|vertex| vertex as usize);
+                let by = (self.u[a] - self.u[b]).norm_squared();
+                by > TURNED * TURNED * (self.x[a] - self.x[b]).norm_squared()
+            });
+            if turns {
+                by *= stepper.fraction_of_least(body, &|node| by * of(node), &contacts);
+            }
             if by < 1.0 {
                 is_changed = true;
                 let free = self.fractions[range.clone()]
