@@ -98,7 +98,8 @@ impl Contacts {
         let period = FURTHER * horizon;
         let is_idle = self.need == Need::Nothing
             || self.clearance.is_enough_for(period / self.h)
-            || !members.iter().any(Member::is_awake);
+            || !members.iter().any(Member::is_awake)
+            || members.iter().all(|member| member.body.handle_count() == 0);
         if is_idle {
             return;
         }
