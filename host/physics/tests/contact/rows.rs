@@ -215,14 +215,14 @@ fn an_overlap_parts_in_a_tenth_of_a_second() {
         ..contact.row.response(&Vec3::zeros())
     };
     let responses: Vec<Response> = rows.contacts().iter().map(parted).collect();
-    let work = rows.end(responses.iter());
+    let work = rows.end(responses.iter(), &|_| false);
     assert!(
         (work - 1e-3 * responses.len() as f64).abs() < 1e-12,
         "{work}"
     );
     let nearly = over_a_diagonal(0.9e-3, Vec3::zeros());
     assert!(nearly.begin(&mut rows, &mut lists, None).parting > 0);
-    rows.end(responses.iter());
+    rows.end(responses.iter(), &|_| false);
     // A contact that has parted carries nothing.
     let apart = over_a_diagonal(0.999e-3, Vec3::zeros());
     assert_eq!(apart.begin(&mut rows, &mut lists, None).parting, 0);
@@ -232,7 +232,7 @@ fn an_overlap_parts_in_a_tenth_of_a_second() {
         ..*response
     };
     let responses: Vec<Response> = responses.iter().map(still).collect();
-    rows.end(responses.iter());
+    rows.end(responses.iter(), &|_| false);
     // Afterwards it is like others, and carries its force unless it opens.
     let pressed = over_a_diagonal(0.9e-3, Vec3::zeros());
     assert_eq!(pressed.begin(&mut rows, &mut lists, None).parting, 0);
@@ -259,10 +259,31 @@ fn a_force_follows_its_vertex_over_triangles() {
             friction: Vec3::new(0.3, 0.4, 0.0),
             ..tip.row.response(&Vec3::zeros())
         };
-        rows.end([response].iter());
+        rows.end([response].iter(), &|_| false);
         assert!(rows.stored() > 0.0);
     }
     assert_ne!(corners[0], corners[1]);
+}
+
+/// Rows against each other would grow without bound.
+#[test]
+fn the_force_of_a_stopped_vertex_does_not_grow() {
+    let scene = over_a_diagonal(0.999e-3, Vec3::zeros());
+    let mut rows = Rows::new(&scene.surfaces, 100);
+    let mut lists = Lists::new(&scene.surfaces, &scene.x);
+    for (force, is_stopped, kept) in [(2.0, false, 2.0), (3.0, true, 2.0), (1.0, true, 1.0)] {
+        scene.begin(&mut rows, &mut lists, None);
+        let tip = rows.contacts()[0];
+        let response = Response {
+            normal: force,
+            ..tip.row.response(&Vec3::zeros())
+        };
+        rows.end([response].iter(), &|vertex| {
+            is_stopped && vertex == tip.vertices[0]
+        });
+        scene.begin(&mut rows, &mut lists, None);
+        assert_eq!(rows.contacts()[0].forces()[0], kept);
+    }
 }
 
 #[test]
@@ -397,7 +418,7 @@ fn a_step_allocates_nothing() {
                     .iter()
                     .map(|one| one.row.response(&Vec3::zeros())),
             );
-            rows.end(responses.iter());
+            rows.end(responses.iter(), &|_| false);
         });
         assert_eq!(calls, 0, "{step}");
     }

@@ -221,7 +221,7 @@ impl World {
         };
         done.parting_work = self
             .rows
-            .end(self.touches.iter().map(|touch| &touch.response));
+            .end(self.touches.iter().map(|touch| &touch.response), &|_| false);
         for (stepper, body) in steppers.iter_mut().zip(&mut self.bodies) {
             stepper.finish(body, || false).unwrap();
         }

@@ -57,7 +57,7 @@ pub struct ContactReport {
     pub parted: f64,
     /// The energy in the springs of friction (J).
     pub stored: f64,
-    /// The energy that truncation took (J): kinetic energy, and work that contacts would have done.
+    /// The energy that the forces which shorten displacements took from the bodies (J).
     pub stopped: f64,
 }
 
