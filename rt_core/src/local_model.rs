@@ -173,6 +173,18 @@ fn largest(block: &Mat6) -> [f64; 2] {
     [sums(0), sums(3)]
 }
 
+/// The product of a column and a row, without the library's general product, in which a panic is left.
+fn outer(column: &Vec6, row: &Vec6) -> Mat6 {
+    let mut product = Mat6::zeros();
+    let columns = product.as_mut_slice().chunks_exact_mut(6);
+    for (to, scale) in columns.zip(row.iter()) {
+        for (to, from) in to.iter_mut().zip(column.iter()) {
+            *to = from * scale;
+        }
+    }
+    product
+}
+
 /// Removes from `force` the part that pulls against `normal`. Returns whether there was such a part.
 fn clip(force: &mut Vec3, normal: &Vec3) -> bool {
     let along = force.dot(normal);
@@ -380,7 +392,7 @@ impl LocalModel {
         }
         if self.head.tear_limit.is_touch() {
             for (found, handle) in found.iter_mut().zip(self.handles()) {
-                let slope = handle.tear_slope * handle.tear_slope.transpose();
+                let slope = outer(&handle.tear_slope, &handle.tear_slope);
                 let more = largest(&slope).map(|slope| -self.head.tear_limit.area * slope);
                 *found = [found[0] + more[0], found[1] + more[1]];
             }

@@ -36,7 +36,7 @@
 //! The certificate of the cap does not rely on these numbers. A model with a wrong limit gives a wrong force, and no
 //! energy that hands have not supplied.
 
-use super::{Deviation, Lead, LocalModel, largest};
+use super::{Deviation, Lead, LocalModel, largest, outer};
 use crate::MAX_HANDLES;
 use crate::geometry::{Pose, Twist, Vec6};
 
@@ -96,7 +96,7 @@ impl TearLimit {
     fn damper(&self, excess: f64, rate: f64) -> f64 {
         let most = -self.area * excess;
         if self.is_touch() {
-            (self.damping() * rate).clamp(-most, most)
+            (self.damping() * rate).max(-most).min(most)
         } else {
             0.0
         }
@@ -172,10 +172,11 @@ impl LocalModel {
             return;
         }
         let mut damping = self.head.tear_limit.damping();
-        let own = self.damping.iter().enumerate().zip(self.handles());
-        for ((i, row), handle) in own {
+        let handles = usize::from(self.head.handle_count);
+        let own = self.damping.iter().enumerate().zip(&self.handles);
+        for ((i, row), handle) in own.take(handles) {
             let Some(block) = row.get(i) else { continue };
-            let slope = handle.tear_slope * handle.tear_slope.transpose();
+            let slope = outer(&handle.tear_slope, &handle.tear_slope);
             let each = largest(block).into_iter().zip(largest(&slope));
             for ((found, slope), most) in each.zip(most(handle.device)) {
                 if slope > 0.0 {
@@ -201,7 +202,7 @@ impl LocalModel {
         for ((stiffness, damping), own) in rows.zip(touched.handles()) {
             let blocks = stiffness.iter_mut().zip(damping);
             for ((k, b), other) in blocks.zip(touched.handles()) {
-                let slopes = own.tear_slope * other.tear_slope.transpose();
+                let slopes = outer(&own.tear_slope, &other.tear_slope);
                 *k -= slopes * (fraction * limit.area);
                 *b += slopes * (fraction * limit.damping());
             }

@@ -126,11 +126,16 @@ impl Contacts {
             let range = part.vertices.start as usize..part.vertices.end as usize;
             let fractions = &self.fractions[range.clone()];
             let of = |node: u32| fractions.get(node as usize).copied().unwrap_or(1.0);
-            let is_shorter = fractions.iter().any(|fraction| *fraction < 1.0);
+            let free = fractions.iter().zip(&self.mass[range.clone()]);
+            let free = free.filter(|(_, mass)| mass.is_finite());
+            let least = free.fold(1.0, |least, (fraction, _)| fraction.min(least));
             let mut by = 1.0;
-            if is_shorter {
+            if least < 1.0 {
                 by = stepper.fraction_without_gain(&of);
             }
+            // A stiff body that stops at a vertex goes further as a whole, which gives no energy either.
+            let whole = (by < least).then_some(least);
+            let of = |node: u32| whole.unwrap_or_else(|| by * of(node));
             let rows = self.touches.iter().zip(&self.of_row);
             let contacts = |s: f64| {
                 let energies = rows.clone().map(|(touch, row)| {
@@ -142,8 +147,12 @@ impl Contacts {
                             continue;
                         };
                         let moves = body == *number && self.mass[at].is_finite();
-                        let scale = if moves { by * s } else { 1.0 };
-                        ju += self.u[at] * (weight * scale * self.fractions[at]);
+                        let fraction = if moves {
+                            s * of(vertex - part.vertices.start)
+                        } else {
+                            self.fractions[at]
+                        };
+                        ju += self.u[at] * (weight * fraction);
                     }
                     touch.row.energy(&ju, &touch.response.friction)
                 });
@@ -154,16 +163,17 @@ impl Contacts {
                 let by = (self.u[a] - self.u[b]).norm_squared();
                 by > TURNED * TURNED * (self.x[a] - self.x[b]).norm_squared()
             });
+            let mut further = 1.0;
             if turns {
-                by *= stepper.fraction_of_least(body, &|node| by * of(node), &contacts);
+                further = stepper.fraction_of_least(body, &of, &contacts);
             }
-            if by < 1.0 {
+            if by < 1.0 || further < 1.0 {
                 is_changed = true;
                 let free = self.fractions[range.clone()]
                     .iter_mut()
                     .zip(&self.mass[range]);
                 for (fraction, _) in free.filter(|(_, mass)| mass.is_finite()) {
-                    *fraction *= by;
+                    *fraction = further * whole.unwrap_or(by * *fraction);
                 }
             }
         }
