@@ -1,14 +1,14 @@
 //! Pieces of a torn sheet that lie still sleep while the rest of the sheet moves.
 
 use crate::common::Random;
-use crate::contacts::{DOWN, H, RADIUS, World};
+use crate::contacts::{DOWN, H, RADIUS, World, sheet};
 use nalgebra::Isometry3;
 use physics::contact::obstacle::{Motion, TimedPose};
 use physics::contact::shape::Shape;
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{Mesh, TriMesh};
 use physics::topology::{Edit, Growth, Reserve};
-use physics::{Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Vec3};
+use physics::{Border, Freedom, HandlePose, HandleSpec, Vec3};
 
 /// A sheet in pieces: one that a hand holds at a height of 5 cm, and one or more whose middles are at `places` (m).
 fn torn(places: &[Vec3], sleeps: bool) -> World {
@@ -32,18 +32,7 @@ fn torn(places: &[Vec3], sleeps: bool) -> World {
         freedom: Freedom::Rigid,
         border: Border::Hinged,
     };
-    let material = Material {
-        young: 1e6,
-        poisson: 0.3,
-        thickness: 2.0 * RADIUS,
-        density: 1000.0,
-    };
-    let config = BodyConfig {
-        gravity: DOWN,
-        stiffness_damping: 1e-3,
-        ..BodyConfig::default()
-    };
-    let mut body = Body::sheet(&mesh, &[material], config, &[handle]).unwrap();
+    let mut body = sheet(&mesh, DOWN, &[handle]);
     let reserve = Reserve {
         vertices: 8,
         triangles: 16,
