@@ -431,7 +431,8 @@ impl Coupling {
             self.keep_stored(stored, ahead, devices);
         }
         self.to.copy_used_from(&self.pending);
-        self.passivity.begin(self.to.head.energy);
+        self.passivity
+            .begin(self.to.head.energy, self.to.head.released);
         self.part_account(division.as_ref(), by_piece.as_ref());
         self.passivity.note_stored(self.to.head.energy.max(0.0));
         self.ahead = ahead;

@@ -129,7 +129,7 @@ pub struct EnergyAccount {
     /// The minimum over time of `supplied - raised + credited`: minus the net energy that came out at the hands. The
     /// port of the hands lies behind the dissipation of their devices.
     pub least: f64,
-    /// Energy stored when the first model came.
+    /// Energy in the first model that the body had before hands moved it.
     pub initial: f64,
     /// Recoverable energy of the local model. Under `capped`, the model as rendered now counts; under other schemes,
     /// the model as published.
@@ -352,13 +352,15 @@ impl Passivity {
         self.total();
     }
 
-    /// Takes the energy stored in the first local model (J). The hands need not have supplied that energy.
-    pub(crate) fn begin(&mut self, stored: f64) {
+    /// Takes the energy stored in the first local model, and the part of it that the body has released by itself (J). The hands
+    /// need not have supplied that part. The rest is the work of hands that moved before the first model: they felt no
+    /// force, so they have not paid for it yet.
+    pub(crate) fn begin(&mut self, stored: f64, released: f64) {
         if !self.began {
             self.began = true;
-            self.account.initial = stored.max(0.0);
+            self.account.initial = stored.min(released).max(0.0);
             let [whole, ..] = &mut self.pieces;
-            whole.credit += self.account.initial;
+            whole.begin(self.account.initial, released);
         }
     }
 

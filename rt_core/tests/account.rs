@@ -389,6 +389,7 @@ fn the_cap_does_not_buzz_on_a_single_count() {
         model.handles[0].contact = Vec3::zeros();
         model.handles[0].wrench.force.x = 2.0;
         model.head.energy = 10e-3;
+        model.head.released = model.head.energy;
         coupling.accept(&model).expect("a sound model");
         let mut estimator = VelocityEstimator::for_encoder(PERIOD, count);
         let (mut last, mut largest) = (0.0, 0.0_f64);
@@ -428,6 +429,7 @@ fn what_hands_supply_is_stored_or_raised_or_dissipated() {
     handle.wrench.force.x = -pull - weight;
     model.damping[0][0][(0, 0)] = b;
     model.head.energy = pull * pull / (2.0 * k);
+    model.head.released = model.head.energy;
     let mut coupling = coupling(Scheme::Capped, Port::UNKNOWN);
     coupling.accept(&model).expect("a sound model");
     for _ in 0..10 {
@@ -486,6 +488,7 @@ fn a_count_to_and_fro_costs_what_the_friction_does_not_cover() {
             model.stiffness[0][0][(axis, axis)] = k;
         }
         model.head.energy = 1.0;
+        model.head.released = model.head.energy;
         coupling.accept(&model).expect("a sound model");
         let mut at = |x: i32, y: i32| {
             let ticks = if rests { 5 } else { 1 };
@@ -575,6 +578,7 @@ fn a_count_after_a_rest_is_paid_by_the_mean_of_the_force_before_and_after() {
         let mut model = wall(k);
         model.handles[0].contact = Vec3::zeros();
         model.head.energy = 1.0;
+        model.head.released = model.head.energy;
         coupling.accept(&model).expect("a sound model");
         let mut at = |x: f64| {
             tick(&mut coupling, moving(-x * count, 0.0));

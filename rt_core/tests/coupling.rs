@@ -558,6 +558,7 @@ fn the_force_of_a_hand_that_leaves_passes_to_zero_without_a_jump() {
         let mut model = spring(1, 0, 300.0, 0.0, 1.5);
         // The pull is stored, so no scheme limits it.
         model.head.energy = 1.0;
+        model.head.released = model.head.energy;
         let mut now = 0;
         for _ in 0..10 {
             now += 20 * MS;

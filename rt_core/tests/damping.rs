@@ -46,6 +46,7 @@ fn body() -> LocalModel {
     model.head.handle_count = 2;
     model.handles[1].device = 1;
     model.head.energy = 100.0;
+    model.head.released = model.head.energy;
     model
 }
 
@@ -398,6 +399,7 @@ fn the_damper_goes_on_in_the_parts_of_a_piece_and_in_no_other_piece() {
                 piece.stored = 10e-3 * if claims == 1 { much } else { 1.0 } / parts;
             }
             model.head.energy = model.head.pieces.iter().map(|piece| piece.stored).sum();
+            model.head.released = model.head.energy;
             model
         };
         let mut place = 0.0;

@@ -32,6 +32,7 @@ fn body(epoch: u32, hands: &[(u8, u8)]) -> LocalModel {
         model.head.pieces[usize::from(*piece)].stored = 0.5;
     }
     model.head.energy = 0.5 * f64::from(model.piece_count());
+    model.head.released = model.head.energy;
     model
 }
 

@@ -433,6 +433,7 @@ fn the_energy_stored_in_the_first_model_belongs_to_the_body() {
     model.handles[0].contact = Vec3::zeros();
     model.handles[0].wrench.force = Vec3::x() * pull;
     model.head.energy = pull * pull / (2.0 * k);
+    model.head.released = model.head.energy;
     coupling.accept(&model).expect("a sound model");
     let still = [(Pose::identity(), Twist::zero())];
     let last = (0..100).map(|_| coupling.tick(1, &still)[0].force.x).last();
@@ -442,6 +443,51 @@ fn the_energy_stored_in_the_first_model_belongs_to_the_body() {
     let more = coupling.energy().available - model.head.energy;
     let allowance = PassivityConfig::new(PERIOD).allowance;
     assert!((more - allowance).abs() < 1e-15, "{more}");
+}
+
+#[test]
+fn hands_that_move_before_the_first_model_must_pay_for_the_energy_in_it() {
+    // The body stores 5 mJ, of which it had this much before the hands moved.
+    for own in [0.0, 1e-3, 5e-3, 8e-3] {
+        let passivity = PassivityConfig::new(PERIOD);
+        let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+        let (k, stretch) = (200.0, [-3e-3, 4e-3]);
+        let mut model = wall(k, 1, 1);
+        model.head.period = PERIOD;
+        model.head.handle_count = 2;
+        model.handles[1].device = 1;
+        model.stiffness[1][1] = model.stiffness[0][0];
+        for (handle, x) in model.handles.iter_mut().zip(stretch) {
+            handle.contact = Vec3::zeros();
+            handle.pose = Pose::at(Vec3::x() * x);
+            handle.wrench.force = Vec3::x() * -k * x;
+        }
+        let stored = stretch.map(|x| 0.5 * k * x * x).iter().sum::<f64>();
+        (model.head.energy, model.head.released) = (stored, own);
+        // The hands go out before the model comes, and back after it.
+        let at =
+            |fraction: f64| stretch.map(|x| (Pose::at(Vec3::x() * x * fraction), Twist::zero()));
+        let mut tick = |fraction: f64, coming: Option<&LocalModel>| {
+            if let Some(model) = coming {
+                coupling.accept(model).expect("a sound model");
+            }
+            let wrenches = coupling.tick(1, &at(fraction));
+            let mut held = [Wrench::zero(); MAX_DEVICES];
+            held[..2].copy_from_slice(&wrenches[..2]);
+            coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
+        };
+        (0..100).for_each(|tick_number| tick(f64::from(tick_number) / 100.0, None));
+        // The hands rest until the force has come in.
+        (0..100).for_each(|tick_number| tick(1.0, (tick_number == 0).then_some(&model)));
+        (0..=500).for_each(|tick_number| tick(1.0 - f64::from(tick_number) / 500.0, None));
+        let account = coupling.energy();
+        let most = own.min(stored);
+        assert_eq!(account.initial, most);
+        let got = -account.supplied;
+        assert!(got <= most + 2.0 * passivity.allowance, "{own}: {got}");
+        // The body gives back the energy that is its own, less the energy that the blend of its force withholds.
+        assert!(got >= 0.8 * most, "{own}: {got}");
+    }
 }
 
 /// The force that the body of [`pulling`] asks for on each hand (N).
@@ -468,6 +514,7 @@ fn pulling() -> LocalModel {
 fn claimed(passivity: &PassivityConfig) -> ([f64; 2], f64, Withheld) {
     let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
     let mut model = pulling();
+    model.head.released = 10e-3;
     let still = [(Pose::identity(), Twist::zero()); 2];
     let mut forces = [0.0; 2];
     for (time, energy) in [(1, 10e-3), (2, 20e-3)] {
@@ -532,6 +579,7 @@ fn what_the_cap_holds_back_is_recorded_as_far_as_the_force_is_trusted() {
         if tick <= 90 {
             (model.head.sequence, model.head.time_ns) = (tick, tick * ms);
             model.head.energy = if tick < 50 { 10e-3 } else { 100e-3 };
+            model.head.released = 10e-3;
             coupling.accept(&model).expect("a sound model");
         }
         let wrenches = coupling.tick(tick * ms, &still);
@@ -578,6 +626,7 @@ fn a_slow_force_keeps_back_the_work_that_it_will_do_before_it_vanishes() {
         for tick in 1..60_u64 {
             if tick == 1 || tick == 20 {
                 model.head.energy = if tick == 1 { 10e-3 } else { 20e-3 };
+                model.head.released = 10e-3;
                 (model.head.sequence, model.head.time_ns) = (tick, tick);
                 coupling.accept(&model).expect("a sound model");
             }

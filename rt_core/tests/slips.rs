@@ -354,6 +354,7 @@ fn an_energy_that_no_motion_can_take_out_leads_to_no_force_at_rest_and_a_bounded
     for claimed in [1.0, 1e300, f64::MAX] {
         let mut model = grounded(&[0]);
         model.head.energy = claimed;
+        model.head.released = model.head.energy;
         let mut rig = Rig::new(1, Freedom::Three, vec![grounded(&[0])]);
         for _ in 0..100 {
             rig.tick(false, &[at(0.0, 0.0, 0.0)]);
@@ -386,6 +387,7 @@ fn a_force_that_no_motion_lowers_does_not_carry_the_proxy_away() {
     model.head.handle_count = 1;
     model.handles[0].wrench.force = Vec3::new(0.0, 0.6, 0.8);
     model.head.energy = 1.0;
+    model.head.released = model.head.energy;
     rig.models = vec![model];
     let mut last = Vec3::zeros();
     for _ in 0..5000 {

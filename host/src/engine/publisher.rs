@@ -79,13 +79,16 @@ impl Publisher {
             let report = body.handle_report(handle);
             report.map(|report| report.pose.position)
         });
-        let stored = publishing.energy.then(|| Stored::new(origins.collect()));
+        let origins: Vec<_> = origins.collect();
         let handles = model.handles.iter_mut().zip(devices);
         for ((reference, device), weight) in handles.zip(body.handle_weights()) {
             reference.device = *device;
             reference.weight = weight;
             publishing.projected.weight(reference);
         }
+        let stored = publishing
+            .energy
+            .then(|| Stored::new(body, body.elastic_energy(), origins, &model));
         Self {
             placing: model,
             model,

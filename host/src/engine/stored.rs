@@ -15,9 +15,11 @@
 //! buckled, the body's own energy exceeds the work of the hands, because models that came late pulled the hands along
 //! during the snap.
 //!
-//! If the body's own energy falls below zero, the body has **released** more than the first model claimed. For
-//! example, the sag of a strip gives the potential of its weight to the hands. Models state the released energy, too,
-//! and `c` rises by the same amount.
+//! Hands may get back more than they supplied if the body **released** energy of its own. Models state the sum of these
+//! energies, too. The sum begins with the energy in the first model that is the body's own (`initial`): hands may have
+//! moved their handles before this model, and have paid nothing for it, for they felt no force yet. If the body's own
+//! energy `V_W` falls below zero later, the body has released more. For example, the sag of a strip gives the potential
+//! of its weight to the hands. `c` then rises by the same amount.
 //!
 //! A body that **parts into pieces** has such an account for each piece (`Stored::part`). The energy that the account
 //! had is divided by the elastic energies of the pieces.
@@ -47,10 +49,26 @@ pub(super) struct Stored {
     origins: Vec<Vec3>,
     /// `c` (J); `None` before the first model.
     constant: Option<f64>,
+    /// The energies when the hands took hold of the body, before they moved it.
+    start: Energies,
     /// The energy released so far (J).
     released: f64,
     /// The account of each piece, by its number; empty for a whole body.
     pieces: Vec<PieceTotals>,
+}
+
+/// The energies of a body of which the body's own estimate consists (J).
+#[derive(Clone, Copy, Debug, Default)]
+struct Energies {
+    elastic: f64,
+    /// The potential of the loads, less that of the weights on the handles, but for a constant.
+    potential: f64,
+}
+
+impl Energies {
+    fn sum(&self) -> f64 {
+        self.elastic + self.potential
+    }
 }
 
 /// The account of one piece.
@@ -63,8 +81,15 @@ struct PieceTotals {
 }
 
 impl Stored {
-    /// For a body whose handles are at `origins` (m).
-    pub(super) fn new(origins: Vec<Vec3>) -> Self {
+    /// For `body`, which stores the energy `elastic` (J) and whose handles are at `origins` (m). `model` has their weights.
+    pub(super) fn new(body: &Body, elastic: f64, origins: Vec<Vec3>, model: &LocalModel) -> Self {
+        let mut made = Self::empty(origins);
+        made.start = made.energies_now(body, elastic, model);
+        made
+    }
+
+    /// An account that knows no energy yet, for handles at `origins` (m).
+    fn empty(origins: Vec<Vec3>) -> Self {
         let size = 6 * origins.len().min(MAX_HANDLES);
         Self {
             clipper: Clipper::new(size),
@@ -73,6 +98,7 @@ impl Stored {
             load: vec![0.0; size],
             origins,
             constant: None,
+            start: Energies::default(),
             released: 0.0,
             pieces: Vec::with_capacity(MAX_HANDLES),
         }
@@ -195,7 +221,11 @@ impl Stored {
     /// released. The elastic energy of the body is `elastic` (J).
     pub(super) fn publish(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
         let tangent = self.tangent(model, None);
-        let own = elastic + self.potential(body, model);
+        let now = self.energies_now(body, elastic, model);
+        let own = now.sum();
+        if self.constant.is_none() {
+            self.released = initial(tangent, &self.start, &now);
+        }
         let constant = self.constant.get_or_insert(tangent - own);
         let below = (-(own + *constant)).max(0.0);
         *constant += below;
@@ -225,12 +255,13 @@ impl Stored {
     /// Adjusts `c` to a change of the body's material: the elastic energy falls from `before` to `after` (J) at the
     /// same shape.
     pub(super) fn exchange(&mut self, body: &Body, [before, after]: [f64; 2], model: &LocalModel) {
+        let ratio = if before > 0.0 { after / before } else { 1.0 };
         if let Some(constant) = self.constant {
             let potential = self.potential(body, model);
             let own = before + potential + constant;
-            let ratio = if before > 0.0 { after / before } else { 1.0 };
             self.constant = Some(own * ratio.min(1.0) - after - potential);
         }
+        self.start.elastic *= ratio.min(1.0);
     }
 
     /// The same account for a body that continues this one with other handles. `before` and `after` are the body with
@@ -242,12 +273,19 @@ impl Stored {
         (next_body, next_elastic, next_model): (&Body, f64, &LocalModel),
         origins: Vec<Vec3>,
     ) -> Self {
-        let mut next = Self::new(origins);
+        let mut next = Self::empty(origins);
         next.released = self.released;
-        next.constant = self.constant.map(|constant| {
-            let own = elastic + self.potential(body, model) + constant;
-            own - next_elastic - next.potential(next_body, next_model)
-        });
+        let now = self.energies_now(body, elastic, model).sum();
+        let then = next.energies_now(next_body, next_elastic, next_model);
+        next.constant = self.constant.map(|constant| now + constant - then.sum());
+        next.start = if self.origins.is_empty() {
+            then
+        } else {
+            Energies {
+                potential: self.start.potential + then.sum() - now,
+                ..self.start
+            }
+        };
         next
     }
 
@@ -263,7 +301,7 @@ impl Stored {
     ) -> Self {
         let mut before = Vec::with_capacity(MAX_HANDLES);
         self.energies(body, elastic, sums, model, &mut before);
-        let mut next = Self::new(origins);
+        let mut next = Self::empty(origins);
         let total = |pieces: &[PieceTotals]| pieces.iter().map(|one| one.released).sum::<f64>();
         next.released = self.released + total(&self.pieces);
         if next_sums.len() > 1 {
@@ -282,6 +320,14 @@ impl Stored {
     /// The position of handle number `handle` from which the potential of its weight counts (m).
     pub(super) fn origin(&self, handle: usize) -> Option<Vec3> {
         self.origins.get(handle).copied()
+    }
+
+    /// The energies of `body`, whose elastic energy is `elastic` (J).
+    fn energies_now(&self, body: &Body, elastic: f64, model: &LocalModel) -> Energies {
+        Energies {
+            elastic,
+            potential: self.potential(body, model),
+        }
     }
 
     /// Potential of the loads, less that of the weights on the handles (J), but for a constant.
@@ -320,6 +366,15 @@ impl Stored {
         self.clipper
             .stored(&self.stiffness, &self.scale, &self.load, SOFTEST)
     }
+}
+
+/// The part of the energy `claimed` (J) by the first model that hands have not put into the body since the `start`. The
+/// energy of the body has risen by their work. What the body has beside this work is the elastic energy that it had and
+/// the potential that its loads have given since.
+fn initial(claimed: f64, start: &Energies, now: &Energies) -> f64 {
+    let risen = (now.sum() - start.sum()).max(0.0);
+    let own = start.elastic + (start.potential - now.potential).max(0.0);
+    (claimed - risen).min(own).max(0.0)
 }
 
 /// Whether a handle is on a piece, or the piece is the whole body.

@@ -177,7 +177,7 @@ record! { ModelHead: Self::empty();
     "float64 period      # of publication" period;
     "float64 horizon     # how far ahead it is to be good for" horizon;
     "float64 energy      # that hands at rest could get back" energy;
-    "float64 released    # of the body's own, beyond the first model's energy" released;
+    "float64 released    # of the body's own, which no hand has supplied" released;
     "uint32 epoch        # of the topology" epoch;
     handle_count: skip;
     // The entry of the tear has both.

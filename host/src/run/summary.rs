@@ -270,7 +270,7 @@ pub struct EnergySummary {
     pub body: String,
     /// Net work of the hands, computed from held wrenches. `supplied + initial = raised + stored + dissipated`.
     pub supplied: f64,
-    /// Energy stored when the first local model came, which the hands need not have supplied.
+    /// Energy in the first local model that the body had before hands moved it.
     pub initial: f64,
     /// The part of `supplied` that lifted the body's weight.
     pub raised: f64,

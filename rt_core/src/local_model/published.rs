@@ -25,7 +25,7 @@ pub struct ModelHead {
     /// one that the body itself stores, and is at most the tangent's `w^T K^-1 w / 2` of the wrenches on all handles.
     /// The cap on a body's energy needs this value. Zero is always safe.
     pub energy: f64,
-    /// Energy that the body itself has released since the first model, beyond the energy in that model (J). For
+    /// Energy that the body itself has released (J): the energy that it stored before hands moved it, and more later. For
     /// instance, a strip that sags further gives the potential of its weight to the hands. The value only grows. Zero
     /// is always safe.
     pub released: f64,

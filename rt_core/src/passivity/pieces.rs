@@ -51,6 +51,12 @@ impl PieceAccount {
         self.credit - self.spared.max(0.0)
     }
 
+    /// Takes the energy in the first model that no hand had to supply, and the released energy that this model states (J).
+    pub(super) fn begin(&mut self, initial: f64, released: f64) {
+        self.credit += initial;
+        self.released = self.released.max(released);
+    }
+
     /// Takes the released energy that a model states (J). See [`Passivity::release`].
     pub(super) fn release(&mut self, released: f64) {
         let more = (released - self.released).max(0.0);

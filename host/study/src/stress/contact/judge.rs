@@ -21,6 +21,9 @@ pub const NET_ENERGY: f64 = 1e-3;
 /// a fraction of the energy that moves, and in any case (J). The aim of the study of contact for the sum of all steps that
 /// give is 0.2 %.
 const GIVEN: [f64; 2] = [2e-3, 1e-6];
+/// The distance (m) up to which a vertex may be inside a shape. Positions are sums of some tenths of a metre, whose rounding
+/// is some 1e-17 m; a vertex that truncation stops step after step comes as near as that.
+const ROUNDING: f64 = 1e-15;
 
 /// The contacts of a run.
 #[derive(Clone, Copy, Debug, Default)]
@@ -266,7 +269,7 @@ impl<'a> Judge<'a> {
             for vertex in vertices {
                 let x = &self.x[vertex as usize];
                 let near = obstacle.nearest(x, time);
-                if let Some(near) = near.filter(|near| near.distance < 0.0) {
+                if let Some(near) = near.filter(|near| near.distance < -ROUNDING) {
                     found.get_or_insert_with(|| {
                         format!(
                             "a vertex of {} is {:.3e} m inside {}",
