@@ -116,6 +116,8 @@ pub struct Controller {
     tick: u64,
     /// Whether a proxy has slipped.
     has_slips: bool,
+    /// Credit that bodies gave away because they pressed on others, and that no other body has taken yet (J).
+    pool: f64,
 }
 
 impl Clone for Controller {
@@ -126,6 +128,7 @@ impl Clone for Controller {
             stray_models: self.stray_models,
             tick: self.tick,
             has_slips: self.has_slips,
+            pool: self.pool,
         }
     }
 
@@ -137,6 +140,7 @@ impl Clone for Controller {
             stray_models,
             tick,
             has_slips,
+            pool,
         } = self;
         channels.clone_from(&source.channels);
         couplings.truncate(source.couplings.len());
@@ -152,7 +156,7 @@ impl Clone for Controller {
             let _ = couplings.push(from.clone());
         }
         (*stray_models, *tick) = (source.stray_models, source.tick);
-        *has_slips = source.has_slips;
+        (*has_slips, *pool) = (source.has_slips, source.pool);
     }
 }
 
@@ -191,6 +195,7 @@ impl Controller {
             stray_models: 0,
             tick: 0,
             has_slips: false,
+            pool: 0.0,
         };
         // The lists have the capacities of those in the configuration.
         for device in &config.devices {
@@ -345,6 +350,22 @@ impl Controller {
             record.trust = coupling.trust();
             record.state = coupling.state();
             record.withheld = coupling.withheld();
+        }
+        let mut couplings = self.couplings.iter();
+        if couplings.any(|coupling| coupling.passivity().is_due()) {
+            self.exchange();
+        }
+    }
+
+    /// Passes credit between bodies whose contacts passed energy on.
+    #[cold]
+    #[inline(never)]
+    fn exchange(&mut self) {
+        for coupling in &mut self.couplings {
+            self.pool += coupling.passivity_mut().give();
+        }
+        for coupling in &mut self.couplings {
+            self.pool -= coupling.passivity_mut().take(self.pool);
         }
     }
 

@@ -350,6 +350,16 @@ impl Coupling {
         self.passivity.hold(wrenches, &weights);
     }
 
+    /// The energy account with its cap.
+    pub(crate) fn passivity(&self) -> &Passivity {
+        &self.passivity
+    }
+
+    /// The same, to pass credit on.
+    pub(crate) fn passivity_mut(&mut self) -> &mut Passivity {
+        &mut self.passivity
+    }
+
     /// The energy account of the body's hands.
     pub fn energy(&self) -> &EnergyAccount {
         self.passivity.account()
@@ -433,6 +443,7 @@ impl Coupling {
         self.to.copy_used_from(&self.pending);
         self.passivity
             .begin(self.to.head.energy, self.to.head.released);
+        self.passivity.claim(self.to.head.received);
         self.part_account(division.as_ref(), by_piece.as_ref());
         self.passivity.note_stored(self.to.head.energy.max(0.0));
         self.ahead = ahead;

@@ -17,16 +17,21 @@
 //! work, and the credit of the cap is smaller by that work. A hand that rests while a weight goes and returns is spared
 //! no work, so the springs keep their credit, and their force does not jump.
 //!
+//! **Contacts.** Bodies that touch each other pass credit on (`passivity/exchange.rs`).
+//!
 //! **Pieces.** Each piece of a torn body has its own credit, because hands on different pieces cannot pass energy to
 //! each other (`passivity/pieces.rs`). The account of the body is the sum. `classic` knows only the sum.
 
 mod cap;
 mod classic;
 mod edge;
+mod exchange;
 mod hand;
 mod pieces;
 
+use cap::FORGET;
 use edge::Edge;
+use exchange::Exchange;
 pub(crate) use hand::{HandMemory, Motion};
 pub(crate) use pieces::Division;
 use pieces::PieceAccount;
@@ -126,11 +131,14 @@ pub struct EnergyAccount {
     pub supplied: f64,
     /// The part of `supplied` that lifted the body's weight; below zero if the weight was lowered.
     pub raised: f64,
-    /// The minimum over time of `supplied - raised + credited`: minus the net energy that came out at the hands. The
+    /// The minimum over time of `supplied + received - raised + credited`: minus the net energy that came out at the hands. The
     /// port of the hands lies behind the dissipation of their devices.
     pub least: f64,
     /// Energy in the first model that the body had before hands moved it.
     pub initial: f64,
+    /// Credit that other bodies gave to this body, less the credit that it gave to them ([`LocalModel`](crate::LocalModel)
+    /// states the work of contacts between bodies).
+    pub received: f64,
     /// Recoverable energy of the local model. Under `capped`, the model as rendered now counts; under other schemes,
     /// the model as published.
     pub stored: f64,
@@ -156,6 +164,8 @@ pub struct Withheld {
 pub(crate) struct Balance {
     /// Energy that the springs could spend in the last tick (J).
     pub(crate) budget: f64,
+    /// Energy with which their force stays whole (J).
+    pub(crate) needed: f64,
     /// Energy that the piece stores beyond the energy whose force the cap leaves whole (J); zero if the force is whole.
     pub(crate) unpaid: f64,
 }
@@ -168,7 +178,7 @@ impl Withheld {
 }
 
 impl EnergyAccount {
-    /// Energy that the rendered body has dissipated (J): supplied, but neither stored nor raised. A value below zero
+    /// Energy that the rendered body has dissipated (J): supplied or received, but neither stored nor raised. A value below zero
     /// means that energy was generated.
     ///
     /// ```
@@ -183,7 +193,7 @@ impl EnergyAccount {
     /// assert!((account.dissipated() - 1e-3).abs() < 1e-12);
     /// ```
     pub fn dissipated(&self) -> f64 {
-        self.supplied + self.initial - self.raised - self.stored
+        self.supplied + self.initial + self.received - self.raised - self.stored
     }
 }
 
@@ -212,6 +222,7 @@ pub struct Passivity {
     /// The accounts of the pieces, and their number: one for a whole body.
     pieces: [PieceAccount; MAX_HANDLES],
     piece_count: usize,
+    exchange: Exchange,
     withheld: Withheld,
     /// Whether a first local model has come.
     began: bool,
@@ -232,6 +243,7 @@ impl Passivity {
             },
             pieces: [PieceAccount::new(config.allowance); MAX_HANDLES],
             piece_count: 1,
+            exchange: Exchange::default(),
             withheld: Withheld::default(),
             began: false,
             fade: libm::exp(-config.period / MEMORY),
@@ -347,7 +359,7 @@ impl Passivity {
             }
         }
         let account = &mut self.account;
-        let got = account.supplied - account.raised + account.credited;
+        let got = account.supplied + account.received - account.raised + account.credited;
         account.least = account.least.min(got);
         self.total();
     }

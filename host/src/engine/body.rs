@@ -181,6 +181,11 @@ impl HostBody {
         &self.publisher
     }
 
+    /// Notes the work that contacts with other bodies did on the body in a step (J).
+    pub(super) fn receive(&mut self, work: f64) {
+        self.publisher.receive(work);
+    }
+
     /// Reads ahead what a later step will need.
     pub(super) fn read_ahead(&mut self) {
         self.stepping.solver.read_ahead();

@@ -283,6 +283,7 @@ impl Contact {
             if let Some(tears) = &mut body.stepping.tears {
                 tears.balance.push(self.contacts.work_on(number));
             }
+            body.receive(self.contacts.work_of_bodies_on(number));
         }
         let time = watch.now_ns().saturating_sub(start);
         for body in bodies {

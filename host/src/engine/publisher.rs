@@ -154,6 +154,11 @@ impl Publisher {
         });
     }
 
+    /// Notes the work that contacts with other bodies did on the body in a step (J).
+    pub(super) fn receive(&mut self, work: f64) {
+        self.model.head.received += work;
+    }
+
     /// Publishes a model of `body`, which has the energy `elastic`, at `time_ns`.
     pub fn publish(&mut self, body: &Body, elastic: Elastic<'_>, time_ns: u64) -> &LocalModel {
         let elapsed = time_ns.saturating_sub(self.model.head.time_ns) as f64 * 1e-9;

@@ -109,6 +109,7 @@ impl VirtualCoupling {
         self.model = *model;
         self.model.head.energy = 0.0;
         self.model.head.released = 0.0;
+        self.model.head.received = 0.0;
         self.model.head.pieces = [PieceEnergy::default(); MAX_HANDLES];
         self.model.head.tear_limit = TearLimit::none();
         self.read(model);

@@ -178,6 +178,7 @@ record! { ModelHead: Self::empty();
     "float64 horizon     # how far ahead it is to be good for" horizon;
     "float64 energy      # that hands at rest could get back" energy;
     "float64 released    # of the body's own, which no hand has supplied" released;
+    "float64 received    # work of contacts with other bodies" received;
     "uint32 epoch        # of the topology" epoch;
     handle_count: skip;
     // The entry of the tear has both.

@@ -249,6 +249,7 @@ fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<E
         body: body.name.clone(),
         supplied: account.supplied,
         initial: account.initial,
+        received: account.received,
         raised: account.raised,
         stored: publishes.then_some(account.stored),
         dissipated: publishes.then(|| account.dissipated()),

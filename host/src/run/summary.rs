@@ -268,19 +268,21 @@ pub struct HeldBackSummary {
 pub struct EnergySummary {
     /// Name of the body.
     pub body: String,
-    /// Net work of the hands, computed from held wrenches. `supplied + initial = raised + stored + dissipated`.
+    /// Net work of the hands, computed from held wrenches. `supplied + initial + received = raised + stored + dissipated`.
     pub supplied: f64,
     /// Energy in the first local model that the body had before hands moved it.
     pub initial: f64,
+    /// Energy that came through contacts from the hands of other bodies, less the energy that went to them.
+    pub received: f64,
     /// The part of `supplied` that lifted the body's weight.
     pub raised: f64,
     /// Energy that hands at rest could recover at the end, by the last local model; `None` if the scheme does not use
     /// it.
     pub stored: Option<f64>,
-    /// The part of the supplied and of the initial energy that was neither stored nor raised; below zero, energy was
-    /// made. `None` if the scheme uses no stored energy.
+    /// The part of the energy on the left that was neither stored nor raised; below zero, energy was made.
+    /// `None` if the scheme uses no stored energy.
     pub dissipated: Option<f64>,
-    /// Net energy: the largest value over the run of `raised - supplied - credited - initial`, but at least zero.
+    /// Net energy: the largest value over the run of `raised - supplied - received - credited - initial`, but at least zero.
     pub most_out: f64,
     /// The part of the devices' own dissipation (damping and friction of their mechanisms) on which a cap relies, at the
     /// end.

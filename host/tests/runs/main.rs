@@ -23,6 +23,7 @@ mod log_on_disk;
 mod mounting;
 mod observers;
 mod pieces_asleep;
+mod pressed_bodies;
 mod publisher;
 mod replay;
 mod replay_devices;

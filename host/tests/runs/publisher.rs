@@ -41,18 +41,22 @@ fn cube() -> Result<Body, Box<dyn std::error::Error>> {
     Ok(Body::solid(&mesh, &[GELATINE], law, config, &handles)?)
 }
 
+/// Models of a body at rest, which state its energy.
+fn publishing() -> Publishing {
+    Publishing {
+        period: PERIOD,
+        horizon: PERIOD,
+        energy: true,
+        ..Publishing::default()
+    }
+}
+
 #[test]
 fn a_plain_body_is_published_with_the_force_and_the_energy_of_its_hands()
 -> Result<(), Box<dyn std::error::Error>> {
     let mut body = cube()?;
     let mut condenser = Condenser::new(&body)?;
-    let publishing = Publishing {
-        period: PERIOD,
-        horizon: PERIOD,
-        energy: true,
-        ..Publishing::default()
-    };
-    let mut publisher = Publisher::new(&body, &[3, 1], publishing);
+    let mut publisher = Publisher::new(&body, &[3, 1], publishing());
     let mut poses = [-0.5, 0.5].map(|side| HandlePose::at(Vec3::z() * (side * EDGE)));
     for (number, pressed) in [(1, 1e-3), (2, 2e-3)] {
         poses[1].position.z = 0.5 * EDGE - pressed;
@@ -92,12 +96,6 @@ fn a_plain_body_is_published_with_the_force_and_the_energy_of_its_hands()
 #[test]
 fn the_first_model_states_the_energy_that_the_body_had_before_its_hands_moved()
 -> Result<(), Box<dyn std::error::Error>> {
-    let publishing = Publishing {
-        period: PERIOD,
-        horizon: PERIOD,
-        energy: true,
-        ..Publishing::default()
-    };
     let energy_at = |body: &mut Body, pressed: f64| -> Result<f64, Box<dyn std::error::Error>> {
         let mut poses = [-0.5, 0.5].map(|side| HandlePose::at(Vec3::z() * (side * EDGE)));
         poses[1].position.z -= pressed;
@@ -117,9 +115,11 @@ fn the_first_model_states_the_energy_that_the_body_had_before_its_hands_moved()
         let mut body = cube()?;
         let mut condenser = Condenser::new(&body)?;
         let had = energy_at(&mut body, before)?;
-        let mut publisher = Publisher::new(&body, &[0, 1], publishing.clone());
+        let mut publisher = Publisher::new(&body, &[0, 1], publishing());
         let mut released = [0.0; 2];
-        for ((number, pressed), released) in [(1, first), (2, second)].into_iter().zip(&mut released) {
+        for ((number, pressed), released) in
+            [(1, first), (2, second)].into_iter().zip(&mut released)
+        {
             let elastic = energy_at(&mut body, pressed)?;
             publisher.take(condenser.condense(&body, PERIOD)?);
             let model = publisher.publish(&body, Elastic::Whole(elastic), number);
@@ -128,7 +128,10 @@ fn the_first_model_states_the_energy_that_the_body_had_before_its_hands_moved()
                 // A cube that its hands let expand gave them this energy, and they cannot get it again.
                 let wanted = had.min(elastic);
                 let off = (model.head.released - wanted).abs();
-                assert!(off <= 1e-3 * elastic, "{before} {first}: {off} of {elastic}");
+                assert!(
+                    off <= 1e-3 * elastic,
+                    "{before} {first}: {off} of {elastic}"
+                );
             }
         }
         // Later motions of the hands are no energy of the body's own.

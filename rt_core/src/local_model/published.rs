@@ -29,6 +29,9 @@ pub struct ModelHead {
     /// instance, a strip that sags further gives the potential of its weight to the hands. The value only grows. Zero
     /// is always safe.
     pub released: f64,
+    /// Work that contacts with other bodies have done on the body so far (J), signed. Zero is always safe: it only keeps the
+    /// hands of bodies that touch from sharing the energy that one of them supplied.
+    pub received: f64,
     /// The energies of the pieces, by the number of the piece. Unused in a whole body, whose energies are `energy` and
     /// `released`.
     pub pieces: [PieceEnergy; MAX_HANDLES],
@@ -49,6 +52,7 @@ impl ModelHead {
             horizon: 1.0,
             energy: 0.0,
             released: 0.0,
+            received: 0.0,
             pieces: [PieceEnergy::default(); MAX_HANDLES],
             tear_limit: TearLimit::none(),
             handle_count: 0,
@@ -135,6 +139,7 @@ pub trait PublishedModel: Publication<Head = ModelHead> {
             && head.horizon > 0.0
             && head.energy.is_finite()
             && head.released.is_finite()
+            && head.received.is_finite()
             && handles.iter().all(HandleReference::is_finite)
             && self.blocks().all(are_finite)
             && head.tear_limit.is_sound()

@@ -77,7 +77,7 @@ const PAID: f64 = 0.95;
 
 /// Time constant (s) with which unbacked credit is forgotten. Credit must not be forgotten at once: while models
 /// disagree, `V` passes through zero for some ticks, and the credit that paid for the spring would be lost.
-const FORGET: f64 = 0.5;
+pub(super) const FORGET: f64 = 0.5;
 
 /// Largest damping (N s/m, N m s/rad) rendered on a device of unknown properties.
 const MOST_DAMPING: f64 = 1e3;
@@ -135,9 +135,11 @@ impl Passivity {
         let left = piece.credit - spared - under_way;
         let budget = left.max(0.0);
         let backed = self.backed(&holders);
-        let bowed = if budget < backed * stored {
+        let needed = backed * stored;
+        piece.balance.needed = needed;
+        let bowed = if budget < needed {
             piece.balance.unpaid = stored - PAID * budget / backed;
-            budget / (backed * stored)
+            budget / needed
         } else {
             piece.balance.unpaid = 0.0;
             1.0

@@ -28,7 +28,7 @@ impl Passivity {
         wrenches: &mut [Wrench; MAX_HANDLES],
     ) {
         let account = &self.account;
-        let observed = account.initial + account.supplied - account.raised;
+        let observed = account.initial + account.supplied + account.received - account.raised;
         self.account.available = observed;
         let mut ports = [Port::UNKNOWN; MAX_HANDLES];
         let mut motions = [Motion::none(); MAX_HANDLES];

@@ -51,6 +51,11 @@ impl PieceAccount {
         self.credit - self.spared.max(0.0)
     }
 
+    /// The credit that the springs of the piece do not need (J).
+    pub(super) fn free(&self) -> f64 {
+        (self.available() - self.balance.needed).max(0.0)
+    }
+
     /// Takes the energy in the first model that no hand had to supply, and the released energy that this model states (J).
     pub(super) fn begin(&mut self, initial: f64, released: f64) {
         self.credit += initial;

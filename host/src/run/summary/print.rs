@@ -281,7 +281,7 @@ impl HeldBackSummary {
 }
 
 impl EnergySummary {
-    /// Prints the balance `supplied + initial = raised + stored + dissipated`, and below it what came out of nothing.
+    /// Prints the balance `supplied + initial + received = raised + stored + dissipated`, and below it what came out of nothing.
     fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mj = |joules: f64| joules * 1e3;
         write!(
@@ -293,9 +293,13 @@ impl EnergySummary {
         if let (Some(stored), Some(dissipated)) = (self.stored, self.dissipated) {
             let parts = [self.initial, self.raised, stored, dissipated];
             let [initial, raised, stored, dissipated] = parts.map(mj);
+            write!(f, ", {initial:+.1} stored at the start")?;
+            if self.received != 0.0 {
+                write!(f, ", {:+.1} through contacts", mj(self.received))?;
+            }
             write!(
                 f,
-                ", {initial:+.1} stored at the start = {raised:+.1} raised, {stored:+.1} stored, {dissipated:+.1} \
+                " = {raised:+.1} raised, {stored:+.1} stored, {dissipated:+.1} \
                  dissipated"
             )?;
         }

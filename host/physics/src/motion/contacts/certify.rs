@@ -3,7 +3,7 @@
 use super::parts::Owner;
 use super::{Contacts, Member, Need};
 use crate::Vec3;
-use crate::contact::certificate::truncate;
+use crate::contact::certificate::{NEAREST, truncate};
 use crate::contact::{Moves, Placed};
 use crate::element::precision::Precision;
 
@@ -223,7 +223,8 @@ fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> (bool, f64) {
     let motion = placed.motion_to(&(x - found.normal * found.distance));
     let is_near = found.distance <= u.norm() + motion.norm();
     let towards = -found.normal.dot(u);
-    let room = BEFORE * found.distance - found.normal.dot(&motion);
+    let free = (BEFORE * found.distance).min((found.distance - NEAREST).max(0.0));
+    let room = free - found.normal.dot(&motion);
     if found.distance <= 0.0 || towards <= room {
         return (is_near, 1.0);
     }

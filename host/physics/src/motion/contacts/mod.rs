@@ -115,6 +115,8 @@ pub struct Contacts {
     report: ContactReport,
     /// By body, see [`Contacts::work_on`].
     works: [f64; MOST_BODIES],
+    /// By body, see [`Contacts::work_of_bodies_on`].
+    between: [f64; MOST_BODIES],
     began: RowsReport,
     clearance: Clearance,
     /// The times (s) between which the obstacles move in the present step, and its length (s).
@@ -158,6 +160,7 @@ impl Contacts {
             touching: Vec::new(),
             report: ContactReport::default(),
             works: [0.0; MOST_BODIES],
+            between: [0.0; MOST_BODIES],
             began: RowsReport::default(),
             clearance: Clearance::default(),
             times: [0.0; 2],
@@ -409,6 +412,7 @@ impl Contacts {
         };
         self.report.solved.converged = true;
         self.works = [0.0; MOST_BODIES];
+        self.between = [0.0; MOST_BODIES];
         match self.need {
             Need::Nothing => return,
             Need::Clearance => {}

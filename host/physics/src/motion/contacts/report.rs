@@ -1,5 +1,6 @@
 //! What the contacts of a step did, and what they keep for the next one.
 
+use super::parts::Owner;
 use super::{Contacts, Member};
 use crate::Vec3;
 use crate::contact::certificate::Truncation;
@@ -72,6 +73,11 @@ impl Contacts {
         self.works[body]
     }
 
+    /// The part of that work which contacts with other bodies did (J).
+    pub fn work_of_bodies_on(&self, body: usize) -> f64 {
+        self.between[body]
+    }
+
     /// The sums of the contacts of the last step, by pair of sides that touch.
     pub fn touching(&self) -> &[Touching] {
         &self.touching
@@ -105,6 +111,7 @@ impl Contacts {
             }
             let force = touch.force();
             let mut on_bodies = 0.0;
+            let are_bodies = self.are_two_bodies(contact.parts);
             for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
                 // The motion of a vertex of an obstacle is in the row.
                 if let Some(at) = self.at(*vertex).filter(|_| weight != 0.0) {
@@ -112,6 +119,9 @@ impl Contacts {
                     let moved = self.u[vertex] * self.fractions[vertex];
                     let work = weight * force.dot(&moved);
                     self.works[at.body] += work;
+                    if are_bodies {
+                        self.between[at.body] += work;
+                    }
                     on_bodies += work;
                 }
             }
@@ -148,6 +158,14 @@ impl Contacts {
         self.report.taken += self.report.parted;
         self.room.responses = responses;
         self.report.stored = self.rows.stored();
+    }
+
+    /// Whether a contact of these sides is one between two bodies.
+    fn are_two_bodies(&self, parts: [usize; 2]) -> bool {
+        matches!(
+            parts.map(|part| self.owners.get(part)),
+            [Some(Owner::Body(one)), Some(Owner::Body(other))] if one != other
+        )
     }
 
     /// Ends a step: sums up the contacts, keeps them, and gives them to the bodies for their factors.
