@@ -22,12 +22,14 @@ fn summary(scene: &LoadedScene) -> Result<RunSummary, Box<dyn Error>> {
     Ok(run(&World::new(scene)?, &options, &mut |_| {})?)
 }
 
-/// The largest difference of the forces on the two hands along z, and the largest force (N).
+/// The largest sum of the forces on the two hands along z while both rest, and the largest force (N).
 fn forces(scene: &LoadedScene) -> Result<[f64; 2], Box<dyn Error>> {
     let built = Prepared::new(&World::new(scene)?, &Options::new(4.0, 1))?;
     let mut found = [0.0_f64; 2];
     Session::of(built).run(|record: LogRecord<'_>| {
-        if let LogRecord::Tick(telemetry) = record {
+        if let LogRecord::Tick(telemetry) = record
+            && (2300..2600).contains(&telemetry.tick)
+        {
             let mut along = telemetry.devices().map(|device| device.wrench.force.z);
             if let [Some(left), Some(right)] = [along.next(), along.next()] {
                 found = [
@@ -45,8 +47,8 @@ fn two_hands_feel_the_bodies_that_they_press_on_each_other() -> Result<(), Box<d
     let scene = load(BLOCKS)?;
     let [difference, most] = forces(&scene)?;
     assert!(most > 1.0, "{most}");
-    // The hands hold each other in balance, but for the inertia of 0.2 kg and the age of two models.
-    assert!(difference < 0.1 * most, "{difference} of {most}");
+    // The blocks still creep after the shear.
+    assert!(difference < 2e-3 * most, "{difference} of {most}");
     let found = summary(&scene)?;
     for energy in &found.energy {
         assert_eq!(energy.capped_ticks, 0, "{}", energy.body);
