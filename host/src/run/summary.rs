@@ -279,13 +279,11 @@ pub struct EnergySummary {
     /// Energy that hands at rest could recover at the end, by the last local model; `None` if the scheme does not use
     /// it.
     pub stored: Option<f64>,
-    /// The part of the energy on the left that was neither stored nor raised; below zero, energy was made.
-    /// `None` if the scheme uses no stored energy.
+    /// The rest; below zero, energy was made. `None` if the scheme uses no stored energy.
     pub dissipated: Option<f64>,
     /// Net energy: the largest value over the run of `raised - supplied - received - credited - initial`, but at least zero.
     pub most_out: f64,
-    /// The part of the devices' own dissipation (damping and friction of their mechanisms) on which a cap relies, at the
-    /// end.
+    /// The part of the devices' own dissipation on which a cap relies.
     pub credited: f64,
     /// Ticks in which a cap reduced a wrench, or the classic controller damped.
     pub capped_ticks: u64,

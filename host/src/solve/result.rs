@@ -38,7 +38,7 @@ pub struct BodySolution {
     pub name: String,
     /// Kind of the body.
     pub kind: Kind,
-    /// The material law: the relation between deformation and stress.
+    /// The material law.
     pub law: LawName,
     /// Number of vertices of an element.
     pub vertices_of_element: usize,

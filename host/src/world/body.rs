@@ -23,7 +23,7 @@ const ABSOLUTE_TOLERANCE: f64 = 1e-8;
 pub struct Built {
     /// The kind of the body.
     pub kind: Kind,
-    /// The material law: the relation between deformation and stress.
+    /// The material law.
     pub law: LawName,
     /// The mesh of the body, in the order of the file.
     pub mesh: Mesh,
