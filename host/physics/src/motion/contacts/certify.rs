@@ -41,6 +41,8 @@ impl Contacts {
             self.truncate();
             self.report.truncated.truncated = by_crossings;
         }
+        let pushed = self.fractions.iter().zip(&self.pushed);
+        self.report.truncated.squeezed += pushed.filter(|(found, least)| found < least).count();
         for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
             let Owner::Body(body) = owner else { continue };
             let Some(stepper) = members[*body]
@@ -68,6 +70,7 @@ impl Contacts {
             Moves::of(hierarchy.members(cluster), u)
         });
         self.fractions.fill(1.0);
+        self.pushed.fill(0.0);
         self.is_near.fill(false);
         for touch in &self.touches {
             for (at, _) in touch.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
@@ -99,10 +102,15 @@ impl Contacts {
                 }
                 for vertex in members {
                     let (at, fraction) = (*vertex as usize, &mut self.fractions[*vertex as usize]);
-                    let (is_near, most) = before(placed, &x[at], &u[at]);
+                    let Before {
+                        is_near,
+                        least,
+                        most,
+                    } = before(placed, &x[at], &u[at]);
                     if is_near {
                         mark(part);
                     }
+                    self.pushed[at] = self.pushed[at].max(least);
                     if most.max(0.0) < *fraction {
                         overrun += usize::from(self.mass[at].is_infinite() || most < 0.0);
                         *fraction = most.max(0.0);
@@ -171,9 +179,12 @@ impl Contacts {
                 is_changed = true;
                 let free = self.fractions[range.clone()]
                     .iter_mut()
-                    .zip(&self.mass[range]);
-                for (fraction, _) in free.filter(|(_, mass)| mass.is_finite()) {
-                    *fraction = further * whole.unwrap_or(by * *fraction);
+                    .zip(&self.mass[range.clone()])
+                    .zip(&self.pushed[range]);
+                for ((fraction, _), pushed) in free.filter(|((_, mass), _)| mass.is_finite()) {
+                    // A shape that moves takes a vertex along.
+                    let least = pushed.min(*fraction);
+                    *fraction = (further * whole.unwrap_or(by * *fraction)).max(least);
                 }
             }
         }
@@ -216,18 +227,33 @@ fn reaches(placed: &Placed, centre: &Vec3, extent: f64, most: f64) -> bool {
     BEFORE * distance <= most + motion
 }
 
-/// Whether a vertex is near a shape in the step, and the fraction of its displacement with which it stays before the shape:
-/// shapes are convex, so the plane at the nearest point divides them. Negative if the shape moves over the vertex.
-fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> (bool, f64) {
+/// What keeps a vertex before a shape in a step.
+struct Before {
+    /// Whether the vertex is near the shape in the step.
+    is_near: bool,
+    /// The fractions of its displacement with which it stays before the shape. If the shape moves, the vertex may have to make
+    /// way. The larger fraction is negative if the shape moves over the vertex.
+    least: f64,
+    most: f64,
+}
+
+/// Shapes are convex, so the plane at the nearest point divides a vertex from a shape.
+fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> Before {
     let found = placed.at_start(x);
     let motion = placed.motion_to(&(x - found.normal * found.distance));
     let is_near = found.distance <= u.norm() + motion.norm();
     let towards = -found.normal.dot(u);
     let free = (BEFORE * found.distance).min((found.distance - NEAREST).max(0.0));
     let room = free - found.normal.dot(&motion);
-    if found.distance <= 0.0 || towards <= room {
-        return (is_near, 1.0);
+    let (mut least, mut most) = (0.0, 1.0);
+    if found.distance > 0.0 && towards > room {
+        most = if room < 0.0 { -1.0 } else { room / towards };
+    } else if found.distance > 0.0 && room < 0.0 {
+        least = room / towards;
     }
-    let most = if room < 0.0 { -1.0 } else { room / towards };
-    (is_near, most)
+    Before {
+        is_near,
+        least,
+        most,
+    }
 }

@@ -100,6 +100,8 @@ pub struct Contacts {
     fractions: Vec<f64>,
     /// Vertices over which a shape moves in the step.
     overrun: usize,
+    /// By vertex: the least fraction of the displacement with which it makes way for a moving shape.
+    pushed: Vec<f64>,
     /// The contacts in the order of their islands; of each the number of its row.
     touches: Vec<Touch>,
     of_row: Vec<usize>,
@@ -145,6 +147,7 @@ impl Contacts {
             mass: Vec::new(),
             fractions: Vec::new(),
             overrun: 0,
+            pushed: Vec::new(),
             touches: Vec::new(),
             of_row: Vec::new(),
             islands: Islands::default(),

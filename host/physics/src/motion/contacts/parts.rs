@@ -246,6 +246,7 @@ impl Contacts {
         }
         self.mass = vec![f64::INFINITY; vertices];
         self.fractions = vec![1.0; vertices];
+        self.pushed = vec![0.0; vertices];
         let most = ROWS_PER_VERTEX * vertices;
         self.rows = Rows::new(&self.surfaces, most);
         self.foreseen.rows = Rows::new(&self.surfaces, most);
