@@ -29,6 +29,9 @@ const LEFT: f64 = 0.05;
 /// distance of which truncation leaves a twentieth in step after step would end there, and things without a distance have
 /// no sides.
 pub(crate) const NEAREST: f64 = 1e-12;
+/// The distance (m) below which rounding turns the shortest connection of two things that are a decimetre wide by more than
+/// one part in a hundred of what separates them.
+const CLOSE: f64 = 1e-8;
 /// The strain of an edge that truncation may add. Of 64 throws at 2 m/s, the sums of energies are 638 without this bound, 215
 /// with 0.1, 123 with 0.03 and 110 with 0.01, in energies at the start; a smaller strain stops more of a body.
 const STRETCH: f64 = 0.03;
@@ -53,6 +56,8 @@ struct Start {
     /// The distance (m), and the direction from the second thing to the first one.
     distance: f64,
     normal: Vec3,
+    /// Whether the normal separates the two things.
+    separates: bool,
     /// Where the plane between the things cuts the normal (m).
     plane: f64,
 }
@@ -63,15 +68,46 @@ impl Start {
         let foot = pair.foot(surfaces, x);
         let (distance, split) = (foot.apart.norm(), pair.split());
         let normal = foot.apart / distance;
+        if !(distance > 0.0 && normal.x.is_finite()) {
+            return None;
+        }
+        if distance < CLOSE {
+            return Some(Self::close(pair, foot, split, x));
+        }
         let second = foot.vertices.iter().zip(foot.weights).skip(split);
         let on_second: Vec3 = second.map(|(v, w)| x[*v as usize] * -w).sum();
-        (distance > 0.0 && normal.x.is_finite()).then(|| Self {
+        Some(Self {
             plane: normal.dot(&on_second) + 0.5 * distance,
             foot,
             split,
             distance,
             normal,
+            separates: true,
         })
+    }
+
+    /// Of things so close that their shortest connection is inexact: the direction of this connection or the normal of the
+    /// triangle or of both edges, whichever separates them further.
+    fn close(pair: Pair, foot: Foot, split: usize, x: &[Vec3]) -> Self {
+        let at = |vertex: u32| x[vertex as usize];
+        let plane = plane_normal(pair, foot.vertices.map(at));
+        let directions = [foot.apart, plane * plane.dot(&foot.apart).signum()];
+        let [first, second] = directions.map(|direction| {
+            let direction = direction.normalize();
+            (foot.gap(split, &direction, at), direction)
+        });
+        // A degenerate direction has no gap.
+        let (distance, normal) = if second.0 > first.0 { second } else { first };
+        let ends = foot.vertices.iter().skip(split);
+        let far = ends.map(|vertex| normal.dot(&at(*vertex)));
+        Self {
+            plane: far.fold(f64::NEG_INFINITY, f64::max) + 0.5 * distance,
+            foot,
+            split,
+            distance,
+            normal,
+            separates: distance > 0.0,
+        }
     }
 
     /// For each vertex, its place along the normal on its side of the plane at the start (m), and how far it moves towards
@@ -85,6 +121,14 @@ impl Start {
             let place = sign * (self.normal.dot(at) - self.plane);
             (vertex, place, -sign * self.normal.dot(by))
         })
+    }
+}
+
+/// The normal of the triangle or of both edges of a pair, whose vertices are at these places (m); not of length one.
+fn plane_normal(pair: Pair, [a, b, c, d]: [Vec3; 4]) -> Vec3 {
+    match pair {
+        Pair::VertexTriangle(..) => (c - b).cross(&(d - b)),
+        Pair::EdgeEdge(..) => (b - a).cross(&(d - c)),
     }
 }
 
@@ -108,11 +152,9 @@ pub(super) fn is_certain(
         gap >= 0.0 && start.gap(split, &direction, ends) >= left(gap)
     };
     separates(&start.apart) || {
-        let [a, b, c, d] = start.vertices.map(at);
-        let plane = match pair {
-            Pair::VertexTriangle(..) => (c - b).cross(&(d - b)),
-            Pair::EdgeEdge(..) => (b - a).cross(&(d - c)),
-        };
+        let ends_at_start = start.vertices.map(at);
+        let [a, b, ..] = ends_at_start;
+        let plane = plane_normal(pair, ends_at_start);
         let separates_signed =
             |direction: Vec3| separates(&(direction * direction.dot(&start.apart).signum()));
         separates_signed(plane)
@@ -149,6 +191,16 @@ pub fn truncate(
                 report.squeezed += 1;
                 return;
             };
+            if !start.separates {
+                let vertices = start.foot.vertices.iter();
+                report.squeezed += usize::from(!vertices.clone().all(|vertex| is_free(*vertex)));
+                for vertex in vertices.filter(|vertex| is_free(**vertex)) {
+                    let fraction = &mut fractions[*vertex as usize];
+                    is_changed |= *fraction > 0.0;
+                    *fraction = 0.0;
+                }
+                return;
+            }
             let sides = start.sides(x, u);
             let end = |from: usize, to: usize| {
                 let ends = sides[from..to].iter();
@@ -270,6 +322,56 @@ mod tests {
         }
         // The vertex came as near as it may.
         assert!(x[3].z - x[0].z < 50.0 * NEAREST);
+    }
+
+    #[test]
+    fn rounding_of_a_short_connection_lets_nothing_cross() {
+        // A triangle of a decimetre in any position, and a vertex that is this far from it. Corners and vertex move towards each
+        // other by as much as rounding turns the connection.
+        let mut surfaces = Surfaces::default();
+        let skin = Skin {
+            radius: 1e-4,
+            touches_itself: true,
+            is_obstacle: false,
+        };
+        let corners = [[0.0, 0.0], [0.09, 0.01], [0.03, 0.08]];
+        let flat = corners.map(|[x, y]| Vec3::new(x, y, 0.0));
+        let triangle = crate::mesh::TriMesh {
+            positions: flat.to_vec(),
+            triangles: vec![[0, 1, 2]],
+            ..crate::mesh::TriMesh::default()
+        };
+        let thread = LineMesh {
+            positions: vec![Vec3::z(), Vec3::z() * 2.0],
+            lines: vec![[0, 1]],
+            ..LineMesh::default()
+        };
+        for mesh in [Mesh::Sheet(triangle), Mesh::Thread(thread)] {
+            surfaces.add(&mesh, skin).expect("a surface");
+        }
+        let pair = Pair::VertexTriangle(3, 0);
+        for number in 0..2000_u32 {
+            let angle = f64::from(number);
+            let turn = nalgebra::Rotation3::from_euler_angles(angle, 1.7 * angle, 0.3 * angle);
+            let place = Vec3::new(0.11, 0.07, 0.13);
+            let distance = 1e-12 * f64::powf(10.0, f64::from(number % 50) / 10.0);
+            let over = flat[0] * 0.4 + flat[1] * 0.35 + flat[2] * 0.25;
+            let mut x = flat.map(|corner| turn * corner + place).to_vec();
+            x.push(turn * (over + Vec3::z() * distance) + place);
+            x.push(turn * (over + Vec3::z() * 0.01) + place);
+            let above = |x: &[Vec3]| {
+                let normal = (x[1] - x[0]).cross(&(x[2] - x[0])).normalize();
+                normal.dot(&(x[3] - x[0]))
+            };
+            let by = [3e-9, -5e-10, 2e-8, -1e-8, 0.0];
+            let u = by.map(|by| turn * Vec3::z() * by);
+            let mut fractions = [1.0; 5];
+            let each = |visit: &mut dyn FnMut(Pair)| visit(pair);
+            truncate(&surfaces, &x, &u, &each, &|_| true, &mut fractions);
+            let ends: Vec<Vec3> = (0..5).map(|i| x[i] + u[i] * fractions[i]).collect();
+            let [start, end] = [above(&x), above(&ends)];
+            assert!(start > 0.0 && end > 0.0, "{number}: {start} {end}");
+        }
     }
 
     #[test]
