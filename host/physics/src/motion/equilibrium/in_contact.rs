@@ -72,9 +72,10 @@ impl ContactEquilibrium {
     /// [`CondenseError::Symbolic`].
     pub fn new(
         bodies: &[&Body],
-        contacts: Contacts,
+        mut contacts: Contacts,
         options: EquilibriumOptions,
     ) -> Result<Self, CondenseError> {
+        contacts.face();
         let each = bodies.iter().map(|body| Equilibrium::new(body, options));
         Ok(Self {
             options,
@@ -148,7 +149,7 @@ impl ContactEquilibrium {
                 }
                 Err(error) => {
                     self.report.refused += 1;
-                    self.contacts.go_back_to(&kept);
+                    self.contacts.go_back_to(kept);
                     for (own, body) in self.each.iter().zip(&mut *bodies) {
                         body.state.x.copy_from_slice(&own.last);
                     }
