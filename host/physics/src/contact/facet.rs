@@ -200,3 +200,81 @@ fn common([first, second]: [[Vec3; 3]; 2]) -> Option<(Vec3, Vec<Point>)> {
     }
     (sum > LEAST).then(|| (n.normalize(), points))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of two triangles, seen from above or from below, and one that it covers in part.
+    fn facets(first: u32, from_above: bool) -> Vec<Facet> {
+        let triangles = if from_above {
+            [[0, 1, 2], [0, 2, 3]]
+        } else {
+            [[0, 2, 1], [0, 3, 2]]
+        };
+        let facets = triangles.into_iter().map(|[a, b, c]| Facet {
+            nodes: [a, b, c, a, b, c].map(|node| node + first),
+            is_quadratic: false,
+        });
+        facets.collect()
+    }
+
+    fn sums(x: &[Vec3], facets: [&[Facet]; 2]) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for one in facets[0] {
+            for other in facets[1] {
+                one.each_common(other, x, &mut |common| {
+                    for point in &common.points {
+                        let at = |facet: &Facet, at| -> Vec3 {
+                            let nodes = facet.nodes().iter().zip(facet.shapes(at));
+                            nodes.map(|(node, shape)| x[*node as usize] * shape).sum()
+                        };
+                        let [p, q] = [at(one, point.at[0]), at(other, point.at[1])];
+                        assert!((p - q).cross(&common.normal).norm() < 1e-12, "{p} {q}");
+                        sums[0] += point.area;
+                        sums[1] += point.area * p.x.powi(3) * p.y;
+                    }
+                });
+            }
+        }
+        sums
+    }
+
+    /// Two squares, one turned by 45 degrees, over each other: the common part is an octagon.
+    #[test]
+    fn what_two_squares_share_is_integrated_exactly() {
+        let mut x: Vec<Vec3> = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| Vec3::new(x, y, 0.0))
+            .to_vec();
+        let r = 1.2;
+        x.extend([[-r, 0.0], [0.0, -r], [r, 0.0], [0.0, r]].map(|[x, y]| Vec3::new(x, y, -0.3)));
+        let (upper, lower) = (facets(0, false), facets(4, true));
+        let [area, _] = sums(&x, [&upper, &lower]);
+        // The corners of the turned square stand out by 0.2.
+        let exact = 2.0 * r * r - 4.0 * (r - 1.0) * (r - 1.0);
+        assert!((area - exact).abs() < 1e-12, "{area} {exact}");
+        // Those that look the same way do not face each other.
+        assert_eq!(sums(&x, [&upper, &facets(4, false)]), [0.0; 2]);
+        // A polynomial of degree four over a part of the first quadrant, x from 0 to 1 and y from 0 to x.
+        let corner = [
+            [0.0, 0.0],
+            [1.0, 0.0],
+            [1.0, 1.0],
+            [3.0, 0.0],
+            [0.0, -3.0],
+            [3.0, 3.0],
+        ];
+        let x = corner.map(|[x, y]| Vec3::new(x, y, 0.1 * x + 0.2));
+        let facet = |nodes: [u32; 3]| {
+            let [a, b, c] = nodes;
+            Facet {
+                nodes: [a, b, c, a, b, c],
+                is_quadratic: false,
+            }
+        };
+        let [_, moment] = sums(&x, [&[facet([0, 1, 2])], &[facet([3, 4, 5])]]);
+        let slope = f64::hypot(1.0, 0.1);
+        // Integral of x^3 y over 0 <= y <= x <= 1: a twelfth.
+        assert!((moment - slope / 12.0).abs() < 1e-12, "{moment}");
+    }
+}

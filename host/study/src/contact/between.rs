@@ -157,8 +157,6 @@ friction = 0.0
         .last()
         .map_or(0.0, |row| row.force[2].abs());
     let kind = if order == 1 { "linear" } else { "quadratic" };
-    let names = ["pressure", "stress", "place of the faces"];
-    println!("{kind} {most:?} {force} {:?}", found.bodies[0].steps);
     let mut aim = |what: &str, ours: f64, ask: f64| {
         let name = format!("block on a block, {kind}: largest error of the {what}");
         aims.push(Aim::at_most(name, "%", 100.0 * ours, ask));

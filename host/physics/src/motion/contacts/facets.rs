@@ -313,8 +313,7 @@ impl Faces {
         let gap = each().map(|(node, weight)| normal.dot(&x[node as usize]) * weight);
         let gap = gap.sum::<f64>() - self.distance;
         let stiff = Stiffness {
-            // A part of the shape function has its part of the stiffness, so that the pressure of all parts follows the gap alike.
-            mass: compliance.recip() * (area / whole).min(1.0),
+            mass: compliance.recip(),
             step: 1.0,
             thickness: self.distance,
             approach: 0.0,
