@@ -194,7 +194,9 @@ impl Facets {
             let own = &mut found[*node as usize];
             own.force += pressure * own.area;
         };
-        sums.keys().for_each(|node| press(node, pressure(node)));
+        for node in sums.keys() {
+            press(node, pressure(node));
+        }
         for (middle, [a, b]) in &middles {
             press(middle, 0.5 * (pressure(a) + pressure(b)));
         }
