@@ -119,9 +119,7 @@ fn the_first_model_states_the_energy_that_the_body_had_before_its_hands_moved()
         let had = energy_at(&mut body, before)?;
         let mut publisher = Publisher::new(&body, &[0, 1], publishing.clone());
         let mut released = [0.0; 2];
-        for ((number, pressed), released) in
-            [(1, first), (2, second)].into_iter().zip(&mut released)
-        {
+        for ((number, pressed), released) in [(1, first), (2, second)].into_iter().zip(&mut released) {
             let elastic = energy_at(&mut body, pressed)?;
             publisher.take(condenser.condense(&body, PERIOD)?);
             let model = publisher.publish(&body, Elastic::Whole(elastic), number);
@@ -130,10 +128,7 @@ fn the_first_model_states_the_energy_that_the_body_had_before_its_hands_moved()
                 // A cube that its hands let expand gave them this energy, and they cannot get it again.
                 let wanted = had.min(elastic);
                 let off = (model.head.released - wanted).abs();
-                assert!(
-                    off <= 1e-3 * elastic,
-                    "{before} {first}: {off} of {elastic}"
-                );
+                assert!(off <= 1e-3 * elastic, "{before} {first}: {off} of {elastic}");
             }
         }
         // Later motions of the hands are no energy of the body's own.

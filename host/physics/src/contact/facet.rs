@@ -255,14 +255,14 @@ mod tests {
         assert!((area - exact).abs() < 1e-12, "{area} {exact}");
         // Those that look the same way do not face each other.
         assert_eq!(sums(&x, [&upper, &facets(4, false)]), [0.0; 2]);
-        // A polynomial of degree four over a part of the first quadrant, x from 0 to 1 and y from 0 to x.
+        // A polynomial of degree four over a triangle inside the other one.
         let corner = [
             [0.0, 0.0],
             [1.0, 0.0],
             [1.0, 1.0],
-            [3.0, 0.0],
-            [0.0, -3.0],
-            [3.0, 3.0],
+            [-3.0, -1.0],
+            [1.0, 4.0],
+            [4.0, -1.0],
         ];
         let x = corner.map(|[x, y]| Vec3::new(x, y, 0.1 * x + 0.2));
         let facet = |nodes: [u32; 3]| {
