@@ -1,9 +1,12 @@
 //! Equilibria of bodies that touch: what rests on something presses on it with its weight.
 
 use crate::solve_support;
+use host::scene::Scene;
 use host::solve::{Frame, PairSolution, solve};
 use host::world::World;
+use meshio::write_gmsh::write_solid;
 use meshio::write_vtu::Values;
+use physics::mesh::generate_box::graded_box;
 use solve_support::{load, solved};
 use std::convert::Infallible;
 
@@ -113,4 +116,124 @@ fn frames_have_the_pressure_of_contacts() {
     let touching = below.iter().filter(|p| **p > 0.0).count();
     assert_eq!(touching, 25, "{below:?}");
     assert!(below.iter().all(|p| *p < 4.0 * mean), "{below:?}");
+}
+
+/// A block of 40 mm on another one.
+fn stack(law: &str, order: u32, degrees: f64) -> String {
+    let block = |name: &str, cells: u32, height: f64| {
+        let block = block(name, law, cells, height);
+        block
+            .replace("mesh.box =", "mesh = { box =")
+            .replace("2] }", &format!("2] }}, order = {order} }}"))
+    };
+    let (lower, upper) = (block("lower", 3, 0.0101), block("upper", 4, 0.0303));
+    format!(
+        r#"
+name = "stack"
+{lower}{upper}
+rotation = {{ axis = [0, 0, 1], degrees = {degrees} }}
+{FLOOR}
+[[contact]]
+between = ["lower", "upper"]
+friction = 0.5
+"#
+    )
+}
+
+/// Two blocks without supports, whose meshes do not match, rest on each other and on a floor. One is turned, so that corners of
+/// both stand out.
+#[test]
+fn a_block_rests_on_a_block() {
+    for (law, order, degrees) in [
+        ("linear", 1, 30.0),
+        ("stable_neo_hookean", 1, 0.0),
+        ("linear", 2, 0.0),
+    ] {
+        let found = solved(&stack(law, order, degrees));
+        assert!(found.failures.is_empty(), "{:?}", found.failures);
+        let forces: Vec<f64> = found
+            .contacts
+            .iter()
+            .map(|pair| last(pair).force[2])
+            .collect();
+        // A pair has the force on its first body: the upper block presses the lower one down.
+        for (force, weights) in forces.into_iter().zip([-1.0, 2.0, 0.0]) {
+            assert!(
+                (force - weights * WEIGHT).abs() < 1e-6 * WEIGHT,
+                "{law} {order}: {force}"
+            );
+        }
+    }
+}
+
+/// A block slides off another one without friction. The error says what to look for.
+#[test]
+fn what_does_not_rest_is_an_error_that_asks_what_holds_it() {
+    let text = stack("linear", 1, 0.0).replace("friction = 0.5", "friction = 0.0");
+    let found = solved(&text.replace(
+        "name = \"stack\"",
+        "name = \"stack\"\ngravity = [1.0, 0.0, -9.81]",
+    ));
+    println!("{:?}", found.failures);
+    let [failure] = &found.failures[..] else {
+        panic!("{:?}", found.failures);
+    };
+    assert!(
+        failure.contains("bodies in contact") && failure.contains("held"),
+        "{failure}"
+    );
+}
+
+/// A block with a curved lower face is pressed flat without friction, by a tenth of Young's modulus.
+#[test]
+fn a_curved_block_is_pressed_flat() {
+    const LOAD: f64 = 2000.0;
+    let planes = |from: f64, to: f64, cells: u32| {
+        let planes = (0..=cells).map(|i| from + (to - from) * f64::from(i) / f64::from(cells));
+        planes.collect::<Vec<f64>>()
+    };
+    let across = planes(-0.02, 0.02, 6);
+    let mut mesh = graded_box([&across, &across, &planes(0.0, 0.02, 3)]).unwrap();
+    for x in &mut mesh.positions {
+        x.z += (x.x * x.x + x.y * x.y) / 0.2 * (1.0 - x.z / 0.02);
+    }
+    let files = [("curved.msh".to_owned(), write_solid(&mesh).into_bytes())];
+    let text = format!(
+        r#"
+name = "curved"
+gravity = [0.0, 0.0, 0.0]
+{}
+[[body.support]]
+name = "ground"
+group = "bottom"
+[[body]]
+name = "upper"
+mesh = {{ file = "curved.msh" }}
+position = [0.0, 0.0, 0.0101]
+material = {{ law = "linear", young = 20e3, poisson = 0.3, density = 1000.0 }}
+[[body.load]]
+name = "load"
+group = "top"
+traction = [0.0, 0.0, {}]
+[[body.support]]
+name = "guide"
+group = "top"
+axes = ["x", "y"]
+[[contact]]
+between = ["lower", "upper"]
+friction = 0.0
+"#,
+        block("lower", "linear", 5, 0.0),
+        -LOAD
+    );
+    let loaded = Scene::load_texts("curved.toml", &text, &files.into()).unwrap();
+    let world = World::new(&loaded).unwrap();
+    let found = solve(&world, false, &mut |_| {}, &mut |_: Frame<'_>| {
+        Ok::<(), Infallible>(())
+    });
+    let found = found.unwrap();
+    assert!(found.failures.is_empty(), "{:?}", found.failures);
+    let force = last(&found.contacts[0]).force[2];
+    let load = LOAD * 0.04 * 0.04;
+    assert!((force + load).abs() < 1e-6 * load, "{force}");
 }

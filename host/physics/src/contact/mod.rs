@@ -5,6 +5,7 @@
 //! - [`row`]: the law of a contact. [`rows`]: the contacts of a step, from its pairs and shapes. `feet`: where a pair may
 //!   touch. `nearest`: what a vertex touches. `kept`: what contacts keep from step to step. `thinning`: which contacts have
 //!   rows.
+//! - [`facet`]: the facets of solids, and what two of them share.
 //! - [`obstacle`]: obstacles and their motion. [`shape`]: shapes of obstacles with an exact distance.
 //!   [`placed`]: a shape in a step.
 //! - [`start`]: what keeps surfaces from beginning a run.
@@ -21,6 +22,7 @@ pub mod certificate;
 pub mod crossing;
 pub mod distance;
 mod drift;
+pub mod facet;
 mod feet;
 pub mod hierarchy;
 pub(crate) mod kept;

@@ -10,6 +10,7 @@
 
 pub mod in_contact;
 mod lent;
+mod pace;
 
 use super::integrator::between;
 use super::newton::{Guide, Newton, NewtonOptions, NewtonReport};

@@ -24,11 +24,14 @@ const OVERSHOT: f64 = 0.1;
 /// Most evaluations of the rows in a line search.
 const EVALUATIONS: usize = 12;
 
-/// A contact of a step.
+/// The nodes of a contact of a step: those of a vertex and a triangle, or of two edges.
+pub type Four = [(At, f64); 4];
+
+/// A contact of a step, or of an equilibrium, where it may have more nodes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Touch {
+pub struct Touch<N = Four> {
     /// The nodes, and their weights; those of the first foot sum to one. A weight of zero has no node.
-    pub nodes: [(At, f64); 4],
+    pub nodes: N,
     /// The law.
     pub row: Row,
     /// The response at the end of the solve.
@@ -47,9 +50,9 @@ struct Pass {
     force: Vec3,
 }
 
-impl Touch {
+impl<N: AsRef<[(At, f64)]>> Touch<N> {
     /// A contact between nodes.
-    pub fn new(nodes: [(At, f64); 4], row: Row) -> Self {
+    pub fn new(nodes: N, row: Row) -> Self {
         Self {
             nodes,
             response: row.response(&Vec3::zeros()),
@@ -75,12 +78,14 @@ impl Touch {
 
     /// The displacement of the first foot against the second one (m), for displacements `of` nodes.
     pub fn difference(&self, of: &dyn Fn(At) -> Vec3) -> Vec3 {
-        let nodes = self.nodes.iter().filter(|(_, weight)| *weight != 0.0);
+        let nodes = self.nodes.as_ref().iter();
+        let nodes = nodes.filter(|(_, weight)| *weight != 0.0);
         nodes.map(|(at, weight)| of(*at) * *weight).sum()
     }
 
-    fn add(&self, force: &Vec3, add: &mut dyn FnMut(At, Vec3)) {
-        for (at, weight) in self.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
+    pub(super) fn add(&self, force: &Vec3, add: &mut dyn FnMut(At, Vec3)) {
+        let nodes = self.nodes.as_ref().iter();
+        for (at, weight) in nodes.filter(|(_, weight)| *weight != 0.0) {
             add(*at, force * *weight);
         }
     }
@@ -115,7 +120,11 @@ pub struct TouchReport {
 }
 
 /// Adds forces (N) to the residuals of the bodies.
-fn load<E: JointEquation>(bodies: &mut [Option<E>], touch: &Touch, force: &Vec3) {
+fn load<E: JointEquation, N: AsRef<[(At, f64)]>>(
+    bodies: &mut [Option<E>],
+    touch: &Touch<N>,
+    force: &Vec3,
+) {
     touch.add(force, &mut |at, force| {
         if let Some(body) = &mut bodies[at.body] {
             body.load(at.node, &force);
@@ -126,9 +135,9 @@ fn load<E: JointEquation>(bodies: &mut [Option<E>], touch: &Touch, force: &Vec3)
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
 /// step, and further ones do while a contact is too deep. `out_of_time` is called after each iteration;
 /// if it returns true, the step continues with the solution so far.
-pub fn solve<E: JointEquation>(
+pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     bodies: &mut [Option<E>],
-    touches: &mut [Touch],
+    touches: &mut [Touch<N>],
     updates: usize,
     room: &mut Workspace,
     out_of_time: &mut dyn FnMut() -> bool,
@@ -141,7 +150,7 @@ pub fn solve<E: JointEquation>(
         load(bodies, touch, &touch.force());
     }
     bodies.iter_mut().flatten().for_each(E::hold_pairs);
-    let is_deep = |touch: &Touch| touch.response.gap < -touch.row.depth;
+    let is_deep = |touch: &Touch<N>| touch.response.gap < -touch.row.depth;
     for update in 0..=MOST_UPDATES {
         if update > 0 {
             if update > updates && !touches.iter().any(is_deep) {
@@ -183,7 +192,11 @@ pub fn solve<E: JointEquation>(
 }
 
 /// Computes the norms of the residuals and of the forces of the contacts.
-fn weigh<E: JointEquation>(bodies: &mut [Option<E>], touches: &[Touch], room: &mut Workspace) {
+fn weigh<E: JointEquation, N: AsRef<[(At, f64)]>>(
+    bodies: &mut [Option<E>],
+    touches: &[Touch<N>],
+    room: &mut Workspace,
+) {
     room.left.clear();
     let residuals = bodies.iter_mut();
     room.left
@@ -198,9 +211,9 @@ fn weigh<E: JointEquation>(bodies: &mut [Option<E>], touches: &[Touch], room: &m
 }
 
 /// One pass from the present displacement, whose residual includes the forces of the contacts there.
-fn pass<E: JointEquation>(
+fn pass<E: JointEquation, N: AsRef<[(At, f64)]>>(
     bodies: &mut [Option<E>],
-    touches: &mut [Touch],
+    touches: &mut [Touch<N>],
     room: &mut Workspace,
     report: &mut TouchReport,
     out_of_time: &mut dyn FnMut() -> bool,
@@ -218,7 +231,7 @@ fn pass<E: JointEquation>(
     let goal = goal
         .fold(f64::INFINITY, f64::min)
         .max(ACCURACY * sum(&room.left));
-    let shared: &[Touch] = touches;
+    let shared: &[Touch<N>] = touches;
     report.passes += 1;
     report.iterations += iterate(
         bodies,

@@ -31,7 +31,7 @@ pub(super) struct ContactArguments {
 enum SectionName {
     /// Rest, sliding, belts, energy, lists and throws, each with what is asked for
     Aims,
-    /// A body in equilibrium: the law of Hertz
+    /// Bodies in equilibrium: a patch test of two meshes, and the law of Hertz
     Between,
     /// The force at the hand under slow hosts: pressed on a floor, on another body, on itself
     Hand,

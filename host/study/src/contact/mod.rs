@@ -1,7 +1,7 @@
 //! Contact against the aims of its design, and what contact costs.
 //!
 //! Each aim is a line with the most that is asked for and what was measured (`rest`, `worn`, `lists`, `measures`, `throws`). A
-//! line that is not reached is printed as it is. `hand` has the force at the hand, and `between` that of a body
+//! line that is not reached is printed as it is. `hand` has the force at the hand, and `between` those of bodies
 //! in equilibrium. Times are no aims (`cost`).
 
 mod aim;
@@ -32,7 +32,7 @@ use serde::Serialize;
 pub enum Section {
     /// Rest, sliding, belts, energy, lists and throws.
     Aims,
-    /// Equilibria: the law of Hertz.
+    /// Equilibria: a patch test, and the law of Hertz.
     Between,
     /// The force at the hand under slow hosts.
     Hand,

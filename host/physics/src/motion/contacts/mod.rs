@@ -11,13 +11,14 @@
 //!
 //! `parts` are the surfaces, and `islands` the bodies that share rows. `certify` and `report` end the step. A scene with nothing
 //! near leaves the stages out (`clearance`). `springs` are for the local models, and `still` are the contacts of bodies in
-//! equilibrium.
+//! equilibrium, with `facets` between solids.
 //!
 //! Bodies without a row are solved alone between `solve` and `certify`. Nothing is allocated in a step, once the vectors have
 //! served as many rows.
 
 mod certify;
 mod clearance;
+mod facets;
 mod islands;
 mod parts;
 mod report;
@@ -39,6 +40,7 @@ use crate::contact::row::Response;
 use crate::contact::{Contact, Lists, Moves, Obstacle, Placed, Rows, RowsReport, Step, Surfaces};
 use crate::element::precision::Precision;
 use clearance::Clearance;
+use facets::Facets;
 use islands::Islands;
 use parts::{Meetings, Owner, Source, place};
 
@@ -92,6 +94,7 @@ pub struct Contacts {
     meetings: Meetings,
     lists: Option<Lists>,
     rows: Rows,
+    facets: Facets,
     /// By vertex of the surfaces.
     x: Vec<Vec3>,
     u: Vec<Vec3>,
@@ -141,6 +144,7 @@ impl Contacts {
             meetings: Meetings::default(),
             lists: None,
             rows: Rows::new(&Surfaces::default(), 0),
+            facets: Facets::default(),
             x: Vec::new(),
             u: Vec::new(),
             v: Vec::new(),

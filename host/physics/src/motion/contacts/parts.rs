@@ -69,6 +69,12 @@ impl Meetings {
     pub(super) fn get(&self, one: usize, other: usize) -> Option<Meeting> {
         self.of[one * self.count + other]
     }
+
+    /// Two sides touch no longer.
+    pub(super) fn forget(&mut self, one: usize, other: usize) {
+        self.of[one * self.count + other] = None;
+        self.of[other * self.count + one] = None;
+    }
 }
 
 impl Contacts {

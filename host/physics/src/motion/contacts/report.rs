@@ -128,28 +128,12 @@ impl Contacts {
             let by_obstacles = force.dot(&contact.row.motion);
             self.report.taken += by_obstacles - on_bodies;
             self.report.by_obstacles += by_obstacles;
-            // Vertices of either side may touch the other.
-            let [one, other] = contact.parts;
-            let (sides, sign) = if one <= other {
-                ([one, other], 1.0)
-            } else {
-                ([other, one], -1.0)
-            };
-            let found = self.touching.iter().position(|sum| sum.sides == sides);
-            let at = found.unwrap_or_else(|| {
-                self.touching.push(Touching {
-                    sides,
-                    ..Touching::default()
-                });
-                self.touching.len() - 1
-            });
-            let sum = &mut self.touching[at];
-            sum.count += 1;
-            sum.normal += touch.response.normal;
-            sum.friction += touch.response.friction.norm();
-            sum.force += force * sign;
-            sum.depth = sum.depth.max(-touch.response.gap);
-            sum.slipping += usize::from(touch.response.slips);
+            add_to(&mut self.touching, contact.parts, touch);
+        }
+        for (touch, (corner, _)) in self.facets.touches.iter().zip(&self.facets.of) {
+            if touch.response.normal > 0.0 {
+                add_to(&mut self.touching, self.facets.pair(corner.0).sides, touch);
+            }
         }
         self.touching.sort_unstable_by_key(|sum| sum.sides);
         let fractions = &self.fractions;
@@ -181,6 +165,32 @@ impl Contacts {
             }
         }
     }
+}
+
+/// Adds a contact between two `parts` to the sums.
+fn add_to<N: AsRef<[(At, f64)]>>(sums: &mut Vec<Touching>, parts: [usize; 2], touch: &Touch<N>) {
+    // Vertices of either side may touch the other.
+    let [one, other] = parts;
+    let (sides, sign) = if one <= other {
+        ([one, other], 1.0)
+    } else {
+        ([other, one], -1.0)
+    };
+    let found = sums.iter().position(|sum| sum.sides == sides);
+    let at = found.unwrap_or_else(|| {
+        sums.push(Touching {
+            sides,
+            ..Touching::default()
+        });
+        sums.len() - 1
+    });
+    let sum = &mut sums[at];
+    sum.count += 1;
+    sum.normal += touch.response.normal;
+    sum.friction += touch.response.friction.norm();
+    sum.force += touch.force() * sign;
+    sum.depth = sum.depth.max(-touch.response.gap);
+    sum.slipping += usize::from(touch.response.slips);
 }
 
 /// What a contact is for the factor of a body; `None` if the body has no node of it.

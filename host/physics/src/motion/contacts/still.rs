@@ -4,7 +4,7 @@
 //! stiffness of a row, the stiffness of a vertex takes the place of its mass over the square of the step.
 
 use super::parts::{Owner, place};
-use super::{ContactReport, Contacts};
+use super::{ContactReport, Contacts, facets};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::Lists;
@@ -12,7 +12,7 @@ use crate::contact::kept::Kept;
 use crate::linear::block_matrix::BlockMatrix;
 use crate::motion::joined::At;
 use crate::motion::joint_equation::JointEquation;
-use crate::motion::touching;
+use crate::motion::touching::{self, Touch};
 
 /// Length of the step that a load step takes the place of (s): masses are stiffnesses (N/m).
 const UNIT: f64 = 1.0;
@@ -26,6 +26,13 @@ pub(crate) struct Still<'a> {
     pub(crate) u: &'a [Vec3],
     /// The stiffness of each node (N/m); infinite for a held one.
     pub(crate) stiffness: &'a [f64],
+}
+
+/// What contacts keep.
+#[derive(Debug)]
+pub(crate) struct StillKept {
+    rows: Vec<Kept>,
+    facets: facets::Kept,
 }
 
 impl Contacts {
@@ -66,6 +73,11 @@ impl Contacts {
         self.touches = touches;
         self.of_row.clear();
         self.of_row.extend(0..self.touches.len());
+        let size = bodies.iter().map(|still| still.body.size());
+        let mut facets = core::mem::take(&mut self.facets);
+        let at = |vertex| self.at(vertex);
+        facets.find(&self.x, &self.mass, size.fold(0.0, f64::max), &at);
+        self.facets = facets;
         self.report = ContactReport {
             counts: self.lists.as_ref().map(Lists::counts).unwrap_or_default(),
             rows: self.began,
@@ -79,13 +91,21 @@ impl Contacts {
         bodies: &mut [Option<E>],
         updates: usize,
     ) {
-        self.report.solved = touching::solve(
-            bodies,
-            &mut self.touches,
-            updates,
-            &mut self.room,
-            &mut || false,
-        );
+        if self.facets.touches.is_empty() {
+            let (touches, room) = (&mut self.touches, &mut self.room);
+            self.report.solved = touching::solve(bodies, touches, updates, room, &mut || false);
+            return;
+        }
+        let facets = self.facets.touches.len();
+        let mut all = core::mem::take(&mut self.facets.touches);
+        let others = self.touches.iter();
+        all.extend(others.map(|touch| Touch::new(touch.nodes.to_vec(), touch.row)));
+        let room = &mut self.room;
+        self.report.solved = touching::solve(bodies, &mut all, updates, room, &mut || false);
+        for (touch, solved) in self.touches.iter_mut().zip(all.drain(facets..)) {
+            (touch.row, touch.response) = (solved.row, solved.response);
+        }
+        self.facets.touches = all;
     }
 
     /// Finds the fractions of the displacements with which nothing crosses. Returns how many vertices have less than the whole.
@@ -115,15 +135,16 @@ impl Contacts {
     /// Keeps the forces of the solution for the next load step.
     pub(crate) fn end_still(&mut self) {
         self.sum_up();
+        self.facets.keep();
     }
 
     /// Calls `add` with the force of each contact on each of its nodes (N).
     pub(crate) fn each_force(&self, add: &mut dyn FnMut(At, Vec3)) {
         for touch in &self.touches {
-            let force = touch.force();
-            for (at, weight) in touch.nodes.iter().filter(|(_, weight)| *weight != 0.0) {
-                add(*at, force * *weight);
-            }
+            touch.add(&touch.force(), add);
+        }
+        for touch in &self.facets.touches {
+            touch.add(&touch.force(), add);
         }
     }
 
@@ -151,16 +172,35 @@ impl Contacts {
                 }
             }
         }
+        // The nodes of facets are no neighbours in the matrix. The sum of each row stands on its diagonal, as large as the
+        // row for a translation and larger otherwise.
+        for touch in self.facets.touches.iter().filter(|_| all) {
+            let tangent = touch.row.tangent(&touch.response);
+            let own = || touch.nodes.iter().filter(|(at, _)| at.body == body);
+            let sum: f64 = own().map(|(_, weight)| weight.abs()).sum();
+            for (at, weight) in own() {
+                let place = places[at.node as usize];
+                if (place as usize) < matrix.free()
+                    && let Some(slot) = matrix.slot(place, place)
+                {
+                    matrix.add(slot, &(tangent * (weight.abs() * sum)));
+                }
+            }
+        }
     }
 
     /// What the contacts keep.
-    pub(crate) fn kept(&self) -> Vec<Kept> {
-        self.rows.kept()
+    pub(crate) fn kept(&self) -> StillKept {
+        StillKept {
+            rows: self.rows.kept(),
+            facets: self.facets.kept.clone(),
+        }
     }
 
     /// Takes back what contacts kept at another time.
-    pub(crate) fn go_back_to(&mut self, kept: &[Kept]) {
-        self.rows.go_back_to(kept);
+    pub(crate) fn go_back_to(&mut self, kept: StillKept) {
+        self.rows.go_back_to(&kept.rows);
+        self.facets.kept = kept.facets;
     }
 
     fn part_of_body(&self, body: usize) -> Option<usize> {
@@ -201,13 +241,14 @@ impl Contacts {
                 share(&ends, 2.0 * part.radius * (b - a).norm());
             }
         }
+        self.facets.press(body, part.vertices.start, found);
     }
 }
 
 /// What contacts press on a vertex.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pressed {
-    /// The sum of the normal forces on the vertex, by size (N).
+    /// The sum of the normal forces on the vertex, by size (N); of facets, what their pressure there presses on `area`.
     pub force: f64,
     /// A third of the area of its triangles, or half of that of the segments of a thread, as wide as their diameter (m²);
     /// 0 inside a solid.

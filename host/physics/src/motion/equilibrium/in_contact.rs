@@ -9,9 +9,12 @@
 //! not in the residual, bounds its motion in an iteration (Levenberg and Marquardt's method; Nocedal and Wright, "Numerical
 //! optimization", 2006, chapter 10). The part falls from iteration to iteration, and grows if a motion is too long.
 //!
+//! The tangent leaves out that the normals and the feet of contacts follow the bodies (`pace`).
+//!
 //! Friction follows the way of the iterations: a contact that slipped in one iteration is anchored at its new place in the next.
 
 use super::lent::{Lent, Vectors};
+use super::pace::Pace;
 use super::{Equilibrium, EquilibriumOptions, EquilibriumReport, in_load_steps, judge, part};
 use crate::Vec3;
 use crate::body::Body;
@@ -35,7 +38,7 @@ const AGAIN: usize = 3;
 /// digits below it.
 const LEAST: f64 = 1e-6;
 /// By how much the part of the mass grows if a motion is too long, and falls otherwise.
-const GROWTH: f64 = 100.0;
+const GROWTH: f64 = 10.0;
 /// The most growths in an iteration.
 const MOST_GROWTHS: usize = 10;
 /// The bodies are solved to this fraction of the tolerance, or of the residual of the iteration, whatever is more.
@@ -62,6 +65,7 @@ pub struct ContactEquilibrium {
     vectors: Vec<Vectors>,
     /// The part of the mass in the matrices, as a fraction of the mean diagonal of each.
     shift: f64,
+    pace: Pace,
     report: EquilibriumReport,
 }
 
@@ -72,9 +76,10 @@ impl ContactEquilibrium {
     /// [`CondenseError::Symbolic`].
     pub fn new(
         bodies: &[&Body],
-        contacts: Contacts,
+        mut contacts: Contacts,
         options: EquilibriumOptions,
     ) -> Result<Self, CondenseError> {
+        contacts.face();
         let each = bodies.iter().map(|body| Equilibrium::new(body, options));
         Ok(Self {
             options,
@@ -82,6 +87,7 @@ impl ContactEquilibrium {
             each: each.collect::<Result<_, _>>()?,
             vectors: bodies.iter().map(|body| Vectors::new(body)).collect(),
             shift: STATIC_SHIFT,
+            pace: Pace::default(),
             report: EquilibriumReport::default(),
         })
     }
@@ -148,7 +154,7 @@ impl ContactEquilibrium {
                 }
                 Err(error) => {
                     self.report.refused += 1;
-                    self.contacts.go_back_to(&kept);
+                    self.contacts.go_back_to(kept);
                     for (own, body) in self.each.iter().zip(&mut *bodies) {
                         body.state.x.copy_from_slice(&own.last);
                     }
@@ -211,6 +217,7 @@ impl ContactEquilibrium {
         let mut report = NewtonReport::default();
         let mut prescribed = self.prescribe(bodies, fraction);
         let mut last = f64::INFINITY;
+        self.pace = Pace::default();
         loop {
             for ((body, own), vectors) in
                 bodies.iter_mut().zip(&mut self.each).zip(&mut self.vectors)
@@ -330,7 +337,14 @@ impl ContactEquilibrium {
                 });
             }
             if moved <= longest {
-                self.take(bodies);
+                let part = if self.shift > STATIC_SHIFT || prescribed > 0.0 {
+                    self.pace = Pace::default();
+                    1.0
+                } else {
+                    let all = self.vectors.iter().flat_map(|own| &own.u);
+                    self.pace.next(all.copied().collect())
+                };
+                self.take(bodies, part);
                 self.shift = (self.shift / GROWTH).max(STATIC_SHIFT);
                 return Ok(());
             }
@@ -426,13 +440,13 @@ impl ContactEquilibrium {
         self.contacts.solve_still(&mut lent, UPDATES);
     }
 
-    /// Moves the bodies by their displacements, as far as nothing crosses, and keeps the forces of the contacts.
-    fn take(&mut self, bodies: &mut [&mut Body]) {
+    /// Moves the bodies by a `part` of their displacements, as far as nothing crosses, and keeps the forces of the contacts.
+    fn take(&mut self, bodies: &mut [&mut Body], part: f64) {
         let each = bodies.iter_mut().zip(&mut self.vectors);
         for (number, (body, vectors)) in each.enumerate() {
             let fractions = self.contacts.fractions(number);
             for (node, (x, u)) in body.state.x.iter_mut().zip(&vectors.u).enumerate() {
-                *x += u * fractions.get(node).copied().unwrap_or(1.0);
+                *x += u * (part * fractions.get(node).copied().unwrap_or(1.0));
             }
             vectors.u.fill(Vec3::zeros());
         }
