@@ -173,11 +173,16 @@ impl<'a> Judge<'a> {
         let (report, totals) = (contact.contacts().report(), contact.totals().sums);
         self.counts.touched += u64::from(!contact.contacts().touching().is_empty());
         self.counts.truncated += u64::from(report.truncated.truncated > 0);
-        let by_obstacles = totals.by_obstacles + totals.parted;
+        // Overlaps that are pressed deeper take the energy of bodies, as any contact that takes energy. Only what parting puts in
+        // beyond that comes from nowhere, and is booked.
+        let parted = totals.parted.max(0.0);
+        let by_obstacles = totals.by_obstacles + parted;
         self.driven = self.driven.max(by_obstacles);
         self.moved += (by_obstacles - self.before[1]).abs();
         self.before[1] = by_obstacles;
-        self.given = self.given.max(-totals.taken - totals.stopped);
+        self.given = self
+            .given
+            .max(totals.parted - parted - totals.taken - totals.stopped);
         let energy: f64 = bodies().map(Body::total_energy).sum();
         let step = 1.0 / self.world.loaded.scene.host.step_rate;
         self.by_hands += bodies()
