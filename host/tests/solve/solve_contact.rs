@@ -2,7 +2,7 @@
 
 use crate::solve_support;
 use host::scene::Scene;
-use host::solve::{Frame, PairSolution, solve};
+use host::solve::{Frame, PairRow, PairSolution, solve};
 use host::world::World;
 use meshio::write_gmsh::write_solid;
 use meshio::write_vtu::Values;
@@ -29,7 +29,7 @@ material = {{ law = "{law}", young = 20e3, poisson = 0.3, density = {DENSITY} }}
 const WEIGHT: f64 = DENSITY * GRAVITY * 0.04 * 0.04 * 0.02;
 const FLOOR: &str = "\n[[obstacle]]\nname = \"floor\"\nshape = \"plane\"\nfriction = 0.5\n";
 
-fn last(pair: &PairSolution) -> &host::solve::PairRow {
+fn last(pair: &PairSolution) -> &PairRow {
     pair.steps.last().expect("a step")
 }
 
@@ -174,7 +174,6 @@ fn what_does_not_rest_is_an_error_that_asks_what_holds_it() {
         "name = \"stack\"",
         "name = \"stack\"\ngravity = [1.0, 0.0, -9.81]",
     ));
-    println!("{:?}", found.failures);
     let [failure] = &found.failures[..] else {
         panic!("{:?}", found.failures);
     };
@@ -236,4 +235,49 @@ friction = 0.0
     let force = last(&found.contacts[0]).force[2];
     let load = LOAD * 0.04 * 0.04;
     assert!((force + load).abs() < 1e-6 * load, "{force}");
+}
+
+/// A plate is pressed on a plate by the way (m) of its upper face from a height (m). Returns the sums of the contact.
+fn pressed_plates(thickness: f64, height: f64, way: f64) -> PairRow {
+    let plate = |name: &str, cells: u32, height: f64| {
+        block(name, "linear", cells, height).replace("0.04, 0.02]", &format!("0.04, {thickness}]"))
+    };
+    let found = solved(&format!(
+        r#"
+name = "plates"
+gravity = [0.0, 0.0, 0.0]
+{}
+[[body.support]]
+name = "ground"
+group = "bottom"
+{}
+[[body.support]]
+name = "press"
+group = "top"
+displacement = [0.0, 0.0, {}]
+[[contact]]
+between = ["lower", "upper"]
+thickness = 1e-5
+friction = 0.0
+"#,
+        plate("lower", 3, 0.0),
+        plate("upper", 4, thickness + height),
+        -way
+    ));
+    assert!(found.failures.is_empty(), "{:?}", found.failures);
+    last(&found.contacts[0]).clone()
+}
+
+/// A block that comes from afar in one step touches as one that begins near, and the far sides of thin plates do not touch.
+#[test]
+fn only_sides_that_meet_touch_and_none_is_passed() {
+    let near = pressed_plates(0.02, 1e-4, 1.1e-3);
+    let far = pressed_plates(0.02, 0.03, 0.031);
+    assert_eq!((near.count, far.count), (25, 25));
+    let [near, far] = [near, far].map(|row| row.normal);
+    assert!(
+        near > 0.1 && (far / near - 1.0).abs() < 1e-6,
+        "{near} {far}"
+    );
+    assert_eq!(pressed_plates(1e-3, 1e-4, 1.5e-4).count, 25);
 }

@@ -16,7 +16,7 @@ const NODES: [[f64; 3]; 6] = [
     [0.0, 0.5, 0.5],
     [0.5, 0.0, 0.5],
 ];
-/// The nodes of the plane parts of a quadratic facet; the first three are those of the facet without its middles.
+/// The nodes of the plane parts of a quadratic facet, and of a linear one.
 const PARTS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
 const WHOLE: [[usize; 3]; 1] = [[0, 1, 2]];
 

@@ -22,14 +22,16 @@ use super::parts::Owner;
 use crate::Vec3;
 use crate::contact::facet::{Common, Facet};
 use crate::contact::row::{Row, Stiffness};
-use crate::mesh::Mesh;
+use crate::mesh::check_solid::size;
+use crate::mesh::{Mesh, TetMesh};
 use crate::motion::joined::At;
 use crate::motion::touching::Touch;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Parts of facets take part up to this gap, and this depth, as a fraction of the size of the larger body: no iteration goes
-/// further.
-const REACH: f64 = 0.1;
+/// Facets take part up to this depth, as a fraction of the mean thickness of the thinner body, which is twice its volume over its
+/// surface. The far sides of two bodies face each other, too, and are deeper. Contacts are found before they close, so that no
+/// iteration goes deep.
+const DEPTH: f64 = 0.25;
 /// What lies further from a corner than its least gap and this fraction of the size of its facets does not count for it: a step
 /// in the other surface.
 const BEYOND: f64 = 0.5;
@@ -60,6 +62,8 @@ pub(super) struct Faces {
     pub(super) sides: [usize; 2],
     pub(super) facets: [Vec<Facet>; 2],
     distance: f64,
+    /// See [`DEPTH`] (m).
+    depth: f64,
     friction: f64,
 }
 
@@ -96,20 +100,29 @@ impl Contacts {
                 let of =
                     |mesh, part: usize| Facet::of(mesh, self.surfaces.parts[part].vertices.start);
                 let facets = [of(first, one), of(second, other)];
-                let area = |which: usize, mesh: &[Vec3], part: usize| {
+                let area = |facets: &[Facet], mesh: &TetMesh, part: usize| {
                     let from = self.surfaces.parts[part].vertices.start;
-                    let areas = facets[which].iter().map(|facet| {
-                        let [a, b, c] = [0, 1, 2].map(|i| mesh[(facet.nodes[i] - from) as usize]);
-                        (b - a).cross(&(c - a)).norm()
+                    let areas = facets.iter().map(|facet| {
+                        let at = |i: usize| mesh.positions[(facet.nodes[i] - from) as usize];
+                        let [a, b, c] = [0, 1, 2].map(at);
+                        0.5 * (b - a).cross(&(c - a)).norm()
                     });
-                    areas.sum::<f64>() / facets[which].len().max(1) as f64
+                    areas.sum::<f64>()
                 };
-                let [mine, its] = [
-                    area(0, &first.positions, one),
-                    area(1, &second.positions, other),
+                let areas = [
+                    area(&facets[0], first, one),
+                    area(&facets[1], second, other),
                 ];
+                let thickness = |mesh: &TetMesh, area: f64| {
+                    let cells = mesh.cells.vertices();
+                    let volumes = cells.map(|cell| size(&mesh.positions, cell).0 / 6.0);
+                    2.0 * volumes.sum::<f64>() / area
+                };
+                let thinner = thickness(first, areas[0]).min(thickness(second, areas[1]));
+                let mean = |side: usize| areas[side] / facets[side].len() as f64;
+                let is_turned = mean(1) < mean(0);
                 let (mut sides, mut facets) = ([one, other], facets);
-                if its < mine {
+                if is_turned {
                     sides.reverse();
                     facets.reverse();
                 }
@@ -117,6 +130,7 @@ impl Contacts {
                     sides,
                     facets,
                     distance: meeting.distance,
+                    depth: DEPTH * thinner,
                     friction: meeting.friction,
                 });
                 self.meetings.forget(one, other);
@@ -132,18 +146,19 @@ impl Facets {
         &self.pairs[number]
     }
 
-    /// Finds the contacts at the positions `x` (m) of the vertices, with their stiffnesses (N/m), for bodies of a `size` (m).
+    /// Finds the contacts at the positions `x` (m) of the vertices, with their stiffnesses (N/m), up to gaps of
+    /// `ahead` (m).
     pub(super) fn find(
         &mut self,
         x: &[Vec3],
         stiffness: &[f64],
-        size: f64,
+        ahead: f64,
         at: &dyn Fn(u32) -> Option<At>,
     ) {
         self.touches.clear();
         self.of.clear();
         for (number, pair) in self.pairs.iter().enumerate() {
-            for (corner, found) in pair.corners(x, REACH * size) {
+            for (corner, found) in pair.corners(x, ahead) {
                 let key = (number, corner);
                 let kept = self.kept.get(&key).copied().unwrap_or_default();
                 if let Some((touch, area)) = pair.touch(&found, x, stiffness, kept, at) {
@@ -213,10 +228,10 @@ impl Facets {
 }
 
 impl Faces {
-    /// The shares of each corner, of facets that are at most `reach` apart (m).
-    fn corners(&self, x: &[Vec3], reach: f64) -> BTreeMap<u32, Vec<Share>> {
+    /// The shares of each corner, of facets up to gaps of `ahead` (m).
+    fn corners(&self, x: &[Vec3], ahead: f64) -> BTreeMap<u32, Vec<Share>> {
         let mut found: BTreeMap<u32, Vec<Share>> = BTreeMap::new();
-        let [own, its] = self.boxes(x, reach);
+        let [own, its] = self.boxes(x, ahead.max(self.depth));
         for (one, low, high) in &own {
             for (other, _, _) in its
                 .iter()
@@ -225,7 +240,8 @@ impl Faces {
                 let facets = [&self.facets[0][*one], &self.facets[1][*other]];
                 facets[0].each_common(facets[1], x, &mut |common| {
                     for (corner, share) in shares(facets, common, x) {
-                        if (share.gap - self.distance).abs() <= reach {
+                        let gap = share.gap - self.distance;
+                        if -self.depth <= gap && gap <= ahead {
                             let numbers = [*one, *other];
                             let all = found.entry(facets[0].nodes[corner]);
                             all.or_default().push(Share {

@@ -36,9 +36,9 @@ pub(crate) struct StillKept {
 }
 
 impl Contacts {
-    /// Finds the rows of bodies. This may be called again for another prediction. Each row then has the force of no
-    /// displacement.
-    pub(crate) fn begin_still(&mut self, bodies: &[Still<'_>]) {
+    /// Finds the rows of bodies, those of facets up to gaps of `ahead` (m). This may be called again for another prediction. Each
+    /// row then has the force of no displacement.
+    pub(crate) fn begin_still(&mut self, bodies: &[Still<'_>], ahead: f64) {
         for (part, owner) in self.surfaces.parts.iter().zip(&self.owners) {
             let range = part.vertices.start as usize..part.vertices.end as usize;
             let (x, u) = (&mut self.x[range.clone()], &mut self.u[range.clone()]);
@@ -73,10 +73,9 @@ impl Contacts {
         self.touches = touches;
         self.of_row.clear();
         self.of_row.extend(0..self.touches.len());
-        let size = bodies.iter().map(|still| still.body.size());
         let mut facets = core::mem::take(&mut self.facets);
         let at = |vertex| self.at(vertex);
-        facets.find(&self.x, &self.mass, size.fold(0.0, f64::max), &at);
+        facets.find(&self.x, &self.mass, ahead, &at);
         self.facets = facets;
         self.report = ContactReport {
             counts: self.lists.as_ref().map(Lists::counts).unwrap_or_default(),

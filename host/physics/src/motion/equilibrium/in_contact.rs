@@ -180,7 +180,7 @@ impl ContactEquilibrium {
             own.loads = [Vec::new(), Vec::new()];
         }
         if failed && self.report.reached > 0.0 {
-            self.find(bodies);
+            self.find(bodies, longest(bodies, 0.0));
             self.contacts.end_still();
         }
         for (number, (own, body)) in self.each.iter_mut().zip(&mut *bodies).enumerate() {
@@ -195,8 +195,8 @@ impl ContactEquilibrium {
         }
     }
 
-    /// Finds the rows of the present displacements.
-    fn find(&mut self, bodies: &[&mut Body]) {
+    /// Finds the rows of the present displacements, before an iteration in which no node moves by more than `longest` (m).
+    fn find(&mut self, bodies: &[&mut Body], longest: f64) {
         let each = bodies.iter().zip(&self.vectors);
         let still: Vec<Still<'_>> = each
             .map(|(body, vectors)| Still {
@@ -205,7 +205,8 @@ impl ContactEquilibrium {
                 stiffness: &vectors.stiffness,
             })
             .collect();
-        self.contacts.begin_still(&still);
+        // Two bodies may move against each other.
+        self.contacts.begin_still(&still, 2.0 * longest);
     }
 
     /// Newton's method for a load step that covers `fraction` of the remaining way.
@@ -226,7 +227,7 @@ impl ContactEquilibrium {
                 own.newton.balance(body, None);
                 vectors.weigh(body);
             }
-            self.find(bodies);
+            self.find(bodies, longest(bodies, prescribed));
             self.judge(bodies, &mut report);
             if !(report.residual.is_finite() && report.reference.is_finite()) {
                 return Err(StepError::Diverged {
@@ -302,8 +303,7 @@ impl ContactEquilibrium {
         report: &mut NewtonReport,
     ) -> Result<(), StepError> {
         let start: Vec<Vec<Vec3>> = self.vectors.iter().map(|own| own.u.clone()).collect();
-        let size = bodies.iter().map(|body| body.size()).fold(0.0, f64::max);
-        let longest = LONGEST * size + 2.0 * prescribed;
+        let longest = longest(bodies, prescribed);
         for _ in 0..MOST_GROWTHS {
             let shifts = self.factorize(bodies, report)?;
             let least = FINER * self.options.newton.tolerance * report.reference;
@@ -315,7 +315,7 @@ impl ContactEquilibrium {
             for again in 0..=AGAIN {
                 if again > 0 {
                     // The prediction is the motion that crossed.
-                    self.find(bodies);
+                    self.find(bodies, longest);
                     for (own, start) in self.vectors.iter_mut().zip(&start) {
                         own.u.copy_from_slice(start);
                     }
@@ -352,7 +352,7 @@ impl ContactEquilibrium {
             for (own, start) in self.vectors.iter_mut().zip(&start) {
                 own.u.copy_from_slice(start);
             }
-            self.find(bodies);
+            self.find(bodies, longest);
         }
         Err(StepError::Diverged {
             iterations: report.iterations,
@@ -452,6 +452,12 @@ impl ContactEquilibrium {
         }
         self.contacts.end_still();
     }
+}
+
+/// The longest motion of a node in an iteration (m), if the longest prescribed one has this length (m).
+fn longest(bodies: &[&mut Body], prescribed: f64) -> f64 {
+    let size = bodies.iter().map(|body| body.size()).fold(0.0, f64::max);
+    LONGEST * size + 2.0 * prescribed
 }
 
 /// Whether handles and supports hold a body along every axis.
