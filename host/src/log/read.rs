@@ -73,7 +73,7 @@ impl Log {
 }
 
 /// Whether a definition has the fields of `own`, in its order. Comments and constants do not count: they name values, and
-/// a later version of palpate may name more.
+/// a later version of palpate may name more. Fields that `own` calls optional may be missing, as in logs of earlier versions.
 pub(super) fn same_fields(found: &[u8], own: &str) -> bool {
     // Only constants and the lines between two definitions have a sign of equality.
     let fields = |text: &str| -> Vec<String> {
@@ -85,6 +85,11 @@ pub(super) fn same_fields(found: &[u8], own: &str) -> bool {
             .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
             .collect()
     };
+    let lines = own.lines().filter(|line| !line.contains("# optional"));
+    let earlier = lines.collect::<Vec<_>>().join("\n");
     found == own.as_bytes()
-        || std::str::from_utf8(found).is_ok_and(|found| fields(found) == fields(own))
+        || std::str::from_utf8(found).is_ok_and(|found| {
+            let found = fields(found);
+            found == fields(own) || found == fields(&earlier)
+        })
 }

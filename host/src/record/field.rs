@@ -109,6 +109,7 @@ pub trait Record {
 /// - `"uint64 step  # number of the step" step;` is a field: its line in the definition, then its name.
 /// - `"palpate_msgs/Body[] bodies" bodies: list "body";` is a list of records, with a name of a record for people.
 /// - `"palpate_msgs/Tear[] tear" tear: tail "tear";` is such a list at the end, which the messages of earlier versions lack.
+/// - `"float64[] received # optional: ..." received: late;` is a field at the end, which the messages of earlier versions lack.
 /// - `energy: flat;` shows the fields of another record as fields of this one, and `piece: skip;` none.
 /// - `"uint8 LIVE=1";` is a line without a field.
 macro_rules! fields {
@@ -121,6 +122,11 @@ macro_rules! fields {
     (@ $to:ident $line:literal $name:ident tail $part:literal) => {
         if !$to.is_at_end() {
             $to.list($line, $part, $name)?;
+        }
+    };
+    (@ $to:ident $line:literal $name:ident late) => {
+        if !$to.is_at_end() {
+            $to.field($line, $name)?;
         }
     };
     (@ $to:ident $name:ident flat) => { $name.fields($to)? };

@@ -27,6 +27,8 @@ pub struct ModelRow {
     damping: Vec<f64>,
     /// One if the body is torn or a tear limits the extrapolation, none otherwise.
     tear: Vec<Torn>,
+    /// The work of contacts with other bodies (J), if there was any.
+    received: Vec<f64>,
 }
 
 /// What a tear adds to a model.
@@ -73,12 +75,16 @@ impl ModelRow {
             head: ModelHead {
                 pieces,
                 tear_limit,
+                received: 0.0,
                 ..model.head
             },
             block: block as u8,
             stiffness: matrix(&model.stiffness),
             damping: matrix(&model.damping),
             tear: torn.into_iter().collect(),
+            received: (Some(model.head.received).filter(|work| *work != 0.0))
+                .into_iter()
+                .collect(),
             handles,
         }
     }
@@ -96,6 +102,7 @@ impl ModelRow {
     pub fn model(&self) -> LocalModel {
         let mut model = LocalModel::empty();
         model.head = self.head;
+        model.head.received = self.received.first().copied().unwrap_or(0.0);
         for (to, from) in model.handles.iter_mut().zip(&self.handles) {
             *to = *from;
         }
@@ -149,6 +156,7 @@ record! { ModelRow: Self::new(0, &LocalModel::empty()), Self::count;
     "float64[] stiffness # (handles x block)^2 numbers, rows first" stiffness;
     "float64[] damping   # the same" damping;
     "palpate_msgs/Tear[] tear  # one where the body is torn or a tear limits the extrapolation, none otherwise" tear: tail "tear";
+    "float64[] received # optional: work of contacts with other bodies, one number if there was any" received: late;
 }
 
 impl ModelRow {
@@ -165,7 +173,8 @@ impl ModelRow {
             && (self.block == 3 || self.block == 6)
             && self.stiffness.len() == size
             && self.damping.len() == size;
-        (whole && self.tear.len() <= 1 && self.tear.iter().all(sound)).then_some(())
+        (whole && self.tear.len() <= 1 && self.received.len() <= 1 && self.tear.iter().all(sound))
+            .then_some(())
     }
 }
 
@@ -178,12 +187,13 @@ record! { ModelHead: Self::empty();
     "float64 horizon     # how far ahead it is to be good for" horizon;
     "float64 energy      # that hands at rest could get back" energy;
     "float64 released    # of the body's own, which no hand has supplied" released;
-    "float64 received    # work of contacts with other bodies" received;
     "uint32 epoch        # of the topology" epoch;
     handle_count: skip;
     // The entry of the tear has both.
     pieces: skip;
     tear_limit: skip;
+    // It stands at the end.
+    received: skip;
 }
 
 record! { HandleReference: Self::zero();

@@ -41,10 +41,18 @@ impl From<&Telemetry> for TickRow {
             lateness_ns: telemetry.lateness_ns,
             took_ns: telemetry.took_ns,
             devices: telemetry.devices().copied().collect(),
-            bodies: telemetry.bodies().copied().collect(),
+            bodies: telemetry.bodies().map(logged).collect(),
             readings: telemetry.readings().map(LoggedReading::from).collect(),
         }
     }
+}
+
+/// The record of a body as a log keeps it.
+fn logged(body: &BodyTelemetry) -> BodyTelemetry {
+    let mut body = *body;
+    // Logs of earlier versions lack this sum.
+    body.energy.received = 0.0;
+    body
 }
 
 /// A device's state (device axes), or the reason why there was none.
@@ -238,7 +246,8 @@ record! { EnergyAccount: Self::default();
     "float64 raised     # part of it that lifted weight" raised;
     "float64 least      # least that supplied + received - raised + credited ever was" least;
     "float64 initial    # in the first model, which the body had before hands moved it" initial;
-    "float64 received   # credit that bodies it touches gave to it" received;
+    // See `logged`.
+    received: skip;
     "float64 stored     # that could be got back now" stored;
     "float64 credited   # dissipated by devices and relied on" credited;
     "float64 available  # what the cap has to spend" available;
