@@ -57,8 +57,6 @@ pub struct Publisher {
     /// The model of the body itself.
     model: LocalModel,
     projected: Projected,
-    /// The wrench by which the next model differs from the present one of the hands, because contacts have just closed.
-    settling: [Vec6; MAX_HANDLES],
     stored: Option<Stored>,
     coupling: Option<VirtualCoupling>,
     renderable: Vec<Renderable>,
@@ -94,7 +92,6 @@ impl Publisher {
         Self {
             placing: model,
             model,
-            settling: [Vec6::zeros(); MAX_HANDLES],
             stored,
             springs: SeriesSprings::of(devices, &publishing.renderable),
             projected: publishing.projected,
@@ -121,13 +118,6 @@ impl Publisher {
     /// Takes the stiffness, the damping and the drift of the models from now on.
     pub fn take(&mut self, condensed: &Condensed) {
         fill_blocks(&mut self.model, condensed);
-        let each = self
-            .settling
-            .iter_mut()
-            .zip(condensed.settling.chunks_exact(6));
-        for (to, from) in each {
-            *to = Vec6::from_column_slice(from);
-        }
         self.projected.blocks(&mut self.model);
         if let Some(stored) = &mut self.stored {
             stored.keep(&self.model, condensed.length);
@@ -184,12 +174,9 @@ impl Publisher {
                     tear_slope: reference.tear_slope,
                     ..reference_of(reference.device, report)
                 };
-                let settled = reference.wrench.stacked() - self.settling[i];
-                reference.wrench = Wrench::from_stacked(&settled);
                 self.projected.wrench(reference);
             }
         }
-        self.settling = [Vec6::zeros(); MAX_HANDLES];
         if let Some(stored) = &mut self.stored {
             match elastic {
                 Elastic::Whole(elastic) => stored.publish(body, elastic, &mut self.model),

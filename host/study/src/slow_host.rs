@@ -60,8 +60,6 @@ pub(crate) struct SlowHost {
     pub(crate) engine: Engine,
     pacer: Pacer,
     renderings: Vec<Rendering>,
-    /// The forces on the hands in the last step, by tick.
-    steps: Vec<Forces>,
     /// Whether a model arrived, by tick.
     arrivals: Vec<bool>,
 }
@@ -105,7 +103,6 @@ impl SlowHost {
             renderings: renderings.collect(),
             engine: Engine::new(bodies).touching(contact),
             pacer: Pacer::new(rate, steps),
-            steps: Vec::new(),
             arrivals: Vec::new(),
         })
     }
@@ -113,21 +110,21 @@ impl SlowHost {
     /// Makes the steps that are due by the time of the tick, and renders.
     pub(crate) fn tick(&mut self, hands: &Hands, number: u64, time_ns: u64, watch: &WallStopwatch) {
         self.engine.follow(&hands.record(number, time_ns));
+        let renderings = &mut self.renderings;
         let mut has_arrived = false;
         while self.pacer.next_ns() <= time_ns {
             let due = self.pacer.begin(self.pacer.next_ns());
             self.engine.step(due, watch, &mut |body, model| {
                 has_arrived = true;
-                for rendering in &mut self.renderings {
+                for rendering in renderings.iter_mut() {
                     // A refusal would appear as an error of the force.
                     let _ = rendering.couplings[body].accept(&(rendering.change)(model));
                 }
             });
         }
         self.arrivals.push(has_arrived);
-        self.steps.push(self.step_forces());
         let poses = hands.by_device(time_ns as f64 * 1e-9);
-        for rendering in &mut self.renderings {
+        for rendering in renderings {
             let mut forces = [Vec3::zeros(); MAX_DEVICES];
             for (coupling, body) in rendering.couplings.iter_mut().zip(self.engine.bodies()) {
                 let wrenches = coupling.tick(time_ns, &poses);
@@ -140,24 +137,6 @@ impl SlowHost {
             }
             rendering.forces.push(forces);
         }
-    }
-
-    /// The forces on the hands in the last step (N).
-    fn step_forces(&self) -> Forces {
-        let mut forces = [Vec3::zeros(); MAX_DEVICES];
-        for body in self.engine.bodies() {
-            for (handle, device) in body.publisher().devices().enumerate() {
-                if let Some(report) = body.body().handle_report(handle) {
-                    forces[usize::from(device)] += report.wrench_on_hand.force;
-                }
-            }
-        }
-        forces
-    }
-
-    /// The forces on the hands in the last step, by tick: without any model.
-    pub(crate) fn of_steps(&self) -> &[Forces] {
-        &self.steps
     }
 
     /// The forces of a way of rendering, by tick.

@@ -275,52 +275,6 @@ impl Parts {
         rate
     }
 
-    /// The change of the force of the hand on the body by a column (N) once the nodes in contact have stopped.
-    ///
-    /// A node that has just come to its contact still moves. The contact stops it within the time of a wave, much sooner than
-    /// the next model comes, and then the dampers between this node and the hand act. With the shapes `Psi` the force of the
-    /// hand is `Psi^T (f + C v + M a)`, and the model takes `C Psi v_h` for `C v`. With the stiffness-proportional part of `C`,
-    /// on the free nodes `K Psi = -J^T D J Psi` but for inertia, so the contacts alone tell the difference,
-    /// `sum beta (D J Psi) . J (v - Psi v_h)`.
-    pub(super) fn settling<T: Precision>(
-        &self,
-        own: (&Body, &Stepper<T>),
-        around: &Around<'_, T>,
-        reduction: &Reduction,
-        column: usize,
-    ) -> f64 {
-        let beside = |body: usize| {
-            let other = around.others[body].as_ref();
-            let other = other.map(|other| (other.body, &*other.stepper));
-            if body == around.number {
-                Some(own)
-            } else {
-                other
-            }
-        };
-        let mut sum = 0.0;
-        for spring in around.springs.iter().filter(|spring| spring.closes == 0.0) {
-            let moved = spring.difference(&|at| self.shape(around, reduction, column, at));
-            let force = spring.stiffness * moved;
-            for (at, weight) in spring.taken() {
-                let Some((body, stepper)) = beside(at.body) else {
-                    continue;
-                };
-                let beta = body.model.config.stiffness_damping;
-                if !stepper.is_free(at.node) {
-                    continue;
-                }
-                let mut moves = body.state.v[at.node as usize];
-                for (row, speed) in reduction.speeds.iter().enumerate() {
-                    moves -= self.shape(around, reduction, row, at) * *speed;
-                }
-                // An obstacle carries nodes of one body.
-                sum += beta * force.dot(&(moves * weight - spring.carried * weight.abs()));
-            }
-        }
-        sum
-    }
-
     /// The limit of the contacts between the body and the side on which it presses most; `None` if it presses on no other. `slopes`
     /// receives a number for each column.
     ///

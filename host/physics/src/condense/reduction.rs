@@ -32,8 +32,6 @@ pub struct Condensed {
     /// predict. It is `w0' + K v0`, where `w0'` is the mean rate of the wrench over the period if the handles keep the
     /// velocities `v0`.
     pub drift: Vec<f64>,
-    /// The change of the wrench once nodes that have just come to a contact have stopped (N, N m), 6 H numbers.
-    pub settling: Vec<f64>,
     /// The part that clipping removed from the stiffness.
     pub stiffness_clip: Clip,
     /// The part that clipping removed from the damping.
@@ -177,7 +175,6 @@ impl Reduction {
                 raw_damping: zeros(),
                 mass: zeros(),
                 drift: vec![0.0; size],
-                settling: vec![0.0; size],
                 stiffness_clip: Clip::default(),
                 damping_clip: Clip::default(),
                 length,

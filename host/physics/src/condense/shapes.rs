@@ -168,14 +168,11 @@ impl Shapes {
             ..
         } = &mut **shapes;
         reduction.reduce(body, factors.0 / factors.1, period, missed);
-        reduction.condensed.settling.fill(0.0);
         if let Some(around) = around {
             for column in 0..reduction.columns.len() {
                 let slot = reduction.columns[column].slot();
                 let drift = parts.drift(around, reduction, column);
                 reduction.condensed.drift[slot] += drift;
-                let settling = parts.settling((body, stepper), around, reduction, column);
-                reduction.condensed.settling[slot] = settling;
             }
         }
         Ok((&reduction.condensed, report))

@@ -1,4 +1,4 @@
-//! The force of contact at the hand under slow hosts, against the force in the steps of a host that steps in every tick.
+//! The force of contact at the hand under slow hosts, against the force of a host that steps and publishes in every tick.
 //!
 //! A hand presses a body on a floor, on a sphere, on another body and on itself, holds it, and lets it go. The first host makes the
 //! same steps as the reference and publishes rarely: its error is that of the extrapolation. The others step less often, from
@@ -225,7 +225,7 @@ fn press(
             host.tick(&hands, number, number * 1_000_000, &watch);
         }
     }
-    let exact = reference.of_steps();
+    let exact = reference.forces(0);
     let norms = exact.iter().flatten().map(physics::Vec3::norm);
     let peak = norms.fold(0.0, f64::max);
     let tick = (1..exact.len()).map(|at| change(exact, at));

@@ -27,8 +27,6 @@ pub struct Spring {
     pub pressed: f64,
     /// Stiffness (N/m), symmetric and positive semidefinite.
     pub stiffness: Mat3,
-    /// The velocity of an obstacle on which the first foot rests (m/s).
-    pub carried: Vec3,
     /// The time in which the contact closes (s); zero if it holds.
     pub closes: f64,
     /// The island.
@@ -61,8 +59,7 @@ impl Spring {
         first != second
     }
 
-    /// The nodes with a weight.
-    pub fn taken(&self) -> impl Iterator<Item = (At, f64)> {
+    fn taken(&self) -> impl Iterator<Item = (At, f64)> {
         self.nodes.into_iter().filter(|(_, weight)| *weight != 0.0)
     }
 }
@@ -87,12 +84,8 @@ impl Contacts {
                 let mut nodes = touch.nodes.iter().filter(|(_, weight)| *weight != 0.0);
                 let body = nodes.next().map(|(at, _)| at.body);
                 if body.is_some_and(|body| self.islands.root(body) == root) {
-                    let contact = &self.rows.contacts()[*row];
-                    let carried = contact.row.motion / self.h;
-                    springs.push(Spring {
-                        carried,
-                        ..spring(touch, contact.parts, root)
-                    });
+                    let sides = self.rows.contacts()[*row].parts;
+                    springs.push(spring(touch, sides, root));
                 }
             }
         }
@@ -189,7 +182,6 @@ fn closing(contact: &Contact, nodes: [(At, f64); 4], closes: f64) -> Spring {
         normal: row.normal,
         pressed: 0.0,
         stiffness,
-        carried: Vec3::zeros(),
         closes,
         root: 0,
     }
@@ -205,7 +197,6 @@ fn spring(touch: &Touch, sides: [usize; 2], root: usize) -> Spring {
         normal: row.normal,
         pressed: touch.response.normal,
         stiffness: row.tangent(&touch.response) + rigid,
-        carried: Vec3::zeros(),
         closes: 0.0,
         root,
     }
