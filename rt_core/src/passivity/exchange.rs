@@ -7,7 +7,7 @@
 //!
 //! The pool holds no more than the bodies have given. The sum of all credits and of the pool therefore never grows by an
 //! exchange, and the certificate holds for the hands of all bodies together, whatever the models claim. A body gives no
-//! credit that backs its own springs. A pool is also what a body without hands holds for the hands that pressed it.
+//! credit that backs its own springs. The pool also keeps the energy of bodies without hands for the hands that pressed them.
 
 use super::{FORGET, Passivity};
 
