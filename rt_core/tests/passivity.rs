@@ -473,7 +473,9 @@ fn hands_that_move_before_the_first_model_must_pay_for_the_energy_in_it() {
             }
             let wrenches = coupling.tick(1, &at(fraction));
             let mut held = [Wrench::zero(); MAX_DEVICES];
-            held[..2].copy_from_slice(&wrenches[..2]);
+            for (held, wrench) in held.iter_mut().zip(&wrenches[..2]) {
+                *held = *wrench;
+            }
             coupling.hold(&held, &[Passed::WHOLE; MAX_DEVICES]);
         };
         (0..100).for_each(|tick_number| tick(f64::from(tick_number) / 100.0, None));
