@@ -21,9 +21,6 @@ pub const NET_ENERGY: f64 = 1e-3;
 /// a fraction of the energy that moves, and in any case (J). The aim of the study of contact for the sum of all steps that
 /// give is 0.2 %.
 const GIVEN: [f64; 2] = [2e-3, 1e-6];
-/// The distance (m) up to which a vertex may be inside a shape. Positions are sums of some tenths of a metre, whose rounding
-/// is some 1e-17 m; a vertex that truncation stops step after step comes as near as that.
-const ROUNDING: f64 = 1e-15;
 
 /// The contacts of a run.
 #[derive(Clone, Copy, Debug, Default)]
@@ -173,16 +170,11 @@ impl<'a> Judge<'a> {
         let (report, totals) = (contact.contacts().report(), contact.totals().sums);
         self.counts.touched += u64::from(!contact.contacts().touching().is_empty());
         self.counts.truncated += u64::from(report.truncated.truncated > 0);
-        // Overlaps that are pressed deeper take the energy of bodies, as any contact that takes energy. Only what parting puts in
-        // beyond that comes from nowhere, and is booked.
-        let parted = totals.parted.max(0.0);
-        let by_obstacles = totals.by_obstacles + parted;
+        let by_obstacles = totals.by_obstacles + totals.parted;
         self.driven = self.driven.max(by_obstacles);
         self.moved += (by_obstacles - self.before[1]).abs();
         self.before[1] = by_obstacles;
-        self.given = self
-            .given
-            .max(totals.parted - parted - totals.taken - totals.stopped);
+        self.given = self.given.max(-totals.taken - totals.stopped);
         let energy: f64 = bodies().map(Body::total_energy).sum();
         let step = 1.0 / self.world.loaded.scene.host.step_rate;
         self.by_hands += bodies()
@@ -274,7 +266,7 @@ impl<'a> Judge<'a> {
             for vertex in vertices {
                 let x = &self.x[vertex as usize];
                 let near = obstacle.nearest(x, time);
-                if let Some(near) = near.filter(|near| near.distance < -ROUNDING) {
+                if let Some(near) = near.filter(|near| near.distance < 0.0) {
                     found.get_or_insert_with(|| {
                         format!(
                             "a vertex of {} is {:.3e} m inside {}",
