@@ -43,6 +43,17 @@ impl Placed {
         p - self.start * self.end.inverse_transform_point(&p)
     }
 
+    /// The motion over the step (m) of the material point that starts at `p` (m).
+    pub fn motion_from(&self, p: &Vec3) -> Vec3 {
+        let p = Point3::from(*p);
+        self.end * self.start.inverse_transform_point(&p) - p
+    }
+
+    /// Where a direction of the start that is fixed to the shape points at the end of the step.
+    pub fn turned(&self, direction: &Vec3) -> Vec3 {
+        self.end.rotation * self.start.rotation.inverse_transform_vector(direction)
+    }
+
     /// No material point within `radius` (m) of `p` moves further than this over the step (m).
     pub fn most_motion(&self, p: &Vec3, radius: f64) -> f64 {
         most_motion([self.start, self.end], p, radius)

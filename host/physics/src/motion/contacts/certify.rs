@@ -237,14 +237,15 @@ struct Before {
     most: f64,
 }
 
-/// Shapes are convex, so the plane at the nearest point divides a vertex from a shape.
+/// Shapes are convex, so the plane at the nearest point, which moves and turns with the shape, divides a vertex from it.
 fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> Before {
     let found = placed.at_start(x);
-    let motion = placed.motion_to(&(x - found.normal * found.distance));
+    let motion = placed.motion_from(x);
     let is_near = found.distance <= u.norm() + motion.norm();
-    let towards = -found.normal.dot(u);
+    let normal = placed.turned(&found.normal);
+    let towards = -normal.dot(u);
     let free = (BEFORE * found.distance).min((found.distance - NEAREST).max(0.0));
-    let room = free - found.normal.dot(&motion);
+    let room = free - normal.dot(&motion);
     let (mut least, mut most) = (0.0, 1.0);
     if found.distance > 0.0 && towards > room {
         most = if room < 0.0 { -1.0 } else { room / towards };
