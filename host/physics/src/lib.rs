@@ -89,8 +89,8 @@ pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
     Cohesion, Course, Equation, Equilibrium, EquilibriumOptions, EquilibriumReport, Grown, Guess,
-    Integrator, IntegratorOptions, Ledger, NewtonOptions, NewtonReport, Phase, Refresher, Starts,
-    StepReport, Stepper, StepperOptions, StepperReport, TearLimit, TearOptions, TearReport,
+    Integrator, IntegratorOptions, IsClear, Ledger, NewtonOptions, NewtonReport, Phase, Refresher,
+    Starts, StepReport, Stepper, StepperOptions, StepperReport, TearLimit, TearOptions, TearReport,
     Tearing, TimeScheme, complete_bytes,
 };
 pub use team::{Alone, Team};

@@ -4,6 +4,7 @@ mod landing;
 
 use super::background::Background;
 use super::change::Rebuild;
+use super::contact::Contact;
 use super::hands::{Hands, Joining};
 use super::publisher::{Publisher, reference_of};
 use super::stats::{StepFault, Stopwatch, Tally};
@@ -127,17 +128,21 @@ impl HostBody {
         publishes: bool,
         watch: &dyn Stopwatch,
     ) -> Result<(), StepFault> {
-        self.end(watch)?;
+        self.end(None, watch)?;
         if publishes {
             self.publish(None, watch)?;
         }
         Ok(())
     }
 
-    /// Takes the step. Does nothing if an earlier stage of the step failed.
-    pub(super) fn end(&mut self, watch: &dyn Stopwatch) -> Result<(), StepFault> {
+    /// Takes the step. Does nothing if an earlier stage of the step failed. `contact` is the contact with the number of the body.
+    pub(super) fn end(
+        &mut self,
+        contact: Option<(&Contact, usize)>,
+        watch: &dyn Stopwatch,
+    ) -> Result<(), StepFault> {
         self.has_stepped = false;
-        self.has_stepped = self.stepping.finish(&mut self.publisher, watch)?;
+        self.has_stepped = (self.stepping).finish(&mut self.publisher, contact, watch)?;
         Ok(())
     }
 

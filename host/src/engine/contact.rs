@@ -7,7 +7,7 @@ use super::stats::{StepFault, Stopwatch};
 use crate::scene::SceneError;
 use crate::world::World;
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side, Touching};
-use physics::{Around, Beside};
+use physics::{Around, Beside, Vec3};
 use physics::{Body, BodyMap};
 use rt_core::MAX_BODIES;
 use serde::Serialize;
@@ -212,6 +212,13 @@ impl Contact {
     /// Notes that the mesh of a body has been replaced. `map` leads from the new body to the old one.
     pub(super) fn replace(&mut self, body: usize, map: &BodyMap) {
         self.replaced.push((body, map.vertices.clone()));
+    }
+
+    /// Whether nothing is in the way of a vertex of the body of this number to a place (m). After an edit of the body nothing is
+    /// known in this step.
+    pub(super) fn is_clear(&self, number: usize, body: &Body, vertex: u32, to: &Vec3) -> bool {
+        self.epochs.get(number) == Some(&body.epoch())
+            && self.contacts.is_clear(number, body, vertex, to)
     }
 
     /// Follows bodies that have torn or have been changed. Returns the bodies whose new surface cannot touch: they touch with

@@ -47,7 +47,7 @@ use core::ops::Range;
 use joined::Group;
 use pacer::Due;
 use physics::motion::joined::Joints;
-use physics::team::each;
+use physics::team::each_run;
 use physics::{BodyError, Team, TearReport};
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, StepFault, Stopwatch};
@@ -188,7 +188,7 @@ impl Engine {
             }
         }
         let all = 0..self.bodies.len();
-        self.stage(team, all.clone(), &|body| body.predict(watch));
+        self.stage(team, all.clone(), &|_, body| body.predict(watch));
         for group in &self.groups {
             group.wake(&mut self.bodies);
         }
@@ -198,19 +198,22 @@ impl Engine {
             }
             contact.keep_awake(&mut self.bodies);
         }
-        self.stage(team, all.clone(), &|body| body.constrain(watch));
+        self.stage(team, all.clone(), &|_, body| body.constrain(watch));
         if let Some(contact) = &mut self.contact {
             contact.solve(&mut self.bodies, due.time_ns, watch);
         }
         for group in &mut self.groups {
             group.solve(&mut self.bodies, watch);
         }
-        self.stage(team, all.clone(), &|body| body.solve(watch));
+        self.stage(team, all.clone(), &|_, body| body.solve(watch));
         if let Some(contact) = &mut self.contact {
             contact.certify(&mut self.bodies, watch);
         }
-        if self.contact.is_some() {
-            self.stage(team, all.clone(), &|body| body.end(watch));
+        if let Some(contact) = self.contact.take() {
+            self.stage(team, all.clone(), &|number, body| {
+                body.end(Some((&contact, number)), watch)
+            });
+            self.contact = Some(contact);
             self.publish_touching(due.publishes, watch);
             all.for_each(|index| self.tell(index, publish));
         } else {
@@ -222,7 +225,7 @@ impl Engine {
             };
             for first in all.step_by(together) {
                 let range = first..self.bodies.len().min(first + together);
-                self.stage(team, range.clone(), &|body| {
+                self.stage(team, range.clone(), &|_, body| {
                     body.finish(due.publishes, watch)
                 });
                 range.for_each(|index| self.tell(index, publish));
@@ -276,10 +279,12 @@ impl Engine {
         &mut self,
         team: &dyn Team,
         range: Range<usize>,
-        call: &(impl Fn(&mut HostBody) -> Result<(), StepFault> + Sync),
+        call: &(impl Fn(usize, &mut HostBody) -> Result<(), StepFault> + Sync),
     ) {
-        each(team, &mut self.bodies[range.clone()], &|body| {
-            body.fault = call(body).err();
+        each_run(team, &mut self.bodies[range.clone()], 1, &|number, run| {
+            for body in run {
+                body.fault = call(range.start + number, body).err();
+            }
         });
         for index in range {
             if let Some(fault) = self.bodies[index].fault.take() {

@@ -6,8 +6,8 @@ use super::stats::{StepFault, Stopwatch, Tally};
 use super::tears::{MOST_PAIRS, UnderWay};
 use physics::topology::Edit;
 use physics::{
-    Around, Body, Condensed, Equation, HandlePose, Refresher, ShapeOptions, Shapes, Stepper, Team,
-    TearLimit, Tearing, TearingError,
+    Around, Body, Condensed, Equation, HandlePose, IsClear, Refresher, ShapeOptions, Shapes,
+    Stepper, Team, TearLimit, Tearing, TearingError,
 };
 use rt_core::MAX_HANDLES;
 use std::sync::Arc;
@@ -319,19 +319,20 @@ impl Solver {
     }
 
     /// Lets the tears of `body` grow after a step, as far as the change allows that is `under_way`. Returns whether the topology
-    /// has changed.
+    /// has changed. See [`Tearing::advance_among`] for `is_clear`.
     pub(super) fn tear(
         &mut self,
         body: &mut Body,
         tearing: &mut Tearing,
         under_way: UnderWay,
+        is_clear: &IsClear<'_>,
         tally: &mut Tally,
     ) -> bool {
         let before = tearing.journal().len();
         if under_way == UnderWay::Mesh {
             tearing.rest(body, &mut self.stepper);
         } else {
-            tearing.advance(body, &mut self.stepper);
+            tearing.advance_among(body, &mut self.stepper, is_clear);
         }
         if let Some(renewals) = &mut self.renewals
             && under_way == UnderWay::Nothing

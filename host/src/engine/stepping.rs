@@ -1,6 +1,7 @@
 //! The step of one body: its physics, its solver and its tears, stage by stage.
 
 use super::balance::Balance;
+use super::contact::Contact;
 use super::publisher::{Elastic, Publisher};
 use super::recipe::Recipe;
 use super::solver::Solver;
@@ -96,10 +97,11 @@ impl Stepping {
     }
 
     /// Takes the step, lets the tears grow, and tells `publisher` of them. Returns whether there is a state to publish:
-    /// there is none if an earlier stage of the step failed.
+    /// there is none if an earlier stage of the step failed. `contact` is the contact with the number of the body.
     pub(super) fn finish(
         &mut self,
         publisher: &mut Publisher,
+        contact: Option<(&Contact, usize)>,
         watch: &dyn Stopwatch,
     ) -> Result<bool, StepFault> {
         if !self.sound {
@@ -112,6 +114,9 @@ impl Stepping {
                 &mut self.body,
                 &mut tears.tearing,
                 tears.under_way,
+                &|body, vertex, to| {
+                    contact.is_none_or(|(all, number)| all.is_clear(number, body, vertex, to))
+                },
                 &mut self.tally,
             );
             if torn {

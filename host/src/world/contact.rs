@@ -87,7 +87,13 @@ pub struct ContactPair {
     pub friction: f64,
     /// The distance between the two meshes at which the two touch (m).
     pub distance: f64,
+    /// The largest pressure that contacts carry on from step to step (Pa).
+    pub pressure: f64,
 }
+
+/// The largest pressure that contacts carry on, in Young's moduli of the softer body. A linear tetrahedron is flat at one
+/// modulus; a vertex of a coarse mesh bears the force of a sharp press alone.
+const CRUSHING: f64 = 10.0;
 
 /// The contacts of a world.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,15 +105,19 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// The contacts of a scene whose bodies have these thicknesses (m).
-    pub(super) fn new(scene: &Scene, thicknesses: &[f64]) -> Self {
+    /// The contacts of a scene with these bodies.
+    pub(super) fn new(scene: &Scene, bodies: &[Built]) -> Self {
         if !scene.has_contact() {
             return Self::default();
         }
-        let radii: Vec<f64> = thicknesses
-            .iter()
-            .map(|thickness| 0.5 * thickness)
-            .collect();
+        let radii: Vec<f64> = bodies.iter().map(|body| 0.5 * body.thickness).collect();
+        let hardness = |thing: Thing| match thing {
+            Thing::Body(index) => {
+                let young = bodies[index].young.iter().copied();
+                CRUSHING * young.fold(0.0, f64::max)
+            }
+            Thing::Obstacle(_) => f64::INFINITY,
+        };
         let radius = |thing: Thing| match thing {
             Thing::Body(index) => radii[index],
             Thing::Obstacle(_) => 0.0,
@@ -125,6 +135,7 @@ impl Contacts {
                 between,
                 friction: friction.unwrap_or(FRICTION),
                 distance: thickness.unwrap_or_else(|| radius(one) + radius(other)),
+                pressure: hardness(one).min(hardness(other)),
             }
         });
         let pairs = pairs.collect();
@@ -210,6 +221,7 @@ impl super::World<'_> {
             pair.map(|pair| Meeting {
                 distance: pair.distance,
                 friction: pair.friction,
+                pressure: pair.pressure,
             })
         });
         Ok(found)

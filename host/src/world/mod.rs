@@ -85,8 +85,7 @@ impl<'a> World<'a> {
         let obstacles = (0..scene.obstacles.len())
             .map(|index| obstacle::build(loaded, index))
             .collect::<Result<Vec<_>, _>>()?;
-        let thicknesses: Vec<f64> = bodies.iter().map(|built| built.thickness).collect();
-        let contacts = Contacts::new(scene, &thicknesses);
+        let contacts = Contacts::new(scene, &bodies);
         contact::check_start(loaded, &bodies, &obstacles, &contacts)?;
         Ok(Self {
             loaded,

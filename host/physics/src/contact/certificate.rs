@@ -132,18 +132,17 @@ fn plane_normal(pair: Pair, [a, b, c, d]: [Vec3; 4]) -> Vec3 {
     }
 }
 
-/// Whether a pair moves from the positions `x` to the positions `ends` (m) without a crossing: one of four directions separates
+/// Whether a pair moves from the positions `at` to the positions `ends` (m) without a crossing: one of four directions separates
 /// it at both, and of the gap in this direction (m) as much is left as `left` says. `start` is its connection at the start.
-pub(super) fn is_certain(
+pub(crate) fn is_certain(
     pair: Pair,
     surfaces: &Surfaces,
     start: &Foot,
-    x: &[Vec3],
+    at: impl Fn(u32) -> Vec3 + Copy,
     ends: impl Fn(u32) -> Vec3 + Copy,
     left: impl Fn(f64) -> f64,
 ) -> bool {
     let split = pair.split();
-    let at = |vertex: u32| x[vertex as usize];
     // A degenerate direction separates nothing, because comparisons with it fail.
     let separates = |direction: &Vec3| {
         let direction = direction.normalize();
@@ -212,7 +211,8 @@ pub fn truncate(
                 return;
             }
             let ends = |v: u32| x[v as usize] + u[v as usize] * fractions[v as usize];
-            if is_certain(pair, surfaces, &start.foot, x, ends, left) {
+            let at = |v: u32| x[v as usize];
+            if is_certain(pair, surfaces, &start.foot, at, ends, left) {
                 return;
             }
             let mut has_room = true;
@@ -403,7 +403,14 @@ mod tests {
         let is_safe = |by: Vec3| {
             let ends =
                 |vertex: u32| x[vertex as usize] + if vertex < 2 { by } else { Vec3::zeros() };
-            is_certain(pair, &surfaces, &start, &x, ends, |gap| 0.05 * gap)
+            is_certain(
+                pair,
+                &surfaces,
+                &start,
+                |v| x[v as usize],
+                ends,
+                |gap| 0.05 * gap,
+            )
         };
         assert!(is_safe(Vec3::new(-2e-3, 0.0, 0.0)));
         assert!(is_safe(Vec3::new(-2e-3, 0.0, 1e-4)));

@@ -94,8 +94,8 @@ impl Feet {
             return None;
         }
         let at = |vertex: u32| ends[vertex as usize];
-        let is_certain =
-            end.length > 0.0 && is_certain(pair, surfaces, &start.foot, x, at, |_| 0.0);
+        let is_certain = end.length > 0.0
+            && is_certain(pair, surfaces, &start.foot, |v| x[v as usize], at, |_| 0.0);
         Some(Self {
             start,
             end,

@@ -74,7 +74,7 @@ impl Pair {
 
     /// Whether the two things are of one part and so near each other at rest that its thickness would part them: the sides of a
     /// tear. Such a pair never touches.
-    pub(super) fn is_near_at_rest(self, surfaces: &Surfaces) -> bool {
+    pub(crate) fn is_near_at_rest(self, surfaces: &Surfaces) -> bool {
         if surfaces.rest.is_empty() {
             return false;
         }

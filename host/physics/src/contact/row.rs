@@ -44,6 +44,8 @@ pub struct Row {
     pub friction_stiffness: f64,
     /// The multiplier that is carried (N).
     pub carried: f64,
+    /// The largest multiplier that is carried (N).
+    pub most: f64,
     /// The force of the friction spring that is carried (N), across the normal.
     pub anchored: Vec3,
 }
@@ -199,6 +201,7 @@ mod tests {
             normal_stiffness: 100.0,
             friction_stiffness: 50.0,
             carried: 1.0,
+            most: f64::INFINITY,
             anchored: Vec3::zeros(),
         }
     }

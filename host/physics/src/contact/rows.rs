@@ -52,6 +52,9 @@ pub struct Meeting {
     pub distance: f64,
     /// The coefficient of friction.
     pub friction: f64,
+    /// The largest pressure (Pa) that multipliers carry on. Where there is no room for the thickness between things that are
+    /// pushed, rows act against each other, and their multipliers would grow without bound.
+    pub pressure: f64,
 }
 
 impl Meeting {
@@ -62,6 +65,7 @@ impl Meeting {
             Some(Self {
                 distance: radius(one) + radius(other),
                 friction,
+                pressure: f64::INFINITY,
             })
         }
     }
@@ -178,6 +182,8 @@ pub struct RowsReport {
 #[derive(Debug)]
 pub struct Rows {
     part_of: Vec<u32>,
+    /// See [`Surfaces::areas`].
+    areas: Vec<f64>,
     /// Positions at the predicted end (m).
     ends: Vec<Vec3>,
     candidates: Vec<Candidate>,
@@ -207,6 +213,7 @@ impl Rows {
             ends: vec![Vec3::zeros(); part_of.len()],
             thinning: Thinning::new(part_of.len()),
             part_of,
+            areas: surfaces.areas.clone(),
             candidates: Vec::with_capacity(found),
             found: Vec::with_capacity(found),
             order: Vec::with_capacity(found),
@@ -269,7 +276,7 @@ impl Rows {
             let most = if each.any(|(vertex, weight)| weight != 0.0 && is_stopped(*vertex)) {
                 contact.forces[0].max(contact.forces[1])
             } else {
-                f64::INFINITY
+                contact.row.most
             };
             self.kept.push(Kept {
                 key: contact.key,
@@ -525,6 +532,7 @@ impl Rows {
                 normal_stiffness: 0.0,
                 friction_stiffness: 0.0,
                 carried: 0.0,
+                most: meeting.map_or(f64::INFINITY, |of| of.pressure * self.least_area(at)),
                 anchored: Vec3::zeros(),
             },
             thickness,
@@ -535,6 +543,28 @@ impl Rows {
             is_parting: false,
             forces: [0.0; 2],
             opened: None,
+        }
+    }
+
+    /// The area (m²) on which a contact presses: the smaller one of both feet.
+    fn least_area(&self, at: &Connection) -> f64 {
+        let [mut first, mut second] = [0.0; 2];
+        let Foot {
+            vertices, weights, ..
+        } = at.foot;
+        for (vertex, weight) in vertices.into_iter().zip(weights) {
+            let area = weight.abs() * self.areas[vertex as usize];
+            if weight > 0.0 {
+                first += area;
+            } else if weight < 0.0 {
+                second += area;
+            }
+        }
+        // A shape has no vertices.
+        if second > 0.0 {
+            first.min(second)
+        } else {
+            first
         }
     }
 

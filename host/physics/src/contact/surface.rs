@@ -44,6 +44,8 @@ pub struct Surfaces {
     pub edges: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.
     pub parts: Vec<Part>,
+    /// The area of the surface at rest around each vertex (m²); infinite for obstacles.
+    pub areas: Vec<f64>,
     /// Vertices and edges of rigid parts where no contact has its foot: see [`is_rigid`](Self::is_rigid).
     pub(super) flat_vertices: Vec<bool>,
     pub(super) flat_edges: Vec<bool>,
@@ -71,14 +73,14 @@ impl Surfaces {
     /// # Errors
     /// [`MeshError`] if triangles share an edge in a way that no surface does.
     pub fn add(&mut self, mesh: &Mesh, skin: Skin) -> Result<usize, MeshError> {
-        let vertices = mesh.positions().len();
+        let positions = mesh.positions();
         match mesh {
             Mesh::Thread(mesh) => {
                 let edges = mesh.lines.iter().map(|[a, b]| [*a.min(b), *a.max(b)]);
-                Ok(self.push(vertices, &[], edges, skin))
+                Ok(self.push(positions, &[], edges, skin))
             }
-            Mesh::Sheet(mesh) => self.add_triangles(vertices, &mesh.triangles, skin),
-            Mesh::Solid(mesh) => self.add_triangles(vertices, &mesh.boundary(), skin),
+            Mesh::Sheet(mesh) => self.add_triangles(positions, &mesh.triangles, skin),
+            Mesh::Solid(mesh) => self.add_triangles(positions, &mesh.boundary(), skin),
         }
     }
 
@@ -87,24 +89,24 @@ impl Surfaces {
     /// # Errors
     /// As [`add`](Self::add).
     pub fn add_closed(&mut self, mesh: &ClosedMesh, skin: Skin) -> Result<usize, MeshError> {
-        self.add_triangles(mesh.positions().len(), mesh.triangles(), skin)
+        self.add_triangles(mesh.positions(), mesh.triangles(), skin)
     }
 
     fn add_triangles(
         &mut self,
-        vertices: usize,
+        positions: &[Vec3],
         triangles: &[[u32; 3]],
         skin: Skin,
     ) -> Result<usize, MeshError> {
         let adjacency = Adjacency::new(triangles)?;
         let interior = adjacency.interior.iter().map(|edge| edge.vertices);
         let border = adjacency.boundary.iter().map(|edge| edge.vertices);
-        Ok(self.push(vertices, triangles, interior.chain(border), skin))
+        Ok(self.push(positions, triangles, interior.chain(border), skin))
     }
 
     fn push(
         &mut self,
-        vertices: usize,
+        positions: &[Vec3],
         triangles: &[[u32; 3]],
         edges: impl Iterator<Item = [u32; 2]>,
         skin: Skin,
@@ -115,7 +117,7 @@ impl Surfaces {
         let moved = triangles.iter().map(|corners| corners.map(|v| v + first));
         self.triangles.extend(moved);
         self.edges.extend(edges.map(|ends| ends.map(|v| v + first)));
-        self.vertices += vertices;
+        self.vertices += positions.len();
         self.flat_vertices.resize(self.vertices, false);
         self.flat_edges.resize(self.edges.len(), false);
         self.parts.push(Part {
@@ -127,7 +129,39 @@ impl Surfaces {
             is_obstacle: skin.is_obstacle,
             tears: false,
         });
-        self.parts.len() - 1
+        let part = self.parts.len() - 1;
+        self.measure(part, positions);
+        part
+    }
+
+    /// Measures the areas of a part with these positions (m).
+    fn measure(&mut self, part: usize, positions: &[Vec3]) {
+        let Part {
+            vertices,
+            triangles,
+            edges,
+            radius,
+            is_obstacle,
+            ..
+        } = self.parts[part].clone();
+        let least = if is_obstacle { f64::INFINITY } else { 0.0 };
+        self.areas.resize(self.vertices, least);
+        let at = |vertex: u32| positions[(vertex - vertices.start) as usize];
+        let triangles = &self.triangles[triangles.start as usize..triangles.end as usize];
+        for corners in triangles {
+            let [a, b, c] = corners.map(at);
+            let third = (b - a).cross(&(c - a)).norm() / 6.0;
+            for vertex in corners {
+                self.areas[*vertex as usize] += third;
+            }
+        }
+        let is_thread = triangles.is_empty();
+        for ends in &self.edges[edges.start as usize..edges.end as usize] {
+            let [a, b] = ends.map(at);
+            for vertex in ends.iter().filter(|_| is_thread) {
+                self.areas[*vertex as usize] += radius * (b - a).norm();
+            }
+        }
     }
 
     /// Notes that a part tears. Its vertices have these positions at rest (m).

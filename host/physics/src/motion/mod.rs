@@ -32,4 +32,4 @@ pub use refresh::Refresher;
 pub use stepper::{
     Equation, Guess, Ledger, Phase, Stepper, StepperOptions, StepperReport, complete_bytes,
 };
-pub use tearing::{Course, Grown, Starts, TearLimit, TearOptions, TearReport, Tearing};
+pub use tearing::{Course, Grown, IsClear, Starts, TearLimit, TearOptions, TearReport, Tearing};

@@ -158,7 +158,7 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
             }
             for touch in &mut *touches {
                 let before = touch.force();
-                touch.row.carried = touch.response.normal;
+                touch.row.carried = touch.response.normal.min(touch.row.most);
                 touch.response = touch.row.response(&touch.pass.start);
                 load(bodies, touch, &(touch.force() - before));
             }

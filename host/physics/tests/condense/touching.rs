@@ -94,6 +94,7 @@ impl Blocks {
             (Side::Body(a), Side::Body(b)) if a != b => Some(Meeting {
                 distance: DISTANCE,
                 friction,
+                pressure: f64::INFINITY,
             }),
             _ => None,
         });

@@ -104,10 +104,12 @@ impl World {
             (Side::Body(_), Side::Body(_)) => Some(Meeting {
                 distance: 2.0 * radius,
                 friction,
+                pressure: f64::INFINITY,
             }),
             _ => Some(Meeting {
                 distance: radius,
                 friction,
+                pressure: f64::INFINITY,
             }),
         });
     }

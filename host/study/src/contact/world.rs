@@ -166,10 +166,12 @@ impl World {
             (Side::Body(_), Side::Body(_)) => Some(Meeting {
                 distance: 2.0 * RADIUS,
                 friction,
+                pressure: f64::INFINITY,
             }),
             _ => Some(Meeting {
                 distance: RADIUS,
                 friction,
+                pressure: f64::INFINITY,
             }),
         });
     }

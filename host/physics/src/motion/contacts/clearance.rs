@@ -38,6 +38,11 @@ impl Clearance {
         self.left > FURTHER * steps * self.last
     }
 
+    /// Whether something may move by `way` (m) beside everything else.
+    pub(super) fn is_more_than(&self, way: f64) -> bool {
+        self.left > way
+    }
+
     /// Takes the motion of a step (m). Returns whether it is certain that nothing has touched.
     pub(super) fn spend(&mut self, motion: f64) -> bool {
         self.last = motion;

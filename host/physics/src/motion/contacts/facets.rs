@@ -340,6 +340,7 @@ impl Faces {
         };
         let across = friction - normal * normal.dot(&friction);
         let row = Row {
+            most: f64::INFINITY,
             normal,
             gap,
             motion: Vec3::zeros(),

@@ -24,6 +24,7 @@ mod parts;
 mod report;
 mod springs;
 mod still;
+mod way;
 
 pub use report::{ContactReport, Side, Touching};
 use springs::Foreseen;

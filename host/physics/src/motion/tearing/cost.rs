@@ -4,7 +4,7 @@
 //! elastic energy of its triangles, and the lumped masses change the kinetic energy. An edge is cut instead if either
 //! energy would rise by more than a small fraction of the energy that the torn edge takes.
 
-use super::Tearing;
+use super::{IsClear, Tearing};
 use crate::body::Body;
 use crate::tear::fields::stretch;
 use crate::topology::{Edit, Growth, Surface};
@@ -13,15 +13,15 @@ use crate::topology::{Edit, Growth, Surface};
 const MOST: f64 = 1e-3;
 
 impl Tearing {
-    /// Whether the snapping of an edit raises elastic and kinetic energy little, or the edit does not snap.
-    pub(super) fn is_cheap(&self, body: &Body, edit: &Edit) -> bool {
+    /// Whether the snapping of an edit raises elastic and kinetic energy little and its way is clear, or the edit does not snap.
+    pub(super) fn may_snap(&self, body: &Body, edit: &Edit, is_clear: &IsClear<'_>) -> bool {
         let Some(surface) = body.surface() else {
             return false;
         };
         let growths = [Some(edit.ahead), edit.behind];
         growths.into_iter().flatten().all(|growth| match growth {
             Growth::Snap { vertex, shift } => {
-                self.snap_is_cheap(body, surface, edit.tip, vertex, shift)
+                self.snap_is_cheap(body, surface, edit.tip, vertex, shift, is_clear)
             }
             Growth::Open { .. } | Growth::Cut { .. } => true,
         })
@@ -34,6 +34,7 @@ impl Tearing {
         tip: u32,
         vertex: u32,
         shift: [f64; 2],
+        is_clear: &IsClear<'_>,
     ) -> bool {
         let material = &self.options.material;
         let (x, v) = (body.node_positions(), body.node_velocities());
@@ -89,6 +90,6 @@ impl Tearing {
         };
         let seen = surface.foresee_snap(tip, vertex, shift, &mut add);
         let most = MOST * material.toughness * material.thickness * length;
-        seen.is_ok() && elastic <= most && kinetic <= most
+        seen.is_ok() && elastic <= most && kinetic <= most && is_clear(body, vertex, &place)
     }
 }

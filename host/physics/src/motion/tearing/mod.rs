@@ -119,6 +119,9 @@ pub struct TearReport {
     pub full: bool,
 }
 
+/// Whether nothing is in the way of a vertex of a body, by its number, to a place (m).
+pub type IsClear<'a> = dyn Fn(&Body, u32, &Vec3) -> bool + 'a;
+
 /// The tears of one sheet.
 #[derive(Clone, Debug)]
 pub struct Tearing {
@@ -243,19 +246,29 @@ impl Tearing {
     }
 
     /// Lets the tears grow after a step of `stepper`. Returns what tore so far.
-    #[inline(never)]
     pub fn advance<T: Precision>(
         &mut self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
     ) -> &TearReport {
+        self.advance_among(body, stepper, &|_, _, _| true)
+    }
+
+    /// As [`advance`](Self::advance), for a body that touches others: a vertex snaps only if its way `is_clear`.
+    #[inline(never)]
+    pub fn advance_among<T: Precision>(
+        &mut self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+        is_clear: &IsClear<'_>,
+    ) -> &TearReport {
         self.rest(body, stepper);
         match self.options.material.law {
-            TearLaw::Toughness => self.advance_by_energy(body, stepper),
-            TearLaw::Thesis => self.advance_by_stress(body, stepper),
+            TearLaw::Toughness => self.advance_by_energy(body, stepper, is_clear),
+            TearLaw::Thesis => self.advance_by_stress(body, stepper, is_clear),
         }
         if self.options.starts == Starts::Anywhere {
-            self.start(body, stepper);
+            self.start(body, stepper, is_clear);
         }
         self.report.tips = self.tips.len();
         self.report.slackened += stepper.take_lost();

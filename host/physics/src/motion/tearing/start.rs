@@ -8,7 +8,7 @@
 //! unloaded flanks, too: it is less than that of a vertex beside the end.
 
 use super::tips::ahead;
-use super::{Course, MOST_TIPS, OPENING, Tearing, sheet};
+use super::{Course, IsClear, MOST_TIPS, OPENING, Tearing, sheet};
 use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::motion::stepper::Stepper;
@@ -34,7 +34,12 @@ pub(super) fn is_sharp(body: &Body, surface: &Surface, vertex: u32) -> bool {
 
 impl Tearing {
     /// Starts a tear where the stress is highest, if it reaches the strength.
-    pub(super) fn start<T: Precision>(&mut self, body: &mut Body, stepper: &mut Stepper<T>) {
+    pub(super) fn start<T: Precision>(
+        &mut self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+        is_clear: &IsClear<'_>,
+    ) {
         if self.tips.len() + 2 > MOST_TIPS {
             return;
         }
@@ -53,7 +58,7 @@ impl Tearing {
             return;
         };
         self.report.stress = found.stress;
-        let Some((edit, courses)) = self.beginning(body, surface, &found) else {
+        let Some((edit, courses)) = self.beginning(body, surface, &found, is_clear) else {
             return;
         };
         let Some(mut tips) = self.make(body, stepper, &edit) else {
@@ -73,6 +78,7 @@ impl Tearing {
         body: &Body,
         surface: &Surface,
         found: &Candidate,
+        is_clear: &IsClear<'_>,
     ) -> Option<(Edit, [Course; 2])> {
         let vertex = found.vertex;
         let [x, y] = found.along;
@@ -90,7 +96,7 @@ impl Tearing {
             }
         };
         let mut edit = choose(true)?;
-        if !self.is_cheap(body, &edit) {
+        if !self.may_snap(body, &edit, is_clear) {
             edit = choose(false)?;
         }
         let course = |growth: Option<Growth>, path: f64| {

@@ -34,7 +34,7 @@
 //! a sheet carries the strength times its section at most, however large its toughness. When the first pair has let go,
 //! the tear is a crack.
 
-use super::{FIRST_OPENING, FOLDED, FOLDED_OPENING, MOST_EDGES, OPENING, Tearing, sheet};
+use super::{FIRST_OPENING, FOLDED, FOLDED_OPENING, IsClear, MOST_EDGES, OPENING, Tearing, sheet};
 use crate::body::Body;
 use crate::element::precision::Precision;
 use crate::motion::constraint::cohesion::Cohesion;
@@ -252,8 +252,14 @@ impl Tearing {
     }
 
     /// The edit by which a tip advances in the direction of a fan angle (rad). A vertex snaps only if this changes the
-    /// energy little.
-    pub(super) fn growth(&self, body: &Body, tip: &TipState, direction: f64) -> Option<Edit> {
+    /// energy little and nothing is in its way.
+    pub(super) fn growth(
+        &self,
+        body: &Body,
+        tip: &TipState,
+        direction: f64,
+        is_clear: &IsClear<'_>,
+    ) -> Option<Edit> {
         let vertex = tip.vertex;
         let opening = if tip.edge.is_infinite() {
             FIRST_OPENING
@@ -273,17 +279,23 @@ impl Tearing {
             )
         };
         let edit = advance(true)?;
-        if self.is_cheap(body, &edit) {
+        if self.may_snap(body, &edit, is_clear) {
             return Some(edit);
         }
         advance(false)
     }
 
     /// The edit by which a tip advances along the path of this fan angle (rad), and the course after the edit.
-    fn growth_along(&self, body: &Body, tip: &TipState, path: f64) -> Option<(Edit, Course)> {
+    fn growth_along(
+        &self,
+        body: &Body,
+        tip: &TipState,
+        path: f64,
+        is_clear: &IsClear<'_>,
+    ) -> Option<(Edit, Course)> {
         let surface = body.surface()?;
         let back = tip.course.back(surface.mean_edge(tip.vertex));
-        let edit = self.growth(body, tip, path + back)?;
+        let edit = self.growth(body, tip, path + back, is_clear)?;
         let (angle, length) = surface.edge_of(tip.vertex, &edit.ahead)?;
         Some((edit, tip.course.after(angle, length, path)))
     }
@@ -363,6 +375,7 @@ impl Tearing {
         &mut self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
+        is_clear: &IsClear<'_>,
     ) {
         let length = stepper.step_length();
         self.driven.clear();
@@ -410,7 +423,7 @@ impl Tearing {
                     }
                     drive.direction + self.intensity(drive.rate).kink()
                 };
-                let edit = self.growth_along(body, &tip, path);
+                let edit = self.growth_along(body, &tip, path, is_clear);
                 let made = edit.and_then(|(edit, course)| {
                     let [tip, _] = self.make(body, stepper, &edit)?;
                     Some((tip, course))
@@ -467,6 +480,7 @@ impl Tearing {
         &mut self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
+        is_clear: &IsClear<'_>,
     ) {
         let mut highest: Option<(usize, f64, f64)> = None;
         for number in 0..self.tips.len() {
@@ -483,7 +497,7 @@ impl Tearing {
         let Some((number, _, direction)) = highest else {
             return;
         };
-        let Some(edit) = self.growth(body, &self.tips[number], direction) else {
+        let Some(edit) = self.growth(body, &self.tips[number], direction, is_clear) else {
             return;
         };
         let vertex = self.tips[number].vertex;

@@ -1,0 +1,113 @@
+//! Whether the way is clear for a vertex that a tear moves.
+//!
+//! Snapping moves a vertex in its sheet onto the path of a tear. The vertex stays on the sheet, but its triangles cut off the
+//! corner of a sheet that is bent there, and may leave something else on their other side.
+
+use super::parts::Owner;
+use super::{Contacts, Need};
+use crate::Vec3;
+use crate::body::Body;
+use crate::contact::Pair;
+use crate::contact::aabb::Aabb;
+use crate::contact::certificate::is_certain;
+
+/// Most triangles, and most edges, of a vertex that is moved.
+const MOST: usize = 32;
+/// The fraction of a gap that must be left.
+const LEFT: f64 = 0.05;
+
+impl Contacts {
+    /// Whether a vertex of the body of this number may go from its place after the present step straight to another place (m)
+    /// without passing through anything, while everything else stands.
+    pub fn is_clear(&self, number: usize, body: &Body, vertex: u32, to: &Vec3) -> bool {
+        let Some(of) = (self.owners.iter()).position(|of| *of == Owner::Body(number)) else {
+            return true;
+        };
+        match self.need {
+            Need::All => {}
+            Need::Clearance => {
+                let from = body.node_positions()[vertex as usize];
+                return self.clearance.is_more_than((to - from).norm());
+            }
+            Need::Nothing => return false,
+        }
+        let surfaces = &self.surfaces;
+        let part = &surfaces.parts[of];
+        let moving = part.vertices.start + vertex;
+        let is_outside = self.shapes.iter().enumerate().all(|(shape, placed)| {
+            let meeting = self.meetings.get(of, surfaces.parts.len() + shape);
+            meeting.is_none() || placed.at_end(to).distance > 0.0
+        });
+        let triangles = (part.triangles.clone())
+            .filter(|triangle| surfaces.triangles[*triangle as usize].contains(&moving));
+        let edges =
+            (part.edges.clone()).filter(|edge| surfaces.edges[*edge as usize].contains(&moving));
+        let (Some(triangles), Some(edges)) = (Few::of(triangles), Few::of(edges)) else {
+            return false;
+        };
+        let now = |vertex: u32| {
+            let at = vertex as usize;
+            self.x[at] + self.u[at] * self.fractions[at]
+        };
+        let end = |vertex: u32| if vertex == moving { *to } else { now(vertex) };
+        let mut swept = Aabb::of([to]);
+        let corners = edges.iter().flat_map(|edge| surfaces.edges[*edge as usize]);
+        corners.for_each(|corner| swept.add(&now(corner)));
+        let is_near = |corners: &[u32]| {
+            let mut bounds = Aabb::EMPTY;
+            corners.iter().for_each(|corner| bounds.add(&now(*corner)));
+            bounds.overlaps(&swept)
+        };
+        let stays_apart = |pair: Pair| {
+            pair.is_joined(surfaces) || pair.is_near_at_rest(surfaces) || {
+                let start = pair.foot_at(surfaces, now);
+                is_certain(pair, surfaces, &start, now, end, |gap| LEFT * gap)
+            }
+        };
+        let mut others = (0..surfaces.parts.len())
+            .filter(|other| surfaces.may_touch(of, *other))
+            .map(|other| &surfaces.parts[other]);
+        is_outside
+            && others.all(|other| {
+                let mut before_triangles = (other.triangles.clone())
+                    .filter(|triangle| is_near(&surfaces.triangles[*triangle as usize]));
+                let mut beside_edges =
+                    (other.edges.clone()).filter(|edge| is_near(&surfaces.edges[*edge as usize]));
+                before_triangles.all(|triangle| stays_apart(Pair::VertexTriangle(moving, triangle)))
+                    && beside_edges.all(|edge| {
+                        let mut ends = surfaces.edges[edge as usize].into_iter();
+                        ends.all(|end| {
+                            let mut own = triangles.iter();
+                            own.all(|own| stays_apart(Pair::VertexTriangle(end, *own)))
+                        }) && edges
+                            .iter()
+                            .all(|own| stays_apart(Pair::EdgeEdge(*own, edge)))
+                    })
+            })
+    }
+}
+
+/// A few numbers, without an allocation.
+struct Few {
+    all: [u32; MOST],
+    count: usize,
+}
+
+impl Few {
+    /// `None` if there are more than [`MOST`].
+    fn of(numbers: impl Iterator<Item = u32>) -> Option<Self> {
+        let mut few = Self {
+            all: [0; MOST],
+            count: 0,
+        };
+        for number in numbers {
+            *few.all.get_mut(few.count)? = number;
+            few.count += 1;
+        }
+        Some(few)
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &u32> {
+        self.all.iter().take(self.count)
+    }
+}
