@@ -258,18 +258,14 @@ impl Rows {
     }
 
     /// Ends a step: takes the response of each contact, in their order. A vertex `is_stopped` if it did not make the
-    /// displacement that was solved. Returns the work (J) with which overlaps parted.
+    /// displacement that was solved.
     pub fn end<'a>(
         &mut self,
         responses: impl Iterator<Item = &'a Response>,
         is_stopped: &dyn Fn(u32) -> bool,
-    ) -> f64 {
+    ) {
         self.kept.clear();
-        let mut work = 0.0;
         for (contact, response) in self.contacts.iter().zip(responses) {
-            if contact.is_parting {
-                work += response.normal * (response.gap - contact.row.gap);
-            }
             // The multiplier grows with what is left of the gap. Where the solution did not come about, nothing tells
             // whether a larger force would close it, and rows against each other would grow without bound.
             let mut each = contact.vertices.iter().zip(contact.weights);
@@ -290,7 +286,6 @@ impl Rows {
                 is_taken: false,
             });
         }
-        work
     }
 
     /// Whether a contact had a force in the last step.

@@ -110,7 +110,7 @@ impl Contacts {
                 continue;
             }
             let force = touch.force();
-            let mut on_bodies = 0.0;
+            let (mut on_bodies, mut ju) = (0.0, -contact.row.motion);
             let are_bodies = self.are_two_bodies(contact.parts);
             for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
                 // The motion of a vertex of an obstacle is in the row.
@@ -123,7 +123,13 @@ impl Contacts {
                         self.between[at.body] += work;
                     }
                     on_bodies += work;
+                    ju += moved * weight;
                 }
+            }
+            if contact.is_parting {
+                let parted = touch.response.normal * contact.row.normal.dot(&ju);
+                self.report.parted += parted;
+                self.report.taken += parted;
             }
             let by_obstacles = force.dot(&contact.row.motion);
             self.report.taken += by_obstacles - on_bodies;
@@ -138,8 +144,7 @@ impl Contacts {
         self.touching.sort_unstable_by_key(|sum| sum.sides);
         let fractions = &self.fractions;
         let is_stopped = |vertex: u32| fractions[vertex as usize] < 1.0;
-        self.report.parted = self.rows.end(responses.iter().flatten(), &is_stopped);
-        self.report.taken += self.report.parted;
+        self.rows.end(responses.iter().flatten(), &is_stopped);
         self.room.responses = responses;
         self.report.stored = self.rows.stored();
     }
