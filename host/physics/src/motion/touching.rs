@@ -151,6 +151,7 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     }
     bodies.iter_mut().flatten().for_each(E::hold_pairs);
     let is_deep = |touch: &Touch<N>| touch.response.gap < -touch.row.depth;
+    let mut is_solved = false;
     for update in 0..=MOST_UPDATES {
         if update > 0 {
             if update > updates && !touches.iter().any(is_deep) {
@@ -159,6 +160,10 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
             for touch in &mut *touches {
                 let before = touch.force();
                 touch.row.carried = touch.response.normal.min(touch.row.most);
+                if is_solved && update > updates && is_deep(touch) {
+                    let needed = touch.row.carried / touch.row.depth;
+                    touch.row.normal_stiffness = touch.row.normal_stiffness.max(needed);
+                }
                 touch.response = touch.row.response(&touch.pass.start);
                 load(bodies, touch, &(touch.force() - before));
             }
@@ -166,7 +171,8 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
         for _ in 0..PASSES {
             bodies.iter_mut().flatten().for_each(E::let_go);
             weigh(bodies, touches, room);
-            if room.is_solved(bodies) {
+            is_solved = room.is_solved(bodies);
+            if is_solved {
                 break;
             }
             pass(bodies, touches, room, &mut report, out_of_time);
