@@ -4,7 +4,7 @@ use super::parts::Owner;
 use super::{Contacts, Member};
 use crate::Vec3;
 use crate::contact::certificate::Truncation;
-use crate::contact::{Counts, RowsReport};
+use crate::contact::{Contact, Counts, RowsReport};
 use crate::element::precision::Precision;
 use crate::motion::constraint::tangent::Tangent;
 use crate::motion::joined::At;
@@ -110,7 +110,8 @@ impl Contacts {
                 continue;
             }
             let force = touch.force();
-            let (mut on_bodies, mut ju) = (0.0, -contact.row.motion);
+            let motion = contact.row.motion * self.part_of(contact);
+            let (mut on_bodies, mut ju) = (0.0, -motion);
             let are_bodies = self.are_two_bodies(contact.parts);
             for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
                 // The motion of a vertex of an obstacle is in the row.
@@ -131,7 +132,7 @@ impl Contacts {
                 self.report.parted += parted;
                 self.report.taken += parted;
             }
-            let by_obstacles = force.dot(&contact.row.motion);
+            let by_obstacles = force.dot(&motion);
             self.report.taken += by_obstacles - on_bodies;
             self.report.by_obstacles += by_obstacles;
             add_to(&mut self.touching, contact.parts, touch);
@@ -147,6 +148,18 @@ impl Contacts {
         self.rows.end(responses.iter().flatten(), &is_stopped);
         self.room.responses = responses;
         self.report.stored = self.rows.stored();
+    }
+
+    /// The part of the step in which a contact acts: a vertex that stops leaves an obstacle that goes on alone.
+    fn part_of(&self, contact: &Contact) -> f64 {
+        let [mut sum, mut weights] = [0.0; 2];
+        for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
+            if self.at(*vertex).is_some() {
+                sum += weight.abs() * self.fractions[*vertex as usize];
+                weights += weight.abs();
+            }
+        }
+        if weights > 0.0 { sum / weights } else { 1.0 }
     }
 
     /// Whether a contact of these sides is one between two bodies.
