@@ -21,6 +21,8 @@ struct Scene {
     x: Vec<Vec3>,
     u: Vec<Vec3>,
     obstacles: Vec<Placed>,
+    /// The largest pressure that is carried (Pa).
+    pressure: f64,
 }
 
 impl Scene {
@@ -30,6 +32,7 @@ impl Scene {
             x,
             u,
             obstacles: Vec::new(),
+            pressure: f64::INFINITY,
         }
     }
 
@@ -50,7 +53,13 @@ impl Scene {
             masses: &masses,
             h: H,
             parting: 0.2,
-            meeting: &Meeting::by_radii(surfaces, 0.3),
+            meeting: &|one, other| {
+                let by_radii = Meeting::by_radii(surfaces, 0.3)(one, other)?;
+                Some(Meeting {
+                    pressure: self.pressure,
+                    ..by_radii
+                })
+            },
             obstacles: &self.obstacles,
             hierarchy: lists.hierarchy(),
             pairs: &|found| match pairs {
@@ -215,11 +224,7 @@ fn an_overlap_parts_in_a_tenth_of_a_second() {
         ..contact.row.response(&Vec3::zeros())
     };
     let responses: Vec<Response> = rows.contacts().iter().map(parted).collect();
-    let work = rows.end(responses.iter(), &|_| false);
-    assert!(
-        (work - 1e-3 * responses.len() as f64).abs() < 1e-12,
-        "{work}"
-    );
+    rows.end(responses.iter(), &|_| false);
     let nearly = over_a_diagonal(0.9e-3, Vec3::zeros());
     assert!(nearly.begin(&mut rows, &mut lists, None).parting > 0);
     rows.end(responses.iter(), &|_| false);
@@ -449,5 +454,30 @@ proptest! {
         }
         let (_, found) = scene.contacts(20_000, None);
         prop_assert!(found == expected);
+    }
+}
+
+#[test]
+fn a_multiplier_carries_the_pressure_on_its_area_at_most() {
+    let mut scene = over_a_diagonal(0.999e-3, Vec3::zeros());
+    scene.pressure = 1e4;
+    // The square has 4 cm2, and two thirds of its triangles are about the ends of the diagonal.
+    let areas = &scene.surfaces.areas;
+    assert!((areas[..4].iter().sum::<f64>() - 4e-4).abs() < 1e-15);
+    let mut rows = Rows::new(&scene.surfaces, 100);
+    let mut lists = Lists::new(&scene.surfaces, &scene.x);
+    scene.begin(&mut rows, &mut lists, None);
+    let most = rows.contacts()[0].row.most;
+    // The tip is a corner of one triangle or of two, on the diagonal.
+    let tip = areas[4].min(areas[1].max(areas[0]));
+    assert!((most - 1e4 * tip).abs() < 1e-12 * most, "{most} {tip}");
+    for (pressed, carried) in [(0.5 * most, 0.5 * most), (1e3 * most, most)] {
+        let response = Response {
+            normal: pressed,
+            ..rows.contacts()[0].row.response(&Vec3::zeros())
+        };
+        rows.end([response].iter(), &|_| false);
+        scene.begin(&mut rows, &mut lists, None);
+        assert_eq!(rows.contacts()[0].row.carried, carried);
     }
 }

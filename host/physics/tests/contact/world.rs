@@ -219,9 +219,12 @@ impl World {
             solve,
             ..Done::default()
         };
-        done.parting_work = self
-            .rows
-            .end(self.touches.iter().map(|touch| &touch.response), &|_| false);
+        let parting = self.rows.contacts().iter().zip(&self.touches);
+        let parting = parting.filter(|(contact, _)| contact.is_parting);
+        let work = |touch: &Touch| touch.response.normal * (touch.response.gap - touch.row.gap);
+        done.parting_work = parting.map(|(_, touch)| work(touch)).sum();
+        let responses = self.touches.iter().map(|touch| &touch.response);
+        self.rows.end(responses, &|_| false);
         for (stepper, body) in steppers.iter_mut().zip(&mut self.bodies) {
             stepper.finish(body, || false).unwrap();
         }

@@ -5,9 +5,12 @@ use physics::contact::obstacle::{Geometry, Motion, Obstacle};
 use physics::contact::shape::Shape;
 use physics::contact::{Meeting, Skin, crossing::passes};
 use physics::mesh::generate::{self, Pattern};
-use physics::mesh::{Mesh, TriMesh};
+use physics::mesh::{LineMesh, Mesh, TriMesh};
 use physics::motion::contacts::{Contacts, MOST_BODIES, Member, Side};
-use physics::{Body, BodyConfig, HandlePose, HandleSpec, Material, Stepper, StepperOptions, Vec3};
+use physics::{
+    Body, BodyConfig, HandlePose, HandleSpec, Material, Stepper, StepperOptions, ThreadMaterial,
+    Vec3,
+};
 
 /// Length of a step (s).
 pub(crate) const H: f64 = 4e-3;
@@ -502,4 +505,50 @@ fn a_stiff_block_that_stops_at_a_vertex_lands() {
     }
     let carried = -world.force([0, 1]).z / world.weight(1);
     assert!((carried - 1.0).abs() < 5e-3, "{carried}");
+}
+
+#[test]
+fn a_vertex_does_not_snap_across_what_lies_in_a_fold() {
+    // A sheet that is folded at a right angle. A thread lies in the fold, where the triangles of a vertex that moves away from the
+    // fold would cut off the corner.
+    let cells = 4;
+    let length = 0.02;
+    let fold = |x: &Vec3| Vec3::new(x.x.min(0.0), x.y, x.x.max(0.0));
+    let thread = |away: f64| {
+        let mut world = World::new();
+        world.sheet([length, length], [cells, cells], Vec3::zeros(), fold);
+        let ends = [-1.0, 1.0].map(|y| Vec3::new(-0.4e-3 - away, 1e-3 * y, 0.4e-3));
+        let mesh = LineMesh {
+            positions: ends.to_vec(),
+            lines: vec![[0, 1]],
+            ..LineMesh::default()
+        };
+        let material = ThreadMaterial {
+            young: 1e6,
+            area: 1e-8,
+            density: 1000.0,
+            tension_only: true,
+        };
+        let body = Body::thread(&mesh, &[material], BodyConfig::default(), &[]).unwrap();
+        world.add(body, Mesh::Thread(mesh), RADIUS, false);
+        world.complete(0.3);
+        world.step();
+        world.step();
+        world
+    };
+    let near = thread(0.0);
+    let places = near.bodies[0].node_positions();
+    let at_fold = |(_, x): &(usize, &Vec3)| x.norm() < 1e-6;
+    let (vertex, _) = places.iter().enumerate().find(at_fold).unwrap();
+    let vertex = u32::try_from(vertex).unwrap();
+    let clear =
+        |world: &World, to: Vec3| (world.contacts).is_clear(0, &world.bodies[0], vertex, &to);
+    let way = -Vec3::x() * 1.5e-3;
+    assert!(!clear(&near, way));
+    // Away from the thread, and where no thread lies, the way is clear.
+    assert!(clear(&near, way * 0.05));
+    assert!(clear(&thread(4e-3), way));
+    // Nothing is known of a way that is longer than all is far away.
+    assert!(clear(&thread(0.5), way));
+    assert!(!clear(&thread(0.5), way * 1e3));
 }

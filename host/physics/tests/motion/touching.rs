@@ -54,6 +54,7 @@ impl Law {
         let turned = across * (last.friction.norm() / across.norm().max(f64::MIN_POSITIVE));
         let row = Row {
             depth: 0.25 * THETA,
+            most: f64::INFINITY,
             normal: near.normal,
             gap: near.distance - THETA - near.normal.dot(u),
             motion: Vec3::zeros(),

@@ -6,7 +6,8 @@ use study::stress::contact::{Length, cell};
 fn worlds_that_once_failed_give_no_energy_and_cross_nothing() {
     // A light piece that hangs on pairs alone, with the loss of a device; an animated mesh with a moved cylinder; a sheet that
     // tears at a solid under all faults; a sphere that moves over a vertex which truncation stopped; hands that stretch a
-    // sheet before its first model comes; and a vertex that a sphere stops step after step, until rounding takes it inside.
+    // sheet before its first model comes; a vertex that a sphere stops step after step, until rounding takes it inside; and an obstacle that leaves a thread which
+    // is held back.
     for (seed, number) in [
         (977, 1),
         (977, 2),
@@ -14,6 +15,7 @@ fn worlds_that_once_failed_give_no_energy_and_cross_nothing() {
         (303, 0),
         (14003, 3),
         (12003, 2),
+        (404, 5),
     ] {
         judge(seed, number, Length::Quick);
     }
@@ -23,6 +25,15 @@ fn worlds_that_once_failed_give_no_energy_and_cross_nothing() {
 fn shapes_that_move_take_along_what_is_held_back() {
     // A cylinder and a sphere passed over vertices of bodies that were held back, because they would have gained energy.
     for number in [20, 243] {
+        judge(17001, number, Length::Whole);
+    }
+}
+
+#[test]
+fn what_is_jammed_is_not_pressed_ever_harder() {
+    // A sheet between a block in two hands and the floor, a block that a moving box pushes, and a part of a body that was stopped
+    // while an overlap parted.
+    for number in [250, 279, 28] {
         judge(17001, number, Length::Whole);
     }
 }

@@ -258,3 +258,45 @@ fn before(placed: &Placed, x: &Vec3, u: &Vec3) -> Before {
         most,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::shape::Shape;
+    use nalgebra::{Isometry3, UnitQuaternion};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_vertex_that_keeps_to_its_fractions_ends_outside_a_shape_that_turns(
+            number in 0_usize..5,
+            place in [-1.0..1.0, -1.0..1.0, -1.0..1.0],
+            by in [-1.0..1.0, -1.0..1.0, -1.0..1.0],
+            moved in [-0.3..0.3, -0.3..0.3, -0.3..0.3],
+            turned in [-0.8..0.8, -0.8..0.8, -0.8..0.8],
+        ) {
+            let (half, radius) = (0.4, 0.3);
+            let shape = [
+                Shape::Plane,
+                Shape::Sphere { radius },
+                Shape::Capsule { half, radius },
+                Shape::Cylinder { half, radius },
+                Shape::Box { half: Vec3::new(0.3, 0.5, 0.2) },
+            ][number];
+            let turned = UnitQuaternion::from_scaled_axis(Vec3::from(turned));
+            let placed = Placed {
+                shape,
+                start: Isometry3::identity(),
+                end: Isometry3::from_parts(Vec3::from(moved).into(), turned),
+            };
+            let (place, by) = (Vec3::from(place), Vec3::from(by));
+            prop_assume!(placed.at_start(&place).distance > 0.0);
+            let Before { least, most, .. } = before(&placed, &place, &by);
+            // A shape that moves over the vertex leaves none.
+            for fraction in [least, most].into_iter().filter(|_| most >= 0.0 && least <= 1.0) {
+                let end = placed.at_end(&(place + by * fraction)).distance;
+                prop_assert!(end > -1e-12, "{shape:?} {fraction} {end}");
+            }
+        }
+    }
+}
