@@ -4,12 +4,7 @@ use study::contact::{Aim, Section, run};
 use study::{Level, Results};
 
 /// Beginnings of the names of the aims that are not reached.
-const MISSED: [&str; 4] = [
-    "the same with the elastic energy",
-    "iterations a step while a cloth drapes",
-    "iterations a step of a worn tube of 476 rows, 99 %",
-    "iterations a step of a worn tube of 1680 rows, 99 %",
-];
+const MISSED: [&str; 1] = ["iterations a step while a cloth drapes"];
 
 #[test]
 fn contact_holds_its_aims() {
