@@ -182,8 +182,6 @@ pub struct RowsReport {
 #[derive(Debug)]
 pub struct Rows {
     part_of: Vec<u32>,
-    /// See [`Surfaces::areas`].
-    areas: Vec<f64>,
     /// Positions at the predicted end (m).
     ends: Vec<Vec3>,
     candidates: Vec<Candidate>,
@@ -213,7 +211,6 @@ impl Rows {
             ends: vec![Vec3::zeros(); part_of.len()],
             thinning: Thinning::new(part_of.len()),
             part_of,
-            areas: surfaces.areas.clone(),
             candidates: Vec::with_capacity(found),
             found: Vec::with_capacity(found),
             order: Vec::with_capacity(found),
@@ -527,7 +524,9 @@ impl Rows {
                 normal_stiffness: 0.0,
                 friction_stiffness: 0.0,
                 carried: 0.0,
-                most: meeting.map_or(f64::INFINITY, |of| of.pressure * self.least_area(at)),
+                most: meeting.map_or(f64::INFINITY, |of| {
+                    of.pressure * least_area(step.surfaces, at)
+                }),
                 anchored: Vec3::zeros(),
             },
             thickness,
@@ -538,28 +537,6 @@ impl Rows {
             is_parting: false,
             forces: [0.0; 2],
             opened: None,
-        }
-    }
-
-    /// The area (m²) on which a contact presses: the smaller one of both feet.
-    fn least_area(&self, at: &Connection) -> f64 {
-        let [mut first, mut second] = [0.0; 2];
-        let Foot {
-            vertices, weights, ..
-        } = at.foot;
-        for (vertex, weight) in vertices.into_iter().zip(weights) {
-            let area = weight.abs() * self.areas[vertex as usize];
-            if weight > 0.0 {
-                first += area;
-            } else if weight < 0.0 {
-                second += area;
-            }
-        }
-        // A shape has no vertices.
-        if second > 0.0 {
-            first.min(second)
-        } else {
-            first
         }
     }
 
@@ -655,6 +632,28 @@ impl Rows {
                     contact.row.anchored.norm_squared() / (2.0 * contact.row.friction_stiffness);
             }
         }
+    }
+}
+
+/// The area (m²) on which a contact presses: the smaller one of both feet.
+fn least_area(surfaces: &Surfaces, at: &Connection) -> f64 {
+    let [mut first, mut second] = [0.0; 2];
+    let Foot {
+        vertices, weights, ..
+    } = at.foot;
+    for (vertex, weight) in vertices.into_iter().zip(weights) {
+        let area = weight.abs() * surfaces.areas[vertex as usize];
+        if weight > 0.0 {
+            first += area;
+        } else if weight < 0.0 {
+            second += area;
+        }
+    }
+    // A shape has no vertices.
+    if second > 0.0 {
+        first.min(second)
+    } else {
+        first
     }
 }
 
