@@ -45,6 +45,8 @@ struct Pass {
     /// The displacement of the first foot against the second one at the start of the pass, and at its end (m).
     start: Vec3,
     end: Vec3,
+    /// Whether the contact had no force before the step.
+    is_new: bool,
     /// The tangent (N/m) and the force (N) at the start.
     tangent: Mat3,
     force: Vec3,
@@ -60,6 +62,7 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
             pass: Pass {
                 start: Vec3::zeros(),
                 end: Vec3::zeros(),
+                is_new: row.carried == 0.0,
                 tangent: Mat3::zeros(),
                 force: Vec3::zeros(),
             },
@@ -160,7 +163,7 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
             for touch in &mut *touches {
                 let before = touch.force();
                 touch.row.carried = touch.response.normal.min(touch.row.most);
-                if is_solved && update > updates && is_deep(touch) {
+                if touch.pass.is_new && is_solved && update > updates && is_deep(touch) {
                     let needed = touch.row.carried / touch.row.depth;
                     touch.row.normal_stiffness = touch.row.normal_stiffness.max(needed);
                 }
