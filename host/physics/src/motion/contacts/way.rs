@@ -51,11 +51,14 @@ impl Contacts {
         };
         let end = |vertex: u32| if vertex == moving { *to } else { now(vertex) };
         let mut swept = Aabb::of([to]);
-        let corners = edges.iter().flat_map(|edge| surfaces.edges[*edge as usize]);
-        corners.for_each(|corner| swept.add(&now(corner)));
+        for corner in edges.iter().flat_map(|edge| surfaces.edges[*edge as usize]) {
+            swept.add(&now(corner));
+        }
         let is_near = |corners: &[u32]| {
             let mut bounds = Aabb::EMPTY;
-            corners.iter().for_each(|corner| bounds.add(&now(*corner)));
+            for corner in corners {
+                bounds.add(&now(*corner));
+            }
             bounds.overlaps(&swept)
         };
         let stays_apart = |pair: Pair| {
