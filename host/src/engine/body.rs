@@ -135,7 +135,8 @@ impl HostBody {
         Ok(())
     }
 
-    /// Takes the step. Does nothing if an earlier stage of the step failed. `contact` is the contact with the number of the body.
+    /// Takes the step. Does nothing if an earlier stage of the step failed. `contact` holds the contacts of the engine, and the
+    /// number of this body in them.
     pub(super) fn end(
         &mut self,
         contact: Option<(&Contact, usize)>,

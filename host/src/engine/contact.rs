@@ -23,6 +23,8 @@ pub struct Contact {
     sides: Vec<Side>,
     /// The topology epoch of each body whose surface there is.
     epochs: Vec<u64>,
+    /// By body: whether its surface could not follow.
+    is_stale: [bool; MAX_BODIES],
     /// The bodies that have been replaced since the last step, and the vertices that theirs continue.
     replaced: Vec<(usize, Vec<u32>)>,
     /// Where the obstacles are (s).
@@ -97,6 +99,7 @@ impl Contact {
             sides: contacts.sides(),
             epochs: bodies.iter().map(|body| body.body().epoch()).collect(),
             contacts,
+            is_stale: [false; MAX_BODIES],
             replaced: Vec::new(),
             time: 0.0,
             totals: ContactTotals::default(),
@@ -214,11 +217,12 @@ impl Contact {
         self.replaced.push((body, map.vertices.clone()));
     }
 
-    /// Whether nothing is in the way of a vertex of the body of this number to a place (m). After an edit of the body nothing is
-    /// known in this step.
+    /// Whether a vertex of the body of this number can go to a place (m), see [`Contacts::is_clear`]. The surface follows an edit
+    /// in the next step.
     pub(super) fn is_clear(&self, number: usize, body: &Body, vertex: u32, to: &Vec3) -> bool {
-        self.epochs.get(number) == Some(&body.epoch())
-            && self.contacts.is_clear(number, body, vertex, to)
+        let epoch = self.epochs.get(number).copied();
+        let is_followed = epoch == Some(body.epoch()) && !self.is_stale[number];
+        (self.contacts).is_clear(number, body, vertex, to, is_followed)
     }
 
     /// Follows bodies that have torn or have been changed. Returns the bodies whose new surface cannot touch: they touch with
@@ -237,6 +241,7 @@ impl Contact {
                     .mesh()
                     .map(|mesh| self.contacts.follow(number, body, mesh, continues));
                 *failed = !matches!(followed, Some(Ok(())));
+                self.is_stale[number] = *failed;
             }
         }
         self.replaced.clear();

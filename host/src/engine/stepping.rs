@@ -97,7 +97,8 @@ impl Stepping {
     }
 
     /// Takes the step, lets the tears grow, and tells `publisher` of them. Returns whether there is a state to publish:
-    /// there is none if an earlier stage of the step failed. `contact` is the contact with the number of the body.
+    /// there is none if an earlier stage of the step failed. `contact` holds the contacts of the engine,
+    /// and the number of this body in them.
     pub(super) fn finish(
         &mut self,
         publisher: &mut Publisher,

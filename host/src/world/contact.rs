@@ -91,7 +91,8 @@ pub struct ContactPair {
     pub pressure: f64,
 }
 
-/// The largest pressure that contacts carry on, in Young's moduli of the softer body. A linear tetrahedron is flat at one
+/// The largest pressure that contacts carry on, in Young's moduli: the largest one of each body (of a weave, that of its warp),
+/// and the smaller one of both bodies. A linear tetrahedron is flat at one
 /// modulus; a vertex of a coarse mesh bears the force of a sharp press alone.
 const CRUSHING: f64 = 10.0;
 

@@ -269,8 +269,9 @@ impl Rows {
             let most = if each.any(|(vertex, weight)| weight != 0.0 && is_stopped(*vertex)) {
                 contact.forces[0].max(contact.forces[1])
             } else {
-                contact.row.most
+                f64::INFINITY
             };
+            let most = most.min(contact.row.most);
             self.kept.push(Kept {
                 key: contact.key,
                 normal: contact.row.normal,
@@ -690,7 +691,7 @@ fn strung(contact: &Contact, step: &Step<'_>, report: &mut RowsReport) -> Contac
     }
     row.normal_stiffness = stiffness.normal();
     row.depth = DEEP * stiffness.thickness;
-    row.carried = carried(contact.forces, opening, step.h, stiffness.depth());
+    row.carried = carried(contact.forces, opening, step.h, stiffness.depth()).min(row.most);
     if contact.is_parting {
         let speed = (-row.gap / PARTING_TIME).clamp(SLOWEST, step.parting.max(SLOWEST));
         row.gap = row.gap.max(-speed * step.h);

@@ -44,7 +44,7 @@ pub struct Surfaces {
     pub edges: Vec<[u32; 2]>,
     /// The parts, in the order in which they were added.
     pub parts: Vec<Part>,
-    /// The area of the surface at rest around each vertex (m²); infinite for obstacles.
+    /// The area of the surface at rest around each vertex (m²), of a thread by the radius of its skin; infinite for obstacles.
     pub areas: Vec<f64>,
     /// Vertices and edges of rigid parts where no contact has its foot: see [`is_rigid`](Self::is_rigid).
     pub(super) flat_vertices: Vec<bool>,

@@ -542,13 +542,71 @@ fn a_vertex_does_not_snap_across_what_lies_in_a_fold() {
     let (vertex, _) = places.iter().enumerate().find(at_fold).unwrap();
     let vertex = u32::try_from(vertex).unwrap();
     let clear =
-        |world: &World, to: Vec3| (world.contacts).is_clear(0, &world.bodies[0], vertex, &to);
+        |world: &World, to: Vec3| (world.contacts).is_clear(0, &world.bodies[0], vertex, &to, true);
     let way = -Vec3::x() * 1.5e-3;
     assert!(!clear(&near, way));
     // Away from the thread, and where no thread lies, the way is clear.
     assert!(clear(&near, way * 0.05));
     assert!(clear(&thread(4e-3), way));
+    // Beside things that are near, nothing is known of a surface that does not follow its body.
+    assert!(!(near.contacts).is_clear(0, &near.bodies[0], vertex, &(way * 0.05), false));
     // Nothing is known of a way that is longer than all is far away.
     assert!(clear(&thread(0.5), way));
     assert!(!clear(&thread(0.5), way * 1e3));
+}
+
+#[test]
+fn an_overlap_that_parts_gives_the_work_that_lifts_the_sheet() {
+    let (depth, gravity) = (0.05e-3, 9.81);
+    let mut world = World::new();
+    world.sheet([0.02, 0.02], [4, 4], Vec3::z() * -gravity, |x| {
+        x + Vec3::z() * (RADIUS - depth)
+    });
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.0);
+    let start = world.mean(0).z;
+    let (mut parted, mut taken) = (0.0, 0.0);
+    for _ in 0..100 {
+        world.step();
+        let report = world.contacts.report();
+        (parted, taken) = (parted + report.parted, taken + report.taken);
+    }
+    let lifted = world.weight(0) * (world.mean(0).z - start);
+    assert!(lifted > 0.9 * depth * world.weight(0), "{lifted}");
+    // The sheet moves slowly, and some of the work is that of the contacts after they have parted.
+    assert!((parted / lifted - 1.0).abs() < 0.1, "{parted} {lifted}");
+    assert!(taken.abs() < 0.1 * lifted, "{taken} {lifted}");
+}
+
+/// The vertices at the foot of a stiff column have an eightieth of the mass that they stop.
+#[test]
+fn a_row_stops_what_stands_on_its_vertices() {
+    let mut world = World::new();
+    let mut mesh = physics::mesh::generate_box::solid_box([0.01, 0.01, 0.4], [1, 1, 40]).unwrap();
+    for x in &mut mesh.positions {
+        *x += Vec3::z() * (0.2 + 3e-3);
+    }
+    let material = physics::SolidMaterial {
+        young: 1e7,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        gravity: Vec3::z() * -9.81,
+        stiffness_damping: 1e-3,
+        ..BodyConfig::default()
+    };
+    let law = physics::SolidLaw::Corotational;
+    let body = Body::solid(&mesh, &[material], law, config, &[]).unwrap();
+    world.add(body, Mesh::Solid(mesh), RADIUS, false);
+    world.still(Shape::Plane, Vec3::zeros());
+    world.complete(0.3);
+    let mut deepest = 0.0_f64;
+    for _ in 0..50 {
+        world.step();
+        let touching = world.contacts.touching().iter();
+        deepest = touching.map(|sum| sum.depth).fold(deepest, f64::max);
+    }
+    // A row whose multiplier alone is carried on within the step ends at a quarter.
+    assert!(deepest > 0.0 && deepest < 0.2 * RADIUS, "{deepest}");
 }

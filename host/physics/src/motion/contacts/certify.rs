@@ -274,6 +274,7 @@ mod tests {
             by in [-1.0..1.0, -1.0..1.0, -1.0..1.0],
             moved in [-0.3..0.3, -0.3..0.3, -0.3..0.3],
             turned in [-0.8..0.8, -0.8..0.8, -0.8..0.8],
+            stood in [-3.0..3.0, -3.0..3.0, -3.0..3.0],
         ) {
             let (half, radius) = (0.4, 0.3);
             let shape = [
@@ -283,11 +284,12 @@ mod tests {
                 Shape::Cylinder { half, radius },
                 Shape::Box { half: Vec3::new(0.3, 0.5, 0.2) },
             ][number];
-            let turned = UnitQuaternion::from_scaled_axis(Vec3::from(turned));
+            let [stood, turned] = [stood, turned].map(|by| UnitQuaternion::from_scaled_axis(Vec3::from(by)));
+            let start = Isometry3::from_parts(Vec3::new(0.1, -0.2, 0.3).into(), stood);
             let placed = Placed {
                 shape,
-                start: Isometry3::identity(),
-                end: Isometry3::from_parts(Vec3::from(moved).into(), turned),
+                start,
+                end: Isometry3::from_parts(Vec3::from(moved).into(), turned) * start,
             };
             let (place, by) = (Vec3::from(place), Vec3::from(by));
             prop_assume!(placed.at_start(&place).distance > 0.0);

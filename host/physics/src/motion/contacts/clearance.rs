@@ -38,7 +38,7 @@ impl Clearance {
         self.left > FURTHER * steps * self.last
     }
 
-    /// Whether something may move by `way` (m) beside everything else.
+    /// Whether the clearance is larger than a motion of `way` (m).
     pub(super) fn is_more_than(&self, way: f64) -> bool {
         self.left > way
     }

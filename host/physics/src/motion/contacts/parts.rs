@@ -32,10 +32,15 @@ impl Source {
     /// The surface of a body with this mesh.
     pub(super) fn of(body: &Body, mut mesh: Mesh, skin: Skin) -> Self {
         let tears = body.surface().is_some();
-        if let (Some(surface), Mesh::Sheet(mesh)) = (body.surface(), &mut mesh) {
-            mesh.positions.clear();
-            mesh.positions.extend_from_slice(&body.model.rest);
-            (mesh.positions).resize(surface.limits().vertices, Vec3::zeros());
+        let positions = match &mut mesh {
+            Mesh::Sheet(mesh) => &mut mesh.positions,
+            Mesh::Solid(mesh) => &mut mesh.positions,
+            Mesh::Thread(mesh) => &mut mesh.positions,
+        };
+        positions.clear();
+        positions.extend_from_slice(&body.model.rest);
+        if let Some(surface) = body.surface() {
+            positions.resize(surface.limits().vertices, Vec3::zeros());
         }
         Self {
             mesh,

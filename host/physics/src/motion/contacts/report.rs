@@ -52,7 +52,7 @@ pub struct ContactReport {
     /// The energy that the contacts took from both sides, beside the work of obstacles and of parting (J): stored in friction
     /// springs, dissipated by friction, and by normal forces that depart from the law of a rigid contact.
     pub taken: f64,
-    /// The work of moving obstacles (J).
+    /// The work of moving obstacles until the vertices that they touch stopped (J).
     pub by_obstacles: f64,
     /// The work with which overlaps parted (J).
     pub parted: f64,
@@ -110,7 +110,10 @@ impl Contacts {
                 continue;
             }
             let force = touch.force();
-            let motion = contact.row.motion * self.part_of(contact);
+            let mut motion = contact.row.motion;
+            if motion != Vec3::zeros() {
+                motion *= self.part_of(contact);
+            }
             let (mut on_bodies, mut ju) = (0.0, -motion);
             let are_bodies = self.are_two_bodies(contact.parts);
             for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {
@@ -150,7 +153,8 @@ impl Contacts {
         self.report.stored = self.rows.stored();
     }
 
-    /// The part of the step in which a contact acts: a vertex that stops leaves an obstacle that goes on alone.
+    /// The part of the step in which a contact acts, which ends where truncation or the guard of energy stops its vertices (1):
+    /// the mean over the vertices of bodies by their weights. An obstacle goes on alone.
     fn part_of(&self, contact: &Contact) -> f64 {
         let [mut sum, mut weights] = [0.0; 2];
         for (vertex, weight) in contact.vertices.iter().zip(contact.weights) {

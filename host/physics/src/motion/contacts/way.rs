@@ -11,32 +11,54 @@ use crate::contact::Pair;
 use crate::contact::aabb::Aabb;
 use crate::contact::certificate::is_certain;
 
-/// Most triangles, and most edges, of a vertex that is moved.
+/// Most triangles, and most edges, of a vertex whose way may be clear.
 const MOST: usize = 32;
 /// The fraction of a gap that must be left.
 const LEFT: f64 = 0.05;
 
 impl Contacts {
     /// Whether a vertex of the body of this number may go from its place after the present step straight to another place (m)
-    /// without passing through anything, while everything else stands.
-    pub fn is_clear(&self, number: usize, body: &Body, vertex: u32, to: &Vec3) -> bool {
+    /// without passing through anything. Another body may move a vertex in the same step, and the body itself one that is
+    /// not beside this one. `is_followed` tells whether the surface is that of the body; of another one only the clearance is
+    /// known.
+    pub fn is_clear(
+        &self,
+        number: usize,
+        body: &Body,
+        vertex: u32,
+        to: &Vec3,
+        is_followed: bool,
+    ) -> bool {
         let Some(of) = (self.owners.iter()).position(|of| *of == Owner::Body(number)) else {
             return true;
         };
         match self.need {
-            Need::All => {}
+            Need::All if is_followed => {}
             Need::Clearance => {
-                let from = body.node_positions()[vertex as usize];
-                return self.clearance.is_more_than((to - from).norm());
+                let way = to - body.node_positions()[vertex as usize];
+                return self.clearance.is_more_than(2.0 * way.norm());
             }
-            Need::Nothing => return false,
+            _ => return false,
         }
         let surfaces = &self.surfaces;
         let part = &surfaces.parts[of];
         let moving = part.vertices.start + vertex;
+        let now = |vertex: u32| {
+            let at = vertex as usize;
+            self.x[at] + self.u[at] * self.fractions[at]
+        };
+        // Shapes are convex: the plane at the nearest point divides the whole way from them.
+        let from = now(moving);
         let is_outside = self.shapes.iter().enumerate().all(|(shape, placed)| {
-            let meeting = self.meetings.get(of, surfaces.parts.len() + shape);
-            meeting.is_none() || placed.at_end(to).distance > 0.0
+            let near = placed.at_end(&from);
+            let left = near
+                .distance
+                .min(near.distance + near.normal.dot(&(to - from)));
+            left > 0.0
+                || self
+                    .meetings
+                    .get(of, surfaces.parts.len() + shape)
+                    .is_none()
         });
         let triangles = (part.triangles.clone())
             .filter(|triangle| surfaces.triangles[*triangle as usize].contains(&moving));
@@ -44,10 +66,6 @@ impl Contacts {
             (part.edges.clone()).filter(|edge| surfaces.edges[*edge as usize].contains(&moving));
         let (Some(triangles), Some(edges)) = (Few::of(triangles), Few::of(edges)) else {
             return false;
-        };
-        let now = |vertex: u32| {
-            let at = vertex as usize;
-            self.x[at] + self.u[at] * self.fractions[at]
         };
         let end = |vertex: u32| if vertex == moving { *to } else { now(vertex) };
         let mut swept = Aabb::of([to]);
@@ -72,20 +90,22 @@ impl Contacts {
             .map(|other| &surfaces.parts[other]);
         is_outside
             && others.all(|other| {
+                let both_tear = other.tears && other.vertices != part.vertices;
                 let mut before_triangles = (other.triangles.clone())
                     .filter(|triangle| is_near(&surfaces.triangles[*triangle as usize]));
                 let mut beside_edges =
                     (other.edges.clone()).filter(|edge| is_near(&surfaces.edges[*edge as usize]));
-                before_triangles.all(|triangle| stays_apart(Pair::VertexTriangle(moving, triangle)))
-                    && beside_edges.all(|edge| {
-                        let mut ends = surfaces.edges[edge as usize].into_iter();
-                        ends.all(|end| {
-                            let mut own = triangles.iter();
-                            own.all(|own| stays_apart(Pair::VertexTriangle(end, *own)))
-                        }) && edges
-                            .iter()
-                            .all(|own| stays_apart(Pair::EdgeEdge(*own, edge)))
-                    })
+                before_triangles.all(|triangle| {
+                    !both_tear && stays_apart(Pair::VertexTriangle(moving, triangle))
+                }) && beside_edges.all(|edge| {
+                    let mut ends = surfaces.edges[edge as usize].into_iter();
+                    ends.all(|end| {
+                        let mut own = triangles.iter();
+                        own.all(|own| stays_apart(Pair::VertexTriangle(end, *own)))
+                    }) && edges
+                        .iter()
+                        .all(|own| stays_apart(Pair::EdgeEdge(*own, edge)))
+                })
             })
     }
 }

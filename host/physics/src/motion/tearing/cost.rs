@@ -2,7 +2,7 @@
 //!
 //! A vertex that moves at rest samples the deformation of the sheet elsewhere. In a field that varies, this changes the
 //! elastic energy of its triangles, and the lumped masses change the kinetic energy. An edge is cut instead if either
-//! energy would rise by more than a small fraction of the energy that the torn edge takes.
+//! energy would rise by more than a small fraction of the energy that the torn edge takes, or if something is in the way.
 
 use super::{IsClear, Tearing};
 use crate::body::Body;
@@ -21,13 +21,13 @@ impl Tearing {
         let growths = [Some(edit.ahead), edit.behind];
         growths.into_iter().flatten().all(|growth| match growth {
             Growth::Snap { vertex, shift } => {
-                self.snap_is_cheap(body, surface, edit.tip, vertex, shift, is_clear)
+                self.snap_is_allowed(body, surface, edit.tip, vertex, shift, is_clear)
             }
             Growth::Open { .. } | Growth::Cut { .. } => true,
         })
     }
 
-    fn snap_is_cheap(
+    fn snap_is_allowed(
         &self,
         body: &Body,
         surface: &Surface,
