@@ -36,8 +36,6 @@ pub struct Touch<N = Four> {
     pub row: Row,
     /// The response at the end of the solve.
     pub response: Response,
-    /// Whether the row carries nothing into the step.
-    is_new: bool,
     pass: Pass,
 }
 
@@ -58,7 +56,6 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
         Self {
             nodes,
             response: row.response(&Vec3::zeros()),
-            is_new: row.carried == 0.0,
             row,
             pass: Pass {
                 start: Vec3::zeros(),
@@ -136,8 +133,8 @@ fn load<E: JointEquation, N: AsRef<[(At, f64)]>>(
 }
 
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
-/// step, and further ones do while a contact is too deep. A row that carried nothing takes the stiffness which its force needs,
-/// as it would in the next step: the masses of a row do not tell what falls on it. `out_of_time` is called after each iteration;
+/// step, and further ones do while a contact is too deep. Such a contact takes the stiffness that its force needs, as it
+/// would in the next step: the masses of a row do not tell what falls on it. `out_of_time` is called after each iteration;
 /// if it returns true, the step continues with the solution so far.
 pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     bodies: &mut [Option<E>],
@@ -164,8 +161,7 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
             for touch in &mut *touches {
                 let before = touch.force();
                 touch.row.carried = touch.response.normal.min(touch.row.most);
-                let is_closing = touch.is_new && touch.row.depth > 0.0 && is_deep(touch);
-                if is_closing && is_solved && update > updates {
+                if touch.row.depth > 0.0 && is_deep(touch) && is_solved && update > updates {
                     let needed = touch.row.carried / touch.row.depth;
                     touch.row.normal_stiffness = touch.row.normal_stiffness.max(needed);
                 }
