@@ -209,11 +209,8 @@ impl Engine {
         if let Some(contact) = &mut self.contact {
             contact.certify(&mut self.bodies, watch);
         }
-        if let Some(contact) = self.contact.take() {
-            self.stage(team, all.clone(), &|number, body| {
-                body.end(Some((&contact, number)), watch)
-            });
-            self.contact = Some(contact);
+        if self.contact.is_some() {
+            self.stage(team, all.clone(), &|contact, body| body.end(contact, watch));
             self.publish_touching(due.publishes, watch);
             all.for_each(|index| self.tell(index, publish));
         } else {
@@ -274,16 +271,17 @@ impl Engine {
         }
     }
 
-    /// Makes one call for the bodies in `range`, beside each other.
+    /// Makes one call for the bodies in `range`, beside each other, with the contacts and the number of the body in them.
     fn stage(
         &mut self,
         team: &dyn Team,
         range: Range<usize>,
-        call: &(impl Fn(usize, &mut HostBody) -> Result<(), StepFault> + Sync),
+        call: &(impl Fn(Option<(&Contact, usize)>, &mut HostBody) -> Result<(), StepFault> + Sync),
     ) {
+        let contact = self.contact.as_ref();
         each_run(team, &mut self.bodies[range.clone()], 1, &|number, run| {
             for body in run {
-                body.fault = call(range.start + number, body).err();
+                body.fault = call(contact.map(|all| (all, range.start + number)), body).err();
             }
         });
         for index in range {
