@@ -187,6 +187,13 @@ impl Lists {
         self.counts
     }
 
+    /// Has all lists searched again, because other pairs may touch.
+    pub fn search_again(&mut self) {
+        for list in &mut self.kept {
+            list.radius = f64::NEG_INFINITY;
+        }
+    }
+
     /// Begins a step at the positions `x` (m), in which clusters are predicted to move as `moves` says. Afterwards
     /// [`each`](Self::each) gives every pair that may touch (`feet`) or cross in the step.
     pub fn follow(

@@ -72,17 +72,27 @@ impl Pair {
         first.iter().any(|vertex| second.contains(vertex))
     }
 
-    /// Whether the two things are of one part and so near each other at rest that its thickness would part them: the sides of a
-    /// tear. Such a pair never touches.
-    pub(crate) fn is_near_at_rest(self, surfaces: &Surfaces) -> bool {
+    /// Whether the two things are of one part and so near each other at rest that its thickness would part them, as the sides of
+    /// a tear are that has not parted. Such a pair does not touch.
+    pub(crate) fn is_closed(self, surfaces: &Surfaces) -> bool {
         if surfaces.rest.is_empty() {
             return false;
         }
         let vertices = self.vertices(surfaces);
         let [one, other] = [vertices[0], vertices[3]].map(|vertex| surfaces.part_of(vertex));
-        one == other
-            && surfaces.parts[one].tears
-            && self.foot(surfaces, &surfaces.rest).apart.norm() <= 2.0 * surfaces.parts[one].radius
+        let part = &surfaces.parts[one];
+        if one != other
+            || !part.tears
+            || self.foot(surfaces, &surfaces.rest).apart.norm() > 2.0 * part.radius
+        {
+            return false;
+        }
+        let (first, second) = vertices.split_at(self.split());
+        let each = first
+            .iter()
+            .flat_map(|a| second.iter().map(|b| surfaces.has_parted(*a, *b)));
+        let mut couples = each.flatten().peekable();
+        couples.peek().is_none() || couples.any(|has_parted| !has_parted)
     }
 
     /// The shortest connection at the positions `x` (m).

@@ -131,7 +131,7 @@ impl Search<'_> {
     }
 
     fn try_pair(&self, pair: Pair, found: &mut dyn FnMut(Pair, f64)) -> usize {
-        if pair.is_joined(self.surfaces) || pair.is_near_at_rest(self.surfaces) {
+        if pair.is_joined(self.surfaces) || pair.is_closed(self.surfaces) {
             return 0;
         }
         let distance = pair.foot(self.surfaces, self.x).apart.norm();

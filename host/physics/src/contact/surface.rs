@@ -5,6 +5,7 @@
 //! An edge without a triangle is a segment of a thread. The distance at which two parts touch is the sum of their radii.
 
 use super::obstacle::ClosedMesh;
+use super::sides::Couple;
 use crate::Vec3;
 use crate::mesh::{Adjacency, Mesh, MeshError};
 use core::ops::Range;
@@ -51,6 +52,8 @@ pub struct Surfaces {
     pub(super) flat_edges: Vec<bool>,
     /// Positions at rest (m), by vertex; empty if no part tears.
     pub rest: Vec<Vec3>,
+    /// Ascending.
+    pub(super) couples: Vec<Couple>,
     /// Pairs of parts that do not touch, the smaller number first.
     apart: BTreeSet<[usize; 2]>,
 }
@@ -172,6 +175,7 @@ impl Surfaces {
         for (to, from) in self.rest[first..].iter_mut().zip(rest) {
             *to = *from;
         }
+        self.find_couples(part);
     }
 
     /// Notes that a part keeps its shape, with its vertices at these positions (m) and its triangles counterclockwise seen from

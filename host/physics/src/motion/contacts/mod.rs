@@ -235,6 +235,11 @@ impl Contacts {
             return;
         }
         self.gather(members);
+        if self.surfaces.part_couples(&self.x)
+            && let Some(lists) = &mut self.lists
+        {
+            lists.search_again();
+        }
         self.find(h);
     }
 

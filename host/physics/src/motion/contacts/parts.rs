@@ -132,6 +132,8 @@ impl Contacts {
         self.clearance = Clearance::default();
         if former.vertices != self.surfaces.vertices || continues.is_some() {
             self.renumber(&former, part, continues);
+        } else {
+            self.surfaces.keep_parted(&former);
         }
         Ok(())
     }

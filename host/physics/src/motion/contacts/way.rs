@@ -80,7 +80,7 @@ impl Contacts {
             bounds.overlaps(&swept)
         };
         let stays_apart = |pair: Pair| {
-            pair.is_joined(surfaces) || pair.is_near_at_rest(surfaces) || {
+            pair.is_joined(surfaces) || pair.is_closed(surfaces) || {
                 let start = pair.foot_at(surfaces, now);
                 is_certain(pair, surfaces, &start, now, end, |gap| LEFT * gap)
             }

@@ -1,0 +1,96 @@
+//! The two sides of a tear, which touch each other once they have parted.
+//!
+//! A tear divides a vertex in two, a **couple**. Both begin at the same place, where no direction separates the two sides, and
+//! where the thickness would push the tear open. So what hangs on a couple does not touch while the couple is **closed**. The
+//! couple has **parted** once it is further apart than the thickness, if no edge at one of its vertices passes through a
+//! triangle at the other one. From then on its sides touch like any others, and cannot pass through each other.
+
+use super::crossing::passes;
+use super::surface::{Part, Surfaces};
+use crate::Vec3;
+
+/// Two vertices of a part that are at the same place at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Couple {
+    /// Ascending.
+    vertices: [u32; 2],
+    has_parted: bool,
+}
+
+impl Surfaces {
+    /// Finds the couples of a part that tears. They are closed.
+    pub(super) fn find_couples(&mut self, part: usize) {
+        let (rest, areas) = (&self.rest, &self.areas);
+        let own = self.parts[part].vertices.clone();
+        // Room for further vertices has no triangle.
+        let mut order: Vec<u32> = own.filter(|v| areas[*v as usize] > 0.0).collect();
+        let place = |vertex: u32| &rest[vertex as usize];
+        order.sort_by(|a, b| {
+            let axes = place(*a).iter().zip(place(*b).iter());
+            let mut differ = axes.map(|(a, b)| a.total_cmp(b));
+            differ
+                .find(|order| order.is_ne())
+                .unwrap_or_else(|| a.cmp(b))
+        });
+        for same in order.chunk_by(|a, b| place(*a) == place(*b)) {
+            for (number, first) in same.iter().enumerate() {
+                self.couples
+                    .extend(same[number + 1..].iter().map(|second| Couple {
+                        vertices: [*first, *second],
+                        has_parted: false,
+                    }));
+            }
+        }
+        self.couples.sort_unstable_by_key(|couple| couple.vertices);
+    }
+
+    /// Takes over which couples have parted from surfaces whose vertices have the same numbers.
+    pub(crate) fn keep_parted(&mut self, former: &Self) {
+        for couple in &mut self.couples {
+            let [a, b] = couple.vertices;
+            couple.has_parted |= former.has_parted(a, b) == Some(true);
+        }
+    }
+
+    /// Whether a couple has parted; `None` for vertices that are none.
+    pub fn has_parted(&self, a: u32, b: u32) -> Option<bool> {
+        let vertices = [a.min(b), a.max(b)];
+        let at = self
+            .couples
+            .binary_search_by_key(&vertices, |couple| couple.vertices);
+        at.ok().map(|at| self.couples[at].has_parted)
+    }
+
+    /// Parts the couples that are open at the positions `x` (m). Returns whether a couple has.
+    pub(crate) fn part_couples(&mut self, x: &[Vec3]) -> bool {
+        let mut couples = core::mem::take(&mut self.couples);
+        let mut is_changed = false;
+        for couple in couples.iter_mut().filter(|couple| !couple.has_parted) {
+            let part = &self.parts[self.part_of(couple.vertices[0])];
+            let [a, b] = couple.vertices.map(|vertex| &x[vertex as usize]);
+            couple.has_parted =
+                (a - b).norm() > 2.0 * part.radius && self.is_clean(part, couple.vertices, x);
+            is_changed |= couple.has_parted;
+        }
+        self.couples = couples;
+        is_changed
+    }
+
+    /// Whether no edge at one of two vertices of a part passes through a triangle at the other one.
+    fn is_clean(&self, part: &Part, couple: [u32; 2], x: &[Vec3]) -> bool {
+        let at = |vertex: u32| &x[vertex as usize];
+        let [a, b] = couple;
+        [[a, b], [b, a]].into_iter().all(|[of_edge, of_triangle]| {
+            let edges = part.edges.clone().map(|edge| self.edges[edge as usize]);
+            let mut edges = edges.filter(|ends| ends.contains(&of_edge));
+            edges.all(|ends| {
+                let triangles = part.triangles.clone();
+                let triangles = triangles.map(|triangle| self.triangles[triangle as usize]);
+                let mut triangles = triangles.filter(|corners| {
+                    corners.contains(&of_triangle) && !ends.iter().any(|end| corners.contains(end))
+                });
+                triangles.all(|corners| !passes(ends.map(at), corners.map(at)))
+            })
+        })
+    }
+}
