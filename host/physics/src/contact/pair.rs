@@ -83,7 +83,7 @@ impl Pair {
         let part = &surfaces.parts[one];
         if one != other
             || !part.tears
-            || self.foot(surfaces, &surfaces.rest).apart.norm() > 2.0 * part.radius
+            || self.foot(surfaces, &surfaces.rest).apart.norm() > part.thickness
         {
             return false;
         }

@@ -69,7 +69,7 @@ impl Surfaces {
             let part = &self.parts[self.part_of(couple.vertices[0])];
             let [a, b] = couple.vertices.map(|vertex| &x[vertex as usize]);
             couple.has_parted =
-                (a - b).norm() > 2.0 * part.radius && self.is_clean(part, couple.vertices, x);
+                (a - b).norm() > part.thickness && self.is_clean(part, couple.vertices, x);
             is_changed |= couple.has_parted;
         }
         self.couples = couples;

@@ -26,6 +26,8 @@ pub struct Part {
     pub edges: Range<u32>,
     /// The distance between its surface and its vertices, edges and triangles (m): half the thickness of a sheet.
     pub radius: f64,
+    /// The distance at which it touches itself (m).
+    pub thickness: f64,
     /// Whether it may touch itself.
     pub touches_itself: bool,
     /// Whether it is an obstacle. Two obstacles do not touch each other.
@@ -128,6 +130,7 @@ impl Surfaces {
             triangles: triangle..count(self.triangles.len()),
             edges: edge..count(self.edges.len()),
             radius: skin.radius,
+            thickness: 2.0 * skin.radius,
             touches_itself: skin.touches_itself,
             is_obstacle: skin.is_obstacle,
             tears: false,

@@ -234,8 +234,10 @@ impl Contacts {
             let meetings =
                 (0..self.meetings.count).filter_map(|other| self.meetings.get(part, other));
             let farthest = meetings.map(|meeting| meeting.distance).fold(0.0, f64::max);
-            let radius = &mut self.surfaces.parts[part].radius;
-            *radius = radius.max(0.5 * farthest);
+            let own = self.meetings.get(part, part);
+            let part = &mut self.surfaces.parts[part];
+            part.radius = part.radius.max(0.5 * farthest);
+            part.thickness = own.map_or(part.thickness, |meeting| meeting.distance);
         }
         for one in 0..self.surfaces.parts.len() {
             for other in one + 1..self.surfaces.parts.len() {

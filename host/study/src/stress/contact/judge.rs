@@ -230,18 +230,10 @@ impl<'a> Judge<'a> {
         };
         let mut found = None;
         crossings(surfaces, &self.x, &may_touch, &mut |ends, corners| {
-            // The sides of a tear do not touch each other.
-            let part = &surfaces.parts[surfaces.part_of(ends[0])];
-            if let Some(Side::Body(body)) = sides.get(surfaces.part_of(corners[0]))
-                && part.tears
-                && part.vertices.contains(&corners[0])
-            {
-                let rest = engine.bodies()[*body].body().rest_positions();
-                let at = |vertex: u32| rest[(vertex - part.vertices.start) as usize];
-                let near = |a: u32, b: u32| (at(a) - at(b)).norm() <= 2.0 * part.radius;
-                if ends.iter().any(|a| corners.iter().any(|b| near(*a, *b))) {
-                    return;
-                }
+            // The sides of a tear touch each other once they have parted.
+            let mut couples = ends.iter().flat_map(|a| corners.iter().map(|b| [*a, *b]));
+            if couples.any(|[a, b]| surfaces.has_parted(a, b) == Some(false)) {
+                return;
             }
             found.get_or_insert_with(|| {
                 let [one, other] = [ends[0], corners[0]].map(|v| name(surfaces.part_of(v)));
