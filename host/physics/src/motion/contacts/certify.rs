@@ -9,6 +9,8 @@ use crate::element::precision::Precision;
 
 /// How often bodies are held back that would gain energy, and the displacements shortened again.
 const PULLS: usize = 3;
+/// The fraction of a thickness by which truncation may part what pushes from what is pushed.
+const TOGETHER: f64 = 0.01;
 /// An edge that moves by this fraction of its length, less the motion that its ends share, is stretched by half of the
 /// square of this fraction, which the linearized equation does not know.
 const TURNED: f64 = 0.05;
@@ -33,7 +35,8 @@ impl Contacts {
         }
         self.shorten();
         for _ in 0..PULLS {
-            if !self.hold_back(members) {
+            let is_held = self.hold_together() | self.hold_back(members);
+            if !is_held {
                 break;
             }
             // Vertices are counted that crossings stop, and not those of bodies that are held back.
@@ -120,6 +123,50 @@ impl Contacts {
         }
         self.overrun = overrun;
         self.truncate();
+    }
+
+    /// Lowers the fractions of vertices that go on while truncation stops those that push them: a force that acts between two
+    /// bodies does no more work than in the solved step. Returns whether there are such vertices.
+    fn hold_together(&mut self) -> bool {
+        let mut is_changed = false;
+        for (touch, row) in self.touches.iter().zip(&self.of_row) {
+            if touch.response.normal == 0.0 {
+                continue;
+            }
+            let contact = &self.rows.contacts()[*row];
+            let vertices = contact.vertices.iter().zip(contact.weights);
+            let along = vertices.map(|(vertex, weight)| {
+                let at = *vertex as usize;
+                let u = self
+                    .u
+                    .get(at)
+                    .map_or(0.0, |u| weight * contact.row.normal.dot(u));
+                (at, if weight == 0.0 { 0.0 } else { u })
+            });
+            let is_free = |at: usize| self.mass[at].is_finite();
+            let [mut solved, mut ahead, mut others] = [0.0; 3];
+            for (at, u) in along.clone().filter(|(_, u)| *u != 0.0) {
+                let moved = u * self.fractions[at];
+                solved += u;
+                if u > 0.0 && is_free(at) {
+                    ahead += moved;
+                } else {
+                    others += moved;
+                }
+            }
+            let most = solved.max(0.0) + TOGETHER * contact.thickness;
+            if ahead + others <= most || ahead <= 0.0 {
+                continue;
+            }
+            let by = ((most - others) / ahead).max(0.0);
+            for (at, _) in along.filter(|(at, u)| *u > 0.0 && is_free(*at)) {
+                // A shape that moves takes a vertex along.
+                let less = (by * self.fractions[at]).max(self.pushed[at]);
+                is_changed |= less < self.fractions[at];
+                self.fractions[at] = less.min(self.fractions[at]);
+            }
+        }
+        is_changed
     }
 
     /// Lowers the fractions of bodies that would gain energy by them. Returns whether there is such a body.

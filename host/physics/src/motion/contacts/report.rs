@@ -131,7 +131,9 @@ impl Contacts {
                 }
             }
             if contact.is_parting {
+                // An overlap that truncation keeps from parting takes energy, as any contact does.
                 let parted = touch.response.normal * contact.row.normal.dot(&ju);
+                let parted = parted.max(0.0);
                 self.report.parted += parted;
                 self.report.taken += parted;
             }
