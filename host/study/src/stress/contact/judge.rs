@@ -193,10 +193,10 @@ impl<'a> Judge<'a> {
         let torn = core::mem::replace(&mut self.torn, engine.stats().torn) < engine.stats().torn;
         let is_tested = self.counts.steps.is_multiple_of(self.every) && !torn;
         if is_tested && self.crossed.is_none() && is_finite {
-            let crossed = self.crossing(engine, contact);
+            let (crossed, is_tangled) = self.crossing(engine, contact);
             if self.leaves {
                 // What had no room may have crossed, and is judged again once nothing crosses any more.
-                self.leaves = crossed.is_some();
+                self.leaves = crossed.is_some() || is_tangled;
             } else {
                 self.crossed = crossed.map(|crossed| (tick, crossed));
             }
@@ -205,8 +205,8 @@ impl<'a> Judge<'a> {
         is_finite
     }
 
-    /// A crossing, in words.
-    fn crossing(&mut self, engine: &Engine, contact: &Contact) -> Option<String> {
+    /// A crossing, in words, and whether the sides of a tear cross that has not parted.
+    fn crossing(&mut self, engine: &Engine, contact: &Contact) -> (Option<String>, bool) {
         let (contacts, time) = (contact.contacts(), contact.time());
         let (surfaces, sides) = (contacts.surfaces(), contacts.sides());
         self.x.clear();
@@ -228,11 +228,12 @@ impl<'a> Judge<'a> {
             let [a, b] = [one, other].map(|part| thing(sides[part]));
             self.world.contacts.pair(a, b).is_some()
         };
-        let mut found = None;
+        let (mut found, mut is_tangled) = (None, false);
         crossings(surfaces, &self.x, &may_touch, &mut |ends, corners| {
             // The sides of a tear touch each other once they have parted.
             let mut couples = ends.iter().flat_map(|a| corners.iter().map(|b| [*a, *b]));
             if couples.any(|[a, b]| surfaces.has_parted(a, b) == Some(false)) {
+                is_tangled = true;
                 return;
             }
             found.get_or_insert_with(|| {
@@ -252,7 +253,9 @@ impl<'a> Judge<'a> {
             ) {
                 continue;
             }
-            let part = sides.iter().position(|side| *side == Side::Body(body))?;
+            let Some(part) = sides.iter().position(|side| *side == Side::Body(body)) else {
+                continue;
+            };
             let vertices = surfaces.parts[part].edges.clone();
             let vertices = vertices.flat_map(|edge| surfaces.edges[edge as usize]);
             for vertex in vertices {
@@ -270,7 +273,7 @@ impl<'a> Judge<'a> {
                 }
             }
         }
-        found
+        (found, is_tangled)
     }
 
     /// Ends the run.
