@@ -248,7 +248,7 @@ pub fn truncate(
 }
 
 /// Lowers the fractions of neighbours of truncated vertices until no edge is stretched by more than it may be.
-fn follow(
+pub(crate) fn follow(
     surfaces: &Surfaces,
     x: &[Vec3],
     u: &[Vec3],

@@ -3,7 +3,7 @@
 use super::parts::Owner;
 use super::{Contacts, Member, Need};
 use crate::Vec3;
-use crate::contact::certificate::{NEAREST, truncate};
+use crate::contact::certificate::{NEAREST, follow, truncate};
 use crate::contact::{Moves, Placed};
 use crate::element::precision::Precision;
 
@@ -165,6 +165,16 @@ impl Contacts {
                 is_changed |= less < self.fractions[at];
                 self.fractions[at] = less.min(self.fractions[at]);
             }
+        }
+        if is_changed {
+            let is_free = |vertex: u32| self.mass[vertex as usize].is_finite();
+            follow(
+                &self.surfaces,
+                &self.x,
+                &self.u,
+                &is_free,
+                &mut self.fractions,
+            );
         }
         is_changed
     }
