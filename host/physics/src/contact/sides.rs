@@ -94,3 +94,83 @@ impl Surfaces {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{Pair, Skin};
+    use crate::mesh::{Mesh, TriMesh};
+
+    const THICKNESS: f64 = 1e-4;
+    /// A couple, of the first square and of the second one.
+    const COUPLES: [[u32; 2]; 2] = [[1, 4], [2, 7]];
+
+    /// Two squares of 10 mm that a tear has parted, and their positions.
+    fn torn() -> (Surfaces, Vec<Vec3>) {
+        let at = |x: f64, y: f64| Vec3::new(x, y, 0.0) * 0.01;
+        let first = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+        let second = first.map(|place| place + at(1.0, 0.0));
+        let positions = [first, second].concat();
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+        let mut surfaces = Surfaces::default();
+        let skin = Skin {
+            radius: 0.5 * THICKNESS,
+            touches_itself: true,
+            is_obstacle: false,
+        };
+        let mesh = TriMesh::new(positions.clone(), triangles).expect("a surface");
+        let part = surfaces.add(&Mesh::Sheet(mesh), skin).expect("a surface");
+        surfaces.tears(part, &positions);
+        (surfaces, positions)
+    }
+
+    /// The positions after the second square has moved.
+    fn moved(rest: &[Vec3], by: impl Fn(&Vec3) -> Vec3) -> Vec<Vec3> {
+        let moves = |(number, place): (usize, &Vec3)| {
+            if number < 4 {
+                *place
+            } else {
+                place + by(place)
+            }
+        };
+        rest.iter().enumerate().map(moves).collect()
+    }
+
+    fn states(surfaces: &Surfaces) -> [Option<bool>; 2] {
+        COUPLES.map(|[a, b]| surfaces.has_parted(b, a))
+    }
+
+    #[test]
+    fn the_sides_of_a_tear_touch_once_they_have_been_apart() {
+        let (mut surfaces, rest) = torn();
+        let pair = Pair::VertexTriangle(4, 0);
+        assert_eq!(states(&surfaces), [Some(false); 2]);
+        assert_eq!(surfaces.has_parted(1, 2), None);
+        assert!(pair.is_closed(&surfaces));
+        // The tear opens like a wedge.
+        let opened = |most: f64| moved(&rest, |place| Vec3::x() * (most * (1.0 - 80.0 * place.y)));
+        assert!(!surfaces.part_couples(&opened(0.9 * THICKNESS)));
+        assert!(surfaces.part_couples(&opened(1.1 * THICKNESS)));
+        assert_eq!(states(&surfaces), [Some(true), Some(false)]);
+        assert!(!pair.is_closed(&surfaces));
+        // The edges along the tear have both couples.
+        let along = |ends| surfaces.edges.iter().position(|edge| *edge == ends);
+        let [one, other] = [[1, 2], [4, 7]].map(|ends| along(ends).expect("an edge") as u32);
+        assert!(Pair::EdgeEdge(one, other).is_closed(&surfaces));
+        // Sides that come together again touch.
+        assert!(!surfaces.part_couples(&rest));
+        let (mut next, _) = torn();
+        next.keep_parted(&surfaces);
+        assert_eq!(states(&next), [Some(true), Some(false)]);
+    }
+
+    #[test]
+    fn sides_that_cross_have_not_parted() {
+        let (mut surfaces, rest) = torn();
+        // The border of the second square passes from above the first one to below it.
+        let crossed = |place: &Vec3| Vec3::new(-1e-3, 0.0, 1e-3 - 0.2 * place.y);
+        assert!(!surfaces.part_couples(&moved(&rest, crossed)));
+        assert!(surfaces.part_couples(&moved(&rest, |_| Vec3::new(-1e-3, 0.0, 1e-3))));
+        assert_eq!(states(&surfaces), [Some(true); 2]);
+    }
+}

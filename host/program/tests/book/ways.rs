@@ -125,6 +125,14 @@ pub(super) const WAYS: &[(&str, Way)] = &[
         Arguments("it takes ten seconds; host/study/tests/studies/contact.rs runs it"),
     ),
     (
+        "palpate bench contact --part between",
+        Arguments("it takes two minutes; host/study/tests/studies/contact_between.rs runs a part"),
+    ),
+    (
+        "palpate bench contact --part hand --quick",
+        Arguments("it takes ten seconds; host/study/tests/studies/contact.rs runs it"),
+    ),
+    (
         "palpate bench contact --part cost",
         Arguments("it takes ten minutes; host/study/tests/studies/contact.rs runs a part"),
     ),
