@@ -5,7 +5,7 @@
 //! - [`row`]: the law of a contact. [`rows`]: the contacts of a step, from its pairs and shapes. `feet`: where a pair may
 //!   touch. `nearest`: what a vertex touches. `kept`: what contacts keep from step to step. `thinning`: which contacts have
 //!   rows.
-//! - `sides`: the two sides of a tear.
+//! - `faces`: the two faces of a tear.
 //! - [`facet`]: the facets of solids, and what two of them share.
 //! - [`obstacle`]: obstacles and their motion. [`shape`]: shapes of obstacles with an exact distance.
 //!   [`placed`]: a shape in a step.
@@ -23,6 +23,7 @@ pub mod certificate;
 pub mod crossing;
 pub mod distance;
 mod drift;
+mod faces;
 pub mod facet;
 mod feet;
 pub mod hierarchy;
@@ -38,7 +39,6 @@ pub mod row;
 pub mod rows;
 mod search;
 pub mod shape;
-mod sides;
 pub mod start;
 pub mod surface;
 mod thinning;

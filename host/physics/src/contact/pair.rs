@@ -72,8 +72,8 @@ impl Pair {
         first.iter().any(|vertex| second.contains(vertex))
     }
 
-    /// Whether the two things are of one part and so near each other at rest that its thickness would part them, as the sides of
-    /// a tear are that has not parted. Such a pair does not touch.
+    /// Whether the two things are of one part and so near each other at rest that its thickness would part them, as the faces of
+    /// a closed tear are. Such a pair does not touch.
     pub(crate) fn is_closed(self, surfaces: &Surfaces) -> bool {
         if surfaces.rest.is_empty() {
             return false;
@@ -90,9 +90,9 @@ impl Pair {
         let (first, second) = vertices.split_at(self.split());
         let each = first
             .iter()
-            .flat_map(|a| second.iter().map(|b| surfaces.has_parted(*a, *b)));
-        let mut couples = each.flatten().peekable();
-        couples.peek().is_none() || couples.any(|has_parted| !has_parted)
+            .flat_map(|a| second.iter().map(|b| surfaces.are_open(*a, *b)));
+        let mut twins = each.flatten().peekable();
+        twins.peek().is_none() || twins.any(|are_open| !are_open)
     }
 
     /// The shortest connection at the positions `x` (m).

@@ -4,8 +4,8 @@
 //! radius; a solid has the triangles of its boundary, with a radius of zero or of a stated skin; a thread has its lines.
 //! An edge without a triangle is a segment of a thread. The distance at which two parts touch is the sum of their radii.
 
+use super::faces::Twins;
 use super::obstacle::ClosedMesh;
-use super::sides::Couple;
 use crate::Vec3;
 use crate::mesh::{Adjacency, Mesh, MeshError};
 use core::ops::Range;
@@ -54,8 +54,8 @@ pub struct Surfaces {
     pub(super) flat_edges: Vec<bool>,
     /// Positions at rest (m), by vertex; empty if no part tears.
     pub rest: Vec<Vec3>,
-    /// Ascending.
-    pub(super) couples: Vec<Couple>,
+    /// The twins of parts that tear, ascending.
+    pub(super) twins: Vec<Twins>,
     /// Pairs of parts that do not touch, the smaller number first.
     apart: BTreeSet<[usize; 2]>,
 }
@@ -178,7 +178,7 @@ impl Surfaces {
         for (to, from) in self.rest[first..].iter_mut().zip(rest) {
             *to = *from;
         }
-        self.find_couples(part);
+        self.find_twins(part);
     }
 
     /// Notes that a part keeps its shape, with its vertices at these positions (m) and its triangles counterclockwise seen from

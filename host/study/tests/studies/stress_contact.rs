@@ -41,7 +41,7 @@ fn what_is_jammed_is_not_pressed_ever_harder() {
 }
 
 #[test]
-fn the_sides_of_a_tear_are_not_entangled() {
+fn the_faces_of_a_tear_are_not_entangled() {
     judge(25001, 32, Length::Whole);
 }
 

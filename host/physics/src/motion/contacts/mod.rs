@@ -235,7 +235,7 @@ impl Contacts {
             return;
         }
         self.gather(members);
-        if self.surfaces.part_couples(&self.x)
+        if self.surfaces.open_twins(&self.x)
             && let Some(lists) = &mut self.lists
         {
             lists.search_again();

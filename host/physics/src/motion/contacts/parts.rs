@@ -133,7 +133,7 @@ impl Contacts {
         if former.vertices != self.surfaces.vertices || continues.is_some() {
             self.renumber(&former, part, continues);
         } else {
-            self.surfaces.keep_parted(&former);
+            self.surfaces.keep_open(&former);
         }
         Ok(())
     }

@@ -205,7 +205,7 @@ impl<'a> Judge<'a> {
         is_finite
     }
 
-    /// A crossing, in words, and whether the sides of a tear cross that has not parted.
+    /// A crossing, in words, and whether faces of a closed tear cross.
     fn crossing(&mut self, engine: &Engine, contact: &Contact) -> (Option<String>, bool) {
         let (contacts, time) = (contact.contacts(), contact.time());
         let (surfaces, sides) = (contacts.surfaces(), contacts.sides());
@@ -230,9 +230,9 @@ impl<'a> Judge<'a> {
         };
         let (mut found, mut is_tangled) = (None, false);
         crossings(surfaces, &self.x, &may_touch, &mut |ends, corners| {
-            // The sides of a tear touch each other once they have parted.
-            let mut couples = ends.iter().flat_map(|a| corners.iter().map(|b| [*a, *b]));
-            if couples.any(|[a, b]| surfaces.has_parted(a, b) == Some(false)) {
+            // The faces of a tear touch each other once it is open.
+            let mut twins = ends.iter().flat_map(|a| corners.iter().map(|b| [*a, *b]));
+            if twins.any(|[a, b]| surfaces.are_open(a, b) == Some(false)) {
                 is_tangled = true;
                 return;
             }

@@ -7,7 +7,7 @@
 //! - The states of bodies and devices are finite, and the host has no fault.
 //! - Nothing crosses: an exact test of all edges and triangles after each step, and of vertices in shapes. What had
 //!   no room between hands and obstacles ("squeezed") may cross, until nothing crosses any more; such runs are counted. The two
-//!   sides of a tear may cross each other until they have parted.
+//!   faces of a tear may cross each other while it is closed.
 //! - The hands get no more net energy than [`NET_ENERGY`] beyond what weight and obstacles put in.
 //! - Contacts give no more energy to what they touch than rounding does, as a fraction of the energy that moves.
 //! - Bodies gain no more energy than hands and obstacles put in, beside the same fraction. The work of a hand is seen in steps

@@ -1,25 +1,25 @@
-//! The two sides of a tear, which touch each other once they have parted.
+//! The two faces of a tear, which touch each other once the tear is open.
 //!
-//! A tear divides a vertex in two, a **couple**. Both begin at the same place, where no direction separates the two sides, and
-//! where the thickness would push the tear open. So what hangs on a couple does not touch while the couple is **closed**. The
-//! couple has **parted** once it is further apart than the thickness, if no edge at one of its vertices passes through a
-//! triangle at the other one. From then on its sides touch like any others, and cannot pass through each other.
+//! A tear doubles vertices. A vertex and its twin begin at the same place, where no direction separates the two faces, and where
+//! the thickness would push the tear open. So nothing at one vertex touches anything at its twin while the two are **closed**.
+//! They are **open** from the step on in which they are further apart than the thickness, and no edge at one of them passes
+//! through a triangle at the other one. From then on the faces touch as any surfaces do, and cannot pass through each other.
 
 use super::crossing::passes;
 use super::surface::{Part, Surfaces};
 use crate::Vec3;
 
-/// Two vertices of a part that are at the same place at rest.
+/// Two vertices of a part that are at the same place at rest: a vertex and its twin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Couple {
+pub(super) struct Twins {
     /// Ascending.
     vertices: [u32; 2],
-    has_parted: bool,
+    are_open: bool,
 }
 
 impl Surfaces {
-    /// Finds the couples of a part that tears. They are closed.
-    pub(super) fn find_couples(&mut self, part: usize) {
+    /// Finds the twins of a part that tears. They are closed.
+    pub(super) fn find_twins(&mut self, part: usize) {
         let (rest, areas) = (&self.rest, &self.areas);
         let own = self.parts[part].vertices.clone();
         // Room for further vertices has no triangle.
@@ -34,52 +34,52 @@ impl Surfaces {
         });
         for same in order.chunk_by(|a, b| place(*a) == place(*b)) {
             for (number, first) in same.iter().enumerate() {
-                self.couples
-                    .extend(same[number + 1..].iter().map(|second| Couple {
+                self.twins
+                    .extend(same[number + 1..].iter().map(|second| Twins {
                         vertices: [*first, *second],
-                        has_parted: false,
+                        are_open: false,
                     }));
             }
         }
-        self.couples.sort_unstable_by_key(|couple| couple.vertices);
+        self.twins.sort_unstable_by_key(|twins| twins.vertices);
     }
 
-    /// Takes over which couples have parted from surfaces whose vertices have the same numbers.
-    pub(crate) fn keep_parted(&mut self, former: &Self) {
-        for couple in &mut self.couples {
-            let [a, b] = couple.vertices;
-            couple.has_parted |= former.has_parted(a, b) == Some(true);
+    /// Takes over which twins are open from surfaces whose vertices have the same numbers.
+    pub(crate) fn keep_open(&mut self, former: &Self) {
+        for twins in &mut self.twins {
+            let [a, b] = twins.vertices;
+            twins.are_open |= former.are_open(a, b) == Some(true);
         }
     }
 
-    /// Whether a couple has parted; `None` for vertices that are none.
-    pub fn has_parted(&self, a: u32, b: u32) -> Option<bool> {
+    /// Whether two twins are open; `None` for vertices that are not twins.
+    pub fn are_open(&self, a: u32, b: u32) -> Option<bool> {
         let vertices = [a.min(b), a.max(b)];
         let at = self
-            .couples
-            .binary_search_by_key(&vertices, |couple| couple.vertices);
-        at.ok().map(|at| self.couples[at].has_parted)
+            .twins
+            .binary_search_by_key(&vertices, |twins| twins.vertices);
+        at.ok().map(|at| self.twins[at].are_open)
     }
 
-    /// Parts the couples that are open at the positions `x` (m). Returns whether a couple has.
-    pub(crate) fn part_couples(&mut self, x: &[Vec3]) -> bool {
-        let mut couples = core::mem::take(&mut self.couples);
+    /// Opens the twins that are apart at the positions `x` (m). Returns whether there are any.
+    pub(crate) fn open_twins(&mut self, x: &[Vec3]) -> bool {
+        let mut all = core::mem::take(&mut self.twins);
         let mut is_changed = false;
-        for couple in couples.iter_mut().filter(|couple| !couple.has_parted) {
-            let part = &self.parts[self.part_of(couple.vertices[0])];
-            let [a, b] = couple.vertices.map(|vertex| &x[vertex as usize]);
-            couple.has_parted =
-                (a - b).norm() > part.thickness && self.is_clean(part, couple.vertices, x);
-            is_changed |= couple.has_parted;
+        for twins in all.iter_mut().filter(|twins| !twins.are_open) {
+            let part = &self.parts[self.part_of(twins.vertices[0])];
+            let [a, b] = twins.vertices.map(|vertex| &x[vertex as usize]);
+            twins.are_open =
+                (a - b).norm() > part.thickness && self.is_clean(part, twins.vertices, x);
+            is_changed |= twins.are_open;
         }
-        self.couples = couples;
+        self.twins = all;
         is_changed
     }
 
     /// Whether no edge at one of two vertices of a part passes through a triangle at the other one.
-    fn is_clean(&self, part: &Part, couple: [u32; 2], x: &[Vec3]) -> bool {
+    fn is_clean(&self, part: &Part, twins: [u32; 2], x: &[Vec3]) -> bool {
         let at = |vertex: u32| &x[vertex as usize];
-        let [a, b] = couple;
+        let [a, b] = twins;
         [[a, b], [b, a]].into_iter().all(|[of_edge, of_triangle]| {
             let edges = part.edges.clone().map(|edge| self.edges[edge as usize]);
             let mut edges = edges.filter(|ends| ends.contains(&of_edge));
@@ -102,8 +102,8 @@ mod tests {
     use crate::mesh::{Mesh, TriMesh};
 
     const THICKNESS: f64 = 1e-4;
-    /// A couple, of the first square and of the second one.
-    const COUPLES: [[u32; 2]; 2] = [[1, 4], [2, 7]];
+    /// Two twins: one vertex of the first square, and one of the second square.
+    const TWINS: [[u32; 2]; 2] = [[1, 4], [2, 7]];
 
     /// Two squares of 10 mm that a tear has parted, and their positions.
     fn torn() -> (Surfaces, Vec<Vec3>) {
@@ -137,40 +137,40 @@ mod tests {
     }
 
     fn states(surfaces: &Surfaces) -> [Option<bool>; 2] {
-        COUPLES.map(|[a, b]| surfaces.has_parted(b, a))
+        TWINS.map(|[a, b]| surfaces.are_open(b, a))
     }
 
     #[test]
-    fn the_sides_of_a_tear_touch_once_they_have_been_apart() {
+    fn the_faces_of_a_tear_touch_once_they_have_been_apart() {
         let (mut surfaces, rest) = torn();
         let pair = Pair::VertexTriangle(4, 0);
         assert_eq!(states(&surfaces), [Some(false); 2]);
-        assert_eq!(surfaces.has_parted(1, 2), None);
+        assert_eq!(surfaces.are_open(1, 2), None);
         assert!(pair.is_closed(&surfaces));
         // The tear opens like a wedge.
         let opened = |most: f64| moved(&rest, |place| Vec3::x() * (most * (1.0 - 80.0 * place.y)));
-        assert!(!surfaces.part_couples(&opened(0.9 * THICKNESS)));
-        assert!(surfaces.part_couples(&opened(1.1 * THICKNESS)));
+        assert!(!surfaces.open_twins(&opened(0.9 * THICKNESS)));
+        assert!(surfaces.open_twins(&opened(1.1 * THICKNESS)));
         assert_eq!(states(&surfaces), [Some(true), Some(false)]);
         assert!(!pair.is_closed(&surfaces));
-        // The edges along the tear have both couples.
+        // The edges along the tear have all four twins.
         let along = |ends| surfaces.edges.iter().position(|edge| *edge == ends);
         let [one, other] = [[1, 2], [4, 7]].map(|ends| along(ends).expect("an edge") as u32);
         assert!(Pair::EdgeEdge(one, other).is_closed(&surfaces));
-        // Sides that come together again touch.
-        assert!(!surfaces.part_couples(&rest));
+        // Faces that come together again touch.
+        assert!(!surfaces.open_twins(&rest));
         let (mut next, _) = torn();
-        next.keep_parted(&surfaces);
+        next.keep_open(&surfaces);
         assert_eq!(states(&next), [Some(true), Some(false)]);
     }
 
     #[test]
-    fn sides_that_cross_have_not_parted() {
+    fn faces_that_cross_stay_closed() {
         let (mut surfaces, rest) = torn();
         // The border of the second square passes from above the first one to below it.
         let crossed = |place: &Vec3| Vec3::new(-1e-3, 0.0, 1e-3 - 0.2 * place.y);
-        assert!(!surfaces.part_couples(&moved(&rest, crossed)));
-        assert!(surfaces.part_couples(&moved(&rest, |_| Vec3::new(-1e-3, 0.0, 1e-3))));
+        assert!(!surfaces.open_twins(&moved(&rest, crossed)));
+        assert!(surfaces.open_twins(&moved(&rest, |_| Vec3::new(-1e-3, 0.0, 1e-3))));
         assert_eq!(states(&surfaces), [Some(true); 2]);
     }
 }
