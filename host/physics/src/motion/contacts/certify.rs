@@ -34,9 +34,11 @@ impl Contacts {
             return;
         }
         self.shorten();
+        if self.hold_together() {
+            self.truncate();
+        }
         for _ in 0..PULLS {
-            let is_held = self.hold_together() | self.hold_back(members);
-            if !is_held {
+            if !self.hold_back(members) {
                 break;
             }
             // Vertices are counted that crossings stop, and not those of bodies that are held back.
