@@ -72,27 +72,46 @@ impl Pair {
         first.iter().any(|vertex| second.contains(vertex))
     }
 
-    /// Whether the two things are of one part and so near each other at rest that its thickness would part them, as the faces of
-    /// a closed tear are. Such a pair does not touch.
+    /// Whether the two things are at twins of which some are closed, and are nearer to each other at rest than the thickness.
+    /// Such a pair does not touch.
     pub(crate) fn is_closed(self, surfaces: &Surfaces) -> bool {
+        self.near_at_rest(surfaces).is_some() && self.twins(surfaces).any(|are_open| !are_open)
+    }
+
+    /// The distance at which the two things touch (m), if their parts do at `most`. Where tears have left slivers that are narrower
+    /// than the thickness, it is the distance at rest.
+    pub(crate) fn thickness(self, surfaces: &Surfaces, most: f64) -> f64 {
+        let near = self
+            .near_at_rest(surfaces)
+            .map_or(most, |near| near.min(most));
+        if near < most && self.twins(surfaces).next().is_none() {
+            near
+        } else {
+            most
+        }
+    }
+
+    /// The distance at rest (m) of two things of one part that tears, if it is not larger than the thickness.
+    fn near_at_rest(self, surfaces: &Surfaces) -> Option<f64> {
         if surfaces.rest.is_empty() {
-            return false;
+            return None;
         }
         let vertices = self.vertices(surfaces);
         let [one, other] = [vertices[0], vertices[3]].map(|vertex| surfaces.part_of(vertex));
         let part = &surfaces.parts[one];
-        if one != other
-            || !part.tears
-            || self.foot(surfaces, &surfaces.rest).apart.norm() > part.thickness
-        {
-            return false;
+        if one != other || !part.tears {
+            return None;
         }
-        let (first, second) = vertices.split_at(self.split());
-        let each = first
-            .iter()
-            .flat_map(|a| second.iter().map(|b| surfaces.are_open(*a, *b)));
-        let mut twins = each.flatten().peekable();
-        twins.peek().is_none() || twins.any(|are_open| !are_open)
+        let near = self.foot(surfaces, &surfaces.rest).apart.norm();
+        (near <= part.thickness).then_some(near)
+    }
+
+    /// Of each vertex of the first thing that has a twin in the second one, whether the two are open.
+    fn twins(self, surfaces: &Surfaces) -> impl Iterator<Item = bool> {
+        let (vertices, split) = (self.vertices(surfaces), self.split());
+        let each =
+            (0..split).flat_map(move |a| (split..4).map(move |b| [vertices[a], vertices[b]]));
+        each.filter_map(|[a, b]| surfaces.are_open(a, b))
     }
 
     /// The shortest connection at the positions `x` (m).

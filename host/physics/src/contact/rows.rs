@@ -343,7 +343,7 @@ impl Rows {
         let Some(meeting) = (step.meeting)(parts[0], parts[1]) else {
             return;
         };
-        let thickness = meeting.distance;
+        let thickness = pair.thickness(surfaces, meeting.distance);
         let places = [step.x, step.u, &self.ends];
         let Some(found) = Feet::of(pair, surfaces, places, thickness) else {
             return;
@@ -366,7 +366,8 @@ impl Rows {
             (true, true) => {
                 if found.may_touch(is_end, thickness) {
                     let predicted = found.predicted(is_end);
-                    let contact = self.contact(step, Key::Edges(vertices), parts, at, predicted);
+                    let key = Key::Edges(vertices);
+                    let contact = self.contact(step, key, parts, at, predicted, thickness);
                     self.push(&contact);
                 }
                 return;
@@ -415,7 +416,7 @@ impl Rows {
                 let key = Key::Vertex(one.vertex, one.part);
                 let parts = [self.part_of[one.vertex as usize], one.part].map(|part| part as usize);
                 let (at, predicted) = (one.feet.at(is_end), one.feet.predicted(is_end));
-                let contact = self.contact(step, key, parts, at, predicted);
+                let contact = self.contact(step, key, parts, at, predicted, one.thickness);
                 self.push(&contact);
             });
         }
@@ -485,7 +486,7 @@ impl Rows {
         };
         let other = step.surfaces.parts.len() + number;
         let key = Key::Vertex(vertex, other as u32);
-        let mut contact = self.contact(step, key, [part, other], &connection, predicted);
+        let mut contact = self.contact(step, key, [part, other], &connection, predicted, thickness);
         contact.row.motion = motion;
         contact.start = start.distance - thickness;
         self.push(&contact);
@@ -499,10 +500,11 @@ impl Rows {
         parts: [usize; 2],
         at: &Connection,
         predicted: f64,
+        thickness: f64,
     ) -> Contact {
         let all = &step.surfaces.parts;
         let meeting = (step.meeting)(parts[0], parts[1]);
-        let (thickness, friction) = meeting.map_or((0.0, 0.0), |of| (of.distance, of.friction));
+        let friction = meeting.map_or(0.0, |of| of.friction);
         let Foot {
             vertices, weights, ..
         } = at.foot;
