@@ -58,10 +58,23 @@ impl Contacts {
                 continue;
             };
             let range = part.vertices.start as usize..part.vertices.end as usize;
-            let fractions = &self.fractions[range];
-            // A step that has not been solved has an error of its own.
+            let (fractions, pushed) = (&self.fractions[range.clone()], &self.pushed[range]);
             let of = |node: u32| fractions.get(node as usize).copied().unwrap_or(1.0);
-            self.report.stopped -= stepper.certify(&of).unwrap_or_default();
+            let is_pushed = |node: u32| {
+                let least = pushed.get(node as usize).copied().unwrap_or_default();
+                least > 0.0 && of(node) <= least
+            };
+            let report = &mut self.report;
+            let mut work = |node: u32, work: f64| {
+                // A shape that takes a vertex along does this work.
+                if work > 0.0 && is_pushed(node) {
+                    report.by_obstacles += work;
+                } else {
+                    report.stopped -= work;
+                }
+            };
+            // A step that has not been solved has an error of its own.
+            let _ = stepper.certify(&of, &mut work);
         }
         self.end(members);
         self.clear(members);

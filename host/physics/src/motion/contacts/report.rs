@@ -52,7 +52,7 @@ pub struct ContactReport {
     /// The energy that the contacts took from both sides, beside the work of obstacles and of parting (J): stored in friction
     /// springs, dissipated by friction, and by normal forces that depart from the law of a rigid contact.
     pub taken: f64,
-    /// The work of moving obstacles until the vertices that they touch stopped (J).
+    /// The work of moving obstacles until the vertices that they touch stopped, and on vertices that they take along (J).
     pub by_obstacles: f64,
     /// The work with which overlaps parted (J).
     pub parted: f64,

@@ -75,22 +75,28 @@ impl<T: Precision> Stepper<T> {
     /// Certifies the displacement after the solve: each free node takes its `fraction` of the displacement, from zero to one.
     /// `finish` keeps the displacement: if the step would add energy, the body loses velocity. The residual follows.
     ///
-    /// Returns the work (J) on the body of the forces that shorten the displacement.
+    /// `work` takes the work (J) on each free node of the forces that shorten the displacement.
     ///
     /// # Errors
     ///
     /// [`StepError::Order`] if the step has not been solved.
-    pub fn certify(&mut self, fraction: &dyn Fn(u32) -> f64) -> Result<f64, StepError> {
+    pub fn certify(
+        &mut self,
+        fraction: &dyn Fn(u32) -> f64,
+        work: &mut dyn FnMut(u32, f64),
+    ) -> Result<(), StepError> {
         let mut step = self.begun(Call::Solve)?;
         self.present.is_certified = true;
-        let mut work = 0.0;
         if !step.report.asleep && self.multiply(step.factors.1, &|node| fraction(node) - 1.0) {
             step.report.residual = self.advance(1.0);
-            work = -self
-                .along_free(|cg, place| to_vec(&cg.u[place]).dot(&to_vec(&cg.residual[place])));
+            let (places, cg) = (&self.places, &self.cg);
+            for place in 0..places.free {
+                let along = to_vec(&cg.u[place]).dot(&to_vec(&cg.residual[place]));
+                work(places.node[place], -along);
+            }
         }
         self.present.underway = Some(step);
-        Ok(work)
+        Ok(())
     }
 
     /// The largest fraction, at most one, of the displacement of the free nodes, each shortened to its `fraction`, with which
