@@ -77,21 +77,24 @@ impl Surfaces {
     }
 
     /// Whether no edge at one of two vertices of a part passes through a triangle at the other one.
-    fn is_clean(&self, part: &Part, twins: [u32; 2], x: &[Vec3]) -> bool {
+    fn is_clean(&self, part: &Part, [a, b]: [u32; 2], x: &[Vec3]) -> bool {
+        let (Some(first), Some(second)) = (self.fan(part, a), self.fan(part, b)) else {
+            return false;
+        };
         let at = |vertex: u32| &x[vertex as usize];
-        let [a, b] = twins;
-        [[a, b], [b, a]].into_iter().all(|[of_edge, of_triangle]| {
-            let edges = part.edges.clone().map(|edge| self.edges[edge as usize]);
-            let mut edges = edges.filter(|ends| ends.contains(&of_edge));
-            edges.all(|ends| {
-                let triangles = part.triangles.clone();
-                let triangles = triangles.map(|triangle| self.triangles[triangle as usize]);
-                let mut triangles = triangles.filter(|corners| {
-                    corners.contains(&of_triangle) && !ends.iter().any(|end| corners.contains(end))
+        [(&first, &second), (&second, &first)]
+            .into_iter()
+            .all(|(one, other)| {
+                let edges = one.edges.iter().map(|edge| self.edges[*edge as usize]);
+                let mut pairs = edges.flat_map(|ends| {
+                    let triangles = other.triangles.iter();
+                    triangles.map(move |triangle| (ends, self.triangles[*triangle as usize]))
                 });
-                triangles.all(|corners| !passes(ends.map(at), corners.map(at)))
+                pairs.all(|(ends, corners)| {
+                    ends.iter().any(|end| corners.contains(end))
+                        || !passes(ends.map(at), corners.map(at))
+                })
             })
-        })
     }
 }
 

@@ -60,6 +60,16 @@ pub struct Surfaces {
     apart: BTreeSet<[usize; 2]>,
 }
 
+/// Most triangles, and most edges, of a [`Fan`].
+const MOST_OF_FAN: usize = 32;
+
+/// The numbers of the triangles and the edges at a vertex.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Fan {
+    pub(crate) triangles: heapless::Vec<u32, MOST_OF_FAN>,
+    pub(crate) edges: heapless::Vec<u32, MOST_OF_FAN>,
+}
+
 /// How a part takes part in contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skin {
@@ -222,6 +232,22 @@ impl Surfaces {
             }
         }
         Ok(())
+    }
+
+    /// What is at a vertex of a part; `None` if there is no room for it. The work grows with the size of the part.
+    pub(crate) fn fan(&self, part: &Part, vertex: u32) -> Option<Fan> {
+        let mut fan = Fan::default();
+        for triangle in part.triangles.clone() {
+            if self.triangles[triangle as usize].contains(&vertex) {
+                fan.triangles.push(triangle).ok()?;
+            }
+        }
+        for edge in part.edges.clone() {
+            if self.edges[edge as usize].contains(&vertex) {
+                fan.edges.push(edge).ok()?;
+            }
+        }
+        Some(fan)
     }
 
     /// The part of a vertex.

@@ -10,9 +10,8 @@ use crate::body::Body;
 use crate::contact::Pair;
 use crate::contact::aabb::Aabb;
 use crate::contact::certificate::is_certain;
+use crate::contact::surface::Fan;
 
-/// Most triangles, and most edges, of a vertex whose way may be clear.
-const MOST: usize = 32;
 /// The fraction of a gap that must be left.
 const LEFT: f64 = 0.05;
 
@@ -60,11 +59,7 @@ impl Contacts {
                     .get(of, surfaces.parts.len() + shape)
                     .is_none()
         });
-        let triangles = (part.triangles.clone())
-            .filter(|triangle| surfaces.triangles[*triangle as usize].contains(&moving));
-        let edges =
-            (part.edges.clone()).filter(|edge| surfaces.edges[*edge as usize].contains(&moving));
-        let (Some(triangles), Some(edges)) = (Few::of(triangles), Few::of(edges)) else {
+        let Some(Fan { triangles, edges }) = surfaces.fan(part, moving) else {
             return false;
         };
         let end = |vertex: u32| if vertex == moving { *to } else { now(vertex) };
@@ -107,30 +102,5 @@ impl Contacts {
                         .all(|own| stays_apart(Pair::EdgeEdge(*own, edge)))
                 })
             })
-    }
-}
-
-/// A few numbers, without an allocation.
-struct Few {
-    all: [u32; MOST],
-    count: usize,
-}
-
-impl Few {
-    /// `None` if there are more than [`MOST`].
-    fn of(numbers: impl Iterator<Item = u32>) -> Option<Self> {
-        let mut few = Self {
-            all: [0; MOST],
-            count: 0,
-        };
-        for number in numbers {
-            *few.all.get_mut(few.count)? = number;
-            few.count += 1;
-        }
-        Some(few)
-    }
-
-    fn iter(&self) -> impl Iterator<Item = &u32> {
-        self.all.iter().take(self.count)
     }
 }
