@@ -2,12 +2,17 @@
 //!
 //! A tear doubles vertices. A vertex and its twin begin at the same place, where no direction separates the two faces, and where
 //! the thickness would push the tear open. So nothing at one vertex touches anything at its twin while the two are **closed**.
-//! They are **open** from the step on in which they are further apart than the thickness, and no edge at one of them passes
-//! through a triangle at the other one. From then on the faces touch as any surfaces do, and cannot pass through each other.
+//! They are **open** from the step on in which they are further apart than the thickness, nothing at one of them passes through
+//! anything at the other one, and the faces there are apart. From then on the faces touch as any surfaces do, and cannot pass through each other.
 
 use super::crossing::passes;
-use super::surface::{Part, Surfaces};
+use super::pair::Pair;
+use super::surface::{Fan, Surfaces};
 use crate::Vec3;
+
+/// The fraction of the thickness by which the faces are apart at least when their twins open: things without a distance have no
+/// sides.
+const APART: f64 = 0.1;
 
 /// Two vertices of a part that are at the same place at rest: a vertex and its twin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,57 +49,80 @@ impl Surfaces {
         self.twins.sort_unstable_by_key(|twins| twins.vertices);
     }
 
-    /// Takes over which twins are open from surfaces whose vertices have the same numbers.
-    pub(crate) fn keep_open(&mut self, former: &Self) {
-        for twins in &mut self.twins {
-            let [a, b] = twins.vertices;
-            twins.are_open |= former.are_open(a, b) == Some(true);
+    /// The twins that are open.
+    pub(crate) fn opened(&self) -> impl Iterator<Item = [u32; 2]> {
+        let open = self.twins.iter().filter(|twins| twins.are_open);
+        open.map(|twins| twins.vertices)
+    }
+
+    /// Notes which twins are open, as in the surfaces before.
+    pub(crate) fn keep_open(&mut self, opened: impl Iterator<Item = [u32; 2]>) {
+        for [a, b] in opened {
+            if let Some(at) = self.place_of(a, b) {
+                self.twins[at].are_open = true;
+            }
         }
     }
 
     /// Whether two twins are open; `None` for vertices that are not twins.
     pub fn are_open(&self, a: u32, b: u32) -> Option<bool> {
+        self.place_of(a, b).map(|at| self.twins[at].are_open)
+    }
+
+    fn place_of(&self, a: u32, b: u32) -> Option<usize> {
         let vertices = [a.min(b), a.max(b)];
-        let at = self
-            .twins
-            .binary_search_by_key(&vertices, |twins| twins.vertices);
-        at.ok().map(|at| self.twins[at].are_open)
+        let found = (self.twins).binary_search_by_key(&vertices, |twins| twins.vertices);
+        found.ok()
     }
 
     /// Opens the twins that are apart at the positions `x` (m). Returns whether there are any.
     pub(crate) fn open_twins(&mut self, x: &[Vec3]) -> bool {
-        let mut all = core::mem::take(&mut self.twins);
         let mut is_changed = false;
-        for twins in all.iter_mut().filter(|twins| !twins.are_open) {
-            let part = &self.parts[self.part_of(twins.vertices[0])];
-            let [a, b] = twins.vertices.map(|vertex| &x[vertex as usize]);
-            twins.are_open =
-                (a - b).norm() > part.thickness && self.is_clean(part, twins.vertices, x);
-            is_changed |= twins.are_open;
+        for number in 0..self.twins.len() {
+            let Twins { vertices, are_open } = self.twins[number];
+            let part = &self.parts[self.part_of(vertices[0])];
+            let [a, b] = vertices.map(|vertex| &x[vertex as usize]);
+            if are_open || (a - b).norm() <= part.thickness {
+                continue;
+            }
+            let fans = vertices.map(|vertex| self.fan(part, vertex));
+            let [Some(first), Some(second)] = fans else {
+                continue;
+            };
+            let least = APART * part.thickness;
+            self.twins[number].are_open = true;
+            let is_apart = self.are_apart(vertices, [&first, &second], least, x);
+            self.twins[number].are_open = is_apart;
+            is_changed |= is_apart;
         }
-        self.twins = all;
         is_changed
     }
 
-    /// Whether no edge at one of two vertices of a part passes through a triangle at the other one.
-    fn is_clean(&self, part: &Part, [a, b]: [u32; 2], x: &[Vec3]) -> bool {
-        let (Some(first), Some(second)) = (self.fan(part, a), self.fan(part, b)) else {
-            return false;
-        };
+    /// Whether nothing in the fan of one of two twins passes through the fan of the other one, or touches it nearer than `least`
+    /// (m). Other twins that are closed do not count.
+    fn are_apart(&self, [a, b]: [u32; 2], fans: [&Fan; 2], least: f64, x: &[Vec3]) -> bool {
         let at = |vertex: u32| &x[vertex as usize];
-        [(&first, &second), (&second, &first)]
-            .into_iter()
-            .all(|(one, other)| {
-                let edges = one.edges.iter().map(|edge| self.edges[*edge as usize]);
-                let mut pairs = edges.flat_map(|ends| {
-                    let triangles = other.triangles.iter();
-                    triangles.map(move |triangle| (ends, self.triangles[*triangle as usize]))
-                });
-                pairs.all(|(ends, corners)| {
-                    ends.iter().any(|end| corners.contains(end))
-                        || !passes(ends.map(at), corners.map(at))
+        let is_apart = |pair: Pair| {
+            pair.is_joined(self) || pair.is_closed(self) || pair.foot(self, x).apart.norm() > least
+        };
+        let [first, second] = fans;
+        let are_edges_apart = first.edges.iter().all(|one| {
+            let mut others = second.edges.iter();
+            others.all(|other| is_apart(Pair::EdgeEdge(*one, *other)))
+        });
+        are_edges_apart
+            && [(a, first, second), (b, second, first)]
+                .into_iter()
+                .all(|(vertex, fan, other)| {
+                    other.triangles.iter().all(|triangle| {
+                        let corners = self.triangles[*triangle as usize];
+                        let edges = fan.edges.iter().map(|edge| self.edges[*edge as usize]);
+                        let mut free =
+                            edges.filter(|ends| !ends.iter().any(|end| corners.contains(end)));
+                        is_apart(Pair::VertexTriangle(vertex, *triangle))
+                            && free.all(|ends| !passes(ends.map(at), corners.map(at)))
+                    })
                 })
-            })
     }
 }
 
@@ -163,7 +191,7 @@ mod tests {
         // Faces that come together again touch.
         assert!(!surfaces.open_twins(&rest));
         let (mut next, _) = torn();
-        next.keep_open(&surfaces);
+        next.keep_open(surfaces.opened());
         assert_eq!(states(&next), [Some(true), Some(false)]);
     }
 
@@ -173,6 +201,8 @@ mod tests {
         // The border of the second square passes from above the first one to below it.
         let crossed = |place: &Vec3| Vec3::new(-1e-3, 0.0, 1e-3 - 0.2 * place.y);
         assert!(!surfaces.open_twins(&moved(&rest, crossed)));
+        // Faces that slide along each other are not apart.
+        assert!(!surfaces.open_twins(&moved(&rest, |_| Vec3::y() * 1e-3)));
         assert!(surfaces.open_twins(&moved(&rest, |_| Vec3::new(-1e-3, 0.0, 1e-3))));
         assert_eq!(states(&surfaces), [Some(true); 2]);
     }

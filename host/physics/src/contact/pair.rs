@@ -4,6 +4,9 @@ use super::distance::{edge_edge, point_triangle};
 use super::surface::Surfaces;
 use crate::Vec3;
 
+/// The fraction of the distance at rest at which the two sides of a sliver touch: a sheet at rest does not touch itself.
+const NEARLY: f64 = 0.9;
+
 /// Two things that may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Pair {
@@ -72,18 +75,17 @@ impl Pair {
         first.iter().any(|vertex| second.contains(vertex))
     }
 
-    /// Whether the two things are at twins of which some are closed, and are nearer to each other at rest than the thickness.
-    /// Such a pair does not touch.
+    /// Whether the two things are at twins that are closed. Such a pair does not touch.
     pub(crate) fn is_closed(self, surfaces: &Surfaces) -> bool {
-        self.near_at_rest(surfaces).is_some() && self.twins(surfaces).any(|are_open| !are_open)
+        self.twins(surfaces).any(|are_open| !are_open)
     }
 
     /// The distance at which the two things touch (m), if their parts do at `most`. Where tears have left slivers that are narrower
-    /// than the thickness, it is the distance at rest.
+    /// than the thickness, it is nearly the distance at rest.
     pub(crate) fn thickness(self, surfaces: &Surfaces, most: f64) -> f64 {
         let near = self
             .near_at_rest(surfaces)
-            .map_or(most, |near| near.min(most));
+            .map_or(most, |near| (NEARLY * near).min(most));
         if near < most && self.twins(surfaces).next().is_none() {
             near
         } else {

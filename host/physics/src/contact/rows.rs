@@ -117,7 +117,7 @@ pub struct Contact {
     pub parts: [usize; 2],
     /// The law.
     pub row: Row,
-    /// The distance at which the parts touch (m).
+    /// The distance at which the two things touch (m).
     pub thickness: f64,
     /// The gap at the predicted end of the step (m).
     pub predicted: f64,

@@ -62,7 +62,7 @@ impl Contacts {
             let of = |node: u32| fractions.get(node as usize).copied().unwrap_or(1.0);
             let is_pushed = |node: u32| {
                 let least = pushed.get(node as usize).copied().unwrap_or_default();
-                least > 0.0 && of(node) <= least
+                least > 0.0 && of(node) == least
             };
             let report = &mut self.report;
             let mut work = |node: u32, work: f64| {
@@ -140,8 +140,8 @@ impl Contacts {
         self.truncate();
     }
 
-    /// Lowers the fractions of vertices that go on while truncation stops those that push them: a force that acts between two
-    /// bodies does no more work than in the solved step. Returns whether there are such vertices.
+    /// Lowers the fractions of vertices that go on while truncation stops those that push them: a force gives no more
+    /// work than in the solved step, but for that along [`TOGETHER`]. Returns whether there are such vertices.
     fn hold_together(&mut self) -> bool {
         let mut is_changed = false;
         for (touch, row) in self.touches.iter().zip(&self.of_row) {
@@ -158,6 +158,10 @@ impl Contacts {
                     .map_or(0.0, |u| weight * contact.row.normal.dot(u));
                 (at, if weight == 0.0 { 0.0 } else { u })
             });
+            let mut whole = along.clone().filter(|(_, u)| *u != 0.0);
+            if whole.all(|(at, _)| self.fractions[at] == 1.0) {
+                continue;
+            }
             let is_free = |at: usize| self.mass[at].is_finite();
             let [mut solved, mut ahead, mut others] = [0.0; 3];
             for (at, u) in along.clone().filter(|(_, u)| *u != 0.0) {

@@ -133,7 +133,7 @@ impl Contacts {
         if former.vertices != self.surfaces.vertices || continues.is_some() {
             self.renumber(&former, part, continues);
         } else {
-            self.surfaces.keep_open(&former);
+            self.surfaces.keep_open(former.opened());
         }
         Ok(())
     }
@@ -168,6 +168,11 @@ impl Contacts {
             own.map(|own| self.surfaces.parts[of].vertices.start + own)
         };
         self.rows.take_from(&rows, &number);
+        let opened = former
+            .opened()
+            .filter_map(|[a, b]| Some([number(a)?, number(b)?]));
+        let opened: Vec<_> = opened.collect();
+        self.surfaces.keep_open(opened.into_iter());
     }
 
     /// Adds an obstacle. The sides of a box are triangles: its edges can hold a surface up between the vertices of the surface.
