@@ -224,3 +224,37 @@ fn an_edit_wakes_its_piece() {
     }
     assert_eq!(world.steppers[0].pieces_asleep(), 2);
 }
+
+#[test]
+fn a_piece_that_was_torn_off_falls_on_the_face_from_which_it_came() {
+    // At rest, both pieces share a border.
+    let beside = Vec3::new(0.03, 0.04, 0.05);
+    let mut world = torn(&[beside], false);
+    world.complete(0.3);
+    let surfaces = |world: &World| world.contacts.surfaces().clone();
+    let rest = world.bodies[0].rest_positions().to_vec();
+    let twins: Vec<[u32; 2]> = (0..20)
+        .flat_map(|a| (20..40).map(move |b| [a, b]))
+        .filter(|twins| rest[twins[0] as usize] == rest[twins[1] as usize])
+        .collect();
+    assert_eq!(twins.len(), 4);
+    let throw = |world: &mut World, velocity: Vec3| {
+        let mut v = world.bodies[0].node_velocities().to_vec();
+        v[20..].fill(velocity);
+        world.bodies[0].set_velocities(&v).unwrap();
+    };
+    throw(&mut world, Vec3::new(0.1, 0.0, 0.2));
+    for _ in 0..6 {
+        step(&mut world);
+    }
+    let are_open = |[a, b]: &[u32; 2]| surfaces(&world).are_open(*a, *b) == Some(true);
+    assert!(twins.iter().all(are_open));
+    throw(&mut world, Vec3::new(-0.3, 0.0, 0.0));
+    let mut pressed = 0;
+    for _ in 0..60 {
+        step(&mut world);
+        assert_eq!(world.crossings(), 0, "{}", world.steps);
+        pressed += u32::from(world.contacts.touching().iter().any(|sum| sum.normal > 0.0));
+    }
+    assert!(pressed > 10, "{pressed}");
+}

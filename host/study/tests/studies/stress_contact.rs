@@ -41,15 +41,9 @@ fn what_is_jammed_is_not_pressed_ever_harder() {
 }
 
 #[test]
-fn the_faces_of_a_tear_are_not_entangled() {
-    judge(25001, 32, Length::Whole);
-}
-
-#[test]
 fn what_is_pushed_stops_with_what_pushes_it() {
-    // Truncation stopped vertices whose contacts went on to push another body; and it held them back alone, which stretched
-    // their edges.
-    for (seed, number) in [(23001, 13), (26001, 156)] {
+    // Truncation stopped vertices whose contacts went on to push another body; and a cylinder took a vertex along.
+    for (seed, number) in [(23001, 13), (27001, 124)] {
         judge(seed, number, Length::Whole);
     }
 }
