@@ -39,6 +39,17 @@ pub(super) struct Counts {
     pub(super) opened: u64,
 }
 
+/// What crosses after a step, in words.
+#[derive(Default)]
+struct Crossings {
+    /// Bodies that no hand holds: they always have room to stop.
+    with_room: Option<String>,
+    /// Of hands or obstacles.
+    pushed: Option<String>,
+    /// Whether faces of a closed tear cross.
+    is_tangled: bool,
+}
+
 /// Follows a run.
 pub(super) struct Judge<'a> {
     world: &'a World<'a>,
@@ -193,11 +204,13 @@ impl<'a> Judge<'a> {
         let torn = core::mem::replace(&mut self.torn, engine.stats().torn) < engine.stats().torn;
         let is_tested = self.counts.steps.is_multiple_of(self.every) && !torn;
         if is_tested && self.crossed.is_none() && is_finite {
-            let (crossed, is_tangled) = self.crossing(engine, contact);
+            let found = self.crossings(engine, contact);
             if self.leaves {
                 // What had no room may have crossed, and is judged again once nothing crosses any more.
-                self.leaves = crossed.is_some() || is_tangled;
+                self.crossed = found.with_room.map(|crossed| (tick, crossed));
+                self.leaves = found.pushed.is_some() || found.is_tangled;
             } else {
+                let crossed = found.with_room.or(found.pushed);
                 self.crossed = crossed.map(|crossed| (tick, crossed));
             }
             self.counts.judged += u64::from(!self.leaves);
@@ -205,8 +218,7 @@ impl<'a> Judge<'a> {
         is_finite
     }
 
-    /// A crossing, in words, and whether faces of a closed tear cross.
-    fn crossing(&mut self, engine: &Engine, contact: &Contact) -> (Option<String>, bool) {
+    fn crossings(&mut self, engine: &Engine, contact: &Contact) -> Crossings {
         let (contacts, time) = (contact.contacts(), contact.time());
         let (surfaces, sides) = (contacts.surfaces(), contacts.sides());
         self.x.clear();
@@ -228,16 +240,26 @@ impl<'a> Judge<'a> {
             let [a, b] = [one, other].map(|part| thing(sides[part]));
             self.world.contacts.pair(a, b).is_some()
         };
-        let (mut found, mut is_tangled) = (None, false);
+        let moves_freely = |part: usize| match sides[part] {
+            Side::Body(body) => engine.bodies()[body].body().handle_count() == 0,
+            Side::Obstacle(_) => false,
+        };
+        let mut found = Crossings::default();
         crossings(surfaces, &self.x, &may_touch, &mut |ends, corners| {
             // The faces of a tear touch each other once it is open.
             let mut twins = ends.iter().flat_map(|a| corners.iter().map(|b| [*a, *b]));
             if twins.any(|[a, b]| surfaces.are_open(a, b) == Some(false)) {
-                is_tangled = true;
+                found.is_tangled = true;
                 return;
             }
-            found.get_or_insert_with(|| {
-                let [one, other] = [ends[0], corners[0]].map(|v| name(surfaces.part_of(v)));
+            let parts = [ends[0], corners[0]].map(|vertex| surfaces.part_of(vertex));
+            let first = if parts.into_iter().all(moves_freely) {
+                &mut found.with_room
+            } else {
+                &mut found.pushed
+            };
+            first.get_or_insert_with(|| {
+                let [one, other] = parts.map(name);
                 format!("an edge of {one} passes through a triangle of {other}")
             });
         });
@@ -262,7 +284,7 @@ impl<'a> Judge<'a> {
                 let x = &self.x[vertex as usize];
                 let near = obstacle.nearest(x, time);
                 if let Some(near) = near.filter(|near| near.distance < 0.0) {
-                    found.get_or_insert_with(|| {
+                    found.pushed.get_or_insert_with(|| {
                         format!(
                             "a vertex of {} is {:.3e} m inside {}",
                             name(part),
@@ -273,7 +295,7 @@ impl<'a> Judge<'a> {
                 }
             }
         }
-        (found, is_tangled)
+        found
     }
 
     /// Ends the run.
