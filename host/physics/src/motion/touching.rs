@@ -14,7 +14,10 @@ use crate::contact::row::{Response, Row};
 use crate::{Mat3, Vec3};
 
 /// Most updates of the multipliers in a step.
-const MOST_UPDATES: usize = 6;
+const MOST_UPDATES: usize = 10;
+/// A contact that is too deep becomes this many times as stiff as the bodies were against the last change of its force. One more
+/// update leaves a ninth of the depth.
+const STIFFER: f64 = 8.0;
 /// Most passes of a step, for each update of the multipliers.
 const PASSES: usize = 12;
 /// The iterations of a pass end at this fraction of its residual.
@@ -36,6 +39,8 @@ pub struct Touch<N = Four> {
     pub row: Row,
     /// The response at the end of the solve.
     pub response: Response,
+    /// The response before the last update of the multiplier.
+    before: Response,
     pass: Pass,
 }
 
@@ -53,9 +58,11 @@ struct Pass {
 impl<N: AsRef<[(At, f64)]>> Touch<N> {
     /// A contact between nodes.
     pub fn new(nodes: N, row: Row) -> Self {
+        let response = row.response(&Vec3::zeros());
         Self {
             nodes,
-            response: row.response(&Vec3::zeros()),
+            response,
+            before: response,
             row,
             pass: Pass {
                 start: Vec3::zeros(),
@@ -81,6 +88,21 @@ impl<N: AsRef<[(At, f64)]>> Touch<N> {
         let nodes = self.nodes.as_ref().iter();
         let nodes = nodes.filter(|(_, weight)| *weight != 0.0);
         nodes.map(|(at, weight)| of(*at) * *weight).sum()
+    }
+
+    /// Takes the stiffness that the force needs at the depth that the contact may have, or that the bodies behind the contact need,
+    /// whichever is larger. The masses of the vertices do not tell the stiffness of the bodies.
+    fn stiffen(&mut self) {
+        let Response { normal, gap, .. } = self.response;
+        let needed = self.row.carried / self.row.depth;
+        let of_bodies = (normal - self.before.normal) / (gap - self.before.gap);
+        let of_bodies = if of_bodies.is_finite() {
+            of_bodies
+        } else {
+            0.0
+        };
+        let own = &mut self.row.normal_stiffness;
+        *own = own.max(needed).max(STIFFER * of_bodies);
     }
 
     pub(super) fn add(&self, force: &Vec3, add: &mut dyn FnMut(At, Vec3)) {
@@ -133,8 +155,8 @@ fn load<E: JointEquation, N: AsRef<[(At, f64)]>>(
 }
 
 /// Solves the equations of bodies with their contacts. Each of the `updates` carries the multipliers on once more within the
-/// step, and further ones do while a contact is too deep. Such a contact takes the stiffness that its force needs, as it
-/// would in the next step: the masses of a row do not tell what falls on it. `out_of_time` is called after each iteration;
+/// step. Further updates follow while the passes solve the step and a contact is too deep; such a contact becomes stiffer.
+/// `out_of_time` is called after each iteration;
 /// if it returns true, the step continues with the solution so far.
 pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     bodies: &mut [Option<E>],
@@ -155,32 +177,34 @@ pub fn solve<E: JointEquation, N: AsRef<[(At, f64)]>>(
     let mut is_solved = false;
     for update in 0..=MOST_UPDATES {
         if update > 0 {
-            if update > updates && !touches.iter().any(is_deep) {
+            // Further updates of what has not been solved bring larger forces, and no solution.
+            if update > updates && !(is_solved && touches.iter().any(is_deep)) {
                 break;
             }
             for touch in &mut *touches {
                 let before = touch.force();
                 touch.row.carried = touch.response.normal.min(touch.row.most);
-                if touch.row.depth > 0.0 && is_deep(touch) && is_solved && update > updates {
-                    let needed = touch.row.carried / touch.row.depth;
-                    touch.row.normal_stiffness = touch.row.normal_stiffness.max(needed);
+                if touch.row.depth > 0.0 && is_deep(touch) && update > updates {
+                    touch.stiffen();
                 }
+                touch.before = touch.response;
                 touch.response = touch.row.response(&touch.pass.start);
                 load(bodies, touch, &(touch.force() - before));
             }
         }
-        for _ in 0..PASSES {
+        for number in 0..=PASSES {
+            if number > 0 {
+                pass(bodies, touches, room, &mut report, out_of_time);
+            }
             bodies.iter_mut().flatten().for_each(E::let_go);
             weigh(bodies, touches, room);
             is_solved = room.is_solved(bodies);
             if is_solved {
                 break;
             }
-            pass(bodies, touches, room, &mut report, out_of_time);
         }
     }
-    weigh(bodies, touches, room);
-    report.converged = room.is_solved(bodies);
+    report.converged = is_solved;
     room.forces.clear();
     for touch in &*touches {
         touch.add(&touch.force(), &mut |at, force| {
